@@ -1,0 +1,32 @@
+"""The Hemibake engine: lightmaps by texture-space radiosity, NumPy in and NumPy out.
+
+Conventions, stated once for every module below:
+  space      world space, right-handed, metres
+  colour     scene-linear Rec.709 triples, float32
+  radiance   L  [W/(m^2 sr)]
+  irradiance E  [W/m^2]; a lightmap stores E/pi, which has the unit of radiance
+  reflectance rho [1]; a patch sends out L = emission + rho * E/pi
+
+The package never imports bpy: `operators` turns a Blender scene into an `engine.scene.Scene`.
+"""
+
+from .bake import bake
+from .errors import DeviceError, EngineError, SceneError, SettingsError
+from .lightmap import Lightmap
+from .progress import Progress
+from .scene import Material, Mesh, Scene
+from .settings import Settings
+
+__all__ = [
+    "DeviceError",
+    "EngineError",
+    "Lightmap",
+    "Material",
+    "Mesh",
+    "Progress",
+    "Scene",
+    "SceneError",
+    "Settings",
+    "SettingsError",
+    "bake",
+]

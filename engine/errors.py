@@ -1,0 +1,25 @@
+"""Errors a person can act on: each message names the cause and the remedy."""
+
+
+class EngineError(Exception):
+    """Base of every error the engine raises on purpose."""
+
+
+class SceneError(EngineError):
+    """The scene cannot be baked as it is; the message names the object."""
+
+
+class SettingsError(EngineError):
+    """A setting is out of its range; the message names the setting and the range."""
+
+
+class DeviceError(EngineError):
+    """No usable OpenGL or OpenCL device; the message says what to install."""
+
+
+class PatchFileError(EngineError):
+    """A patch file is truncated, damaged, foreign or of another version."""
+
+
+class WorkerError(EngineError):
+    """The worker process could not be started, or died in the middle of a bake."""

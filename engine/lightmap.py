@@ -1,0 +1,47 @@
+"""What comes out of a bake."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Report:
+    """The facts of a bake.
+
+    patches     number of patches
+    iterations  iterations run
+    residual    estimated remaining error, relative to the mean radiance
+    converged   True if the residual is below the tolerance
+    energies    flux added by each iteration, W, sum of the channels
+    seconds     wall time of each stage, s
+    devices     the GL renderer under "gl", the CL device under "cl"
+    warnings    sentences for the user
+    """
+
+    patches: int
+    iterations: int
+    residual: float
+    converged: bool
+    energies: tuple[float, ...]
+    seconds: dict[str, float]
+    devices: dict[str, str]
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Lightmap:
+    """Every atlas of a bake; row 0 is the bottom row (v = 0), as in OpenGL and Blender.
+
+    image    (atlases, h, w, 3) float32, E/pi; 0 where `covered` is False
+    display  (atlases, h, w, 3) float32, `image` with hidden texels filled and charts dilated
+    covered  (atlases, h, w) bool, texels that are patches
+    """
+
+    atlases: tuple[str, ...]
+    image: np.ndarray
+    display: np.ndarray
+    covered: np.ndarray
+    report: Report = field(repr=False)

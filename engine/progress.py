@@ -1,0 +1,28 @@
+"""What a bake tells about itself while it runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Progress:
+    """One slice of work is done.
+
+    stage      "patches", "hemicubes" or "finish"
+    fraction   of the stage (of the current iteration for "hemicubes"), in [0, 1]
+    iteration  iterations completed
+    residual   estimated remaining error, relative to the mean radiance; NaN before it is known
+    energy     radiant flux that the last completed iteration added, W, sum of the channels
+    partial    the lightmaps so far, dilated, (atlases, h, w, 3) float32, E/pi; only after an
+               iteration, else None
+    """
+
+    stage: str
+    fraction: float
+    iteration: int = 0
+    residual: float = float("nan")
+    energy: float = 0.0
+    partial: np.ndarray | None = None

@@ -1,0 +1,62 @@
+"""What a user may choose about a bake."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .errors import SettingsError
+
+#: Methods in the order of the user interface.
+METHODS = ("paper",)
+
+#: Hemicube resolutions: the column reduction halves the width, so a power of two.
+HEMICUBES = (8, 16, 32, 64, 128, 256)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The settings of one bake.
+
+    resolution  width and height of each lightmap, texels, 8 ... 16384
+    hemicube    width N of a hemicube, texels, one of HEMICUBES
+    iterations  largest number of iterations (bounces), 1 ... 1000
+    tolerance   stop once the estimated remaining error, relative to the mean radiance of
+                the patches, is below this; 0 never stops early
+    method      one of METHODS
+    seed        seed of the per-patch random rotations
+    rotate      False keeps every hemicube at rotation 0 (paper, Fig. 6, top row)
+    array_size  (width, height, layers) of the hemicube texture array in texels, or None to
+                size it from batch_bytes
+    batch_bytes memory for one batch of hemicubes, bytes
+    dilation    how far charts are dilated for display, texels
+    cache_dir   folder for compiled kernels, or None for PyOpenCL's own
+    """
+
+    resolution: int = 256
+    hemicube: int = 64
+    iterations: int = 50
+    tolerance: float = 0.002
+    method: str = "paper"
+    seed: int = 0
+    rotate: bool = True
+    array_size: tuple[int, int, int] | None = None
+    batch_bytes: int = 128 << 20
+    dilation: int = 8
+    cache_dir: str | None = None
+
+
+def check_settings(settings: Settings) -> None:
+    """Raise a SettingsError that names the first setting out of its range."""
+    _check_range("resolution", settings.resolution, 8, 16384, "texels")
+    _check_range("iterations", settings.iterations, 1, 1000, "iterations")
+    _check_range("tolerance", settings.tolerance, 0, 1, "of the mean radiance")
+    _check_range("dilation", settings.dilation, 0, 256, "texels")
+    if settings.hemicube not in HEMICUBES:
+        raise SettingsError(f"hemicube is {settings.hemicube}; choose one of {', '.join(map(str, HEMICUBES))}.")
+    if settings.method not in METHODS:
+        raise SettingsError(f"method is '{settings.method}'; choose one of {', '.join(METHODS)}.")
+
+
+def _check_range(name: str, value: float, low: float, high: float, unit: str) -> None:
+    if not low <= value <= high:
+        raise SettingsError(f"{name} is {value:g}; choose {low:g} to {high:g} {unit}.")

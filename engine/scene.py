@@ -30,7 +30,7 @@ class Mesh:
     normals    (t, 3, 3) float32, world space, unit shading normal of each corner
     uvs        (t, 3, 2) float32, lightmap UV of each corner, in [0, 1]
     face       (t,) int32, index of the polygon a triangle belongs to, ascending
-    subface    (t,) int32, index of the triangle within its polygon, from 0
+    subface    (t,) int32, index of the triangle within its polygon, ascending in each polygon
     material   (t,) int32, index into `Scene.materials`
     atlas      index of the lightmap that holds the object's charts
     """

@@ -1,0 +1,75 @@
+"""The OpenCL device the engine computes with."""
+
+from __future__ import annotations
+
+import pyopencl as cl
+
+from ..errors import DeviceError
+from .source import kernel_source
+
+_REMEDY = (
+    "Install the driver of your graphics card, or for computing on the processor PoCL "
+    "(Debian or Ubuntu: apt install pocl-opencl-icd; Python: pip install pocl-binary-distribution)."
+)
+_PROBE = "__kernel void probe(__global float *x) { x[get_global_id(0)] = sqrt(2.0f); }"
+
+
+class Compute:
+    """An OpenCL context with one in-order queue; the first GPU found, else the first device.
+
+    Raises DeviceError if there is no device that can build kernels.
+    """
+
+    def __init__(self, cache_dir: str | None = None) -> None:
+        self._cache_dir = cache_dir
+        self.context = self._first_working_context(_devices())
+        self.device = self.context.devices[0]
+        self.queue = cl.CommandQueue(self.context)
+        self.name = self.device.name.strip()
+
+    def kernels(self, source: str, *names: str) -> list[cl.Kernel]:
+        """Build kernels/<source> and return its kernels in the order of the names."""
+        program = self._build(self.context, kernel_source(source))
+        return [cl.Kernel(program, name) for name in names]
+
+    def _first_working_context(self, devices: list[cl.Device]) -> cl.Context:
+        """Return a context of the first device that builds a kernel.
+
+        A PoCL older than the processor it runs on is listed but cannot build any.
+        """
+        failures = []
+        for device in devices:
+            try:
+                context = cl.Context([device])
+                self._build(context, _PROBE)
+                return context
+            except cl.Error as error:
+                failures.append(
+                    f"{device.name.strip()} ({device.platform.version.strip()}): {_reason(error)}"
+                )
+        raise DeviceError(f"No OpenCL device can build kernels: {'; '.join(failures)}. {_REMEDY}")
+
+    def _build(self, context: cl.Context, source: str) -> cl.Program:
+        return cl.Program(context, source).build(cache_dir=self._cache_dir)
+
+
+def _devices() -> list[cl.Device]:
+    """Return every device, the best kind first: GPU, accelerator, then anything else."""
+    try:
+        devices = [device for platform in cl.get_platforms() for device in platform.get_devices()]
+    except cl.Error as error:
+        raise DeviceError(f"OpenCL could not be started ({error}). {_REMEDY}") from error
+    if not devices:
+        raise DeviceError(f"There is no OpenCL device. {_REMEDY}")
+    return sorted(devices, key=_rank)
+
+
+def _rank(device: cl.Device) -> int:
+    kinds = (cl.device_type.GPU, cl.device_type.ACCELERATOR)
+    return next((rank for rank, kind in enumerate(kinds) if device.type & kind), len(kinds))
+
+
+def _reason(error: cl.Error) -> str:
+    """Return the most telling line of an OpenCL error."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return next((line for line in lines if line.startswith("error")), lines[0])

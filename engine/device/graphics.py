@@ -1,0 +1,57 @@
+"""The OpenGL context the engine draws with."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+import moderngl
+
+from ..errors import DeviceError
+from .raw_gl import LOWER_LEFT, ZERO_TO_ONE, RawGL
+from .source import shader_source
+
+_REMEDY = {
+    "linux": "Install a graphics driver; on Debian or Ubuntu: apt install libegl1 libgl1 libgl1-mesa-dri.",
+    "win32": "Install the current driver of your graphics card.",
+    "darwin": "OpenGL 4.1 is part of macOS 10.9 and later; update the system.",
+}
+
+
+class Graphics:
+    """A standalone OpenGL 4.1+ context and what it can do.
+
+    Raises DeviceError if no driver offers one.
+    """
+
+    def __init__(self) -> None:
+        try:
+            self.context = _create_context()
+        except Exception as error:
+            remedy = _REMEDY.get(sys.platform, "Install a graphics driver.")
+            raise DeviceError(f"No OpenGL 4.1 driver could be started ({error}). {remedy}") from error
+        self.raw = RawGL()
+        self.name: str = self.context.info["GL_RENDERER"]
+
+        # Reversed depth keeps its precision at every distance; it needs OpenGL 4.5.
+        self.reversed_depth = self.context.version_code >= 450 and "glClipControl" in self.raw
+        if self.reversed_depth:
+            self.raw("glClipControl", LOWER_LEFT, ZERO_TO_ONE)
+
+    def program(self, name: str, stages: Sequence[str]) -> moderngl.Program:
+        """Link shaders/<name>.<stage> for each of the stages vert, geom and frag."""
+        keyword = {"vert": "vertex_shader", "geom": "geometry_shader", "frag": "fragment_shader"}
+        sources = {keyword[stage]: shader_source(f"{name}.{stage}") for stage in stages}
+        return self.context.program(**sources)
+
+    def release(self) -> None:
+        """Destroy the context and everything made in it."""
+        self.context.release()
+
+
+def _create_context() -> moderngl.Context:
+    if sys.platform.startswith("linux"):
+        return moderngl.create_context(
+            require=410, standalone=True, backend="egl", libgl="libGL.so.1", libegl="libEGL.so.1"
+        )
+    return moderngl.create_context(require=410, standalone=True)

@@ -1,0 +1,93 @@
+"""The few OpenGL calls that ModernGL does not offer, made through ctypes on the current context."""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+from collections.abc import Callable
+from typing import Any
+
+FRAMEBUFFER = 0x8D40
+DEPTH_ATTACHMENT = 0x8D00
+FRAMEBUFFER_COMPLETE = 0x8CD5
+TEXTURE_2D_ARRAY = 0x8C1A
+DEPTH_COMPONENT = 0x1902
+DEPTH_COMPONENT32F = 0x8CAC
+FLOAT = 0x1406
+LOWER_LEFT = 0x8CA1
+ZERO_TO_ONE = 0x935F
+
+_UINT, _INT, _FLOAT, _POINTER = ctypes.c_uint, ctypes.c_int, ctypes.c_float, ctypes.c_void_p
+_SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
+    "glGenTextures": (None, (_INT, ctypes.POINTER(_UINT))),
+    "glDeleteTextures": (None, (_INT, ctypes.POINTER(_UINT))),
+    "glBindTexture": (None, (_UINT, _UINT)),
+    "glTexImage3D": (None, (_UINT, _INT, _INT, _INT, _INT, _INT, _INT, _UINT, _UINT, _POINTER)),
+    "glFramebufferTexture": (None, (_UINT, _UINT, _UINT, _INT)),
+    "glCheckFramebufferStatus": (_UINT, (_UINT,)),
+    "glViewportIndexedf": (None, (_UINT, _FLOAT, _FLOAT, _FLOAT, _FLOAT)),
+    "glClipControl": (None, (_UINT, _UINT)),
+}
+
+
+class RawGL:
+    """Core OpenGL functions by name; valid while the context that was current at creation is."""
+
+    def __init__(self) -> None:
+        address_of = _address_finder()
+        prototype = ctypes.WINFUNCTYPE if sys.platform == "win32" else ctypes.CFUNCTYPE
+        self._functions: dict[str, Callable[..., Any]] = {}
+        for name, (result, arguments) in _SIGNATURES.items():
+            address = address_of(name)
+            if address:
+                self._functions[name] = prototype(result, *arguments)(address)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._functions
+
+    def __call__(self, name: str, *arguments: Any) -> Any:
+        return self._functions[name](*arguments)
+
+    def depth_array(self, width: int, height: int, layers: int) -> int:
+        """Create a 32-bit float depth texture array; return its GL name."""
+        name = _UINT()
+        self("glGenTextures", 1, ctypes.byref(name))
+        self("glBindTexture", TEXTURE_2D_ARRAY, name.value)
+        self(
+            "glTexImage3D", TEXTURE_2D_ARRAY, 0, DEPTH_COMPONENT32F, width, height, layers, 0,
+            DEPTH_COMPONENT, FLOAT, None,
+        )  # fmt: skip
+        return name.value
+
+    def attach_layered_depth(self, texture: int) -> bool:
+        """Attach a depth array to the bound framebuffer; return True if it is complete."""
+        self("glFramebufferTexture", FRAMEBUFFER, DEPTH_ATTACHMENT, texture, 0)
+        return bool(self("glCheckFramebufferStatus", FRAMEBUFFER) == FRAMEBUFFER_COMPLETE)
+
+    def delete_texture(self, texture: int) -> None:
+        """Delete a texture made by `depth_array`."""
+        self("glDeleteTextures", 1, ctypes.byref(_UINT(texture)))
+
+
+def _address_finder() -> Callable[[str], int | None]:
+    """Return the platform's way to ask for the address of a GL function."""
+    if sys.platform == "win32":
+        library = ctypes.WinDLL("opengl32")
+        library.wglGetProcAddress.restype = _POINTER
+        library.wglGetProcAddress.argtypes = (ctypes.c_char_p,)
+        return lambda name: library.wglGetProcAddress(name.encode()) or _exported(library, name)
+    if sys.platform == "darwin":
+        framework = ctypes.CDLL("/System/Library/Frameworks/OpenGL.framework/OpenGL")
+        return lambda name: _exported(framework, name)
+    egl = ctypes.CDLL("libEGL.so.1")
+    egl.eglGetProcAddress.restype = _POINTER
+    egl.eglGetProcAddress.argtypes = (ctypes.c_char_p,)
+    return lambda name: egl.eglGetProcAddress(name.encode())
+
+
+def _exported(library: ctypes.CDLL, name: str) -> int | None:
+    """Return the address of a symbol a library exports, or None."""
+    try:
+        return ctypes.cast(getattr(library, name), _POINTER).value
+    except AttributeError:
+        return None

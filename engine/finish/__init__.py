@@ -1,0 +1,1 @@
+"""What is done to a lightmap after the light is known; for display only."""

@@ -1,0 +1,1 @@
+"""From what a patch sees to its irradiance."""

@@ -1,0 +1,71 @@
+"""The paper's three kernels: multiply, reduce row, reduce column (paper, IV.C and V.C)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyopencl as cl
+
+from ..device.compute import Compute
+from ..hemicube import multiplier_map
+from ..visibility.tiles import Tiles
+
+#: Work-group shapes of the paper, V.C; the last is (hemicube width, 1).
+_MULTIPLY_GROUP = (32, 16, 1)
+_REDUCE_ROW_GROUP = (32, 1)
+
+
+class HemicubeIntegrator:
+    """Integrates a texture array of hemicubes into one value each."""
+
+    def __init__(self, compute: Compute, tiles: Tiles) -> None:
+        self._queue, self._tiles = compute.queue, tiles
+        self._multiply, self._reduce_row, self._reduce_column = compute.kernels(
+            "integrate.cl", "multiply", "reduce_row", "reduce_column"
+        )
+        flags = cl.mem_flags
+        multiplier = multiplier_map(tiles.n)
+        self._multiplier = cl.Buffer(
+            compute.context, flags.READ_ONLY | flags.COPY_HOST_PTR, hostbuf=multiplier
+        )
+        texels = tiles.width * tiles.height * tiles.layers
+        self._workspace = cl.Buffer(compute.context, flags.READ_WRITE, 16 * texels)
+        self._rows = cl.Buffer(compute.context, flags.READ_WRITE, 16 * tiles.capacity * tiles.n)
+        self._irradiance = cl.Buffer(compute.context, flags.WRITE_ONLY, 16 * tiles.capacity)
+        self._columns = cl.LocalMemory(16 * tiles.n)
+
+    def integrate(self, hemicubes: cl.Buffer, count: int) -> np.ndarray:
+        """Return E/pi and the share of front faces for the first `count` slots.
+
+        hemicubes: (layers, height, width, 4) float32 radiance and front flag. Returns (count, 4)
+        float32: rgb is E/pi, the multiplier-weighted mean of the radiance; a of the front flag.
+        """
+        tiles = self._tiles
+        width, height, n = np.int32(tiles.width), np.int32(tiles.height), np.int32(tiles.n)
+        layers = -(-count // tiles.per_layer)
+        self._multiply(
+            self._queue,
+            _rounded_up((tiles.width, tiles.height, layers), _MULTIPLY_GROUP),
+            _MULTIPLY_GROUP,
+            hemicubes, self._multiplier, self._workspace, width, height, n,
+        )  # fmt: skip
+        hemicube_rows = layers * tiles.rows
+        self._reduce_row(
+            self._queue,
+            _rounded_up((tiles.width, hemicube_rows), _REDUCE_ROW_GROUP),
+            _REDUCE_ROW_GROUP,
+            self._workspace, self._rows, width, n,
+        )  # fmt: skip
+        self._reduce_column(
+            self._queue,
+            (hemicube_rows * tiles.width,),
+            (tiles.n,),
+            self._rows, self._irradiance, self._columns,
+        )  # fmt: skip
+        result = np.empty((count, 4), np.float32)
+        cl.enqueue_copy(self._queue, result, self._irradiance)
+        return result
+
+
+def _rounded_up(size: tuple[int, ...], group: tuple[int, ...]) -> tuple[int, ...]:
+    """Grow a global size to whole work groups."""
+    return tuple(-(-length // step) * step for length, step in zip(size, group, strict=True))

@@ -1,0 +1,118 @@
+"""The patch list: which texels of the lightmaps lie on a surface, and where (paper, III.A and IV.A)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+
+from .device.graphics import Graphics
+from .errors import SceneError
+from .scene import Mesh, Scene
+
+
+@dataclass(frozen=True)
+class PatchList:
+    """The paper's five data of each patch, and the lightmap it lies in; ordered by atlas, then texel.
+
+    atlas        (n,) int32
+    texel        (n,) int32, row * resolution + column, row 0 at v = 0
+    mesh         (n,) int32, index into `Scene.meshes`
+    face         (n,) int32, polygon within the mesh
+    subface      (n,) int32, triangle within the polygon
+    barycentric  (n, 3) float32, of the texel's centre within the triangle
+    """
+
+    resolution: int
+    atlas: np.ndarray
+    texel: np.ndarray
+    mesh: np.ndarray
+    face: np.ndarray
+    subface: np.ndarray
+    barycentric: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.texel)
+
+
+def list_patches(graphics: Graphics, scene: Scene, resolution: int) -> PatchList:
+    """Rasterise the lightmap UVs of every atlas and compact the covered texels.
+
+    Raises SceneError if no texel centre is covered, or if charts overlap.
+    """
+    atlases = [_rasterise_atlas(graphics, scene, atlas, resolution) for atlas in range(len(scene.atlases))]
+    patches = [_compact(atlas, resolution, *targets) for atlas, targets in enumerate(atlases)]
+    if not any(len(part) for part in patches):
+        raise SceneError(
+            f"No texel of a {resolution} x {resolution} lightmap lies on a surface. "
+            "Raise the resolution or enlarge the UV islands."
+        )
+    return concatenate(patches)
+
+
+def concatenate(parts: list[PatchList]) -> PatchList:
+    """Join patch lists of one resolution, in order."""
+    names = ("atlas", "texel", "mesh", "face", "subface", "barycentric")
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    return PatchList(parts[0].resolution, **joined)
+
+
+def _rasterise_atlas(
+    graphics: Graphics, scene: Scene, atlas: int, resolution: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Draw the two floating-point RGBA targets of one atlas; return both as (r, r, 4) float32."""
+    context = graphics.context
+    corners = [
+        _corner_attributes(index, mesh) for index, mesh in enumerate(scene.meshes) if mesh.atlas == atlas
+    ]
+    data = np.concatenate([*corners, np.zeros((0, 8), np.float32)])
+    if not len(data):
+        return np.zeros((resolution, resolution, 4), np.float32), np.zeros(
+            (resolution, resolution, 4), np.float32
+        )
+
+    # Two render targets: barycentric coordinate and flag, indices and flag.
+    targets = [context.texture((resolution, resolution), 4, dtype="f4") for _ in range(2)]
+    framebuffer = context.framebuffer(targets)
+    program = graphics.program("patches", ("vert", "frag"))
+    buffer = context.buffer(data.tobytes())
+    vertices = context.vertex_array(program, [(buffer, "2f 3f 3f", "in_uv", "in_identity", "in_corner")])
+    framebuffer.use()
+    framebuffer.clear()
+    context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+    vertices.render(moderngl.TRIANGLES)
+
+    # Back to the host.
+    images = [
+        np.frombuffer(target.read(), np.float32).reshape(resolution, resolution, 4) for target in targets
+    ]
+    for resource in (vertices, buffer, program, framebuffer, *targets):
+        resource.release()
+    return images[0], images[1]
+
+
+def _corner_attributes(index: int, mesh: Mesh) -> np.ndarray:
+    """Return (3 t, 8) float32: uv, (mesh, face, subface), barycentric coordinate of the corner."""
+    count = len(mesh.positions)
+    identity = np.stack([np.full(count, index), mesh.face, mesh.subface], axis=1)
+    data = np.empty((count, 3, 8), np.float32)
+    data[:, :, 0:2] = mesh.uvs
+    data[:, :, 2:5] = identity[:, None]
+    data[:, :, 5:8] = np.eye(3)
+    return data.reshape(-1, 8)
+
+
+def _compact(atlas: int, resolution: int, barycentric: np.ndarray, identity: np.ndarray) -> PatchList:
+    """Keep the texels whose flag is set."""
+    texel = np.flatnonzero(barycentric[..., 3])
+    mesh, face, subface = np.rint(identity.reshape(-1, 4)[texel, :3]).astype(np.int32).T.copy()
+    return PatchList(
+        resolution,
+        np.full(len(texel), atlas, np.int32),
+        texel.astype(np.int32),
+        mesh,
+        face,
+        subface,
+        barycentric.reshape(-1, 4)[texel, :3].copy(),
+    )

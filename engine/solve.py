@@ -1,0 +1,67 @@
+"""Iterates the radiosity equation and judges how far it is from its solution."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from .settings import Settings
+
+
+class Jacobi:
+    """The paper's iteration: every patch gathers the radiance of the one before (paper, IV.C).
+
+    reflectance  (n, 3) float32
+    emission     (n, 3) float32, radiance
+    area         (n,) float32, m^2
+    """
+
+    def __init__(
+        self, reflectance: np.ndarray, emission: np.ndarray, area: np.ndarray, settings: Settings
+    ) -> None:
+        self._reflectance, self._emission, self._area = reflectance, emission, area.astype(np.float64)
+        self._limit, self._tolerance = settings.iterations, settings.tolerance
+        self._changes: list[float] = []
+        self.radiance = emission.copy()
+        self.energies: list[float] = []
+
+    @property
+    def iterations(self) -> int:
+        """Iterations so far."""
+        return len(self._changes)
+
+    def update(self, irradiance: np.ndarray) -> None:
+        """Take the E/pi (n, 3) that one iteration gathered; make the radiance for the next."""
+        radiance = self._emission + self._reflectance * irradiance
+        change = (radiance - self.radiance).astype(np.float64)
+        self._changes.append(float(self._area @ np.abs(change).sum(axis=1)))
+        self.energies.append(float(np.pi * (self._area @ change.sum(axis=1))))
+        self.radiance = radiance
+
+    @property
+    def residual(self) -> float:
+        """Estimated remaining error relative to the mean radiance; NaN while it cannot be known.
+
+        Changes that shrink by a factor r leave change * r / (1 - r) to come: the rest of a geometric
+        series. The larger of the last two factors counts, since early bounces may meet dark surfaces.
+        """
+        total = float(self._area @ np.abs(self.radiance).sum(axis=1))
+        if self._changes and self._changes[-1] <= 1e-9 * total:
+            return 0.0
+        if len(self._changes) < 2:
+            return float("nan")
+        recent = self._changes[-3:]
+        factors = [after / before for before, after in pairwise(recent) if before > 0]
+        factor = max(factors, default=1.0)
+        return float("inf") if factor >= 1 else self._changes[-1] * factor / (1 - factor) / total
+
+    @property
+    def converged(self) -> bool:
+        """True once the residual is at or below the tolerance."""
+        return self.residual <= self._tolerance
+
+    @property
+    def done(self) -> bool:
+        """True once converged, or out of iterations."""
+        return self.iterations >= self._limit or (self._tolerance > 0 and self.converged)

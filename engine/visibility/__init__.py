@@ -1,0 +1,1 @@
+"""What each patch sees."""

@@ -1,0 +1,155 @@
+"""Draws hemicubes into a texture array with OpenGL (paper, IV.B)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import moderngl
+import numpy as np
+
+from ..device.graphics import Graphics
+from ..errors import DeviceError
+from ..geometry import Triangles
+from ..hemicube import FACES, face_rows
+from .tiles import TILES_PER_DRAW, Tiles
+
+#: Patches in a row of the radiosity texture.
+_ROW = 4096
+
+
+class HemicubeRaster:
+    """The radiance every patch of a batch sees, drawn by a geometry shader, instancing and viewports.
+
+    owners    (atlases, r, r) uint32 index map: patch + 1, or 0
+    emission  (n, 3) float32 radiance, seen on back faces
+    world     (3,) float32 radiance of the surroundings
+    The result is `texture`: (layers, height, width, 4) float32 in the layout of `tiles`.
+    """
+
+    def __init__(
+        self,
+        graphics: Graphics,
+        tiles: Tiles,
+        triangles: Triangles,
+        owners: np.ndarray,
+        emission: np.ndarray,
+        world: np.ndarray,
+    ) -> None:
+        context = graphics.context
+        self._graphics, self._tiles = graphics, tiles
+        self._world = tuple(float(channel) for channel in world)
+
+        # Geometry relative to the scene's middle, where float32 is finest.
+        low, high = triangles.positions.min(axis=(0, 1)), triangles.positions.max(axis=(0, 1))
+        self.origin = (low.astype(np.float64) + high) / 2
+        self._program = graphics.program("hemicube", ("vert", "geom", "frag"))
+        vertices = context.buffer(_vertices(triangles, self.origin).tobytes())
+        self._triangles = context.vertex_array(
+            self._program, [(vertices, "3f 3f", "in_position", "in_lookup")]
+        )
+
+        # What the fragment shader looks up: owner, radiance and emission of a texel.
+        atlases, height, width = owners.shape
+        self._owners = context.texture_array((width, height, atlases), 1, owners.tobytes(), dtype="u4")
+        self._owners.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._radiance = _patch_texture(context, len(emission))
+        self._emission = _patch_texture(context, len(emission))
+        _write_patches(self._emission, emission)
+        self._matrices = context.texture((4 * FACES, tiles.capacity), 4, dtype="f4")
+        self._matrices.filter = (moderngl.NEAREST, moderngl.NEAREST)
+
+        # Where hemicubes are drawn: a colour and a depth array.
+        self.texture = context.texture_array((tiles.width, tiles.height, tiles.layers), 4, dtype="f4")
+        self._framebuffer = context.framebuffer([self.texture])
+        self._framebuffer.use()
+        self._depth = graphics.raw.depth_array(tiles.width, tiles.height, tiles.layers)
+        if not graphics.raw.attach_layered_depth(self._depth):
+            raise DeviceError(
+                f"The OpenGL driver '{graphics.name}' cannot draw into layered depth textures. Update it."
+            )
+        self._framebuffer.depth_mask = True
+
+    def set_radiance(self, radiance: np.ndarray) -> None:
+        """Replace the radiosity texture: (n, 3) float32, radiance of each patch."""
+        _write_patches(self._radiance, radiance)
+
+    def draw(self, matrices: np.ndarray, layers_per_slice: int) -> Iterator[int]:
+        """Draw hemicubes into the first slots of the array, a few layers at a time.
+
+        matrices: (m, 5, 4, 4) float32 from `hemicube.matrices`, relative to `origin`; m at most the
+        capacity. Yields the number of hemicubes finished after each slice.
+        """
+        count = len(matrices)
+        self._matrices.write(_padded(matrices.reshape(count, 4 * FACES, 4), self._tiles.capacity))
+        self._begin(count)
+        layers = -(-count // self._tiles.per_layer)
+        for first in range(0, layers, layers_per_slice):
+            self._bind()
+            self._draw_layers(first, min(layers_per_slice, layers - first))
+            self._graphics.context.finish()
+            yield min(count, (first + layers_per_slice) * self._tiles.per_layer)
+
+    def _begin(self, count: int) -> None:
+        """Clear all layers and set what stays the same for a batch."""
+        self._bind()
+        self._framebuffer.clear(*self._world, 1.0, depth=0.0 if self._graphics.reversed_depth else 1.0)
+        self._program["hemicubes"] = count
+        self._program["tiles_per_layer"] = self._tiles.per_layer
+        for unit, name in enumerate(("matrices", "owners", "radiance", "emission")):
+            self._program[name] = unit
+
+    def _bind(self) -> None:
+        """Make this raster's state current; the caller may have used the context between slices."""
+        context = self._graphics.context
+        self._framebuffer.use()
+        context.enable_only(moderngl.DEPTH_TEST)
+        context.depth_func = ">" if self._graphics.reversed_depth else "<"
+        context.front_face = "cw"
+        for unit, texture in enumerate((self._matrices, self._owners, self._radiance, self._emission)):
+            texture.use(unit)
+
+    def _draw_layers(self, first: int, layers: int) -> None:
+        """Draw the hemicubes of some layers: one draw call for every three tiles of a layer."""
+        self._program["first_layer"] = first
+        for first_tile in range(0, self._tiles.per_layer, TILES_PER_DRAW):
+            drawn = min(TILES_PER_DRAW, self._tiles.per_layer - first_tile)
+            self._set_viewports(first_tile, drawn)
+            self._program["first_tile"] = first_tile
+            self._program["tiles_drawn"] = drawn
+            self._triangles.render(moderngl.TRIANGLES, instances=layers * drawn)
+
+    def _set_viewports(self, first_tile: int, tiles: int) -> None:
+        """One viewport for each face of each tile, in the stacked layout."""
+        for tile in range(tiles):
+            x, y = self._tiles.origin(first_tile + tile)
+            for face, (row, rows) in enumerate(face_rows(self._tiles.n)):
+                index = FACES * tile + face
+                self._graphics.raw("glViewportIndexedf", index, x, y + row, self._tiles.n, rows)
+
+
+def _vertices(triangles: Triangles, origin: np.ndarray) -> np.ndarray:
+    """Return (3 t, 6) float32: position relative to the origin, lightmap uv, atlas."""
+    data = np.empty((len(triangles.positions), 3, 6), np.float32)
+    data[:, :, 0:3] = triangles.positions - origin
+    data[:, :, 3:5] = triangles.uvs
+    data[:, :, 5] = triangles.atlas[:, None]
+    return data.reshape(-1, 6)
+
+
+def _patch_texture(context: moderngl.Context, patches: int) -> moderngl.Texture:
+    """Make a texture with one RGB texel for each patch."""
+    texture = context.texture((_ROW, -(-patches // _ROW)), 3, dtype="f4")
+    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    return texture
+
+
+def _write_patches(texture: moderngl.Texture, values: np.ndarray) -> None:
+    """Write (n, 3) float32 into a patch texture."""
+    width, height = texture.size
+    texture.write(_padded(np.ascontiguousarray(values, np.float32), width * height))
+
+
+def _padded(values: np.ndarray, length: int) -> bytes:
+    """Return the bytes of an array grown with zeros to a length."""
+    padding = length - len(values)
+    return np.pad(values, [(0, padding)] + [(0, 0)] * (values.ndim - 1)).tobytes()

@@ -1,0 +1,136 @@
+"""The settings of a scene and of an object, as Blender properties.
+
+The limits of numbers are soft: a script that leaves them gets the engine's message, not a silent clamp.
+"""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+
+from ..engine.settings import HEMICUBES, METHODS, Settings
+
+_METHOD_NAMES = {
+    "paper": ("Paper", "Draw radiance hemicubes anew in every iteration, as in the paper"),
+}
+_HEMICUBES = [(str(n), str(n), f"{n} texels wide: {3 * n * n} samples per patch") for n in HEMICUBES]
+_METHODS = [(name, *_METHOD_NAMES.get(name, (name.capitalize(), ""))) for name in METHODS]
+
+
+class HemibakeSceneProperties(bpy.types.PropertyGroup):
+    """How the scene is baked, and what the last bake told."""
+
+    resolution: IntProperty(
+        name="Resolution",
+        description="Width and height of each lightmap, in texels",
+        default=Settings.resolution,
+        soft_min=8,
+        soft_max=16384,
+    )
+    hemicube: EnumProperty(
+        name="Hemicube",
+        description="Width of the hemicubes: what each patch sees, in texels",
+        items=_HEMICUBES,
+        default=str(Settings.hemicube),
+    )
+    iterations: IntProperty(
+        name="Iterations",
+        description="Largest number of light bounces",
+        default=Settings.iterations,
+        soft_min=1,
+        soft_max=1000,
+    )
+    tolerance: FloatProperty(
+        name="Tolerance",
+        description="Stop once the estimated remaining error, relative to the mean radiance, is below this",
+        default=Settings.tolerance,
+        soft_min=0.0,
+        soft_max=1.0,
+        precision=4,
+        step=0.1,
+    )
+    method: EnumProperty(
+        name="Method",
+        description="How the light that a patch receives is computed",
+        items=_METHODS,
+        default=Settings.method,
+    )
+    seed: IntProperty(
+        name="Seed",
+        description="Seed of the random rotation of each hemicube",
+        default=Settings.seed,
+        soft_min=0,
+    )
+    dilation: IntProperty(
+        name="Dilation",
+        description="How far charts are extended in the stored image, in texels",
+        default=Settings.dilation,
+        soft_min=0,
+        soft_max=256,
+    )
+    uv_layer: StringProperty(
+        name="UV Layer",
+        description="Name of the UV layer with the lightmap UVs; made where an object has none",
+        default="Lightmap",
+    )
+    directory: StringProperty(
+        name="Folder",
+        description="Where lightmaps are written; packed into the file while it has no folder of its own",
+        default="//lightmaps/",
+        subtype="DIR_PATH",
+    )
+    report: StringProperty(
+        name="Report",
+        description="What the last bake told, as JSON",
+        options={"HIDDEN"},
+    )
+
+
+class HemibakeSlotProperties(bpy.types.PropertyGroup):
+    """What a material slot held before the preview."""
+
+    link: StringProperty(description="Where the slot's material was linked: DATA or OBJECT")
+    material: PointerProperty(type=bpy.types.Material, description="Material linked to the object")
+
+
+class HemibakeObjectProperties(bpy.types.PropertyGroup):
+    """Which lightmap an object belongs to."""
+
+    atlas: StringProperty(
+        name="Atlas",
+        description="Lightmap that holds the object's charts; objects with the same name here share one",
+        default="Lightmap",
+    )
+    image: StringProperty(
+        name="Image",
+        description="Image that the last bake of the object wrote",
+        options={"HIDDEN"},
+    )
+    uv_layer: StringProperty(
+        name="UV Layer",
+        description="UV layer that the last bake of the object used",
+        options={"HIDDEN"},
+    )
+    slots: CollectionProperty(
+        type=HemibakeSlotProperties,
+        description="Material slots as they were before the preview, empty without one",
+    )
+    slot_added: BoolProperty(
+        description="The preview added a material slot to the object's mesh",
+        options={"HIDDEN"},
+    )
+
+
+CLASSES = (HemibakeSceneProperties, HemibakeSlotProperties, HemibakeObjectProperties)
+
+
+def bind() -> None:
+    """Attach the groups to scenes and objects."""
+    bpy.types.Scene.hemibake = PointerProperty(type=HemibakeSceneProperties)
+    bpy.types.Object.hemibake = PointerProperty(type=HemibakeObjectProperties)
+
+
+def unbind() -> None:
+    """Detach the groups."""
+    del bpy.types.Object.hemibake
+    del bpy.types.Scene.hemibake

@@ -1,0 +1,1 @@
+"""engine.Lightmap -> Blender: images, files, preview materials."""

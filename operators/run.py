@@ -1,0 +1,132 @@
+"""One bake: gather, engine, store. The operators only drive it."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Generator
+from dataclasses import replace
+
+import bpy
+import numpy as np
+
+from ..engine.lightmap import Lightmap
+from ..engine.progress import Progress
+from ..engine.scene import Scene
+from ..engine.settings import Settings
+from .bake_settings import read_settings
+from .changes import Changes
+from .lookup import find
+from .result import images
+from .scene import Gathered, gather, visible_meshes
+from .scene.unwrap import unwrap_missing
+
+Job = Generator[Progress | None, None, Lightmap]
+
+
+class Run:
+    """A bake of the context's scene; what it changes can be taken back until `finish` returns.
+
+    Making one gathers the scene and raises EngineError, with everything as before, if that fails.
+    """
+
+    def __init__(self, context: bpy.types.Context, bake: Callable[[Scene, Settings], Job]) -> None:
+        self._changes = Changes()
+        self._scene_uid = context.scene.session_uid
+        self._images: list[int] = []
+        self._start = time.perf_counter()
+        try:
+            self._gathered = self._gather(context)
+            self._seconds = {"gather": time.perf_counter() - self._start}
+            self._job = bake(self._gathered.scene, self._settings)
+        except BaseException:
+            self._changes.take_back()
+            raise
+
+    def _gather(self, context: bpy.types.Context) -> Gathered:
+        """Return the visible objects, with lightmap UVs made where they are missing."""
+        properties = context.scene.hemibake
+        self._settings = read_settings(properties)
+        self._uv_layer, self._directory = properties.uv_layer, properties.directory
+        objects = [obj for obj in visible_meshes(context)]
+        made = unwrap_missing(context, objects, self._uv_layer, self._settings.resolution, self._changes)
+        usable = [obj for obj in objects if obj not in made.skipped]
+        gathered = gather(context, usable, self._uv_layer)
+        return replace(gathered, notes=(*made.notes, *gathered.notes))
+
+    def step(self) -> Progress | None:
+        """Let the engine do a slice of work; raises StopIteration(Lightmap) at the end."""
+        progress = next(self._job)
+        if progress is not None and progress.partial is not None:
+            self._show(progress.partial)
+        return progress
+
+    def drain(self) -> Lightmap:
+        """Let the engine work to the end and return the lightmap."""
+        while True:
+            try:
+                self.step()
+            except StopIteration as end:
+                return end.value
+
+    def cancel(self, keep_images: bool = False) -> None:
+        """Stop the engine and take everything back, but for the images if they are to be kept."""
+        try:
+            self._job.close()
+        finally:
+            if not (keep_images and self._images):
+                self._changes.take_back()
+
+    def finish(self, lightmap: Lightmap) -> dict:
+        """Store a lightmap and return the report, JSON-ready; raises EngineError."""
+        start = time.perf_counter()
+        self._show(lightmap.display)
+        targets = [find(bpy.data.images, uid) for uid in self._images]
+        files = images.store(targets, lightmap.display, self._directory)
+        self._remember_images(targets)
+        self._seconds["store"] = time.perf_counter() - start
+        report = self._report(lightmap, [image.name for image in targets], files)
+        scene = find(bpy.data.scenes, self._scene_uid)
+        if scene is not None:
+            scene.hemibake.report = json.dumps(report)
+        return report
+
+    def _show(self, lightmaps: np.ndarray) -> None:
+        """Put lightmaps, (atlases, h, w, 3), into the images; images that are gone are made anew."""
+        atlases = self._gathered.scene.atlases
+        found = [find(bpy.data.images, uid) for uid in self._images] or [None] * len(atlases)
+        for index, (image, atlas) in enumerate(zip(found, atlases, strict=True)):
+            if image is None:
+                found[index] = images.lightmap_image(atlas, self._settings.resolution, self._changes)
+            images.show(found[index], lightmaps[index])
+        self._images = [image.session_uid for image in found]
+
+    def _remember_images(self, targets: list[bpy.types.Image]) -> None:
+        """Write on each baked object which image and which UV layer belong to it."""
+        names = dict(zip(self._gathered.scene.atlases, (image.name for image in targets), strict=True))
+        for uid, atlas in self._gathered.objects:
+            obj = find(bpy.data.objects, uid)
+            if obj is not None:
+                obj.hemibake.image, obj.hemibake.uv_layer = names[atlas], self._uv_layer
+
+    def _report(self, lightmap: Lightmap, names: list[str], files: list[str]) -> dict:
+        facts = lightmap.report
+        notes = [*self._gathered.notes, *facts.warnings]
+        if not files:
+            notes.append(
+                "The .blend is not saved yet: the lightmaps are packed into it. Save it to write EXR files."
+            )
+        seconds = {**self._seconds, **facts.seconds, "total": time.perf_counter() - self._start}
+        return {
+            "objects": len(self._gathered.objects),
+            "patches": int(facts.patches),
+            "iterations": int(facts.iterations),
+            "residual": float(facts.residual),
+            "converged": bool(facts.converged),
+            "energies": [float(energy) for energy in facts.energies],
+            "seconds": {stage: round(float(value), 4) for stage, value in seconds.items()},
+            "devices": dict(facts.devices),
+            "images": names,
+            "files": files,
+            "warnings": list(dict.fromkeys(notes)),
+        }

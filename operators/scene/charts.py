@@ -1,0 +1,236 @@
+"""Lightmap UVs for polygon meshes: charts and packing by xatlas.
+
+xatlas works on triangles and may cut a polygon along its diagonals, where Blender can store only
+one UV per polygon corner. So charts are made first, polygons that came out torn become charts of
+their own, and then the charts, in world size, are packed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...engine.errors import EngineError, SceneError
+
+#: Least distance of two charts, texels.
+PADDING = 4
+
+#: Attempts to find the scale at which all charts fit on one page.
+_ATTEMPTS = 24
+
+_UNPLACED = 0xFFFFFFFF
+
+
+@dataclass(frozen=True)
+class PolygonMesh:
+    """A mesh to make charts for.
+
+    positions  (v, 3) float64, world space, metres
+    corners    (l,) int32, vertex of each loop; a polygon's loops are consecutive
+    starts     (p + 1,) int32, first loop of each polygon, then l
+    triangles  (t, 3) int32, loops of each triangle
+    polygon    (t,) int32, polygon of each triangle
+    """
+
+    name: str
+    positions: np.ndarray
+    corners: np.ndarray
+    starts: np.ndarray
+    triangles: np.ndarray
+    polygon: np.ndarray
+
+
+@dataclass(frozen=True)
+class Charts:
+    """Flattened polygons, not packed yet.
+
+    uvs    (l, 2) float64, of each loop, metres
+    chart  (t,) int64, chart of each triangle
+    """
+
+    uvs: np.ndarray
+    chart: np.ndarray
+
+
+def make_uvs(meshes: list[PolygonMesh], resolution: int) -> list[np.ndarray]:
+    """Return UVs of each mesh's loops, (l, 2) float32, all charts packed into one unit square.
+
+    Charts are in proportion to world area, do not overlap and keep PADDING texels of a
+    `resolution` x `resolution` image between them. Raises SceneError if the charts do not fit.
+    """
+    for mesh in meshes:
+        if not np.isfinite(mesh.positions).all():
+            raise SceneError(
+                f"Object '{mesh.name}' has NaN or infinite vertex coordinates. "
+                "Delete those vertices, or check the object's scale."
+            )
+    return _pack(meshes, [_make_charts(mesh) for mesh in meshes], resolution)
+
+
+def _xatlas():
+    try:
+        import xatlas
+    except ImportError as error:
+        raise EngineError(
+            "The package xatlas, which makes lightmap UVs, is missing. Install it into Blender's "
+            "Python, or give each object a lightmap UV layer."
+        ) from error
+    return xatlas
+
+
+def _make_charts(mesh: PolygonMesh) -> Charts:
+    """Return a mesh's charts such that every loop has one UV."""
+    uvs, chart = _segment(mesh)
+    torn = _torn_polygons(mesh, uvs, chart)
+    loop_uvs = np.zeros((len(mesh.corners), 2))
+    loop_uvs[mesh.triangles.reshape(-1)] = uvs.reshape(-1, 2)
+    for number, polygon in enumerate(torn):
+        loops = slice(mesh.starts[polygon], mesh.starts[polygon + 1])
+        triangles = mesh.polygon == polygon
+        local = mesh.triangles[triangles] - mesh.starts[polygon]
+        loop_uvs[loops] = _flatten(mesh.positions[mesh.corners[loops]], local)
+        chart[triangles] = chart.max() + 1 + number
+    return Charts(loop_uvs, chart)
+
+
+def _segment(mesh: PolygonMesh) -> tuple[np.ndarray, np.ndarray]:
+    """Return xatlas' UV of each triangle corner, (t, 3, 2) metres, and chart, (t,), -1 for none."""
+    vertices = mesh.corners[mesh.triangles]
+    scale = _unit_area_scale(mesh.positions[vertices])
+    atlas = _xatlas().Atlas()
+    atlas.add_mesh((mesh.positions * scale).astype(np.float32), vertices.astype(np.uint32))
+    atlas.generate()
+    _, indices, uvs = atlas.get_mesh(0)
+    _, charts = atlas.get_mesh_vertex_assignment(0)
+    size = np.array([atlas.width, atlas.height]) / max(atlas.texels_per_unit, 1e-30) / scale
+    chart = charts[indices].astype(np.int64)
+    chart[chart == _UNPLACED] = -1
+    return (uvs * size)[indices], chart.min(axis=1)
+
+
+def _unit_area_scale(corners: np.ndarray) -> float:
+    """Return the factor that gives triangles a mean area of 1: xatlas drops those below 1e-7."""
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    mean = area.mean() / 2
+    return 1 / np.sqrt(mean) if mean > 0 else 1.0
+
+
+def _torn_polygons(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> np.ndarray:
+    """Return the polygons with a loop that has two UVs, or with a triangle that has none."""
+    loops = mesh.triangles.reshape(-1)
+    low = np.full((len(mesh.corners), 2), np.inf)
+    high = -low
+    np.minimum.at(low, loops, uvs.reshape(-1, 2))
+    np.maximum.at(high, loops, uvs.reshape(-1, 2))
+    bad = (low != high).any(axis=1)[mesh.triangles].any(axis=1) | (chart < 0)
+    return np.unique(mesh.polygon[bad])
+
+
+def _flatten(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Return a polygon's corners, (n, 3), in a plane, (n, 2), without overlap and with its area.
+
+    The polygon is projected along its mean normal; one that folds over itself there is laid on a
+    circle instead, where any triangulation of it stays flat.
+    """
+    centred = points - points.mean(axis=0)
+    normal = np.cross(centred, np.roll(centred, -1, axis=0)).sum(axis=0)
+    axis = np.linalg.svd(centred - np.outer(centred @ normal, normal) / max(normal @ normal, 1e-30))[2][0]
+    length = np.linalg.norm(normal)
+    other = np.cross(normal / length, axis) if length > 0 else np.zeros(3)
+    flat = np.stack([centred @ axis, centred @ other], axis=1)
+    if (_signed_areas(flat[triangles]) < 0).any():
+        flat = _on_circle(points)
+    area = _areas(points[triangles]).sum()
+    return flat * np.sqrt(area / max(np.abs(_signed_areas(flat[triangles])).sum(), 1e-30))
+
+
+def _on_circle(points: np.ndarray) -> np.ndarray:
+    """Return points on the unit circle, (n, 2), with arcs in proportion to the polygon's edges."""
+    edges = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
+    angle = 2 * np.pi * np.r_[0, np.cumsum(edges)[:-1]] / max(edges.sum(), 1e-30)
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def _areas(corners: np.ndarray) -> np.ndarray:
+    """Return the areas of triangles in space, (t, 3, 3) -> (t,)."""
+    return np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+
+
+def _signed_areas(corners: np.ndarray) -> np.ndarray:
+    """Return the areas of triangles in the plane, (t, 3, 2) -> (t,), positive counter-clockwise."""
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    return (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2
+
+
+def _pack(meshes: list[PolygonMesh], charts: list[Charts], resolution: int) -> list[np.ndarray]:
+    """Return packed UVs at the largest texel density found at which the charts fill one page."""
+    area = sum(np.abs(_signed_areas(c.uvs[m.triangles])).sum() for m, c in zip(meshes, charts, strict=True))
+    low, high, best = 0.0, np.inf, None
+    scale = resolution * np.sqrt(0.7 / area) if area > 0 else 1.0
+    for _ in range(_ATTEMPTS):
+        packed, size = _pack_at(meshes, charts, scale)
+        if size <= resolution - 1:
+            low, best = scale, packed
+            guess = scale * (resolution - 1) / size
+        else:
+            high = scale
+            guess = scale * min(0.97, (resolution - 1) / size)
+        if high < 1.02 * low or (best is not None and size in (resolution - 1, resolution - 2)):
+            break
+        scale = guess if low < guess < high else (low + high) / 2
+    if best is None:
+        names = ", ".join(f"'{mesh.name}'" for mesh in meshes)
+        raise SceneError(
+            f"The charts of {names} do not fit into one lightmap of {resolution} texels. "
+            "Raise the resolution, or give some objects an atlas of their own."
+        )
+    return [(uvs / resolution).astype(np.float32) for uvs in best]
+
+
+def _pack_at(meshes: list[PolygonMesh], charts: list[Charts], scale: float) -> tuple[list[np.ndarray], int]:
+    """Return the loops' places in texels at `scale` texels per metre, and the page size they need.
+
+    xatlas puts chart borders on texel centres; half a texel on they lie between texels.
+    """
+    xatlas = _xatlas()
+    atlas, options = xatlas.Atlas(), xatlas.PackOptions()
+    options.padding, options.texels_per_unit, options.rotate_charts = PADDING, 1.0, True
+    options.bruteForce = sum(chart.chart.max(initial=-1) + 1 for chart in charts) < 64
+    for mesh, chart in zip(meshes, charts, strict=True):
+        atlas.add_uv_mesh(
+            (chart.uvs * scale).astype(np.float32),
+            mesh.triangles.astype(np.uint32),
+            (chart.chart[:, None]).astype(np.uint32),
+        )
+    atlas.generate(pack_options=options)
+    size = np.array([atlas.width, atlas.height])
+    places = [
+        _loop_places(atlas, index, mesh, chart, size)
+        for index, (mesh, chart) in enumerate(zip(meshes, charts, strict=True))
+    ]
+    return places, int(size.max())
+
+
+def _loop_places(atlas, index: int, mesh: PolygonMesh, charts: Charts, size: np.ndarray) -> np.ndarray:
+    """Return where one mesh's loops have been packed, (l, 2) texels."""
+    loops, _, uvs = atlas.get_mesh(index)
+    page, _ = atlas.get_mesh_vertex_assignment(index)
+    placed = page != _UNPLACED
+    places = np.full((len(mesh.corners), 2), np.nan)
+    places[loops[placed]] = uvs[placed] * size + 0.5
+    lost = np.isnan(places[mesh.triangles]).any(axis=(1, 2))
+    for chart in np.unique(charts.chart[lost]):
+        _place_lost(places, charts.uvs, np.unique(mesh.triangles[charts.chart == chart]))
+    return np.nan_to_num(places, nan=0.5)
+
+
+def _place_lost(places: np.ndarray, uvs: np.ndarray, loops: np.ndarray) -> None:
+    """Move loops of triangles too small for xatlas as the rest of their chart has been moved."""
+    known = loops[~np.isnan(places[loops, 0])]
+    lost = loops[np.isnan(places[loops, 0])]
+    if len(known) < 3:
+        return
+    frame = np.c_[uvs[known], np.ones(len(known))]
+    affine = np.linalg.lstsq(frame, places[known], rcond=None)[0]
+    places[lost] = np.c_[uvs[lost], np.ones(len(lost))] @ affine

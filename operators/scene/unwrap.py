@@ -1,0 +1,189 @@
+"""Lightmap UV layers for objects that have none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import bpy
+import numpy as np
+
+from ...engine.errors import SceneError
+from ..changes import Changes
+from ..lookup import find
+from .charts import PolygonMesh, make_uvs
+from .meshes import read_array
+
+#: Blender's own limit.
+_MAX_UV_LAYERS = 8
+
+
+@dataclass
+class Made:
+    """What unwrapping did.
+
+    objects  those that have got a UV layer
+    skipped  those that need one but must not be changed
+    notes    sentences for the user
+    """
+
+    objects: list[bpy.types.Object] = field(default_factory=list)
+    skipped: list[bpy.types.Object] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+
+def unwrap_missing(
+    context: bpy.types.Context,
+    objects: Sequence[bpy.types.Object],
+    uv_layer: str,
+    resolution: int,
+    changes: Changes,
+) -> Made:
+    """Give a lightmap UV layer to each object with faces that has none; raises SceneError.
+
+    All new ones of an atlas are packed together, for an image of `resolution` texels. If other
+    objects hold that atlas already, the new ones move to a fresh atlas. Other UV layers, the
+    selection and the mode stay as they are.
+    """
+    made = Made()
+    for obj in objects:
+        if len(obj.data.polygons) and uv_layer not in obj.data.uv_layers:
+            _sort_out(obj, made)
+    with _object_mode(context, made.objects):
+        for atlas, members in _by_atlas(made.objects).items():
+            _unwrap_together(members, uv_layer, resolution, changes)
+            _move_to_free_atlas(context, members, atlas, uv_layer, changes, made.notes)
+    return made
+
+
+def _sort_out(obj: bpy.types.Object, made: Made) -> None:
+    """Decide whether an object without the layer can have one."""
+    if not obj.data.is_editable:
+        made.skipped.append(obj)
+        made.notes.append(
+            f"Object '{obj.name}' has no lightmap UV layer and its mesh is linked from another file: "
+            "it is left out. Make the mesh local, or unwrap it in that file."
+        )
+    elif len(obj.data.uv_layers) >= _MAX_UV_LAYERS:
+        raise SceneError(
+            f"Object '{obj.name}' has {len(obj.data.uv_layers)} UV layers, as many as Blender allows, "
+            "and none is for the lightmap. Remove one."
+        )
+    else:
+        made.objects.append(obj)
+
+
+def _by_atlas(objects: Sequence[bpy.types.Object]) -> dict[str, list[bpy.types.Object]]:
+    groups: dict[str, list[bpy.types.Object]] = {}
+    for obj in objects:
+        groups.setdefault(obj.hemibake.atlas, []).append(obj)
+    return groups
+
+
+def _unwrap_together(
+    objects: Sequence[bpy.types.Object], uv_layer: str, resolution: int, changes: Changes
+) -> None:
+    """Make the layer of each mesh, once for all users of a mesh."""
+    first_users = {obj.data.session_uid: obj for obj in reversed(objects)}
+    users = [obj for obj in objects if first_users[obj.data.session_uid] is obj]
+    users = [obj for obj in users if uv_layer not in obj.data.uv_layers]
+    if not users:
+        return
+    for obj, uvs in zip(users, make_uvs([_read(obj) for obj in users], resolution), strict=True):
+        _add_layer(obj, uv_layer, uvs, changes)
+
+
+def _read(obj: bpy.types.Object) -> PolygonMesh:
+    """Return an object's own mesh, before modifiers, in world space."""
+    mesh = obj.data
+    matrix = np.array(obj.matrix_world, np.float64)
+    mesh.calc_loop_triangles()
+    positions = read_array(mesh.vertices, "co", 3, np.float32).astype(np.float64)
+    starts = read_array(mesh.polygons, "loop_start", 1, np.int32)[:, 0]
+    return PolygonMesh(
+        name=obj.name,
+        positions=positions @ matrix[:3, :3].T + matrix[:3, 3],
+        corners=read_array(mesh.loops, "vertex_index", 1, np.int32)[:, 0],
+        starts=np.r_[starts, len(mesh.loops)],
+        triangles=read_array(mesh.loop_triangles, "loops", 3, np.int32),
+        polygon=read_array(mesh.loop_triangles, "polygon_index", 1, np.int32)[:, 0],
+    )
+
+
+def _add_layer(obj: bpy.types.Object, name: str, uvs: np.ndarray, changes: Changes) -> None:
+    """Add a UV layer without touching which one is active or rendered."""
+    layers = obj.data.uv_layers
+    active, rendered = layers.active_index, _rendered(layers)
+    layer = layers.new(name=name, do_init=False)
+    changes.add(lambda uid=obj.data.session_uid, name=layer.name: _remove_layer(uid, name))
+    if layer.name != name:
+        raise SceneError(
+            f"Object '{obj.name}' has an attribute called '{name}' that is not a UV layer. "
+            "Rename it, or choose another name for the lightmap UV layer."
+        )
+    layer.uv.foreach_set("vector", uvs.reshape(-1))
+    _set_current(layers, active, rendered)
+    obj.data.update()
+
+
+def _rendered(layers: bpy.types.UVLoopLayers) -> int:
+    return next((index for index, layer in enumerate(layers) if layer.active_render), -1)
+
+
+def _set_current(layers: bpy.types.UVLoopLayers, active: int, rendered: int) -> None:
+    if active >= 0:
+        layers.active_index = active
+    if rendered >= 0:
+        layers[rendered].active_render = True
+
+
+def _remove_layer(uid: int, name: str) -> None:
+    mesh = find(bpy.data.meshes, uid)
+    if mesh is None or name not in mesh.uv_layers:
+        return
+    layers = mesh.uv_layers
+    active, rendered = layers.active_index, _rendered(layers)
+    layers.remove(layers[name])
+    _set_current(layers, min(active, len(layers) - 1), min(rendered, len(layers) - 1))
+
+
+def _move_to_free_atlas(
+    context: bpy.types.Context,
+    objects: Sequence[bpy.types.Object],
+    atlas: str,
+    uv_layer: str,
+    changes: Changes,
+    notes: list[str],
+) -> None:
+    """Let the newly unwrapped objects leave an atlas that holds other objects."""
+    members = {obj.session_uid for obj in objects}
+    others = [obj for obj in context.scene.objects if obj.type == "MESH" and obj.session_uid not in members]
+    if not any(obj.hemibake.atlas == atlas and uv_layer in obj.data.uv_layers for obj in others):
+        return
+    taken = {obj.hemibake.atlas for obj in bpy.data.objects}
+    fresh = next(name for number in range(1, 10**6) if (name := f"{atlas}.{number:03d}") not in taken)
+    for obj in objects:
+        changes.add(lambda uid=obj.session_uid: _set_atlas(uid, atlas))
+        obj.hemibake.atlas = fresh
+    names = ", ".join(f"'{obj.name}'" for obj in objects)
+    notes.append(f"New lightmap UVs were made for {names}: they have the lightmap '{fresh}'.")
+
+
+def _set_atlas(uid: int, atlas: str) -> None:
+    obj = find(bpy.data.objects, uid)
+    if obj is not None:
+        obj.hemibake.atlas = atlas
+
+
+@contextmanager
+def _object_mode(context: bpy.types.Context, objects: Sequence[bpy.types.Object]) -> Iterator[None]:
+    """Leave edit mode while meshes that are being edited get a layer."""
+    if not any(obj.data.is_editmode for obj in objects):
+        yield
+        return
+    bpy.ops.object.mode_set(mode="OBJECT")
+    try:
+        yield
+    finally:
+        bpy.ops.object.mode_set(mode="EDIT")

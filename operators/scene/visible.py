@@ -1,0 +1,34 @@
+"""Which objects take part in a bake."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bpy
+
+
+def visible_meshes(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """Return the mesh objects that both the viewport and renders show, in the view layer's order."""
+    layer = context.view_layer
+    rendered = {obj.session_uid for obj in _rendered(layer.layer_collection)}
+    return [
+        obj
+        for obj in layer.objects
+        if obj.type == "MESH"
+        and not obj.hide_render
+        and obj.visible_get(view_layer=layer)
+        and obj.session_uid in rendered
+    ]
+
+
+def _rendered(layer: bpy.types.LayerCollection) -> Iterator[bpy.types.Object]:
+    """Yield the objects of all collections that renders do not hide."""
+    if layer.exclude:
+        objects = ()
+    elif layer.collection.hide_render:
+        return
+    else:
+        objects = layer.collection.objects
+    yield from objects
+    for child in layer.children:
+        yield from _rendered(child)

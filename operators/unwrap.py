@@ -1,0 +1,40 @@
+"""The Unwrap operator: lightmap UVs on request."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..engine.errors import EngineError
+from .bake_settings import read_settings
+from .changes import Changes
+from .scene import visible_meshes
+from .scene.unwrap import unwrap_missing
+
+
+class HEMIBAKE_OT_unwrap(bpy.types.Operator):
+    """Make lightmap UVs for the selected objects, or for all visible ones, that have none"""
+
+    bl_idname = "hemibake.unwrap"
+    bl_label = "Unwrap Lightmap UVs"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        changes = Changes()
+        properties = context.scene.hemibake
+        visible = visible_meshes(context)
+        objects = [obj for obj in visible if obj.select_get()] or visible
+        try:
+            resolution = read_settings(properties).resolution
+            made = unwrap_missing(context, objects, properties.uv_layer, resolution, changes)
+        except EngineError as error:
+            changes.take_back()
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        for note in made.notes:
+            self.report({"WARNING"}, note)
+        kept = len(objects) - len(made.objects) - len(made.skipped)
+        self.report({"INFO"}, f"{len(made.objects)} objects unwrapped, {kept} had lightmap UVs or no faces")
+        return {"FINISHED"} if made.objects else {"CANCELLED"}
+
+
+CLASSES = (HEMIBAKE_OT_unwrap,)

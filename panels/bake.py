@@ -1,0 +1,92 @@
+"""The Hemibake tab in the sidebar of the 3D view."""
+
+from __future__ import annotations
+
+import json
+
+import bpy
+
+
+class _Sidebar:
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Hemibake"
+
+
+class HEMIBAKE_PT_bake(_Sidebar, bpy.types.Panel):
+    """Settings of the bake and the button that starts it."""
+
+    bl_label = "Bake"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, settings = self.layout, context.scene.hemibake
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        column = layout.column()
+        for name in ("resolution", "hemicube", "iterations", "tolerance"):
+            column.prop(settings, name)
+        button = layout.row()
+        button.scale_y = 1.6
+        button.operator("hemibake.bake", icon="RENDER_STILL")
+        row = layout.row(align=True)
+        row.operator("hemibake.unwrap", text="Unwrap", icon="UV")
+        row.operator("hemibake.preview", text="Preview", icon="SHADING_TEXTURE")
+
+
+class HEMIBAKE_PT_advanced(_Sidebar, bpy.types.Panel):
+    """Settings that seldom need a change."""
+
+    bl_label = "Advanced"
+    bl_parent_id = "HEMIBAKE_PT_bake"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        for name in ("method", "seed", "dilation", "uv_layer", "directory"):
+            layout.prop(context.scene.hemibake, name)
+
+
+class HEMIBAKE_PT_object(_Sidebar, bpy.types.Panel):
+    """Which lightmap the active object belongs to."""
+
+    bl_label = "Active Object"
+    bl_parent_id = "HEMIBAKE_PT_bake"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return context.object is not None and context.object.type == "MESH"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, obj = self.layout, context.object
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(obj.hemibake, "atlas")
+        if obj.hemibake.image:
+            layout.label(text=f"Baked into '{obj.hemibake.image}'", icon="IMAGE_DATA")
+
+
+class HEMIBAKE_PT_report(_Sidebar, bpy.types.Panel):
+    """What the last bake told."""
+
+    bl_label = "Last Bake"
+    bl_parent_id = "HEMIBAKE_PT_bake"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return bool(context.scene.hemibake.report)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        report = json.loads(context.scene.hemibake.report)
+        column = self.layout.column()
+        column.label(text=f"{report['objects']} objects, {report['patches']} patches")
+        column.label(text=f"{report['iterations']} iterations, error {report['residual']:.2%}")
+        column.label(text=f"{report['seconds']['total']:.1f} s")
+        for image in report["images"]:
+            column.label(text=image, icon="IMAGE_DATA")
+        for warning in report["warnings"]:
+            column.label(text=warning, icon="ERROR")
+
+
+CLASSES = (HEMIBAKE_PT_bake, HEMIBAKE_PT_advanced, HEMIBAKE_PT_object, HEMIBAKE_PT_report)

@@ -1,0 +1,82 @@
+"""Blender as a Python module, with this checkout enabled as its extension."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+MODULE = "bl_ext.user_default.hemibake"
+
+#: What the extension is made of, for where a link cannot be made.
+_PARTS = ("__init__.py", "blender_manifest.toml", "engine", "operators", "panels", "kernels", "shaders")
+
+
+@contextmanager
+def blender() -> Iterator[None]:
+    """Run Blender with user files of its own and Hemibake enabled, on an empty scene.
+
+    Blender reads the place of its user files when bpy is first imported, so this has to come first.
+    """
+    if "bpy" in sys.modules:
+        raise RuntimeError("bpy has been imported already.")
+    with tempfile.TemporaryDirectory(prefix="hemibake-") as folder:
+        os.environ["BLENDER_USER_RESOURCES"] = folder
+        install(Path(folder))
+        import bpy
+
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        enable()
+        try:
+            yield
+        finally:
+            disable()
+
+
+def install(resources: Path) -> None:
+    """Put the checkout where Blender looks for extensions: as a link, else as a copy."""
+    target = resources / "extensions" / "user_default" / "hemibake"
+    target.parent.mkdir(parents=True)
+    try:
+        target.symlink_to(ROOT, target_is_directory=True)
+    except OSError:
+        target.mkdir()
+        for part in _PARTS:
+            copy = shutil.copytree if (ROOT / part).is_dir() else shutil.copy2
+            copy(ROOT / part, target / part)
+
+
+def enable() -> None:
+    """Enable the extension; raises RuntimeError if Blender cannot."""
+    import addon_utils
+
+    addon_utils.extensions_refresh(ensure_wheels=True)
+    errors: list[Exception] = []
+    if addon_utils.enable(MODULE, default_set=True, handle_error=errors.append) is None:
+        raise RuntimeError(f"Hemibake cannot be enabled: {errors[0] if errors else 'unknown reason'}")
+
+
+def disable() -> None:
+    """Disable the extension."""
+    import addon_utils
+
+    addon_utils.disable(MODULE)
+
+
+@contextmanager
+def quiet_stdout() -> Iterator[None]:
+    """Send what C code and Python print on standard output to standard error."""
+    sys.stdout.flush()
+    kept = os.dup(1)
+    os.dup2(2, 1)
+    try:
+        yield
+    finally:
+        sys.stdout.flush()
+        os.dup2(kept, 1)
+        os.close(kept)

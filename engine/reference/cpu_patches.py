@@ -1,0 +1,61 @@
+"""The patch list made with NumPy: texel centres tested against triangles one triangle at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..patches import PatchList
+from ..scene import Scene
+
+
+def list_patches(scene: Scene, resolution: int) -> PatchList:
+    """Return the patches of every texel centre that a triangle covers; the first triangle wins.
+
+    The same as `engine.patches.list_patches`, except that a centre exactly on the edge between two
+    triangles may belong to either.
+    """
+    shape = (len(scene.atlases), resolution * resolution)
+    owner = np.full((*shape, 3), -1, np.int32)
+    barycentric = np.zeros((*shape, 3), np.float32)
+    for index, mesh in enumerate(scene.meshes):
+        for triangle in range(len(mesh.positions)):
+            texel, weights = _covered(mesh.uvs[triangle].astype(np.float64) * resolution, resolution)
+            free = owner[mesh.atlas, texel, 0] < 0
+            identity = (index, mesh.face[triangle], mesh.subface[triangle])
+            owner[mesh.atlas, texel[free]] = identity
+            barycentric[mesh.atlas, texel[free]] = weights[free]
+    atlas, texel = np.nonzero(owner[..., 0] >= 0)
+    mesh_index, face, subface = owner[atlas, texel].T.copy()
+    return PatchList(
+        resolution,
+        atlas.astype(np.int32),
+        texel.astype(np.int32),
+        mesh_index,
+        face,
+        subface,
+        barycentric[atlas, texel],
+    )
+
+
+def owner_map(scene: Scene, patches: PatchList) -> np.ndarray:
+    """Return patch index + 1 of each covered texel, else 0: (atlases, r, r) uint32."""
+    owners = np.zeros((len(scene.atlases), patches.resolution**2), np.uint32)
+    owners[patches.atlas, patches.texel] = np.arange(1, len(patches) + 1)
+    return owners.reshape(len(scene.atlases), patches.resolution, patches.resolution)
+
+
+def _covered(corners: np.ndarray, resolution: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the texels whose centres a triangle covers, (k,), and their barycentrics, (k, 3).
+
+    corners: (3, 2) float64, texels.
+    """
+    low = np.clip(np.floor(corners.min(axis=0) - 0.5), 0, resolution).astype(int)
+    high = np.clip(np.ceil(corners.max(axis=0) + 0.5), 0, resolution).astype(int)
+    y, x = (grid.ravel() for grid in np.mgrid[low[1] : high[1], low[0] : high[0]])
+    edges = np.column_stack([corners[1] - corners[0], corners[2] - corners[0]])
+    if abs(np.linalg.det(edges)) < 1e-12:
+        return np.empty(0, int), np.empty((0, 3))
+    b, c = np.linalg.solve(edges, np.stack([x, y]) + 0.5 - corners[0][:, None])
+    weights = np.stack([1 - b - c, b, c], axis=1)
+    inside = (weights >= -1e-9).all(axis=1)
+    return (y * resolution + x)[inside], weights[inside]

@@ -1,0 +1,159 @@
+"""The paper's method on the processor: hemicubes cast ray by ray and integrated one after the other (V.A)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..geometry import PatchGeometry, Triangles
+from ..hemicube import face_axes, face_rows, frames, multiplier_map, rotations
+from ..scene import Scene
+from ..settings import Settings
+
+#: Height of a hemicube's eye above its patch, relative to the scene's diagonal; the GPU path has the same.
+OFFSET = 2e-5
+
+
+@dataclass(frozen=True)
+class View:
+    """What a hemicube sees, texel by texel in the stacked layout.
+
+    owner   (3n, n) int32, patch index + 1, or 0 where no patch owns the lightmap texel
+    facing  (3n, n) int8, 1 front of a surface, -1 back, 0 surroundings
+    """
+
+    owner: np.ndarray
+    facing: np.ndarray
+
+
+class CpuHemicubes:
+    """The hemicubes of a scene's patches, with the directions, rotations and look-ups of the GPU path.
+
+    owners    (atlases, r, r) uint32 index map: patch + 1, or 0
+    emission  (n, 3) float32, radiance, seen on back faces
+
+    Made for small scenes: every ray meets every triangle.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        triangles: Triangles,
+        geometry: PatchGeometry,
+        owners: np.ndarray,
+        emission: np.ndarray,
+        settings: Settings,
+    ) -> None:
+        self._triangles, self._owners, self._emission = triangles, owners, emission
+        self._world = np.append(scene.world, 1).astype(np.float32)
+        self._multiplier = multiplier_map(settings.hemicube)
+        diagonal = float(np.linalg.norm(np.ptp(triangles.positions.reshape(-1, 3), axis=0)))
+        self._eye = geometry.center + OFFSET * diagonal * geometry.geometric.astype(np.float64)
+        angle = rotations(settings.seed, np.arange(len(self._eye)))
+        frame = frames(geometry.normal, angle if settings.rotate else np.zeros(len(self._eye)))
+        self._axes = face_axes(frame)
+        self._grid = texel_directions(settings.hemicube)
+
+    def view(self, patch: int) -> View:
+        """Cast a ray through the centre of every hemicube texel of a patch."""
+        axes = self._axes[patch]
+        directions = np.concatenate([grid @ face for grid, face in zip(self._grid, axes, strict=True)])
+        triangle, uv, front = nearest_hits(self._eye[patch], directions, self._triangles)
+
+        # The lightmap texel that was hit, and the patch that owns it.
+        resolution = self._owners.shape[-1]
+        x, y = np.clip((uv * resolution).astype(int), 0, resolution - 1).T
+        hit = triangle >= 0
+        owner = np.where(hit, self._owners[self._triangles.atlas[triangle], y, x], 0)
+        shape = self._multiplier.shape
+        facing = np.where(hit, np.where(front, 1, -1), 0)
+        return View(owner.astype(np.int32).reshape(shape), facing.astype(np.int8).reshape(shape))
+
+    def image(self, view: View, radiance: np.ndarray) -> np.ndarray:
+        """Return the hemicube image of a view, (3n, n, 4) float32: radiance, and 0 in a for back faces.
+
+        radiance: (n, 3) float32, of each patch.
+        """
+        image = np.zeros((*view.owner.shape, 4), np.float32)
+        image[..., 3] = view.facing >= 0
+        for facing, values in ((1, radiance), (-1, self._emission)):
+            chosen = (view.facing == facing) & (view.owner > 0)
+            image[chosen, :3] = values[view.owner[chosen] - 1]
+        image[view.facing == 0] = self._world
+        return image
+
+    def gather(self, views: list[View], radiance: np.ndarray) -> np.ndarray:
+        """Return E/pi and the share of front faces of patches, (m, 4) float32, one hemicube at a time.
+
+        views     of m patches
+        radiance  (n, 3) float32, of each patch
+        """
+        return np.array([integrate(self.image(view, radiance), self._multiplier) for view in views])
+
+
+def integrate(image: np.ndarray, multiplier: np.ndarray) -> np.ndarray:
+    """Integrate one hemicube in the order of the three kernels (paper, IV.C): multiply, rows, columns.
+
+    image       (3n, n, 4) float32, stacked layout
+    multiplier  (3n, n) float32, from `hemicube.multiplier_map`
+
+    Returns (4,) float32, the weighted sum.
+    """
+    workspace = image.astype(np.float32) * multiplier[..., None]
+    row: np.ndarray = workspace[0]
+    for texels in workspace[1:]:
+        row = row + texels
+    while len(row) > 1:
+        half = len(row) // 2
+        row = row[:half] + row[half:]
+    total: np.ndarray = row[0]
+    return total
+
+
+def texel_directions(n: int) -> list[np.ndarray]:
+    """Return the centres of each face's texels in the face's axes right, up, forward.
+
+    Returns five (k, 3) float64 arrays, texels row by row; forward is 1.
+    """
+    along = (np.arange(n) + 0.5) * 2 / n - 1
+    grids = []
+    for _, rows in face_rows(n):
+        up = along[n - rows :]
+        x, y = np.meshgrid(along, up)
+        grids.append(np.stack([x.ravel(), y.ravel(), np.ones(x.size)], axis=1))
+    return grids
+
+
+def nearest_hits(
+    eye: np.ndarray, directions: np.ndarray, triangles: Triangles
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the nearest triangle along each ray (Moeller and Trumbore 1997).
+
+    eye         (3,) float64, world space, metres
+    directions  (m, 3) float64, world space, any length
+
+    Returns the triangle, (m,) int, -1 for none; its lightmap uv there, (m, 2) float64; and whether its
+    front is hit, (m,) bool.
+    """
+    corners = triangles.positions.astype(np.float64)
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normal, offset = np.cross(first, second), eye - corners[:, 0]
+
+    # Cramer's rule; all rays start at the eye, so that the cross products are the triangles' own.
+    determinant = -(directions @ normal.T)
+    inverse = np.divide(1, determinant, out=np.full_like(determinant, np.nan), where=determinant != 0)
+    b = -(directions @ np.cross(offset, second).T) * inverse
+    c = (directions @ np.cross(offset, first).T) * inverse
+    distance = (offset * normal).sum(axis=1) * inverse
+
+    # The nearest of the triangles that a ray meets in front of the eye.
+    edge = -1e-9
+    inside = (b >= edge) & (c >= edge) & (b + c <= 1 - edge) & (distance > 0)
+    distance = np.where(inside, distance, np.inf)
+    nearest = distance.argmin(axis=1)
+    ray = np.arange(len(directions))
+    weights = np.stack([1 - b[ray, nearest] - c[ray, nearest], b[ray, nearest], c[ray, nearest]], axis=1)
+    hit = inside[ray, nearest]
+    uv = np.einsum("mk,mkd->md", np.where(hit[:, None], weights, 0), triangles.uvs[nearest])
+    return np.where(hit, nearest, -1), uv, determinant[ray, nearest] > 0

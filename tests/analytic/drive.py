@@ -1,0 +1,59 @@
+"""Runs bakes to their end, and prepares the same scenes for the reference solvers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from engine import Lightmap, Progress, Scene, Settings, bake
+from engine.geometry import PatchGeometry, Triangles, gather_triangles, patch_geometry
+from engine.patches import PatchList
+from engine.reference.cpu_hemicubes import CpuHemicubes
+from engine.reference.cpu_patches import list_patches, owner_map
+
+
+def drive(scene: Scene, settings: Settings) -> Lightmap:
+    """Bake to the end."""
+    return drive_with_progress(scene, settings)[0]
+
+
+def drive_with_progress(scene: Scene, settings: Settings) -> tuple[Lightmap, list[Progress]]:
+    """Bake to the end; return the lightmap and everything the bake told about itself."""
+    generator, told = bake(scene, settings), []
+    while True:
+        try:
+            told.append(next(generator))
+        except StopIteration as stop:
+            return stop.value, told
+
+
+def irradiance(lightmap: Lightmap) -> np.ndarray:
+    """Return E/pi of every patch of a lightmap, (n, 3) float32, in the order of the patch list."""
+    return lightmap.image[lightmap.covered]
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A scene with its patches, made without a GPU; reflectance and emission are (n, 3) float32."""
+
+    scene: Scene
+    patches: PatchList
+    triangles: Triangles
+    geometry: PatchGeometry
+    reflectance: np.ndarray
+    emission: np.ndarray
+
+    def hemicubes(self, settings: Settings) -> CpuHemicubes:
+        """Return the scene's hemicubes on the processor."""
+        owners = owner_map(self.scene, self.patches)
+        return CpuHemicubes(self.scene, self.triangles, self.geometry, owners, self.emission, settings)
+
+
+def prepare(scene: Scene, resolution: int) -> Prepared:
+    """Return a scene with its patches."""
+    patches, triangles = list_patches(scene, resolution), gather_triangles(scene)
+    geometry = patch_geometry(scene, triangles, patches)
+    reflectance = np.stack([material.reflectance for material in scene.materials])[geometry.material]
+    emission = np.stack([material.emission for material in scene.materials])[geometry.material]
+    return Prepared(scene, patches, triangles, geometry, reflectance, emission)

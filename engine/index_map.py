@@ -20,6 +20,9 @@ _OFFSETS = sorted(
     key=lambda offset: (offset[0] ** 2 + offset[1] ** 2, offset),
 )
 
+#: A point this near to a texel's centre, in texels along u and v, lies within it and not on its border.
+_WITHIN = 0.499
+
 
 def add_thin_patches(
     scene: Scene, triangles: Triangles, patches: PatchList, touched: np.ndarray
@@ -33,11 +36,11 @@ def add_thin_patches(
     owners = _covered_map(patches, touched.shape)
     border = np.argwhere((touched >= 0) & (owners == 0))
     border_triangle = touched[tuple(border.T)]
-    barycentric = _closest_barycentric(triangles, border, border_triangle, patches.resolution)
+    barycentric, inside = _closest_points(triangles, border, border_triangle, patches.resolution)
     neighbour = _owning_neighbour(geometry, triangles, owners, border, border_triangle, barycentric)
 
     # Surfaces without a covered centre nearby become patches at the point nearest to the texel's centre.
-    thin = neighbour == 0
+    thin = (neighbour == 0) & inside
     if thin.any():
         thin_patches = _patches_at(
             scene, patches.resolution, triangles, border[thin], border_triangle[thin], barycentric[thin]
@@ -61,24 +64,30 @@ def _covered_map(patches: PatchList, shape: tuple[int, ...]) -> np.ndarray:
     return owners
 
 
-def _closest_barycentric(
+def _closest_points(
     triangles: Triangles, texels: np.ndarray, triangle: np.ndarray, resolution: int
-) -> np.ndarray:
-    """Return the barycentrics (m, 3) of the point of each triangle nearest to a texel's centre in UV space."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the barycentrics (m, 3) of the point of each triangle nearest to a texel's centre in UV space.
+
+    The second array, (m,) bool, tells which of these points lie within their texel.
+    """
     corners = triangles.uvs[triangle].astype(np.float64) * resolution
     center = texels[:, [2, 1]] + 0.5
     best = np.zeros((len(texels), 3))
     best_distance = np.full(len(texels), np.inf)
+    inside = np.zeros(len(texels), bool)
     for first, second in ((0, 1), (1, 2), (2, 0)):
         start, edge = corners[:, first], corners[:, second] - corners[:, first]
         length2 = np.maximum((edge * edge).sum(axis=1), 1e-20)
         t = np.clip(((center - start) * edge).sum(axis=1) / length2, 0, 1)
-        distance = np.linalg.norm(start + t[:, None] * edge - center, axis=1)
+        offset = start + t[:, None] * edge - center
+        distance = np.linalg.norm(offset, axis=1)
         nearer = distance < best_distance
         best_distance[nearer] = distance[nearer]
+        inside[nearer] = np.abs(offset[nearer]).max(axis=1) < _WITHIN
         best[nearer] = 0
         best[nearer, first], best[nearer, second] = 1 - t[nearer], t[nearer]
-    return best.astype(np.float32)
+    return best.astype(np.float32), inside
 
 
 def _owning_neighbour(

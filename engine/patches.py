@@ -87,8 +87,7 @@ def _rasterise_atlas(
     images = [
         np.frombuffer(target.read(), np.float32).reshape(resolution, resolution, 4) for target in targets
     ]
-    for resource in (vertices, buffer, program, framebuffer, *targets):
-        resource.release()
+    graphics.discard(vertices, buffer, program, framebuffer, *targets)
     return images[0], images[1]
 
 

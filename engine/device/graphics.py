@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 import moderngl
 
@@ -31,6 +32,7 @@ class Graphics:
             remedy = _REMEDY.get(sys.platform, "Install a graphics driver.")
             raise DeviceError(f"No OpenGL 4.1 driver could be started ({error}). {remedy}") from error
         self.raw = RawGL()
+        self._parking = self.context.simple_framebuffer((1, 1))
         self.name: str = self.context.info["GL_RENDERER"]
 
         # Reversed depth keeps its precision at every distance; it needs OpenGL 4.5.
@@ -43,6 +45,12 @@ class Graphics:
         keyword = {"vert": "vertex_shader", "geom": "geometry_shader", "frag": "fragment_shader"}
         sources = {keyword[stage]: shader_source(f"{name}.{stage}") for stage in stages}
         return self.context.program(**sources)
+
+    def discard(self, *resources: Any) -> None:
+        """Release ModernGL objects; no framebuffer of theirs stays bound."""
+        self._parking.use()
+        for resource in resources:
+            resource.release()
 
     def release(self) -> None:
         """Destroy the context and everything made in it."""

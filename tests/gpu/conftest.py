@@ -1,0 +1,20 @@
+from collections.abc import Iterator
+
+import pytest
+
+from engine.device.graphics import Graphics
+
+
+@pytest.fixture(scope="module")
+def graphics() -> Iterator[Graphics]:
+    """One OpenGL context a module; no call of a test may leave an OpenGL error behind."""
+    device = Graphics()
+    yield device
+    device.release()
+
+
+@pytest.fixture(autouse=True)
+def no_gl_error(request: pytest.FixtureRequest) -> Iterator[None]:
+    yield
+    if "graphics" in request.fixturenames:
+        assert request.getfixturevalue("graphics").context.error == "GL_NO_ERROR"

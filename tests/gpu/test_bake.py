@@ -1,0 +1,110 @@
+import os
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine import Lightmap, SceneError, Settings, SettingsError, bake
+from tests.analytic.scenes import furnace, quads, rectangle, room_walls
+
+ROOT = Path(__file__).resolve().parents[2]
+QUICK = Settings(resolution=32, hemicube=8, iterations=3, tolerance=0)
+
+
+def finished(scene, settings) -> Lightmap:
+    steps = bake(scene, settings)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as stop:
+            return stop.value
+
+
+def test_dilation_touches_no_covered_texel():
+    """The light is the same, bit for bit, with and without dilation."""
+    plain = finished(furnace(0.5, 1.0), replace(QUICK, dilation=0))
+    dilated = finished(furnace(0.5, 1.0), replace(QUICK, dilation=32))
+    covered = plain.covered
+    assert (plain.image.view(np.uint32) == dilated.image.view(np.uint32)).all()
+    assert (dilated.display[covered].view(np.uint32) == plain.image[covered].view(np.uint32)).all()
+    assert (plain.display[~covered] == 0).all() and (dilated.display > 0).all()
+
+
+def test_progress_reports_stages_energy_and_partial_lightmaps():
+    steps = list(bake(furnace(0.5, 1.0), QUICK))
+    assert [step.stage for step in steps][:2] == ["patches", "patches"]
+    partial = [step for step in steps if step.partial is not None]
+    assert [step.iteration for step in partial] == [1, 2, 3]
+    assert all(step.partial.shape == (1, 32, 32, 3) for step in partial)
+    energies = [step.energy for step in partial]
+    assert energies[1] == pytest.approx(energies[0] / 2, rel=1e-3)
+    fractions = [step.fraction for step in steps if step.stage == "hemicubes" and step.partial is None]
+    assert all(0 < fraction <= 1 for fraction in fractions) and len(fractions) >= 3
+
+
+def test_closing_the_generator_cancels_and_the_next_bake_works():
+    for _ in range(3):
+        steps = bake(furnace(0.5, 1.0), QUICK)
+        for _ in range(4):
+            next(steps)
+        steps.close()
+    assert finished(furnace(0.5, 1.0), QUICK).report.iterations == 3
+
+
+def test_report_tells_the_facts():
+    report = finished(furnace(0.5, 1.0), QUICK).report
+    assert report.patches == 384 and len(report.energies) == 3 and not report.converged
+    assert set(report.devices) == {"gl", "cl"} and all(report.devices.values())
+    assert {"devices", "patches", "hemicubes"} <= set(report.seconds)
+
+
+def test_world_light_reaches_an_open_plane():
+    plane = quads(rectangle((0, 0, 0), (2, 0, 0), (0, 2, 0))[None], [(2, 2, 16, 16)], [0], 32, "Plane")
+    scene = replace(furnace(0.5, 0.0), meshes=(plane,), world=np.float32([0.2, 0.4, 0.6]))
+    lightmap = finished(scene, QUICK)
+    np.testing.assert_allclose(lightmap.image[lightmap.covered], np.tile([0.2, 0.4, 0.6], (256, 1)), rtol=1e-5)
+
+
+def test_texels_inside_a_closed_object_are_filled_for_display_only():
+    """A box without a floor stands on a plane: the texels below it see the insides of its walls."""
+    plane = quads(rectangle((-2, -2, 0), (4, 0, 0), (0, 4, 0))[None], [(2, 2, 16, 16)], [0], 32, "Floor")
+    walls = room_walls(1, 1, 1)[1:, ::-1] - [0.5, 0.5, 0]
+    box = quads(walls, [(20 + 6 * (i % 2), 2 + 6 * (i // 2), 4, 4) for i in range(5)], [0] * 5, 32, "Box")
+    scene = replace(furnace(0.5, 0.0), meshes=(plane, box), world=np.ones(3, np.float32))
+    lightmap = finished(scene, QUICK)
+    hidden = lightmap.covered[0] & (lightmap.image[0].max(axis=-1) < 1e-3)
+    assert hidden[8:12, 8:12].all() and hidden.sum() == 16
+    assert (lightmap.display[0][hidden] > 0.1).all()
+
+
+def test_bad_settings_and_scenes_raise_before_any_device_is_opened():
+    with pytest.raises(SettingsError, match="resolution is 100000; choose 8 to 16384"):
+        next(bake(furnace(0.5, 1.0), replace(QUICK, resolution=100000)))
+    with pytest.raises(SceneError, match="no mesh"):
+        next(bake(replace(furnace(0.5, 1.0), meshes=()), QUICK))
+
+
+@pytest.mark.parametrize(
+    ("variables", "message"),
+    [
+        ({"__EGL_VENDOR_LIBRARY_FILENAMES": "/nonexistent"}, "No OpenGL 4.1 driver.*apt install libegl1"),
+        ({"OCL_ICD_VENDORS": "/nonexistent", "OCL_ICD_FILENAMES": ""}, "OpenCL could not be started.*apt install pocl-opencl-icd"),
+    ],
+)
+def test_a_missing_driver_is_a_clear_error(variables, message):
+    code = (
+        "from engine import bake, Settings, DeviceError\n"
+        "from tests.analytic.scenes import furnace\n"
+        "try: next(bake(furnace(0.5, 1.0), Settings()))\n"
+        "except DeviceError as error: print(error)\n"
+    )
+    environment = {**os.environ, **variables}
+    result = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=60
+    )
+    assert result.returncode == 0, result.stderr
+    assert re.search(message, result.stdout)

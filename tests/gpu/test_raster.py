@@ -1,0 +1,84 @@
+import numpy as np
+import pytest
+
+from engine.device.compute import Compute
+from engine.device.graphics import Graphics
+from engine.device.share import HostCopy
+from engine.geometry import gather_triangles
+from engine.hemicube import face_rows, frames, matrices, multiplier_map, rotations
+from engine.integrate.opencl import HemicubeIntegrator
+from engine.visibility.raster import HemicubeRaster
+from engine.visibility.tiles import Tiles
+from tests.analytic.scenes import furnace
+
+WORLD = np.float32([0.25, 0.5, 0.75])
+
+
+def drawn(graphics, tiles, count, emission=0.0, eye=(0.5, 0.5, 0.5)):
+    """Draw `count` hemicubes inside (or outside) the furnace; every patch shines with its number."""
+    triangles = gather_triangles(furnace(0.5, 1.0))
+    owners = np.ones((1, 32, 32), np.uint32)
+    raster = HemicubeRaster(graphics, tiles, triangles, owners, np.full((1, 3), emission, np.float32), WORLD)
+    raster.set_radiance(np.full((1, 3), 2, np.float32))
+    frame = frames(np.tile([0.0, 0.0, 1.0], (count, 1)), rotations(1, np.arange(count)))
+    eyes = np.tile(np.array(eye) - raster.origin, (count, 1))
+    assert list(raster.draw(matrices(frame, eyes, 1e-4, graphics.reversed_depth), 1))[-1] == count
+    image = np.frombuffer(raster.texture.read(), np.float32)
+    return raster, image.reshape(tiles.layers, tiles.height, tiles.width, 4)
+
+
+@pytest.mark.parametrize("tiles", [Tiles(16, 3, 1, 4), Tiles(8, 4, 2, 2), Tiles(32, 1, 1, 3), Tiles(16, 5, 1, 2)])
+def test_every_slot_and_no_more_is_filled(graphics, tiles):
+    count = tiles.capacity - 1
+    _, image = drawn(graphics, tiles, count)
+    x, y = tiles.origin(tiles.per_layer - 1)
+    last = image[-1, y : y + 3 * tiles.n, x : x + tiles.n].copy()
+    assert (last[..., :3] == WORLD).all()
+    image = image.copy()
+    image[-1, y : y + 3 * tiles.n, x : x + tiles.n] = 2
+    assert (image[..., :3] == 2).all()
+
+
+def test_back_faces_show_emission_and_are_counted(graphics):
+    """Seen from below, the cube's outer sides are back faces: black but for their emission."""
+    tiles = Tiles(32, 1, 1, 1)
+    _, image = drawn(graphics, tiles, 1, emission=0.125, eye=(0.5, 0.5, -0.5))
+    seen = image[0, :32, :, 3]
+    assert (image[0, :32, :, :3][seen == 0] == 0.125).all() and (seen == 0).any()
+    assert (image[0, :32, :, :3][seen == 1] == WORLD).all() and (seen == 1).any()
+
+
+@pytest.mark.parametrize("tiles", [Tiles(16, 3, 1, 3), Tiles(8, 4, 2, 2), Tiles(64, 2, 1, 2), Tiles(128, 1, 1, 1)])
+def test_kernels_equal_a_sum_in_double_precision(graphics, tiles):
+    compute = Compute()
+    raster, _ = drawn(graphics, tiles, tiles.capacity)
+    values = np.random.default_rng(5).random((tiles.layers, tiles.height, tiles.width, 4), np.float32)
+    raster.texture.write(values.tobytes())
+    result = HemicubeIntegrator(compute, tiles).integrate(
+        HostCopy(compute, raster.texture).update(), tiles.capacity
+    )
+    weights = multiplier_map(tiles.n).astype(np.float64)
+    for slot in range(tiles.capacity):
+        layer, tile = divmod(slot, tiles.per_layer)
+        x, y = tiles.origin(tile)
+        cube = values[layer, y : y + 3 * tiles.n, x : x + tiles.n].astype(np.float64)
+        np.testing.assert_allclose(result[slot], np.einsum("yx,yxc->c", weights, cube), rtol=2e-6)
+
+
+def test_layout_has_one_face_after_another():
+    rows = face_rows(16)
+    assert rows == [(0, 16), (16, 8), (24, 8), (32, 8), (40, 8)]
+
+
+def test_standard_depth_draws_the_same_picture(graphics):
+    """A driver without clip control (OpenGL 4.1) uses the usual depth range."""
+    tiles = Tiles(32, 3, 1, 1)
+    _, reversed_image = drawn(graphics, tiles, 3, eye=(0.3, 0.6, 0.2))
+    plain = Graphics()
+    try:
+        plain.raw("glClipControl", 0x8CA1, 0x935E)
+        plain.reversed_depth = False
+        _, image = drawn(plain, tiles, 3, eye=(0.3, 0.6, 0.2))
+    finally:
+        plain.release()
+    assert (image == reversed_image).all()

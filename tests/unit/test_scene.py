@@ -1,0 +1,52 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from engine.errors import SceneError, SettingsError
+from engine.scene import Material, Mesh, Scene, check_scene
+from engine.settings import Settings, check_settings
+
+
+def triangle(**changes):
+    positions = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]]], np.float32)
+    normals = np.broadcast_to(np.float32([0, 0, 1]), (1, 3, 3))
+    index = np.zeros(1, np.int32)
+    return replace(Mesh("Lamp", positions, normals, positions[..., :2], index, index, index), **changes)
+
+
+def scene(*meshes):
+    return Scene(meshes, (Material("grey", np.ones(3), np.zeros(3)),))
+
+
+def test_a_sound_scene_passes():
+    check_scene(scene(triangle()))
+
+
+@pytest.mark.parametrize("name", ["positions", "uvs"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_not_finite(name, value):
+    values = getattr(triangle(), name).copy()
+    values[0, 1, 0] = value
+    with pytest.raises(SceneError, match="Object 'Lamp' has NaN.*[.] [A-Z]"):
+        check_scene(scene(triangle(**{name: values})))
+
+
+def test_uvs_outside():
+    with pytest.raises(SceneError, match="Object 'Lamp' has lightmap UVs outside 0-1"):
+        check_scene(scene(triangle(uvs=triangle().uvs + 0.5)))
+
+
+def test_no_mesh():
+    with pytest.raises(SceneError, match="no mesh with faces"):
+        check_scene(scene())
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("resolution", 0), ("resolution", 100000), ("hemicube", 48), ("iterations", 0), ("tolerance", -1),
+     ("tolerance", float("nan")), ("method", "magic"), ("dilation", -1)],
+)  # fmt: skip
+def test_settings_out_of_range(name, value):
+    with pytest.raises(SettingsError, match=name):
+        check_settings(Settings(**{name: value}))

@@ -1,0 +1,155 @@
+"""What runs in the worker process: `python -m engine.worker_main ADDRESS`, the key on standard input.
+
+The parent owns one block of shared memory a bake, and whose turn it is may touch it:
+
+    parent                            worker
+    bake BLOCK (scene, settings)  ->
+                                  <-  grow SIZE                   the next object does not fit
+    turn BLOCK (a larger one)     ->
+                                  <-  progress (in the block)     the newest one
+    turn BLOCK (taken)            ->
+                                  <-  lightmap or error (in the block); the bake is over
+    cancel                        ->
+                                  <-  cancelled; the bake is over
+"""
+
+from __future__ import annotations
+
+import argparse
+import faulthandler
+import importlib
+import signal
+import sys
+import traceback
+from collections.abc import Callable, Generator
+from contextlib import closing, suppress
+from dataclasses import replace
+from multiprocessing.connection import Connection, Listener
+from typing import Any, NoReturn
+
+from . import transport
+from .lightmap import Lightmap
+from .progress import Progress
+from .scene import Scene
+from .settings import Settings
+from .shared_block import BorrowedBlock
+
+Bake = Callable[[Scene, Settings], Generator[Progress, None, Lightmap]]
+
+#: How long the parent may take to connect before the process gives up, s.
+CONNECT_LIMIT = 60
+
+
+class _Cancelled(Exception):
+    """The parent does not want the lightmap any more."""
+
+
+class _Outbox:
+    """The worker's end of the protocol above, from the moment a bake has begun."""
+
+    def __init__(self, connection: Connection[Any, Any], block: str) -> None:
+        self._connection = connection
+        self._block: str | None = block
+
+    def offer(self, kind: str, value: object) -> bool:
+        """Send an object if it is our turn and the block is large enough; return whether it went."""
+        if self._block is None:
+            return False
+        parcel = transport.Parcel(value)
+        with BorrowedBlock(self._block) as block:
+            fits = block.write(parcel)
+        self._connection.send((kind,) if fits else ("grow", parcel.size))
+        self._block = None
+        return fits
+
+    def send(self, kind: str, value: object) -> None:
+        """Send an object, after waiting for our turn and for space."""
+        while not self.offer(kind, value):
+            self.listen(None)
+
+    def listen(self, patience: float | None = 0) -> None:
+        """Hear what the parent says within `patience` s (None: for ever); raise _Cancelled if it cancels."""
+        if self._connection.poll(patience):
+            request, *names = self._connection.recv()
+            if request == "cancel":
+                raise _Cancelled
+            (self._block,) = names
+
+
+def serve(connection: Connection[Any, Any], bake: Bake) -> None:
+    """Bake whatever the parent asks for; raise EOFError or OSError when it is gone."""
+    while True:
+        request, *names = connection.recv()
+        if request == "bake":
+            _answer(connection, bake, *names)
+        elif request == "cancel":
+            connection.send(("cancelled",))
+
+
+def _answer(connection: Connection[Any, Any], bake: Bake, name: str) -> None:
+    """Run one bake and send what comes of it."""
+    with BorrowedBlock(name) as block:
+        scene, settings = block.read()
+    outbox = _Outbox(connection, name)
+    try:
+        outbox.send(*_outcome(bake, scene, settings, outbox))
+    except _Cancelled:
+        connection.send(("cancelled",))
+
+
+def _outcome(bake: Bake, scene: Scene, settings: Settings, outbox: _Outbox) -> tuple[str, object]:
+    """Return "lightmap" and it, or "error" and its description."""
+    try:
+        with closing(bake(scene, settings)) as job:
+            _report(job, outbox)
+    except StopIteration as end:
+        return "lightmap", end.value
+    except _Cancelled:
+        raise
+    except Exception as error:  # noqa: BLE001
+        return "error", transport.describe_error(error, traceback.format_exc())
+
+
+def _report(job: Generator[Progress, None, Lightmap], outbox: _Outbox) -> NoReturn:
+    """Run a bake to its StopIteration; offer the newest progress, with the newest partial, after each slice."""
+    newest = next(job)
+    while True:
+        outbox.listen()
+        sent = outbox.offer("progress", newest)
+        partial = None if sent else newest.partial
+        newest = next(job)
+        if newest.partial is None and partial is not None:
+            newest = replace(newest, partial=partial)
+
+
+def _accept(address: str, key: bytes) -> Connection[Any, Any]:
+    """Wait for the parent to connect; end the process if it does not come."""
+    faulthandler.dump_traceback_later(CONNECT_LIMIT, exit=True)
+    listener = Listener(address, authkey=key)
+    try:
+        return listener.accept()
+    finally:
+        faulthandler.cancel_dump_traceback_later()
+        with suppress(FileNotFoundError):
+            listener.close()
+
+
+def main() -> None:
+    """Serve one parent until it closes the connection or dies."""
+    parser = argparse.ArgumentParser(prog="engine.worker_main", description=__doc__)
+    parser.add_argument("address", help="where to listen: a socket's path, or a pipe's name on Windows")
+    parser.add_argument("--bake", default="engine:bake", help="module:function of the generator to run")
+    arguments = parser.parse_args()
+
+    # Ctrl-C in a terminal is for the parent, which then says what to do here.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    faulthandler.enable()
+
+    module, function = arguments.bake.split(":")
+    bake = getattr(importlib.import_module(module), function)
+    with _accept(arguments.address, sys.stdin.buffer.read()) as connection, suppress(EOFError, OSError):
+        serve(connection, bake)
+
+
+if __name__ == "__main__":
+    main()

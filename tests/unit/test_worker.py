@@ -1,0 +1,385 @@
+"""The worker process: what goes in and out, and that nothing it does can hurt its parent."""
+
+import math
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from multiprocessing.shared_memory import SharedMemory
+from pathlib import Path
+from types import SimpleNamespace
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from engine import shared_block, worker_process
+from engine.errors import DeviceError, SceneError, SettingsError, WorkerError
+from engine.lightmap import Lightmap
+from engine.scene import Material, Mesh, Scene
+from engine.settings import Settings
+from engine.transport import Parcel
+from engine.worker import Worker
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+SETTINGS = Settings(resolution=32, iterations=7, array_size=(1, 2, 3))
+
+
+class RecordedMemory(SharedMemory):
+    """Shared memory that remembers the names of all blocks made."""
+
+    names: ClassVar[list[str]] = []
+
+    def __init__(self, *args, **options):
+        super().__init__(*args, **options)
+        self.names.append(self.name)
+
+
+@pytest.fixture
+def start(monkeypatch, capfd, tmp_path):
+    """Start workers on the bakes of `worker_bakes.py`; afterwards nothing of them may be left."""
+    monkeypatch.setattr(shared_block, "SharedMemory", RecordedMemory)
+    monkeypatch.setattr(RecordedMemory, "names", [])
+    monkeypatch.syspath_prepend(str(HERE))
+    workers = []
+
+    def start(bake, **options):
+        workers.append(Worker(bake=f"worker_bakes:{bake}", **options))
+        return workers[-1]
+
+    # A short path, which `tmp_path` is not: sockets allow about 100 characters.
+    with tempfile.TemporaryDirectory() as folder:
+        monkeypatch.setattr(tempfile, "tempdir", folder)
+        yield start
+        processes = [worker.process for worker in workers if worker.process]
+        for worker in workers:
+            worker.stop()
+        assert all(process.poll() is not None for process in processes)
+        assert list(Path(folder).glob("hemibake-*")) == []
+    assert [name for name in RecordedMemory.names if _exists(name)] == []
+    assert capfd.readouterr().err == ""
+
+
+def _exists(name):
+    try:
+        SharedMemory(name).close()
+    except FileNotFoundError:
+        return False
+    return True
+
+
+def _finish(job):
+    """Drain a bake; return its progress and its lightmap."""
+    steps = []
+    while True:
+        try:
+            steps.append(next(job))
+        except StopIteration as end:
+            return [step for step in steps if step], end.value
+
+
+def _first(job):
+    """Return the first progress of a bake."""
+    return next(step for step in job if step)
+
+
+def _wait(condition, seconds=5):
+    """Return whether a condition comes true in time."""
+    deadline = time.monotonic() + seconds
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    return condition()
+
+
+def _mesh(name, count, seed):
+    random = np.random.default_rng(seed)
+    positions = random.standard_normal((count, 3, 3)).astype(np.float32)
+    positions[0, 0] = np.nan, -0.0, np.inf
+    uvs = np.asfortranarray(random.random((count, 3, 2), np.float32))
+    index = np.arange(2 * count, dtype=np.int32)
+    return Mesh(name, positions, positions[:, ::-1], uvs, index[::2], index[:count], index[:count] % 2, 1)
+
+
+def _scene(name="Würfel", atlases=("a", "b")):
+    grey = np.full(3, 0.5, np.float32)
+    return Scene((_mesh(name, 100, 0), _mesh("two", 1, 1)), (Material("m", grey, grey / 3),), atlases, grey)
+
+
+def _same(one, two):
+    """Compare two values and everything in them, arrays bit for bit."""
+    if isinstance(one, np.ndarray):
+        same_kind = (one.dtype, one.shape) == (two.dtype, two.shape)
+        return same_kind and one.tobytes() == two.tobytes()
+    if hasattr(one, "__dataclass_fields__"):
+        return type(one) is type(two) and _same(vars(one), vars(two))
+    if isinstance(one, dict):
+        return one.keys() == two.keys() and all(_same(one[key], two[key]) for key in one)
+    if isinstance(one, tuple):
+        return len(one) == len(two) and all(map(_same, one, two))
+    return type(one) is type(two) and one == two
+
+
+def test_lightmap_is_the_one_of_the_same_bake_in_process(start):
+    import worker_bakes
+
+    steps, lightmap = _finish(start("echo").bake(_scene(), SETTINGS))
+    here_steps, here = _finish(worker_bakes.echo(_scene(), SETTINGS))
+    assert isinstance(lightmap, Lightmap)
+    assert _same(replace(lightmap, report=None), replace(here, report=None))
+    assert _same(replace(lightmap.report, devices={}), replace(here.report, devices={}))
+    assert steps and _same(steps[-1], here_steps[-1])
+
+
+def test_scene_and_settings_arrive_bit_for_bit(start):
+    assert _same(_finish(start("return_scene").bake(_scene(), SETTINGS))[1], (_scene(), SETTINGS))
+
+
+def test_process_starts_with_the_first_bake_and_serves_the_next(start):
+    worker = start("echo")
+    assert worker.process is None and not worker.alive
+    pids = {_finish(worker.bake(_scene(), SETTINGS))[1].report.devices["pid"] for _ in range(2)}
+    assert worker.alive and pids == {str(worker.process.pid)}
+    worker.stop()
+    worker.stop()
+    assert worker.process is None and not worker.alive
+
+
+@pytest.mark.parametrize("error", [SceneError, SettingsError, DeviceError])
+def test_error_keeps_its_class_and_message(start, error):
+    import worker_bakes
+
+    worker = start("fail")
+    scene = _scene(error.__name__)
+    with pytest.raises(error) as here:
+        _finish(worker_bakes.fail(scene, SETTINGS))
+    with pytest.raises(error) as there:
+        _finish(worker.bake(scene, SETTINGS))
+    assert type(there.value) is error and str(there.value) == str(here.value)
+    assert worker.alive
+
+
+def test_bug_brings_its_traceback_and_ends_the_process(start):
+    worker = start("fail")
+    with pytest.raises(WorkerError, match=r"(?s)ZeroDivisionError: the deeper cause\. Please.*bakes\.py"):
+        _finish(worker.bake(_scene("bug"), SETTINGS))
+    assert not worker.alive
+
+
+def test_next_is_quick_and_progress_is_the_newest(start):
+    job = start("endless").bake(_scene(atlases=(os.devnull,)), SETTINGS)
+    assert _first(job).iteration < 100
+    time.sleep(0.5)
+
+    # What lay in the block while nobody looked is old; what follows is not a queue of all between.
+    first, second = _first(job).iteration, _first(job).iteration
+    assert second > first + 20
+
+    waits = []
+    for _ in range(50):
+        begun = time.perf_counter()
+        next(job)
+        waits.append(time.perf_counter() - begun)
+    assert np.median(waits) < 0.01
+    job.close()
+
+
+def test_partial_is_never_torn(start):
+    job = start("endless").bake(_scene(atlases=(os.devnull,)), SETTINGS)
+    partials = [step.partial for step, _ in zip(filter(None, job), range(30))]
+    assert all(len(np.unique(partial)) == 1 for partial in partials)
+    assert len({partial[0, 0, 0, 0] for partial in partials}) == 30
+    job.close()
+
+
+def test_talkative_child_is_not_held_up(start):
+    job = start("chatter").bake(_scene(), SETTINGS)
+    next(job)
+    time.sleep(0.2)
+    steps, lightmap = _finish(job)
+    assert isinstance(lightmap, Lightmap)
+    assert len(steps) < 10_000
+
+
+def test_close_cancels_in_the_child(start, tmp_path):
+    worker = start("endless")
+    job = worker.bake(_scene(atlases=(str(tmp_path / "mark"),)), SETTINGS)
+    _first(job)
+    pid = worker.process.pid
+    job.close()
+    assert (tmp_path / "mark").read_text() == "closed"
+    _first(worker.bake(_scene(atlases=(os.devnull,)), SETTINGS))
+    assert worker.process.pid == pid
+
+
+def test_close_before_the_first_next_starts_nothing(start):
+    worker = start("endless")
+    worker.bake(_scene(), SETTINGS).close()
+    assert worker.process is None
+
+
+def test_close_while_the_child_starts(start):
+    worker = start("echo")
+    job = worker.bake(_scene(), SETTINGS)
+    next(job)
+    job.close()
+    assert not worker.alive
+    assert isinstance(_finish(worker.bake(_scene(), SETTINGS))[1], Lightmap)
+
+
+def test_deaf_child_is_killed_by_close(start, monkeypatch):
+    monkeypatch.setattr(worker_process, "PATIENCE", 0.3)
+    worker = start("deaf")
+    job = worker.bake(_scene(), SETTINGS)
+    _first(job)
+    old = worker.process
+    begun = time.monotonic()
+    job.close()
+    assert time.monotonic() - begun < 2
+    assert old.poll() is not None and not worker.alive
+
+
+def test_stop_in_the_middle_of_a_bake(start):
+    worker = start("endless")
+    job = worker.bake(_scene(atlases=(os.devnull,)), SETTINGS)
+    _first(job)
+    worker.stop()
+    with pytest.raises(WorkerError, match="was stopped"):
+        next(job)
+
+
+def test_killed_child_is_reported_and_replaced(start):
+    worker = start("echo")
+    _finish(worker.bake(_scene(), SETTINGS))
+    job = worker.bake(_scene(), SETTINGS)
+    next(job)
+    worker.process.kill()
+    with pytest.raises(WorkerError, match="Bake again to start a new process"):
+        _finish(job)
+    assert not worker.alive
+    assert isinstance(_finish(worker.bake(_scene(), SETTINGS))[1], Lightmap)
+
+
+def test_child_that_died_between_bakes_is_replaced(start):
+    worker = start("echo")
+    _finish(worker.bake(_scene(), SETTINGS))
+    worker.process.kill()
+    worker.process.wait()
+    assert isinstance(_finish(worker.bake(_scene(), SETTINGS))[1], Lightmap)
+
+
+def test_crash_shows_exit_status_and_last_words(start):
+    with pytest.raises(WorkerError, match=r"(?s)exit status 3.*last words"):
+        _finish(start("crash").bake(_scene(), SETTINGS))
+
+
+def test_second_bake_at_once_is_refused(start):
+    worker = start("endless")
+    job = worker.bake(_scene(atlases=(os.devnull,)), SETTINGS)
+    _first(job)
+    with pytest.raises(WorkerError, match="Another bake is running"):
+        next(worker.bake(_scene(), SETTINGS))
+    assert _first(job)
+    job.close()
+
+
+def test_child_that_cannot_import_is_noticed_at_once(start):
+    begun = time.monotonic()
+    with pytest.raises(WorkerError, match=r"(?s)could not start \(exit status 1\).*no_such_bake"):
+        _finish(start("no_such_bake").bake(_scene(), SETTINGS))
+    assert time.monotonic() - begun < 10
+
+
+def test_missing_executable_is_named(start):
+    with pytest.raises(WorkerError, match="could not be started.*no-such-python"):
+        next(start("echo", executable="no-such-python").bake(_scene(), SETTINGS))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a shell script")
+def test_silent_child_is_given_up(start, tmp_path):
+    script = tmp_path / "silent"
+    script.write_text("#!/bin/sh\nexec sleep 60\n")
+    script.chmod(0o700)
+    with pytest.raises(WorkerError, match="did not answer within 0.3 s"):
+        _finish(start("echo", executable=str(script), start_limit=0.3).bake(_scene(), SETTINGS))
+
+
+def test_key_is_not_in_the_command_line(start, monkeypatch):
+    monkeypatch.setattr(worker_process, "secrets", SimpleNamespace(token_bytes=lambda count: b"k" * count))
+    worker = start("echo")
+    _finish(worker.bake(_scene(), SETTINGS))
+    assert "kkkk" not in " ".join(worker.process.args)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
+def test_parent_survives_a_dead_child_where_sigpipe_is_deadly(start):
+    worker = start("endless")
+    job = worker.bake(_scene(atlases=(os.devnull,)), SETTINGS)
+    _first(job)
+    old = signal.signal(signal.SIGPIPE, signal.SIG_DFL)
+    try:
+        worker.process.kill()
+        worker.process.wait()
+        job.close()
+        assert signal.getsignal(signal.SIGPIPE) == signal.SIG_DFL
+    finally:
+        signal.signal(signal.SIGPIPE, old)
+
+
+PARENT = """
+import sys
+from test_worker import RecordedMemory, SETTINGS, _first, _scene
+from engine import shared_block
+from engine.worker import Worker
+shared_block.SharedMemory = RecordedMemory
+worker = Worker(bake="worker_bakes:endless")
+job = worker.bake(_scene(atlases=(sys.argv[1],)), SETTINGS)
+_first(job)
+print(worker.process.pid, *RecordedMemory.names, flush=True)
+for step in job:
+    pass
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
+def test_child_ends_when_its_parent_is_killed(tmp_path):
+    environment = os.environ | {"PYTHONPATH": f"{HERE}{os.pathsep}{ROOT}", "TMPDIR": str(tmp_path)}
+    command = [sys.executable, "-c", PARENT, str(tmp_path / "mark")]
+    with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as parent:
+        pid, *names = parent.stdout.readline().split()
+        assert names and any(map(_exists, names))
+        parent.send_signal(signal.SIGKILL)
+
+    # The bake was closed, the process is gone, and so are its socket and its shared memory.
+    assert _wait(lambda: _ended(int(pid)))
+    assert (tmp_path / "mark").read_text() == "closed"
+    assert _wait(lambda: not any(map(_exists, names)))
+    assert os.listdir(tmp_path) == ["mark"]
+
+
+def _ended(pid):
+    """Return whether a process is gone, or dead and not yet buried."""
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return True
+    status = Path(f"/proc/{pid}/stat")
+    return status.exists() and status.read_text().split()[2] == "Z"
+
+
+def test_memory_that_is_not_there_is_refused(start):
+    huge = Parcel(None)
+    huge.size = 1 << 50
+    with pytest.raises(WorkerError, match="no room for 1073741824 MiB"):
+        shared_block.SharedBlock(huge)
+
+
+def test_parcel_takes_numbers_as_they_are():
+    parcel = Parcel((math.nan, -0.0, "ü", None, True, b""))
+    memory = memoryview(bytearray(parcel.size))
+    parcel.write(memory)
+    nan, zero, *rest = shared_block.transport.read(memory)
+    assert math.isnan(nan) and math.copysign(1, zero) == -1 and rest == ["ü", None, True, b""]

@@ -1,0 +1,91 @@
+"""Bakes without a GPU that `test_worker.py` has the worker process run: each misbehaves in its own way."""
+
+import os
+import sys
+import time
+
+import numpy as np
+
+from engine.errors import DeviceError, SceneError, SettingsError
+from engine.lightmap import Lightmap, Report
+from engine.progress import Progress
+
+#: How often `chatter` yields, far more than a socket's buffer would hold.
+CHATTER = 20_000
+
+
+def _lightmap(scene, settings):
+    """A lightmap in which every array and number of the input can be found again."""
+    size = settings.resolution
+    image = np.resize(np.concatenate([mesh.positions.ravel() for mesh in scene.meshes]), (1, size, size, 3))
+    report = Report(
+        patches=len(scene.meshes),
+        iterations=settings.iterations,
+        residual=float("inf"),
+        converged=False,
+        energies=(0.1, 1 / 3),
+        seconds={"patches": 0.1},
+        devices={"pid": str(os.getpid())},
+        warnings=tuple(material.name for material in scene.materials),
+    )
+    return Lightmap(scene.atlases, image, image[:, ::-1], image[..., 0] > 0, report)
+
+
+def echo(scene, settings):
+    """Report the same for a while, with a partial, then return `_lightmap`."""
+    partial = np.full((1, 4, 4, 3), np.pi, np.float32)
+    for _ in range(10):
+        yield Progress("hemicubes", 1.0, 1, 0.25, 2.0, partial)
+        time.sleep(0.01)
+    return _lightmap(scene, settings)
+
+
+def return_scene(scene, settings):
+    """Return what arrived instead of a lightmap."""
+    yield Progress("finish", 1.0)
+    return scene, settings
+
+
+def fail(scene, settings):
+    """Raise the error that the first mesh is named after."""
+    yield Progress("patches", 0.0)
+    errors = {
+        "SceneError": SceneError("Object 'Äpfel' is bad. Mend it."),
+        "SettingsError": SettingsError("hemicube is 3; choose 8."),
+        "DeviceError": DeviceError("No device. Install one."),
+        "bug": ZeroDivisionError("the deeper cause"),
+    }
+    raise errors[scene.meshes[0].name]
+
+
+def endless(scene, settings):
+    """Never end; write "closed" into the file that the first atlas names when cancelled."""
+    try:
+        for iteration in range(1, 1 << 30):
+            time.sleep(0.005)
+            partial = np.full((1, 64, 64, 3), iteration, np.float32)
+            yield Progress("hemicubes", 0.5, iteration, partial=partial)
+    finally:
+        with open(scene.atlases[0], "w") as file:
+            file.write("closed")
+
+
+def deaf(scene, settings):
+    """Be stuck in one slice, as in a driver that hangs."""
+    yield Progress("patches", 0.0)
+    time.sleep(60)
+
+
+def chatter(scene, settings):
+    """Yield and print much more than anyone wants to know."""
+    for index in range(CHATTER):
+        print("x" * 100, file=sys.stderr)
+        yield Progress("hemicubes", index / CHATTER, index)
+    return _lightmap(scene, settings)
+
+
+def crash(scene, settings):
+    """Die as in a driver crash, after some last words."""
+    yield Progress("patches", 0.0)
+    print("last words", file=sys.stderr, flush=True)
+    os._exit(3)

@@ -191,11 +191,12 @@ def _pack(meshes: list[PolygonMesh], charts: list[Charts], resolution: int) -> l
 def _pack_at(meshes: list[PolygonMesh], charts: list[Charts], scale: float) -> tuple[list[np.ndarray], int]:
     """Return the loops' places in texels at `scale` texels per metre, and the page size they need.
 
-    xatlas puts chart borders on texel centres; half a texel on they lie between texels.
+    xatlas keeps 2 * padding + 1 texels between charts, and puts chart borders on texel centres; half
+    a texel further on they lie between texels.
     """
     xatlas = _xatlas()
     atlas, options = xatlas.Atlas(), xatlas.PackOptions()
-    options.padding, options.texels_per_unit, options.rotate_charts = PADDING, 1.0, True
+    options.padding, options.texels_per_unit = PADDING // 2, 1.0
     options.bruteForce = sum(chart.chart.max(initial=-1) + 1 for chart in charts) < 64
     for mesh, chart in zip(meshes, charts, strict=True):
         atlas.add_uv_mesh(

@@ -40,7 +40,7 @@ Bake = Callable[[Scene, Settings], Generator[Progress, None, Lightmap]]
 CONNECT_LIMIT = 60
 
 
-class _Cancelled(Exception):
+class _CancelError(Exception):
     """The parent does not want the lightmap any more."""
 
 
@@ -68,11 +68,11 @@ class _Outbox:
             self.listen(None)
 
     def listen(self, patience: float | None = 0) -> None:
-        """Hear what the parent says within `patience` s (None: for ever); raise _Cancelled if it cancels."""
+        """Hear what the parent says within `patience` s (None: for ever); raise _CancelError if so told."""
         if self._connection.poll(patience):
             request, *names = self._connection.recv()
             if request == "cancel":
-                raise _Cancelled
+                raise _CancelError
             (self._block,) = names
 
 
@@ -93,7 +93,7 @@ def _answer(connection: Connection[Any, Any], bake: Bake, name: str) -> None:
     outbox = _Outbox(connection, name)
     try:
         outbox.send(*_outcome(bake, scene, settings, outbox))
-    except _Cancelled:
+    except _CancelError:
         connection.send(("cancelled",))
 
 
@@ -104,14 +104,14 @@ def _outcome(bake: Bake, scene: Scene, settings: Settings, outbox: _Outbox) -> t
             _report(job, outbox)
     except StopIteration as end:
         return "lightmap", end.value
-    except _Cancelled:
+    except _CancelError:
         raise
     except Exception as error:  # noqa: BLE001
         return "error", transport.describe_error(error, traceback.format_exc())
 
 
 def _report(job: Generator[Progress, None, Lightmap], outbox: _Outbox) -> NoReturn:
-    """Run a bake to its StopIteration; offer the newest progress, with the newest partial, after each slice."""
+    """Run a bake to its StopIteration; after each slice offer the newest progress and partial."""
     newest = next(job)
     while True:
         outbox.listen()

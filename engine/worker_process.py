@@ -147,7 +147,8 @@ class WorkerProcess:
         tail = self._log_tail()
         self.stop()
         raise WorkerError(
-            f"The baking process {what} (exit status {code}). {remedy} report it together with these lines.\n{tail}"
+            f"The baking process {what} (exit status {code}). {remedy} report it together with these "
+            f"lines.\n{tail}"
         )
 
     def _log_tail(self) -> str:

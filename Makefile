@@ -1,0 +1,58 @@
+# `make demo` and `make test` set up all they need themselves; `make` alone lists the targets.
+
+PYTHON ?= python3.11
+
+# One environment for each Blender that is tested; a stamp tells which lock it was made from.
+READY50 := .venv/.ready
+READY45 := .venv-bpy45/.ready
+
+.DELETE_ON_ERROR:
+.PHONY: help demo test test-long lint setup locks clean
+
+help: ## list the targets
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | expand -t 14
+
+demo: $(READY50) ## bake a Cornell box headless; pictures and lightmap in out/demo
+	@tools/system_packages.sh .venv/bin/python
+	.venv/bin/python tools/demo.py --out out/demo
+
+test: lint $(READY45) ## lint, then all tests in Blender 5.0, then those of Blender in 4.5
+	.venv/bin/python -m pytest
+	.venv-bpy45/bin/python -m pytest tests/blender
+
+test-long: setup ## the tests that take minutes
+	.venv/bin/python -m pytest -m long
+
+lint: setup ## ruff, and mypy for the engine
+	.venv/bin/ruff check .
+	.venv/bin/ruff format --check .
+	.venv/bin/mypy
+
+setup: $(READY50) ## make .venv and look for system libraries, nothing else
+	@tools/system_packages.sh .venv/bin/python
+
+locks: ## pin the newest versions that requirements/*.in allow
+	$(PYTHON) -m venv out/locks
+	out/locks/bin/pip install --quiet pip-tools
+	cd requirements && for version in 50 45; do \
+	    CUSTOM_COMPILE_COMMAND="make locks" ../out/locks/bin/pip-compile --quiet --upgrade --generate-hashes \
+	        --allow-unsafe --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-trusted-host \
+	        --output-file bpy$$version.txt bpy$$version.in || exit 1; done
+
+clean: ## remove what was made: environments, results, caches
+	rm -rf .venv .venv-bpy45 out .mypy_cache .pytest_cache .ruff_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(READY50): requirements/bpy50.txt
+$(READY45): requirements/bpy45.txt
+
+.venv/.ready .venv-bpy45/.ready:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null || { \
+	    echo "Python 3.11 is needed, which '$(PYTHON)' is not: Blender 4.5 and 5.0 run in no other." >&2; \
+	    echo "Install python3.11 and python3.11-venv, or name one: make PYTHON=/path/to/python3.11" >&2; \
+	    exit 1; }
+	@echo "Making $(@D): Blender as a Python module and what Hemibake needs, about 400 MB to download."
+	rm -rf $(@D)
+	$(PYTHON) -m venv $(@D)
+	$(@D)/bin/pip install --quiet --disable-pip-version-check --require-hashes --requirement $<
+	@touch $@

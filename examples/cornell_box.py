@@ -97,7 +97,8 @@ def box(
 ) -> bpy.types.Object:
     """Return a box without a bottom that stands on the floor."""
     width, depth, height = size
-    outline = [(-width / 2, -depth / 2), (width / 2, -depth / 2), (width / 2, depth / 2), (-width / 2, depth / 2)]
+    x, y = width / 2, depth / 2
+    outline = [(-x, -y), (x, -y), (x, y), (-x, y)]
     vertices = [(x, y, z) for z in (0, height) for x, y in outline]
     sides = [(i, (i + 1) % 4, (i + 1) % 4 + 4, i + 4) for i in range(4)]
     result = mesh_object(name, surface, vertices, [*sides, (4, 5, 6, 7)])

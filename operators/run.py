@@ -48,7 +48,7 @@ class Run:
         properties = context.scene.hemibake
         self._settings = read_settings(properties)
         self._uv_layer, self._directory = properties.uv_layer, properties.directory
-        objects = [obj for obj in visible_meshes(context)]
+        objects = visible_meshes(context)
         made = unwrap_missing(context, objects, self._uv_layer, self._settings.resolution, self._changes)
         usable = [obj for obj in objects if obj not in made.skipped]
         gathered = gather(context, usable, self._uv_layer)

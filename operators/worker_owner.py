@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from ..engine.worker import Worker
+
+#: Where the worker finds the package `engine`.
+_ROOT = str(Path(__file__).parents[1])
 
 
 class WorkerOwner:
@@ -16,11 +21,11 @@ class WorkerOwner:
         self.busy = False
 
     def worker(self) -> Worker:
-        """Return a worker that is not known to be dead."""
+        """Return the worker; it starts its process, anew if that has died, with the next bake."""
         from ..engine.worker import Worker
 
         if self._worker is None:
-            self._worker = Worker()
+            self._worker = Worker(search_path=[_ROOT, *sys.path])
         return self._worker
 
     def stop(self) -> None:

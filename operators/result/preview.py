@@ -74,10 +74,10 @@ def _remember(obj: bpy.types.Object) -> None:
 
 
 def _show_slot(obj: bpy.types.Object, slot: bpy.types.MaterialSlot, made: dict, notes: list[str]) -> None:
-    original = slot.material
-    key = (original, obj.hemibake.image, obj.hemibake.uv_layer)
+    original, uv_layer = slot.material, obj.hemibake.uv_layer
+    key = (original, obj.hemibake.image, uv_layer)
     if key not in made:
-        made[key] = _preview_material(original, bpy.data.images[obj.hemibake.image], obj.hemibake.uv_layer, notes)
+        made[key] = _preview_material(original, bpy.data.images[obj.hemibake.image], uv_layer, notes)
     slot.link = "OBJECT"
     slot.material = made[key]
 

@@ -1,0 +1,204 @@
+"""Bake the lightmaps of a scene file from a plain shell.
+
+    python tools/bake.py SCENE --out DIR [--resolution N] [--hemicube N] [--json] ...
+
+SCENE is a .blend, .glb, .gltf or .obj. The add-on's own Bake operator runs in bpy, Blender as a
+Python module. DIR receives an .exr and a .png picture of each lightmap. With --json the last line on
+standard output is one JSON object: what the bake did (exit code 0), or {"error": ...} (exit code 1).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from headless import blender, quiet_stdout
+
+#: Bake settings that an option of the same name sets, and the option's type.
+_SETTINGS = {
+    "resolution": (int, "width and height of each lightmap, texels"),
+    "hemicube": (str, "width of the hemicubes, texels"),
+    "iterations": (int, "largest number of light bounces"),
+    "tolerance": (float, "stop below this remaining error, relative to the mean radiance"),
+    "method": (str, "how the received light is computed"),
+    "seed": (int, "seed of the hemicubes' random rotations"),
+    "uv_layer": (str, "name of the lightmap UV layer"),
+}
+
+
+class CommandError(Exception):
+    """The command cannot do what it was asked to; the message names the remedy."""
+
+
+class Parser(argparse.ArgumentParser):
+    """Leaves it to `main` how an error is told."""
+
+    def error(self, message: str) -> None:
+        """Raise instead of ending the process."""
+        raise CommandError(f"{message}. See --help.")
+
+
+def main(arguments: list[str]) -> int:
+    """Run the command and return its exit code."""
+    try:
+        with quiet_stdout():
+            options = parse(arguments)
+            result = run(options)
+    except (CommandError, OSError, RuntimeError) as error:
+        tell_error(str(error).strip().removeprefix("Error: "), "--json" in arguments)
+        return 1
+    tell(result, options.json)
+    return 0
+
+
+def parse(arguments: list[str]) -> argparse.Namespace:
+    parser = Parser(prog="bake.py", description=__doc__.splitlines()[0])
+    parser.add_argument("scene", type=Path, help=".blend, .glb, .gltf or .obj")
+    parser.add_argument("--out", type=Path, required=True, help="folder for the lightmaps")
+    for name, (kind, text) in _SETTINGS.items():
+        parser.add_argument(f"--{name.replace('_', '-')}", type=kind, help=text)
+    parser.add_argument("--world", type=colour, metavar="R,G,B", help="replace the world by this radiance")
+    parser.add_argument("--save-blend", type=Path, metavar="FILE", help="save the baked scene")
+    parser.add_argument("--json", action="store_true", help="end with one JSON object")
+    return parser.parse_args(arguments)
+
+
+def colour(text: str) -> tuple[float, float, float]:
+    """Return the three numbers of "R,G,B"."""
+    values = tuple(float(part) for part in text.split(","))
+    if len(values) != 3:
+        raise ValueError(text)
+    return values
+
+
+def run(options: argparse.Namespace) -> dict:
+    """Open the scene, bake it, write everything and return the report."""
+    scene, out = options.scene.resolve(), options.out.resolve()
+    opener = OPENERS.get(scene.suffix.lower())
+    if opener is None:
+        raise CommandError(f"'{scene.name}' is not a scene this can open: use {', '.join(OPENERS)}.")
+    if not scene.is_file():
+        raise CommandError(f"There is no file '{scene}'.")
+    with blender():
+        open_scene(opener, scene)
+        if options.world is not None:
+            replace_world(options.world)
+        apply_settings(options, out)
+        report = bake()
+        report["files"] += write_pictures(report["images"], out)
+        if options.save_blend is not None:
+            report["files"].append(save_blend(options.save_blend.resolve()))
+    return report
+
+
+def open_scene(opener: Callable[[str], None], path: Path) -> None:
+    try:
+        opener(str(path))
+    except RuntimeError as error:
+        raise CommandError(f"'{path}' cannot be opened: {error}".strip()) from error
+
+
+def open_blend(path: str) -> None:
+    import bpy
+
+    bpy.ops.wm.open_mainfile(filepath=path, load_ui=False)
+
+
+def import_gltf(path: str) -> None:
+    import bpy
+
+    bpy.ops.import_scene.gltf(filepath=path)
+
+
+def import_obj(path: str) -> None:
+    import bpy
+
+    bpy.ops.wm.obj_import(filepath=path)
+
+
+OPENERS = {".blend": open_blend, ".glb": import_gltf, ".gltf": import_gltf, ".obj": import_obj}
+
+
+def replace_world(radiance: tuple[float, float, float]) -> None:
+    """Give the scene a constant background."""
+    import bpy
+
+    world = bpy.data.worlds.new("World")
+    if world.node_tree is None:
+        world.use_nodes = True
+    background = next(node for node in world.node_tree.nodes if node.bl_idname == "ShaderNodeBackground")
+    background.inputs["Color"].default_value = (*radiance, 1.0)
+    background.inputs["Strength"].default_value = 1.0
+    bpy.context.scene.world = world
+
+
+def apply_settings(options: argparse.Namespace, out: Path) -> None:
+    """Copy the given options to the scene's bake settings."""
+    import bpy
+
+    settings = bpy.context.scene.hemibake
+    settings.directory = str(out)
+    for name in _SETTINGS:
+        value = getattr(options, name)
+        if value is None:
+            continue
+        try:
+            setattr(settings, name, value)
+        except TypeError as error:
+            choices = settings.bl_rna.properties[name].enum_items.keys()
+            raise CommandError(f"{name} is {value}; choose one of {', '.join(choices)}.") from error
+
+
+def bake() -> dict:
+    """Run the operator; it raises RuntimeError with its message if it fails."""
+    import bpy
+
+    bpy.ops.hemibake.bake()
+    return json.loads(bpy.context.scene.hemibake.report)
+
+
+def write_pictures(images: list[str], out: Path) -> list[str]:
+    """Write a picture of each lightmap beside its EXR file and return the paths."""
+    import bpy
+    from picture import exposed, read_pixels, write_png
+
+    paths = []
+    for name in images:
+        image = bpy.data.images[name]
+        path = out / Path(image.filepath).with_suffix(".png").name
+        write_png(exposed(read_pixels(image)), path)
+        paths.append(str(path))
+    return paths
+
+
+def save_blend(path: Path) -> str:
+    import bpy
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True)
+    return str(path)
+
+
+def tell(report: dict, as_json: bool) -> None:
+    if as_json:
+        print(json.dumps(report))
+        return
+    print(
+        f"{report['objects']} objects, {report['patches']} patches, {report['iterations']} iterations, "
+        f"remaining error {report['residual']:.2%}, {report['seconds']['total']:.1f} s"
+    )
+    print("\n".join(report["files"]))
+
+
+def tell_error(message: str, as_json: bool) -> None:
+    if as_json:
+        print(json.dumps({"error": message}))
+    else:
+        print(f"Error: {message}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -65,7 +65,7 @@ echo "Installing missing system libraries: $packages"
 export DEBIAN_FRONTEND=noninteractive
 apt-get update -qq
 # shellcheck disable=SC2086
-apt-get install -y -qq --no-install-recommends $packages
+apt-get install -y -qq --no-install-recommends $packages >/dev/null
 
 packages=$(missing)
 if [ -n "$packages" ]; then

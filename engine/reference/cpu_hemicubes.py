@@ -10,6 +10,7 @@ from ..geometry import PatchGeometry, Triangles
 from ..hemicube import face_axes, face_rows, frames, multiplier_map, rotations
 from ..scene import Scene
 from ..settings import Settings
+from ..solve import Jacobi
 
 #: Height of a hemicube's eye above its patch, relative to the scene's diagonal; the GPU path has the same.
 OFFSET = 2e-5
@@ -90,6 +91,15 @@ class CpuHemicubes:
         radiance  (n, 3) float32, of each patch
         """
         return np.array([integrate(self.image(view, radiance), self._multiplier) for view in views])
+
+    def solve(self, solution: Jacobi) -> np.ndarray:
+        """Iterate until the solution is done; return the last E/pi gathered, (n, 3) float32."""
+        views = [self.view(patch) for patch in range(len(self._eye))]
+        irradiance = np.zeros_like(self._emission)
+        while not solution.done:
+            irradiance = self.gather(views, solution.radiance)[:, :3]
+            solution.update(irradiance)
+        return irradiance
 
 
 def integrate(image: np.ndarray, multiplier: np.ndarray) -> np.ndarray:

@@ -38,10 +38,19 @@ def list_patches(scene: Scene, resolution: int) -> PatchList:
 
 
 def owner_map(scene: Scene, patches: PatchList) -> np.ndarray:
-    """Return patch index + 1 of each covered texel, else 0: (atlases, r, r) uint32."""
-    owners = np.zeros((len(scene.atlases), patches.resolution**2), np.uint32)
-    owners[patches.atlas, patches.texel] = np.arange(1, len(patches) + 1)
-    return owners.reshape(len(scene.atlases), patches.resolution, patches.resolution)
+    """Return the index map, (atlases, r, r) uint32: the patch + 1 that owns a texel, or 0.
+
+    Covered texels are owned by their own patch, those next to them by a neighbour: a ray can hit the
+    very border of a chart.
+    """
+    shape = (len(scene.atlases), patches.resolution, patches.resolution)
+    owners = np.zeros(shape, np.uint32)
+    owners.reshape(shape[0], -1)[patches.atlas, patches.texel] = np.arange(1, len(patches) + 1)
+    padded = np.pad(owners, [(0, 0), (1, 1), (1, 1)])
+    for y, x in ((0, -1), (0, 1), (-1, 0), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)):
+        neighbour = padded[:, 1 + y : 1 + y + shape[1], 1 + x : 1 + x + shape[2]]
+        owners = np.where(owners == 0, neighbour, owners)
+    return owners
 
 
 def _covered(corners: np.ndarray, resolution: int) -> tuple[np.ndarray, np.ndarray]:

@@ -25,7 +25,7 @@ def gauss_seidel(
     Returns the radiance, (n, 3) float32, and the number of sweeps run.
     """
     # What backs send out is known beforehand, as emission is.
-    source = emission + reflectance * np.stack([-np.minimum(row, 0) @ emission for row in factors])
+    source = emission + reflectance * gather(factors, np.zeros_like(emission), emission)
     radiance = np.array(source, np.float32)
     for sweep in range(1, sweeps + 1):
         change = 0.0
@@ -36,3 +36,13 @@ def gauss_seidel(
         if change <= tolerance * float(radiance.max()):
             return radiance, sweep
     return radiance, sweeps
+
+
+def gather(factors: np.ndarray, radiance: np.ndarray, emission: np.ndarray) -> np.ndarray:
+    """Return E/pi = F L + F' e of every patch, (n, 3) float32.
+
+    factors   (n, n) float32, from `form_factors`
+    radiance  (n, 3) float32, L of the fronts
+    emission  (n, 3) float32, e of the backs
+    """
+    return np.stack([np.maximum(row, 0) @ radiance - np.minimum(row, 0) @ emission for row in factors])

@@ -1,0 +1,118 @@
+"""Bakes of scenes whose radiosity is known in closed form."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from engine import Scene, Settings
+from engine.reference import analytic
+from tests.analytic import scenes
+from tests.analytic.drive import Prepared, drive, drive_with_progress, irradiance, prepare
+
+#: Relative rms error of E by hemicube width with random rotation: numerics.md 4.2.
+HEMICUBE_ERROR = {8: 0.124, 16: 0.050, 32: 0.020, 64: 0.0078, 128: 0.0035}
+
+#: Faces of `scenes.light_room`: the first piece of the ceiling, and the light.
+CEILING, LIGHT = 5, 13
+
+
+@pytest.mark.parametrize("reflectance", [0.5, 0.9])
+def test_furnace(reflectance):
+    settings = Settings(resolution=32, hemicube=32, iterations=300, tolerance=5e-4)
+    lightmap = drive(scenes.furnace(reflectance, 1.0), settings)
+    expected = analytic.furnace_radiance(1.0, reflectance)
+    assert lightmap.report.converged
+    assert irradiance(lightmap) == pytest.approx(np.full((384, 3), expected), rel=0.005)
+
+
+def test_furnace_loses_no_light_where_rays_meet_the_borders_of_charts():
+    settings = Settings(resolution=32, hemicube=32, iterations=30, tolerance=5e-4, rotate=False)
+    lightmap = drive(scenes.furnace(0.5, 1.0), settings)
+    assert irradiance(lightmap) == pytest.approx(np.full((384, 3), 2.0), rel=0.005)
+
+
+@pytest.mark.parametrize("perpendicular", [False, True])
+def test_form_factor_of_unit_squares(perpendicular):
+    scene = scenes.facing_squares(perpendicular)
+    lightmap = drive(scene, Settings(resolution=64, hemicube=64, iterations=1))
+    floor = prepare(scene, 64).patches.face == 0
+    expected = 0.20004378 if perpendicular else 0.19982490
+    assert irradiance(lightmap)[floor].mean() == pytest.approx(expected, rel=0.01)
+
+
+def test_inside_of_a_sphere_of_arbitrary_colours():
+    scene = scenes.sphere()
+    prepared = prepare(scene, 64)
+    lightmap = drive(scene, Settings(resolution=64, hemicube=32, iterations=100, tolerance=5e-4))
+    area = prepared.geometry.area
+    expected = analytic.sphere_irradiance(prepared.emission, prepared.reflectance, area)
+    relative = irradiance(lightmap) / expected - 1
+    assert np.sqrt(np.average(relative**2, axis=0, weights=area)).max() < 0.01
+    assert np.abs(np.average(relative, axis=0, weights=area)).max() < 0.003
+
+
+@pytest.mark.parametrize("hemicube", HEMICUBE_ERROR)
+def test_error_by_hemicube_width(hemicube):
+    # Points on grids of 16 x 16 and 32 x 32 a wall: either alone is lucky at one width, unlucky at another.
+    squares = [light_room_error(resolution, hemicube) for resolution in (64, 128)]
+    assert np.sqrt(np.mean(squares)) <= HEMICUBE_ERROR[hemicube]
+
+
+def test_energy_never_grows_by_more_than_the_greatest_reflectance():
+    scene = scenes.sphere()
+    prepared = prepare(scene, 64)
+    for before, gathered in sweeps(prepared, Settings(resolution=64, hemicube=16, iterations=4, tolerance=0)):
+        reflected = prepared.geometry.area @ (prepared.reflectance * gathered)
+        assert (reflected <= prepared.reflectance.max() * (prepared.geometry.area @ before)).all()
+
+
+def test_a_closed_room_of_one_reflectance_loses_no_energy():
+    scene = recoloured_box([0.6] * 6, [1, 0, 0, 2, 0, 0])
+    prepared = prepare(scene, 32)
+    for before, gathered in sweeps(prepared, Settings(resolution=32, hemicube=32, iterations=4, tolerance=0)):
+        received = prepared.geometry.area @ gathered
+        assert received == pytest.approx(prepared.geometry.area @ before, rel=0.005)
+
+
+def light_room_error(resolution: int, hemicube: int) -> float:
+    """Return the mean square relative error of E in `scenes.light_room`, each wall counting alike."""
+    prepared = prepare(scenes.light_room(), resolution)
+    lightmap = drive(prepared.scene, Settings(resolution=resolution, hemicube=hemicube, iterations=1))
+    relative = irradiance(lightmap)[:, 0] / light_room_irradiance(prepared) - 1
+    face = prepared.patches.face
+    wall = np.where(face == LIGHT, -1, np.minimum(face, CEILING))
+    return float(np.mean([(relative[wall == index] ** 2).mean() for index in range(6)]))
+
+
+def light_room_irradiance(prepared: Prepared) -> np.ndarray:
+    """Return E/pi of every patch of `scenes.light_room` by Lambert's formula, (n,) float64."""
+    mesh, geometry, face = prepared.scene.meshes[0], prepared.geometry, prepared.patches.face
+    corners = np.concatenate([mesh.positions[0::2], mesh.positions[1::2, 2:]], axis=1)
+    total = np.zeros(len(face))
+    for index, quad in enumerate(corners):
+        everywhere = np.repeat(quad[None], len(face), axis=0)
+        factor = np.abs(analytic.polygon(geometry.center, geometry.normal, everywhere))
+        total += np.where(face == index, 0, factor) * prepared.emission[face == index][0, 0]
+    return total
+
+
+def recoloured_box(reflectances: list[float], emissions: list[float]) -> Scene:
+    """Return the box of the furnace with a material for each wall."""
+    mesh = scenes.furnace(0, 0).meshes[0]
+    pairs = enumerate(zip(reflectances, emissions, strict=True))
+    materials = tuple(scenes.material(f"Wall {i}", rho, e) for i, (rho, e) in pairs)
+    return Scene((dataclasses.replace(mesh, material=mesh.face),), materials)
+
+
+def sweeps(prepared: Prepared, settings: Settings) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return the radiance before and E/pi gathered by each iteration of a bake, (n, 3) float32 each."""
+    _, told = drive_with_progress(prepared.scene, settings)
+    radiance, result = prepared.emission, []
+    for progress in told:
+        if progress.partial is not None:
+            gathered = progress.partial[0].reshape(-1, 3)[prepared.patches.texel]
+            result.append((radiance, gathered))
+            radiance = prepared.emission + prepared.reflectance * gathered
+    assert len(result) == settings.iterations
+    return result

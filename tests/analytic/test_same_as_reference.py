@@ -1,0 +1,201 @@
+"""The GPU path against the processor: hemicube images, their integrals, whole bakes, Gauss-Seidel."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from engine import Scene, Settings
+from engine.device.compute import Compute
+from engine.device.graphics import Graphics
+from engine.device.share import HostCopy
+from engine.hemicube import frames, matrices, multiplier_map, rotations
+from engine.integrate.opencl import HemicubeIntegrator
+from engine.patches import list_patches
+from engine.reference import cpu_hemicubes
+from engine.reference.cpu_patches import owner_map
+from engine.reference.form_factors import form_factors
+from engine.reference.gauss_seidel import gather, gauss_seidel
+from engine.solve import Jacobi
+from engine.visibility.raster import HemicubeRaster
+from engine.visibility.tiles import plan_tiles
+from tests.analytic import scenes
+from tests.analytic.drive import Prepared, drive, irradiance, prepare
+
+N = 32
+SETTINGS = Settings(resolution=128, hemicube=N)
+
+
+@dataclasses.dataclass
+class Hemicubes:
+    """Hemicubes of some patches of the nine-quad room; the radiance of a patch is (index, face + 1, 1).
+
+    cast    (m, 3n, n, 4) float32, ray by ray
+    drawn   (m, 3n, n, 4) float32, by OpenGL
+    summed  (m, 4) float32, `drawn` integrated by OpenCL
+    views   what the rays saw
+    """
+
+    prepared: Prepared
+    cast: np.ndarray
+    drawn: np.ndarray
+    summed: np.ndarray
+    views: list[cpu_hemicubes.View]
+
+
+@pytest.fixture(scope="module")
+def room() -> Prepared:
+    """Return the nine-quad room with its patches."""
+    return prepare(scenes.nine_quad_room(), 128)
+
+
+@pytest.fixture(scope="module")
+def hemicubes(room) -> Hemicubes:
+    """Draw and cast the hemicubes of 200 patches of the nine-quad room."""
+    chosen = np.random.default_rng(0).permutation(len(room.patches))[:200]
+    index = np.arange(len(room.patches))
+    identity = np.stack([index, room.patches.face + 1, np.ones(len(index))], axis=1).astype(np.float32)
+    reference = room.hemicubes(SETTINGS)
+    views = [reference.view(int(patch)) for patch in chosen]
+    cast = np.stack([reference.image(view, identity) for view in views])
+    drawn, summed = draw(room, chosen, identity)
+    return Hemicubes(room, cast, drawn, summed, views)
+
+
+def draw(room: Prepared, chosen: np.ndarray, radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Draw and integrate the hemicubes of some patches on the GPU path."""
+    diagonal = float(np.linalg.norm(np.ptp(room.triangles.positions.reshape(-1, 3), axis=0)))
+    tiles = plan_tiles(SETTINGS, len(chosen))
+    graphics = Graphics()
+    try:
+        compute = Compute()
+        owners = owner_map(room.scene, room.patches)
+        raster = HemicubeRaster(graphics, tiles, room.triangles, owners, room.emission, room.scene.world)
+        raster.set_radiance(radiance)
+        frame = frames(room.geometry.normal, rotations(SETTINGS.seed, np.arange(len(room.patches))))
+        eye = room.geometry.center + cpu_hemicubes.OFFSET * diagonal * room.geometry.geometric - raster.origin
+        views = matrices(frame[chosen], eye[chosen], 1e-5 * diagonal, graphics.reversed_depth)
+        assert list(raster.draw(views, tiles.layers)) == [len(chosen)]
+        copy = HostCopy(compute, raster.texture)
+        summed = HemicubeIntegrator(compute, tiles).integrate(copy.update(), len(chosen))
+        array = np.frombuffer(raster.texture.read(), np.float32)
+    finally:
+        graphics.release()
+    array = array.reshape(tiles.layers, tiles.rows, 3 * N, tiles.columns, N, 4)
+    images = array.transpose(0, 1, 3, 2, 4, 5).reshape(-1, 3 * N, N, 4)
+    return images[: len(chosen)], summed
+
+
+def test_patch_list_is_the_same(room):
+    graphics = Graphics()
+    try:
+        drawn = list_patches(graphics, room.scene, 128)
+    finally:
+        graphics.release()
+    expected = room.patches
+    assert len(drawn) == len(expected) == 10700
+    for name in ("atlas", "texel", "mesh", "face"):
+        assert np.array_equal(getattr(drawn, name), getattr(expected, name))
+    same = drawn.subface == expected.subface
+    assert drawn.barycentric[same] == pytest.approx(expected.barycentric[same], abs=1e-5)
+
+    # A centre on the diagonal of a quad may belong to either triangle.
+    assert np.abs(expected.barycentric[~same]).min(axis=1).max(initial=0) < 1e-6
+
+
+def test_kernels_integrate_the_same_images_alike(hemicubes):
+    multiplier = multiplier_map(N)
+    expected = np.array([cpu_hemicubes.integrate(image, multiplier) for image in hemicubes.drawn])
+    assert hemicubes.summed == pytest.approx(expected, rel=1e-5, abs=1e-7)
+
+
+def test_drawn_hemicubes_differ_from_cast_ones_at_edges_only(hemicubes):
+    drawn, cast = hemicubes.drawn, hemicubes.cast
+    assert (drawn != cast).any(axis=3).mean() < 1e-3
+
+    # Another face is seen only where faces meet in the cast image. (Stacked faces meet in their rows,
+    # too; that widens the edges by a row, which is fair: they meet in space as well.)
+    face = cast[..., 1]
+    shifted = np.pad(face, [(0, 0), (1, 1), (1, 1)], mode="edge")
+    around = [shifted[:, y : y + 3 * N, x : x + N] for y in range(3) for x in range(3)]
+    at_edge = np.max(around, axis=0) != np.min(around, axis=0)
+    other = (drawn[..., [1, 3]] != cast[..., [1, 3]]).any(axis=3)
+    assert at_edge[other].mean() > 0.9
+
+
+def test_drawn_and_cast_hemicubes_give_the_same_irradiance(hemicubes, room):
+    reference = room.hemicubes(SETTINGS)
+    radiance = room.emission + 0.1 + 0.05 * room.patches.face[:, None].astype(np.float32)
+    cast = reference.gather(hemicubes.views, radiance)
+
+    # Fronts hold the identity of a patch: put its radiance there. Backs hold their emission already.
+    drawn, front = hemicubes.drawn, hemicubes.drawn[..., 3] == 1
+    owned = front & (drawn[..., 1] > 0)
+    image = np.where(front[..., None], 0, drawn[..., :3])
+    image[owned] = radiance[drawn[owned, 0].astype(int)]
+    relative = np.einsum("myxc,yx->mc", image, multiplier_map(N)) / cast[:, :3] - 1
+    assert np.median(np.abs(relative)) < 1e-5
+    assert np.quantile(np.abs(relative), 0.98) < 1e-3
+    assert abs(relative.mean()) < 1e-3
+
+
+def test_a_whole_bake_equals_the_processor():
+    # Not seed 0: patch 0 is not turned by it, and its rays would run along the edges of the room.
+    mesh = scenes.furnace(0, 0).meshes[0]
+    colours = np.random.default_rng(0).uniform(0.1, 0.9, (6, 3))
+    materials = tuple(scenes.material(f"Wall {i}", rho, 2.0 * (i == 1)) for i, rho in enumerate(colours))
+    scene = Scene((dataclasses.replace(mesh, material=mesh.face),), materials)
+    settings = Settings(resolution=32, hemicube=16, iterations=6, tolerance=0, seed=1)
+    prepared = prepare(scene, 32)
+    solution = Jacobi(prepared.reflectance, prepared.emission, prepared.geometry.area, settings)
+    expected = prepared.hemicubes(settings).solve(solution)
+    relative = irradiance(drive(scene, settings)) / expected - 1
+
+    # What edges change in one iteration, later ones spread.
+    assert np.sqrt((relative**2).mean()) < 2e-3
+    assert np.median(np.abs(relative)) < 1e-4
+
+
+def test_thirty_iterations_reach_gauss_seidel(room):
+    settings = dataclasses.replace(SETTINGS, iterations=30, tolerance=1e-3)
+    difference, rows = difference_to_gauss_seidel(room, settings)
+    assert len(room.patches) == 10700
+    assert abs(rows.mean() - 1) < 1e-3
+    assert np.abs(rows - 1).max() < 0.01
+    assert difference < 0.01
+
+
+@pytest.mark.long
+def test_thirty_iterations_of_wide_hemicubes_reach_gauss_seidel(room):
+    settings = dataclasses.replace(SETTINGS, hemicube=64, iterations=30, tolerance=0)
+    assert difference_to_gauss_seidel(room, settings)[0] < 0.005
+
+
+def difference_to_gauss_seidel(room: Prepared, settings: Settings) -> tuple[float, np.ndarray]:
+    """Return mean |E - E_gs| relative to the mean E_gs, and the row sums of the form factors."""
+    factors = form_factors(room.geometry, room.scene)
+    radiance, _ = gauss_seidel(factors, room.emission, room.reflectance)
+    expected = gather(factors, radiance, room.emission)
+    baked = irradiance(drive(room.scene, settings))
+    return float(np.abs(baked - expected).mean() / expected.mean()), np.abs(factors).sum(axis=1)
+
+
+def test_the_same_input_gives_the_same_bits():
+    settings = Settings(resolution=64, hemicube=16, iterations=3, tolerance=0)
+    first, second = (drive(scenes.sphere(), settings) for _ in range(2))
+    assert np.array_equal(first.image, second.image)
+    assert np.array_equal(first.display, second.display)
+
+
+def test_the_layout_of_the_texture_array_does_not_matter():
+    settings = Settings(resolution=64, hemicube=16, iterations=2, tolerance=0)
+    tiled = dataclasses.replace(settings, array_size=(256, 192, 4))
+    relative = irradiance(drive(scenes.sphere(), tiled)) / irradiance(drive(scenes.sphere(), settings)) - 1
+    assert np.median(np.abs(relative)) < 1e-5
+    assert np.sqrt((relative**2).mean()) < 1e-3
+
+
+def test_another_seed_gives_other_rotations():
+    settings = Settings(resolution=64, hemicube=16, iterations=1)
+    other = dataclasses.replace(settings, seed=1)
+    assert not np.array_equal(drive(scenes.sphere(), settings).image, drive(scenes.sphere(), other).image)

@@ -1,0 +1,146 @@
+"""Draws the paper's Fig. 4: how far each iteration is from the full-matrix Gauss-Seidel solution.
+
+The scene is the nine-quad room of the tests: 10,700 patches in a 128-texel lightmap. Writes the
+picture and, beside it, the figures as JSON.
+
+    python tools/convergence.py [--hemicubes 32 64 128] [--iterations 30] [--out docs/convergence.png]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Generator, Iterator
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from engine import Settings
+from engine.device.compute import Compute
+from engine.device.graphics import Graphics
+from engine.gather import PaperGather
+from engine.reference.cpu_patches import owner_map
+from engine.reference.form_factors import form_factors
+from engine.reference.gauss_seidel import gather, gauss_seidel
+from engine.solve import Jacobi
+from tests.analytic.drive import Prepared, prepare
+from tests.analytic.scenes import nine_quad_room
+
+RESOLUTION = 128
+
+
+@dataclass
+class Curve:
+    """One line of the graph.
+
+    difference  mean |E - E_gs| over patches and channels after each iteration, share of mean E_gs
+    seconds     of all iterations
+    """
+
+    hemicube: int
+    difference: list[float] = field(default_factory=list)
+    seconds: float = 0.0
+
+
+def main() -> None:
+    """Solve, bake, compare, draw."""
+    options = _options()
+    prepared = prepare(nine_quad_room(), RESOLUTION)
+    started = time.perf_counter()
+    factors = form_factors(prepared.geometry, prepared.scene)
+    radiance, sweeps = gauss_seidel(factors, prepared.emission, prepared.reflectance)
+    truth = gather(factors, radiance, prepared.emission)
+    print(f"Gauss-Seidel: {sweeps} sweeps, {time.perf_counter() - started:.0f} s")
+
+    curves = []
+    for hemicube in options.hemicubes:
+        curves.append(_curve(prepared, truth, hemicube, options.iterations))
+        last = curves[-1].difference[-1]
+        print(f"N = {hemicube}: {last:.3%} after {options.iterations} iterations, {curves[-1].seconds:.0f} s")
+        _write(curves, sweeps, len(truth), options.out)
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--hemicubes", type=int, nargs="+", default=[32, 64, 128])
+    parser.add_argument("--iterations", type=int, default=30)
+    parser.add_argument("--out", type=Path, default=Path("docs/convergence.png"))
+    return parser.parse_args()
+
+
+def _curve(prepared: Prepared, truth: np.ndarray, hemicube: int, iterations: int) -> Curve:
+    """Bake the room and compare every iteration with the truth."""
+    curve, started = Curve(hemicube), time.perf_counter()
+    settings = Settings(resolution=RESOLUTION, hemicube=hemicube, iterations=iterations, tolerance=0)
+    for irradiance in _iterations(prepared, settings):
+        curve.difference.append(float(np.abs(irradiance - truth).mean() / truth.mean()))
+    curve.seconds = round(time.perf_counter() - started, 1)
+    return curve
+
+
+def _iterations(prepared: Prepared, settings: Settings) -> Iterator[np.ndarray]:
+    """Yield E/pi of every patch after each iteration of the paper's method, (n, 3) float32."""
+    graphics = Graphics()
+    try:
+        owners = owner_map(prepared.scene, prepared.patches)
+        paper = PaperGather(
+            graphics,
+            Compute(),
+            prepared.scene,
+            prepared.triangles,
+            prepared.patches,
+            prepared.geometry,
+            owners,
+            prepared.emission,
+            settings,
+        )
+        solution = Jacobi(prepared.reflectance, prepared.emission, prepared.geometry.area, settings)
+        while not solution.done:
+            slices = paper.iteration(solution.radiance)
+            irradiance = _result(slices)[:, :3]
+            solution.update(irradiance)
+            yield irradiance
+    finally:
+        graphics.release()
+
+
+def _result(slices: Generator[float, None, np.ndarray]) -> np.ndarray:
+    """Run a generator to its end; return its value."""
+    while True:
+        try:
+            next(slices)
+        except StopIteration as stop:
+            return stop.value
+
+
+def _write(curves: list[Curve], sweeps: int, patches: int, picture: Path) -> None:
+    """Write the graph, and the figures as JSON beside it."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(figsize=(7, 4.2), layout="constrained")
+    for curve in curves:
+        shares = 100 * np.array(curve.difference)
+        axes.semilogy(
+            np.arange(1, len(shares) + 1), shares, label=f"N = {curve.hemicube}: {shares[-1]:.2f} %"
+        )
+    axes.set_xlabel("iteration")
+    axes.set_ylabel("mean difference of E/π to Gauss–Seidel\n(% of the mean)")
+    axes.set_title(f"Nine-quad room, {patches:,} patches in a 128² lightmap")
+    axes.grid(which="both", alpha=0.25)
+    axes.legend(title="hemicube width, last value")
+    figure.savefig(picture, dpi=150)
+    pyplot.close(figure)
+    figures = {"patches": patches, "sweeps": sweeps, "curves": [asdict(curve) for curve in curves]}
+    picture.with_suffix(".json").write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

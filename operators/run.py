@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Generator
-from dataclasses import replace
 
 import bpy
 import numpy as np
@@ -51,8 +50,7 @@ class Run:
         objects = visible_meshes(context)
         made = unwrap_missing(context, objects, self._uv_layer, self._settings.resolution, self._changes)
         usable = [obj for obj in objects if obj not in made.skipped]
-        gathered = gather(context, usable, self._uv_layer)
-        return replace(gathered, notes=(*made.notes, *gathered.notes))
+        return gather(context, usable, self._uv_layer, made.notes)
 
     def step(self) -> Progress | None:
         """Let the engine do a slice of work; raises StopIteration(Lightmap) at the end."""

@@ -116,14 +116,20 @@ def _write_exr(path: Path, pixels: np.ndarray) -> None:
 
 def _use_file(image: bpy.types.Image, path: str) -> None:
     """Let an image show a file, with a path relative to the .blend where there is one."""
-    if image.packed_file:
-        image.unpack(method="REMOVE")
+    _forget(image)
     image.source = "FILE"
     image.filepath_raw = path
     image.reload()
     image.colorspace_settings.name = _LINEAR
     if bpy.data.filepath:
         image.filepath_raw = _relative(path)
+
+
+def _forget(image: bpy.types.Image) -> None:
+    """Drop the pixels and the packed file of an image; Blender drops pixels when the source changes."""
+    if image.packed_file:
+        image.unpack(method="REMOVE")
+    image.source = "GENERATED"
 
 
 def _relative(path: str) -> str:
@@ -135,10 +141,13 @@ def _relative(path: str) -> str:
 
 
 def _pack(image: bpy.types.Image, path: Path, directory: str) -> None:
-    """Pack a file into an image that would lie in `directory`."""
-    _use_file(image, str(path))
-    image.pack()
+    """Pack a file into an image, under the path it would have in `directory`."""
+    _forget(image)
+    image.source = "FILE"
     image.filepath_raw = f"{directory.rstrip('/')}/{path.name}"
+    data = path.read_bytes()
+    image.pack(data=data, data_len=len(data))
+    image.colorspace_settings.name = _LINEAR
 
 
 def _remove(uid: int) -> None:

@@ -52,8 +52,8 @@ def hide_preview(objects: Sequence[bpy.types.Object]) -> None:
             slot.material = before.material
             slot.link = before.link
     for obj in objects:
-        if obj.hemibake.slot_added and len(obj.data.materials):
-            obj.data.materials.pop()
+        if obj.hemibake.slot_added and len(obj.data.materials) == 1:
+            obj.data.materials.clear()
         obj.hemibake.slot_added = False
         obj.hemibake.slots.clear()
     for material in [item for item in bpy.data.materials if item.get(MARK) and not item.users]:

@@ -19,6 +19,9 @@ PADDING = 4
 #: Attempts to find the scale at which all charts fit on one page.
 _ATTEMPTS = 24
 
+#: Mean area of a chart, texels, below which its light could not be stored.
+_LEAST_CHART = 0.01
+
 _UNPLACED = 0xFFFFFFFF
 
 
@@ -166,9 +169,14 @@ def _signed_areas(corners: np.ndarray) -> np.ndarray:
 def _pack(meshes: list[PolygonMesh], charts: list[Charts], resolution: int) -> list[np.ndarray]:
     """Return packed UVs at the largest texel density found at which the charts fill one page."""
     area = sum(np.abs(_signed_areas(c.uvs[m.triangles])).sum() for m, c in zip(meshes, charts, strict=True))
+    if area == 0:
+        return [np.zeros((len(mesh.corners), 2), np.float32) for mesh in meshes]
     low, high, best = 0.0, np.inf, None
-    scale = resolution * np.sqrt(0.7 / area) if area > 0 else 1.0
+    scale = resolution * np.sqrt(0.7 / area)
+    least = np.sqrt(_LEAST_CHART * sum(len(np.unique(c.chart)) for c in charts) / area)
     for _ in range(_ATTEMPTS):
+        if scale < least:
+            break
         packed, size = _pack_at(meshes, charts, scale)
         if size <= resolution - 1:
             low, best = scale, packed
@@ -191,19 +199,17 @@ def _pack(meshes: list[PolygonMesh], charts: list[Charts], resolution: int) -> l
 def _pack_at(meshes: list[PolygonMesh], charts: list[Charts], scale: float) -> tuple[list[np.ndarray], int]:
     """Return the loops' places in texels at `scale` texels per metre, and the page size they need.
 
-    xatlas keeps 2 * padding + 1 texels between charts, and puts chart borders on texel centres; half
-    a texel further on they lie between texels.
+    xatlas takes meshes at the same address for instances, so all inputs have to live until it is done.
+    It keeps 2 * padding + 1 texels between charts, and puts chart borders on texel centres; half a
+    texel further on they lie between texels.
     """
     xatlas = _xatlas()
     atlas, options = xatlas.Atlas(), xatlas.PackOptions()
     options.padding, options.texels_per_unit = PADDING // 2, 1.0
     options.bruteForce = sum(chart.chart.max(initial=-1) + 1 for chart in charts) < 64
-    for mesh, chart in zip(meshes, charts, strict=True):
-        atlas.add_uv_mesh(
-            (chart.uvs * scale).astype(np.float32),
-            mesh.triangles.astype(np.uint32),
-            (chart.chart[:, None]).astype(np.uint32),
-        )
+    inputs = [_uv_mesh(mesh, chart, scale) for mesh, chart in zip(meshes, charts, strict=True)]
+    for arrays in inputs:
+        atlas.add_uv_mesh(*arrays)
     atlas.generate(pack_options=options)
     size = np.array([atlas.width, atlas.height])
     places = [
@@ -211,6 +217,12 @@ def _pack_at(meshes: list[PolygonMesh], charts: list[Charts], scale: float) -> t
         for index, (mesh, chart) in enumerate(zip(meshes, charts, strict=True))
     ]
     return places, int(size.max())
+
+
+def _uv_mesh(mesh: PolygonMesh, charts: Charts, scale: float) -> tuple[np.ndarray, ...]:
+    """Return texel coordinates of the loops, loops of the triangles and charts, as xatlas wants them."""
+    uvs = (charts.uvs * scale).astype(np.float32)
+    return uvs, mesh.triangles.astype(np.uint32), charts.chart[:, None].astype(np.uint32)
 
 
 def _loop_places(atlas, index: int, mesh: PolygonMesh, charts: Charts, size: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import bpy
 
+from ...engine.errors import SceneError
 from ...engine.scene import Material, Mesh, Scene, check_scene
 from .atlases import assign_atlases
 from .materials import read_material
@@ -44,12 +45,17 @@ class MaterialTable:
         return self._index[key]
 
 
-def gather(context: bpy.types.Context, objects: Sequence[bpy.types.Object], uv_layer: str) -> Gathered:
+def gather(
+    context: bpy.types.Context,
+    objects: Sequence[bpy.types.Object],
+    uv_layer: str,
+    earlier_notes: Sequence[str] = (),
+) -> Gathered:
     """Return mesh objects as an engine.Scene; raises SceneError.
 
-    Every object must have the UV layer. Objects without faces are left out with a note.
+    Every object with faces must have the UV layer; one without faces is left out with a note.
     """
-    notes: list[str] = []
+    notes = list(earlier_notes)
     for obj in objects:
         obj.update_from_editmode()
     depsgraph = context.evaluated_depsgraph_get()
@@ -62,6 +68,9 @@ def gather(context: bpy.types.Context, objects: Sequence[bpy.types.Object], uv_l
         if mesh is not None:
             meshes.append(replace(mesh, atlas=_index(atlases, atlas)))
             baked.append((obj.session_uid, atlas))
+    if notes and not meshes:
+        reasons = " ".join(notes)
+        raise SceneError(f"Nothing is left to bake. {reasons} Give an object faces that have an area.")
     world = read_world(context.scene.world, notes)
     scene = Scene(tuple(meshes), tuple(table.materials), tuple(atlases), world)
     check_scene(scene)

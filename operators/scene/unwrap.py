@@ -47,6 +47,7 @@ def unwrap_missing(
     selection and the mode stay as they are.
     """
     made = Made()
+    context.view_layer.update()
     for obj in objects:
         if len(obj.data.polygons) and uv_layer not in obj.data.uv_layers:
             _sort_out(obj, made)

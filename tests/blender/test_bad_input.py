@@ -1,0 +1,121 @@
+"""What cannot be baked gives a message with a remedy and leaves the .blend as it was."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from tests.blender.things import SQUARE, SQUARE_UVS, files_below, mesh_object, snapshot, square
+
+
+def bake() -> str:
+    """Bake, expecting an error, and return its message."""
+    import bpy
+
+    with pytest.raises(RuntimeError) as caught:
+        bpy.ops.hemibake.bake()
+    return str(caught.value)
+
+
+def no_mesh():
+    import bpy
+
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Empty", None))
+
+
+def no_faces():
+    mesh_object("Points", SQUARE, [])
+
+
+def zero_area():
+    mesh_object("Flat", [(0, 0, 0), (1, 0, 0), (2, 0, 0)], [(0, 1, 2)])
+
+
+def nan_coordinates():
+    mesh_object("Broken", [(0, 0, 0), (1, 0, 0), (np.nan, 1, 0)], [(0, 1, 2)])
+
+
+def nan_coordinates_with_uvs():
+    mesh_object("Broken", [(0, 0, 0), (1, 0, 0), (np.nan, 1, 0)], [(0, 1, 2)], SQUARE_UVS[:3])
+
+
+def nan_uvs():
+    square("Odd", uvs=[(np.nan, 0), *SQUARE_UVS[1:]])
+
+
+def uvs_outside():
+    square("Wide", uvs=[(0, 0), (1.5, 0), (1.5, 1), (0, 1)])
+
+
+def overlapping_uvs():
+    square("Lower")
+    square("Upper").location.z = 1
+
+
+def resolution(value: int) -> Callable[[], None]:
+    def make():
+        import bpy
+
+        square()
+        bpy.context.scene.hemibake.resolution = value
+
+    return make
+
+
+CASES = {
+    "no mesh": (no_mesh, ["no mesh", "Add a mesh object"]),
+    "no faces": (no_faces, ["Points", "no faces"]),
+    "zero area": (zero_area, ["Flat", "zero-area"]),
+    "NaN coordinates": (nan_coordinates, ["'Broken'", "NaN", "Delete those vertices"]),
+    "NaN coordinates with UVs": (nan_coordinates_with_uvs, ["'Broken'", "NaN", "Delete those vertices"]),
+    "NaN UVs": (nan_uvs, ["'Odd'", "NaN", "Unwrap"]),
+    "UVs outside": (uvs_outside, ["'Wide'", "outside 0-1", "Pack"]),
+    "overlapping UVs": (overlapping_uvs, ["'Lower'", "'Upper'", "atlas"]),
+    "resolution 0": (resolution(0), ["resolution is 0", "choose 8 to 16384"]),
+    "resolution 100000": (resolution(100_000), ["resolution is 100000", "choose 8 to 16384"]),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_error_names_the_cause_and_the_remedy_and_nothing_changes(case, tmp_path):
+    import bpy
+
+    make, words = CASES[case]
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    mesh_object("Good", [(5, 0, 0), (6, 0, 0), (5, 1, 0)], [(0, 1, 2)]).hide_render = True
+    make()
+    before, files = snapshot(), files_below(tmp_path)
+    message = bake()
+    assert all(word in message for word in words), message
+    assert snapshot() == before
+    assert files_below(tmp_path) == files
+
+
+def test_uv_layers_made_for_a_bake_that_fails_are_removed():
+    mesh_object("New", SQUARE, [(0, 1, 2, 3)])
+    square("Wide", uvs=[(0, 0), (1.5, 0), (1.5, 1), (0, 1)])
+    before = snapshot()
+    bake()
+    assert snapshot() == before
+
+
+def test_folder_that_cannot_be_written_is_told(tmp_path):
+    import bpy
+
+    (tmp_path / "file").write_text("not a folder")
+    bpy.context.scene.hemibake.directory = str(tmp_path / "file")
+    square("Only", uvs=None)
+    before = snapshot()
+    assert "Choose another folder" in bake()
+    assert snapshot() == before
+
+
+def test_object_without_faces_among_others_is_left_out_with_a_warning():
+    import bpy
+
+    from tests.blender.things import report
+
+    square()
+    no_faces()
+    assert bpy.ops.hemibake.bake() == {"FINISHED"}
+    assert any("'Points' has no faces" in warning for warning in report()["warnings"])

@@ -1,0 +1,221 @@
+"""The Bake operator from gather to file."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.blender.things import files_below, furnace, part, pixels, report, snapshot, square
+
+
+def bake():
+    import bpy
+
+    return bpy.ops.hemibake.bake()
+
+
+def save_blend(folder: Path) -> None:
+    import bpy
+
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"))
+
+
+def read_exr(path: Path) -> np.ndarray:
+    """Return the numbers of an EXR file, (h, w, 4), without any colour conversion."""
+    import bpy
+
+    image = bpy.data.images.load(str(path))
+    image.colorspace_settings.name = "Non-Color"
+    return pixels(image)
+
+
+def test_furnace_is_baked_into_a_linear_float_image_and_a_file(tmp_path):
+    import bpy
+
+    save_blend(tmp_path)
+    obj = furnace()
+    assert bake() == {"FINISHED"}
+    image = bpy.data.images["Lightmap"]
+    values = pixels(image)
+    lit = values[..., 0] > 0
+    assert values.shape == (32, 32, 4) and lit.sum() > 100
+    np.testing.assert_allclose(values[lit][:, :3], 2.0, rtol=0.01)
+    assert (values[..., 3] == 1).all()
+    assert image.is_float and image.colorspace_settings.name == "Linear Rec.709" and not image.is_dirty
+    assert (read_exr(tmp_path / "lightmaps" / "Lightmap.exr") == values).all()
+    assert obj.hemibake.image == "Lightmap"
+
+
+def test_report_tells_what_was_done(tmp_path):
+    save_blend(tmp_path)
+    furnace()
+    bake()
+    facts = report()
+    assert facts["objects"] == 1 and facts["patches"] > 100 and facts["converged"]
+    assert facts["iterations"] == len(facts["energies"]) > 1
+    assert {"gather", "hemicubes", "store", "total"} <= set(facts["seconds"])
+    assert set(facts["devices"]) == {"gl", "cl"}
+    assert facts["files"] == [str(tmp_path / "lightmaps" / "Lightmap.exr")]
+    assert facts["warnings"] == []
+
+
+def test_stored_pixels_are_those_of_the_engine_bit_by_bit(tmp_path):
+    images = part("operators.result.images")
+    values = np.random.default_rng(3).normal(0, 100, (1, 8, 8, 3)).astype(np.float32)
+    image = images.lightmap_image("Noise", 8, part("operators.changes").Changes())
+    paths = images.store([image], values, str(tmp_path))
+    assert (read_exr(Path(paths[0]))[..., :3] == values[0]).all()
+    assert (pixels(image)[..., :3] == values[0]).all()
+
+
+def test_unsaved_file_packs_the_lightmap():
+    import bpy
+
+    furnace()
+    bake()
+    image = bpy.data.images["Lightmap"]
+    assert image.packed_file is not None
+    assert report()["files"] == [] and "not saved" in report()["warnings"][0]
+    glow = bpy.data.materials["Glow"].node_tree.nodes["Principled BSDF"]
+    glow.inputs["Emission Strength"].default_value = 3
+    bake()
+    assert [item.name for item in bpy.data.images if item.get("hemibake_atlas")] == ["Lightmap"]
+    assert not image.is_dirty and image.packed_files[0].filepath == "//lightmaps/Lightmap.exr"
+    assert pixels(image)[..., :3].max() == pytest.approx(6, rel=0.01)
+
+
+def test_scene_around_the_lightmap_stays():
+    import bpy
+
+    obj, other = furnace(), square()
+    other.location = (0.5, 0.5, 0.5)
+    bpy.context.view_layer.objects.active = obj
+    obj.select_set(True)
+    bpy.ops.object.mode_set(mode="EDIT")
+    before = snapshot()
+    bake()
+    after = snapshot()
+    for key in ("mode", "active", "selected", "render", "materials", "slots"):
+        assert after[key] == before[key]
+
+
+def test_image_of_the_user_is_not_overwritten():
+    import bpy
+
+    own = bpy.data.images.new("Lightmap", 4, 4)
+    before = pixels(own).tobytes()
+    obj = furnace()
+    bake()
+    assert pixels(own).tobytes() == before and tuple(own.size) == (4, 4)
+    assert obj.hemibake.image == "Lightmap.001"
+
+
+def test_baking_again_at_another_resolution_uses_the_same_image():
+    import bpy
+
+    furnace()
+    bake()
+    bpy.context.scene.hemibake.resolution = 48
+    bake()
+    (image,) = [item for item in bpy.data.images if item.get("hemibake_atlas")]
+    assert tuple(image.size) == (48, 48)
+
+
+def test_each_atlas_has_an_image():
+    import bpy
+
+    first, second = furnace("First"), furnace("Second")
+    second.location.x = 3
+    second.hemibake.atlas = "Other"
+    bake()
+    assert (first.hemibake.image, second.hemibake.image) == ("Lightmap", "Other")
+    np.testing.assert_allclose(pixels(bpy.data.images["Other"]).max(), 2, rtol=0.01)
+
+
+def test_linked_duplicates_are_baked_side_by_side():
+    import bpy
+
+    first = furnace("First")
+    second = bpy.data.objects.new("Second", first.data)
+    second.location.x = 3
+    bpy.context.scene.collection.objects.link(second)
+    bake()
+    assert second.hemibake.image == "Lightmap.Second"
+    assert second.hemibake.atlas == "Lightmap"
+
+
+def test_run_cancelled_in_the_worker_leaves_nothing(tmp_path):
+    import bpy
+
+    save_blend(tmp_path)
+    furnace()
+    before, files = snapshot(), files_below(tmp_path)
+    run = part("operators.run").Run(bpy.context, part("operators.worker_owner").owner.worker().bake)
+    while not any(image.get("hemibake_atlas") for image in bpy.data.images):
+        run.step()
+    run.cancel()
+    assert snapshot() == before
+    assert files_below(tmp_path) == files
+
+
+def test_cancelled_run_gives_the_old_image_back(tmp_path):
+    import bpy
+
+    save_blend(tmp_path)
+    furnace()
+    bake()
+    before, files = snapshot(), files_below(tmp_path)
+    bpy.context.scene.hemibake.resolution = 48
+    bpy.context.scene.hemibake.seed = 9
+    run = part("operators.run").Run(bpy.context, part("engine").bake)
+    while tuple(bpy.data.images["Lightmap"].size) != (48, 48):
+        run.step()
+    run.cancel()
+    assert snapshot() == before
+    assert files_below(tmp_path) == files
+
+
+def test_dead_worker_is_an_error_that_leaves_the_last_image(tmp_path):
+    import bpy
+
+    errors = part("engine.errors")
+    owner = part("operators.worker_owner").owner
+    save_blend(tmp_path)
+    furnace()
+    run = part("operators.run").Run(bpy.context, owner.worker().bake)
+    while not any(image.get("hemibake_atlas") for image in bpy.data.images):
+        run.step()
+    owner.worker().process.kill()
+    with pytest.raises(errors.WorkerError, match="Bake again"):
+        run.drain()
+    run.cancel(keep_images=True)
+    assert pixels(bpy.data.images["Lightmap"])[..., :3].max() > 0
+    again = part("operators.run").Run(bpy.context, owner.worker().bake)
+    again.finish(again.drain())
+    assert pixels(bpy.data.images["Lightmap"])[..., :3].max() == pytest.approx(2, rel=0.01)
+
+
+def test_objects_deleted_during_the_bake_are_no_problem():
+    import bpy
+
+    obj = furnace()
+    run = part("operators.run").Run(bpy.context, part("engine").bake)
+    run.step()
+    bpy.data.objects.remove(obj)
+    lightmap = run.drain()
+    bpy.data.images.remove(bpy.data.images["Lightmap"])
+    assert run.finish(lightmap)["images"] == ["Lightmap"]
+
+
+def test_another_file_opened_during_the_bake_is_not_touched(tmp_path):
+    import bpy
+
+    furnace()
+    run = part("operators.run").Run(bpy.context, part("engine").bake)
+    while not bpy.data.images:
+        run.step()
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.data.images.new("Lightmap", 4, 4)
+    before = snapshot()
+    run.cancel()
+    assert snapshot() == before

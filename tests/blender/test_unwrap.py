@@ -1,0 +1,165 @@
+"""Lightmap UVs made by xatlas are sound."""
+
+import numpy as np
+import pytest
+
+from tests.blender.things import CUBE, INWARD, loop_uvs, mesh_object, part, square
+
+RESOLUTION = 128
+
+
+@pytest.fixture(autouse=True)
+def resolution():
+    import bpy
+
+    bpy.context.scene.hemibake.resolution = RESOLUTION
+
+
+def coverage(obj, size: int) -> np.ndarray:
+    """Return how many triangles of the UV layer cover each texel centre of a size x size grid."""
+    obj.data.calc_loop_triangles()
+    triangles = np.array([list(triangle.loops) for triangle in obj.data.loop_triangles])
+    corners = loop_uvs(obj)[triangles].astype(np.float64)
+    centre = (np.arange(size) + 0.5) / size
+    points = np.stack(np.meshgrid(centre, centre), axis=-1)
+    count = np.zeros((size, size), int)
+    for triangle in corners:
+        sides = [
+            np.cross(triangle[(i + 1) % 3] - triangle[i], points - triangle[i]) for i in range(3)
+        ]
+        inside = (np.array(sides) > 1e-9).all(axis=0) | (np.array(sides) < -1e-9).all(axis=0)
+        count += inside
+    return count
+
+
+def area_ratio(obj) -> np.ndarray:
+    """Return UV area / world area of each triangle."""
+    obj.data.calc_loop_triangles()
+    loops = np.array([list(triangle.loops) for triangle in obj.data.loop_triangles])
+    vertices = np.array([list(triangle.vertices) for triangle in obj.data.loop_triangles])
+    places = np.array([obj.matrix_world @ vertex.co for vertex in obj.data.vertices])[vertices]
+    uvs = loop_uvs(obj)[loops].astype(np.float64)
+    world = np.linalg.norm(np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0]), axis=1)
+    return np.abs(np.cross(uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0])) / world
+
+
+def bumpy_grid(n=6):
+    """Return a grid of quads, none of them flat."""
+    height = np.random.default_rng(7).uniform(-0.6, 0.6, (n + 1) ** 2)
+    vertices = [(i % (n + 1), i // (n + 1), height[i]) for i in range((n + 1) ** 2)]
+    corner = [row * (n + 1) + column for row in range(n) for column in range(n)]
+    return mesh_object("Bumpy", vertices, [(i, i + 1, i + n + 2, i + n + 1) for i in corner])
+
+
+def comb():
+    """Return a flat concave n-gon and a folded one."""
+    flat = [(0, 0, 0), (6, 0, 0), (6, 3, 0), (5, 1, 0), (4, 3, 0), (3, 1, 0), (2, 3, 0), (1, 1, 0), (0, 3, 0)]
+    folded = [(10, 0, 0), (12, 0, 0), (12, 2, 0), (12, 2, 2), (11, 2, 3), (10, 2, 2)]
+    return mesh_object("Comb", flat + folded, [range(9), range(9, 15)])
+
+
+def unwrap():
+    import bpy
+
+    return bpy.ops.hemibake.unwrap()
+
+
+@pytest.mark.parametrize("make", [bumpy_grid, comb, lambda: mesh_object("Cube", CUBE, INWARD)])
+def test_charts_lie_inside_and_do_not_overlap(make):
+    obj = make()
+    assert unwrap() == {"FINISHED"}
+    uvs = loop_uvs(obj)
+    assert uvs.min() >= 0 and uvs.max() <= 1
+    assert coverage(obj, 512).max() == 1
+
+
+@pytest.mark.parametrize("make", [bumpy_grid, comb])
+def test_every_face_has_its_share_of_the_area(make):
+    obj = make()
+    unwrap()
+    ratio = area_ratio(obj)
+    assert ratio.min() > 0.3 * np.median(ratio)
+
+
+def test_objects_share_the_atlas_in_proportion_to_their_world_size():
+    small, large = mesh_object("Small", CUBE, INWARD), mesh_object("Large", CUBE, INWARD)
+    large.scale = (3, 3, 3)
+    unwrap()
+    assert area_ratio(large).mean() == pytest.approx(area_ratio(small).mean(), rel=0.25)
+    both = coverage(small, 256) + coverage(large, 256)
+    assert both.max() == 1
+    assert small.hemibake.atlas == large.hemibake.atlas == "Lightmap"
+
+
+def test_charts_keep_four_empty_texels_between_them():
+    obj = mesh_object("Cube", CUBE, INWARD)
+    unwrap()
+    uvs = loop_uvs(obj).reshape(-1, 4, 2) * RESOLUTION
+    low, high = uvs.min(axis=1), uvs.max(axis=1)
+    for i in range(6):
+        for j in range(i):
+            gap = np.maximum(low[i] - high[j], low[j] - high[i])
+            assert gap.max() >= 4 or np.allclose(gap.max(), 0, atol=1e-3)
+
+
+def test_torn_polygon_is_laid_flat_without_folding():
+    charts = part("operators.scene.charts")
+    points = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0.9, 0.05, 0.8)], np.float64)
+    triangles = np.array([(0, 1, 2), (0, 2, 3)])
+    flat = charts._flatten(points, triangles)
+    areas = charts._signed_areas(flat[triangles])
+    assert (areas > 0).all()
+    assert areas.sum() == pytest.approx(charts._areas(points[triangles]).sum())
+
+
+def test_other_layers_selection_and_mode_stay():
+    import bpy
+
+    obj = mesh_object("Cube", CUBE, INWARD)
+    for name in ("One", "Two"):
+        obj.data.uv_layers.new(name=name)
+    obj.data.uv_layers.active_index = 1
+    obj.data.uv_layers["One"].active_render = True
+    before = [loop_uvs(obj, name).copy() for name in ("One", "Two")]
+    bpy.context.view_layer.objects.active = obj
+    obj.select_set(True)
+    bpy.ops.object.mode_set(mode="EDIT")
+    unwrap()
+    assert bpy.context.mode == "EDIT_MESH"
+    bpy.ops.object.mode_set(mode="OBJECT")
+    layers = obj.data.uv_layers
+    assert [layer.name for layer in layers] == ["One", "Two", "Lightmap"]
+    assert layers.active.name == "Two" and layers["One"].active_render
+    assert all((loop_uvs(obj, name) == old).all() for name, old in zip(("One", "Two"), before, strict=True))
+
+
+def test_new_objects_do_not_join_an_atlas_in_use():
+    old, new = square("Old"), mesh_object("New", CUBE, INWARD)
+    unwrap()
+    assert (old.hemibake.atlas, new.hemibake.atlas) == ("Lightmap", "Lightmap.001")
+
+
+def test_unwrapping_twice_changes_nothing():
+    obj = mesh_object("Cube", CUBE, INWARD)
+    unwrap()
+    before = loop_uvs(obj).copy()
+    assert unwrap() == {"CANCELLED"}
+    assert (loop_uvs(obj) == before).all()
+
+
+def test_eight_layers_are_too_many():
+    obj = mesh_object("Cube", CUBE, INWARD)
+    for index in range(8):
+        obj.data.uv_layers.new(name=f"Layer {index}")
+    with pytest.raises(RuntimeError, match="'Cube' has 8 UV layers.*Remove one"):
+        unwrap()
+
+
+def test_charts_that_cannot_fit_are_refused():
+    import bpy
+
+    bpy.context.scene.hemibake.resolution = 8
+    obj = mesh_object("Cube", CUBE, INWARD)
+    with pytest.raises(RuntimeError, match="'Cube' do not fit.*Raise the resolution"):
+        unwrap()
+    assert "Lightmap" not in obj.data.uv_layers

@@ -1,0 +1,123 @@
+"""Objects to bake, and what must not change."""
+
+from __future__ import annotations
+
+import importlib
+import json
+from pathlib import Path
+
+import numpy as np
+
+from tools.headless import MODULE
+
+
+def part(name: str):
+    """Return a module of the enabled extension."""
+    return importlib.import_module(f"{MODULE}.{name}")
+
+
+def material(name="Grey", colour=(0.5, 0.5, 0.5), emission=0.0):
+    import bpy
+
+    result = bpy.data.materials.new(name)
+    tree = part("operators.compat").new_node_tree(result)
+    node = tree.nodes["Principled BSDF"]
+    node.inputs["Base Color"].default_value = (*colour, 1)
+    node.inputs["Emission Strength"].default_value = emission
+    return result
+
+
+def mesh_object(name, vertices, faces, uvs=None, surface=None):
+    """Return a linked object; `uvs` of all loops make a lightmap UV layer."""
+    import bpy
+
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(vertices, [], faces)
+    if uvs is not None:
+        layer = mesh.uv_layers.new(name="Lightmap")
+        layer.uv.foreach_set("vector", np.asarray(uvs, np.float32).reshape(-1))
+    if surface is not None:
+        mesh.materials.append(surface)
+    result = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(result)
+    bpy.context.view_layer.update()
+    return result
+
+
+SQUARE = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+SQUARE_UVS = [(0.1, 0.1), (0.9, 0.1), (0.9, 0.9), (0.1, 0.9)]
+CUBE = [(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)]
+INWARD = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+
+
+def square(name="Square", uvs=SQUARE_UVS, surface=None):
+    return mesh_object(name, SQUARE, [(0, 1, 2, 3)], uvs, surface)
+
+
+def furnace(name="Furnace"):
+    """Return a closed cube seen from inside: reflectance 0.5, radiance 1, so E/pi is 2 everywhere."""
+    return mesh_object(name, CUBE, INWARD, surface=material("Glow", emission=1.0))
+
+
+def gather():
+    """Return what the add-on gathers from the scene."""
+    import bpy
+
+    scene = part("operators.scene")
+    objects = scene.visible_meshes(bpy.context)
+    return scene.gather(bpy.context, objects, "Lightmap")
+
+
+def loop_uvs(obj, layer="Lightmap") -> np.ndarray:
+    """Return a UV layer, (l, 2)."""
+    uvs = np.empty(2 * len(obj.data.loops), np.float32)
+    obj.data.uv_layers[layer].uv.foreach_get("vector", uvs)
+    return uvs.reshape(-1, 2)
+
+
+def pixels(image) -> np.ndarray:
+    """Return an image's pixels, (h, w, 4)."""
+    values = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(values)
+    return values.reshape(*reversed(image.size), 4)
+
+
+def report() -> dict:
+    import bpy
+
+    return json.loads(bpy.context.scene.hemibake.report)
+
+
+def snapshot() -> dict:
+    """Return everything of the file that a bake that fails must leave alone."""
+    import bpy
+
+    render = bpy.context.scene.render
+    return {
+        "mode": bpy.context.mode,
+        "active": bpy.context.object and bpy.context.object.name,
+        "selected": sorted(obj.name for obj in bpy.context.selected_objects),
+        "render": (render.engine, render.filepath, render.image_settings.file_format),
+        "images": {image.name: pixels(image).tobytes() for image in bpy.data.images if image.type == "IMAGE"},
+        "materials": sorted(item.name for item in bpy.data.materials),
+        "atlases": {obj.name: obj.hemibake.atlas for obj in bpy.data.objects},
+        "meshes": {mesh.name: _mesh_state(mesh) for mesh in bpy.data.meshes},
+        "slots": {
+            obj.name: [(slot.link, slot.material and slot.material.name) for slot in obj.material_slots]
+            for obj in bpy.data.objects
+        },
+    }
+
+
+def _mesh_state(mesh) -> tuple:
+    layers = [(layer.name, layer.active_render) for layer in mesh.uv_layers]
+    uvs = []
+    for layer in mesh.uv_layers:
+        values = np.empty(2 * len(layer.uv), np.float32)
+        layer.uv.foreach_get("vector", values)
+        uvs.append(values.tobytes())
+    return layers, mesh.uv_layers.active_index, uvs
+
+
+def files_below(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}

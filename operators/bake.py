@@ -128,9 +128,13 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
         self.report(
             {"INFO"},
             f"Baked {report['objects']} objects, {report['patches']} patches, "
-            f"{report['iterations']} iterations, remaining error {report['residual']:.2%}, "
+            f"{report['iterations']} iterations, remaining error {_percent(report['residual'])}, "
             f"{report['seconds']['total']:.1f} s: {where}",
         )
+
+
+def _percent(residual: float | None) -> str:
+    return "unknown" if residual is None else f"{residual:.2%}"
 
 
 CLASSES = (HEMIBAKE_OT_bake,)

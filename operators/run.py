@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Callable, Generator
 
@@ -76,7 +77,10 @@ class Run:
                 self._changes.take_back()
 
     def finish(self, lightmap: Lightmap) -> dict:
-        """Store a lightmap and return the report, JSON-ready; raises EngineError."""
+        """Store a lightmap and return the report, JSON-ready; raises EngineError.
+
+        The residual is None if a single iteration could not tell it.
+        """
         start = time.perf_counter()
         self._show(lightmap.display)
         targets = [find(bpy.data.images, uid) for uid in self._images]
@@ -104,7 +108,7 @@ class Run:
         names = dict(zip(self._gathered.scene.atlases, (image.name for image in targets), strict=True))
         for uid, atlas in self._gathered.objects:
             obj = find(bpy.data.objects, uid)
-            if obj is not None:
+            if obj is not None and obj.is_editable:
                 obj.hemibake.image, obj.hemibake.uv_layer = names[atlas], self._uv_layer
 
     def _report(self, lightmap: Lightmap, names: list[str], files: list[str]) -> dict:
@@ -119,7 +123,7 @@ class Run:
             "objects": len(self._gathered.objects),
             "patches": int(facts.patches),
             "iterations": int(facts.iterations),
-            "residual": float(facts.residual),
+            "residual": float(facts.residual) if math.isfinite(facts.residual) else None,
             "converged": bool(facts.converged),
             "energies": [float(energy) for energy in facts.energies],
             "seconds": {stage: round(float(value), 4) for stage, value in seconds.items()},

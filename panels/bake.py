@@ -81,7 +81,9 @@ class HEMIBAKE_PT_report(_Sidebar, bpy.types.Panel):
         report = json.loads(context.scene.hemibake.report)
         column = self.layout.column()
         column.label(text=f"{report['objects']} objects, {report['patches']} patches")
-        column.label(text=f"{report['iterations']} iterations, error {report['residual']:.2%}")
+        column.label(text=f"{report['iterations']} iterations")
+        if report["residual"] is not None:
+            column.label(text=f"Remaining error {report['residual']:.2%}")
         column.label(text=f"{report['seconds']['total']:.1f} s")
         for image in report["images"]:
             column.label(text=image, icon="IMAGE_DATA")

@@ -188,7 +188,7 @@ def tell(report: dict, as_json: bool) -> None:
         return
     print(
         f"{report['objects']} objects, {report['patches']} patches, {report['iterations']} iterations, "
-        f"remaining error {report['residual']:.2%}, {report['seconds']['total']:.1f} s"
+        f"{report['seconds']['total']:.1f} s"
     )
     print("\n".join(report["files"]))
 

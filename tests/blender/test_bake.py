@@ -59,6 +59,15 @@ def test_report_tells_what_was_done(tmp_path):
     assert facts["warnings"] == []
 
 
+def test_single_iteration_cannot_tell_the_residual():
+    import bpy
+
+    furnace()
+    bpy.context.scene.hemibake.iterations = 1
+    assert bake() == {"FINISHED"}
+    assert report()["residual"] is None and not report()["converged"]
+
+
 def test_stored_pixels_are_those_of_the_engine_bit_by_bit(tmp_path):
     images = part("operators.result.images")
     values = np.random.default_rng(3).normal(0, 100, (1, 8, 8, 3)).astype(np.float32)

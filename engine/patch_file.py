@@ -44,7 +44,8 @@ def read_patches(path: Path) -> PatchList:
     body = data[_HEADER.size :]
     if version != _VERSION:
         raise PatchFileError(
-            f"'{path}' has version {version}, this Hemibake reads version {_VERSION}. Export the patch list again."
+            f"'{path}' has version {version}, this Hemibake reads version {_VERSION}. "
+            "Export the patch list again."
         )
     if len(body) != count * _PATCH_BYTES:
         raise PatchFileError(
@@ -59,4 +60,5 @@ def read_patches(path: Path) -> PatchList:
 def _unpack(body: bytes, resolution: int, count: int) -> PatchList:
     integers = np.frombuffer(body, "<i4", 5 * count).astype(np.int32).reshape(5, count)
     barycentric = np.frombuffer(body, "<f4", 3 * count, 20 * count).astype(np.float32).reshape(count, 3)
-    return PatchList(resolution, *(row.copy() for row in integers), barycentric)
+    columns = {name: row.copy() for name, row in zip(_INTEGERS, integers, strict=True)}
+    return PatchList(resolution, barycentric=barycentric, **columns)

@@ -52,7 +52,8 @@ def check_settings(settings: Settings) -> None:
     _check_range("tolerance", settings.tolerance, 0, 1, "of the mean radiance")
     _check_range("dilation", settings.dilation, 0, 256, "texels")
     if settings.hemicube not in HEMICUBES:
-        raise SettingsError(f"hemicube is {settings.hemicube}; choose one of {', '.join(map(str, HEMICUBES))}.")
+        choices = ", ".join(map(str, HEMICUBES))
+        raise SettingsError(f"hemicube is {settings.hemicube}; choose one of {choices}.")
     if settings.method not in METHODS:
         raise SettingsError(f"method is '{settings.method}'; choose one of {', '.join(METHODS)}.")
 

@@ -35,7 +35,9 @@ class RawGL:
 
     def __init__(self) -> None:
         address_of = _address_finder()
-        prototype = ctypes.WINFUNCTYPE if sys.platform == "win32" else ctypes.CFUNCTYPE
+        prototype = ctypes.CFUNCTYPE
+        if sys.platform == "win32":
+            prototype = ctypes.WINFUNCTYPE
         self._functions: dict[str, Callable[..., Any]] = {}
         for name, (result, arguments) in _SIGNATURES.items():
             address = address_of(name)
@@ -46,6 +48,7 @@ class RawGL:
         return name in self._functions
 
     def __call__(self, name: str, *arguments: Any) -> Any:
+        """Call a function by name."""
         return self._functions[name](*arguments)
 
     def depth_array(self, width: int, height: int, layers: int) -> int:

@@ -66,7 +66,7 @@ def test_world_light_reaches_an_open_plane():
     plane = quads(rectangle((0, 0, 0), (2, 0, 0), (0, 2, 0))[None], [(2, 2, 16, 16)], [0], 32, "Plane")
     scene = replace(furnace(0.5, 0.0), meshes=(plane,), world=np.float32([0.2, 0.4, 0.6]))
     lightmap = finished(scene, QUICK)
-    np.testing.assert_allclose(lightmap.image[lightmap.covered], np.tile([0.2, 0.4, 0.6], (256, 1)), rtol=1e-5)
+    assert lightmap.image[lightmap.covered] == pytest.approx(np.tile([0.2, 0.4, 0.6], (256, 1)), rel=1e-5)
 
 
 def test_texels_inside_a_closed_object_are_filled_for_display_only():
@@ -92,7 +92,7 @@ def test_bad_settings_and_scenes_raise_before_any_device_is_opened():
     ("variables", "message"),
     [
         ({"__EGL_VENDOR_LIBRARY_FILENAMES": "/nonexistent"}, "No OpenGL 4.1 driver.*apt install libegl1"),
-        ({"OCL_ICD_VENDORS": "/nonexistent", "OCL_ICD_FILENAMES": ""}, "OpenCL could not be started.*apt install pocl-opencl-icd"),
+        ({"OCL_ICD_VENDORS": "/nonexistent"}, "OpenCL could not be started.*apt install pocl-opencl-icd"),
     ],
 )
 def test_a_missing_driver_is_a_clear_error(variables, message):

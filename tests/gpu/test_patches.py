@@ -30,7 +30,7 @@ def test_texels_of_a_quad_become_patches(graphics):
     patches = list_patches(graphics, scene, 16)
     rows, columns = np.divmod(patches.texel, 16)
     assert len(patches) == 32
-    assert set(zip(rows, columns)) == {(y, x) for y in range(6, 10) for x in range(4, 12)}
+    assert set(zip(rows, columns, strict=True)) == {(y, x) for y in range(6, 10) for x in range(4, 12)}
     assert set(patches.subface) == {0, 1} and set(patches.face) == {0} and set(patches.mesh) == {0}
     np.testing.assert_allclose(patches.barycentric.sum(axis=1), 1, atol=1e-5)
 
@@ -62,7 +62,8 @@ def test_faces_subfaces_meshes_and_atlases_are_told_apart(graphics):
 def test_a_dropped_triangle_leaves_the_others_in_place(graphics):
     """A polygon whose first triangle was dropped still finds its second."""
     mesh = one_quad((4, 6, 8, 4))
-    kept = {name: getattr(mesh, name)[1:] for name in ("positions", "normals", "uvs", "face", "subface", "material")}
+    names = ("positions", "normals", "uvs", "face", "subface", "material")
+    kept = {name: getattr(mesh, name)[1:] for name in names}
     scene = Scene((Mesh("Half", **kept),), (GREY,))
     patches = list_patches(graphics, scene, 16)
     assert set(patches.subface) == {1}
@@ -104,7 +105,8 @@ def test_every_texel_a_surface_touches_has_an_owner_on_that_surface(graphics):
 
 def test_a_sliver_without_a_covered_centre_gets_a_patch_of_its_own(graphics):
     mesh = one_quad((4, 6, 8, 4))
-    sliver = replace(mesh, name="Sliver", positions=mesh.positions + 50, uvs=mesh.uvs * np.float32([1, 0.01]) + np.float32([0, 0.9]))
+    thin = mesh.uvs * np.float32([1, 0.01]) + np.float32([0, 0.9])
+    sliver = replace(mesh, name="Sliver", positions=mesh.positions + 50, uvs=thin)
     scene = Scene((mesh, sliver), (GREY,))
     covered, patches, geometry, owners = grown(graphics, scene, 16)
     added = patches.mesh == 1

@@ -40,7 +40,8 @@ def test_frames_are_right_handed_and_keep_the_normal():
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     normal[0], normal[1] = (0, 0, 1), (0, 0, -1)
     frame = frames(normal, rng.uniform(-np.pi, np.pi, 500))
-    np.testing.assert_allclose(np.einsum("nij,nkj->nik", frame, frame), np.broadcast_to(np.eye(3), (500, 3, 3)), atol=1e-12)
+    products = np.einsum("nij,nkj->nik", frame, frame)
+    np.testing.assert_allclose(products, np.broadcast_to(np.eye(3), (500, 3, 3)), atol=1e-12)
     np.testing.assert_allclose(np.linalg.det(frame), 1, atol=1e-12)
     np.testing.assert_allclose(frame[:, 2], normal, atol=1e-12)
 

@@ -60,7 +60,8 @@ def rotations(seed: int, ids: np.ndarray) -> np.ndarray:
     ids: (n,) integer patch identities. Returns (n,) float64, radians in [-pi, pi) (paper, IV.B).
     The integer hash is lowbias32 (Wellons 2018), applied to the identity and the seed.
     """
-    mixed = _hash32(ids.astype(np.uint32) ^ _hash32(np.full(1, seed & 0xFFFFFFFF, np.uint32)))
+    salt = _hash32(np.array([(seed + 1) & 0xFFFFFFFF], np.uint32))
+    mixed = _hash32(ids.astype(np.uint32) ^ salt)
     return (mixed / 2.0**32 * 2.0 - 1.0) * np.pi
 
 

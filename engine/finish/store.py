@@ -8,7 +8,7 @@ from ..patches import PatchList
 from .dilation import Dilation
 
 #: A patch that sees more than this share of back faces lies inside something and is filled for display.
-_HIDDEN = 0.5
+_HIDDEN = 0.9
 
 
 class LightmapStore:

@@ -48,13 +48,12 @@ class HemicubeRaster:
             self._program, [(vertices, "3f 3f", "in_position", "in_lookup")]
         )
 
-        # What the fragment shader looks up: owner, radiance and emission of a texel.
+        # What the fragment shader looks up: the owner of a texel, and what that patch sends out.
         atlases, height, width = owners.shape
         self._owners = context.texture_array((width, height, atlases), 1, owners.tobytes(), dtype="u4")
         self._owners.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        self._radiance = _patch_texture(context, len(emission))
-        self._emission = _patch_texture(context, len(emission))
-        _write_patches(self._emission, emission)
+        self._radiosity = _radiosity_texture(context, len(emission))
+        self._write_side(emission, front=False)
         self._matrices = context.texture((4 * FACES, tiles.capacity), 4, dtype="f4")
         self._matrices.filter = (moderngl.NEAREST, moderngl.NEAREST)
 
@@ -70,8 +69,8 @@ class HemicubeRaster:
         self._framebuffer.depth_mask = True
 
     def set_radiance(self, radiance: np.ndarray) -> None:
-        """Replace the radiosity texture: (n, 3) float32, radiance of each patch."""
-        _write_patches(self._radiance, radiance)
+        """Replace what the fronts of the patches send out: (n, 3) float32 radiance."""
+        self._write_side(radiance, front=True)
 
     def draw(self, matrices: np.ndarray, layers_per_slice: int) -> Iterator[int]:
         """Draw hemicubes into the first slots of the array, a few layers at a time.
@@ -95,7 +94,7 @@ class HemicubeRaster:
         self._framebuffer.clear(*self._world, 1.0, depth=0.0 if self._graphics.reversed_depth else 1.0)
         self._program["hemicubes"] = count
         self._program["tiles_per_layer"] = self._tiles.per_layer
-        for unit, name in enumerate(("matrices", "owners", "radiance", "emission")):
+        for unit, name in enumerate(("matrices", "owners", "radiosity")):
             self._program[name] = unit
 
     def _bind(self) -> None:
@@ -105,8 +104,17 @@ class HemicubeRaster:
         context.enable_only(moderngl.DEPTH_TEST)
         context.depth_func = ">" if self._graphics.reversed_depth else "<"
         context.front_face = "cw"
-        for unit, texture in enumerate((self._matrices, self._owners, self._radiance, self._emission)):
+        for unit, texture in enumerate((self._matrices, self._owners, self._radiosity)):
             texture.use(unit)
+
+    def _write_side(self, radiance: np.ndarray, front: bool) -> None:
+        """Write (n, 3) float32 into one half of the radiosity texture; entry 0 stands for nothing."""
+        width, height = self._radiosity.size[0], self._radiosity.size[1] // 2
+        values = np.zeros((width * height, 4), np.float32)
+        values[1 : len(radiance) + 1, :3] = radiance
+        values[:, 3] = front
+        values[0, 3] = 1
+        self._radiosity.write(values.tobytes(), viewport=(0, 0 if front else height, width, height))
 
     def _draw_layers(self, first: int, layers: int) -> None:
         """Draw the hemicubes of some layers: one draw call for every three tiles of a layer."""
@@ -136,17 +144,11 @@ def _vertices(triangles: Triangles, origin: np.ndarray) -> np.ndarray:
     return data.reshape(-1, 6)
 
 
-def _patch_texture(context: moderngl.Context, patches: int) -> moderngl.Texture:
-    """Make a texture with one RGB texel for each patch."""
-    texture = context.texture((_ROW, -(-patches // _ROW)), 3, dtype="f4")
+def _radiosity_texture(context: moderngl.Context, patches: int) -> moderngl.Texture:
+    """Make a texture with one RGBA texel for the front and one for the back of each patch."""
+    texture = context.texture((_ROW, 2 * -(-(patches + 1) // _ROW)), 4, dtype="f4")
     texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
     return texture
-
-
-def _write_patches(texture: moderngl.Texture, values: np.ndarray) -> None:
-    """Write (n, 3) float32 into a patch texture."""
-    width, height = texture.size
-    texture.write(_padded(np.ascontiguousarray(values, np.float32), width * height))
 
 
 def _padded(values: np.ndarray, length: int) -> bytes:

@@ -98,7 +98,8 @@ def _overlap_message(scene: Scene, triangles: Triangles, patches: PatchList, dou
     share = len(doubled) / max(1, int(np.isin(patches.mesh, list(meshes)).sum()))
     return (
         f"Lightmap UVs overlap in atlas '{atlas}' ({share:.0%} of the texels of {names}). "
-        "Unwrap or pack them without overlaps, or give the objects atlases of their own."
+        "Unwrap or pack them without overlaps, apply modifiers that copy geometry (Array, Mirror), "
+        "or give the objects atlases of their own."
     )
 
 

@@ -40,7 +40,7 @@ class Settings:
     seed: int = 0
     rotate: bool = True
     array_size: tuple[int, int, int] | None = None
-    batch_bytes: int = 128 << 20
+    batch_bytes: int = 64 << 20
     dilation: int = 8
     cache_dir: str | None = None
 

@@ -35,9 +35,16 @@ class Jacobi:
         """Take the E/pi (n, 3) that one iteration gathered; make the radiance for the next."""
         radiance = self._emission + self._reflectance * irradiance
         change = (radiance - self.radiance).astype(np.float64)
-        self._changes.append(float(self._area @ np.abs(change).sum(axis=1)))
-        self.energies.append(float(np.pi * (self._area @ change.sum(axis=1))))
+        self._changes.append(self._integral(np.abs(change)))
+        self.energies.append(np.pi * self._integral(change))
         self.radiance = radiance
+
+    def _integral(self, values: np.ndarray) -> float:
+        """Integrate (n, 3) values over the surfaces, all channels together.
+
+        A plain sum: threads that BLAS wakes for a dot product take processors from what draws.
+        """
+        return float((self._area * values.sum(axis=1)).sum())
 
     @property
     def residual(self) -> float:
@@ -46,7 +53,7 @@ class Jacobi:
         Changes that shrink by a factor r leave change * r / (1 - r) to come: the rest of a geometric
         series. The larger of the last two factors counts, since early bounces may meet dark surfaces.
         """
-        total = float(self._area @ np.abs(self.radiance).sum(axis=1))
+        total = self._integral(np.abs(self.radiance))
         if self._changes and self._changes[-1] <= 1e-9 * total:
             return 0.0
         if len(self._changes) < 2:

@@ -92,9 +92,7 @@ def light(name: str, surface: bpy.types.Material) -> bpy.types.Object:
     return mesh_object(name, surface, vertices, [(0, 1, 2, 3)])
 
 
-def box(
-    name: str, surface: bpy.types.Material, size: tuple, place: tuple, turn: float
-) -> bpy.types.Object:
+def box(name: str, surface: bpy.types.Material, size: tuple, place: tuple, turn: float) -> bpy.types.Object:
     """Return a box without a bottom that stands on the floor."""
     width, depth, height = size
     x, y = width / 2, depth / 2

@@ -108,8 +108,7 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
         context.workspace.status_text_set(f"{text}    Esc cancels")
         context.window_manager.progress_update(100 * progress.fraction)
         if progress.partial is not None:
-            for area in context.screen.areas:
-                area.tag_redraw()
+            _redraw(context.window_manager)
 
     def _leave(self, context: bpy.types.Context) -> None:
         """Give the window back."""
@@ -119,6 +118,7 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
         manager.progress_end()
         if context.workspace is not None:
             context.workspace.status_text_set(None)
+        _redraw(manager)
 
     def _tell(self, report: dict) -> None:
         """Report warnings and then what was done."""
@@ -135,6 +135,13 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
 
 def _percent(residual: float | None) -> str:
     return "unknown" if residual is None else f"{residual:.2%}"
+
+
+def _redraw(manager: bpy.types.WindowManager) -> None:
+    """Show new pixels, and whether the operator can be started, in every editor."""
+    for window in manager.windows:
+        for area in window.screen.areas:
+            area.tag_redraw()
 
 
 CLASSES = (HEMIBAKE_OT_bake,)

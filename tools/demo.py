@@ -1,6 +1,6 @@
 """Bake the Cornell box with the add-on's own Bake operator and render it lit by nothing but the lightmap.
 
-    python tools/demo.py --out out/demo
+python tools/demo.py --out out/demo
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def main() -> None:
 def parse() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder for the results")
-    parser.add_argument("--resolution", type=int, default=256, help="of the lightmap, texels")
+    parser.add_argument("--resolution", type=int, default=192, help="of the lightmap, texels")
     parser.add_argument("--hemicube", type=int, default=64, help="width of the hemicubes, texels")
     parser.add_argument("--samples", type=int, default=32, help="per pixel of the render")
     options = parser.parse_args()
@@ -74,7 +74,7 @@ def render_room(scene, options: argparse.Namespace) -> tuple[Path, float]:
     scene.cycles.max_bounces, scene.cycles.use_denoising = 0, False
     scene.render.resolution_x = scene.render.resolution_y = 960
     scene.render.resolution_percentage = 100
-    scene.view_settings.view_transform = "Standard"
+    scene.view_settings.view_transform, scene.view_settings.exposure = "Standard", 0.6
     scene.render.image_settings.file_format = "PNG"
     scene.render.filepath = str(options.out / "render.png")
     bpy.ops.render.render(write_still=True)

@@ -30,8 +30,18 @@ def test_scene_is_baked_and_told_as_one_json_object(tmp_path):
     (tmp_path / "scene.obj").write_text(OBJ)
     out, blend = tmp_path / "out", tmp_path / "saved.blend"
     done = command(
-        tmp_path / "scene.obj", "--out", out, "--resolution", 32, "--hemicube", 16, "--world", "1,2,3",
-        "--save-blend", blend, "--json",
+        tmp_path / "scene.obj",
+        "--out",
+        out,
+        "--resolution",
+        32,
+        "--hemicube",
+        16,
+        "--world",
+        "1,2,3",
+        "--save-blend",
+        blend,
+        "--json",
     )
     assert done.returncode == 0, done.stderr
     (line,) = done.stdout.splitlines()

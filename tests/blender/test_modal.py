@@ -19,6 +19,7 @@ class Window:
     """What the operator does to its window is kept here."""
 
     def __init__(self) -> None:
+        self.windows: list[object] = []
         self.timers: list[object] = []
         self.progress: list[float] | None = None
         self.handlers: list[object] = []

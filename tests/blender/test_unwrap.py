@@ -24,9 +24,7 @@ def coverage(obj, size: int) -> np.ndarray:
     points = np.stack(np.meshgrid(centre, centre), axis=-1)
     count = np.zeros((size, size), int)
     for triangle in corners:
-        sides = [
-            np.cross(triangle[(i + 1) % 3] - triangle[i], points - triangle[i]) for i in range(3)
-        ]
+        sides = [np.cross(triangle[(i + 1) % 3] - triangle[i], points - triangle[i]) for i in range(3)]
         inside = (np.array(sides) > 1e-9).all(axis=0) | (np.array(sides) < -1e-9).all(axis=0)
         count += inside
     return count

@@ -125,7 +125,7 @@ def sphere(cells: int = 8, seed: int = 1) -> Scene:
 
 
 def light_room() -> Scene:
-    """Return the unit-cube room of numerics.md 4.2 in a 64-texel lightmap.
+    """Return a unit-cube room with a small bright light, the hard case, in a 64-texel lightmap.
 
     Black walls of constant radiance 0.15 ... 0.7 (faces 0-4: floor, left, right, front, back; faces
     5-12: the ceiling) round a ceiling light of 0.24 x 0.24 m and radiance 20 (face 13).

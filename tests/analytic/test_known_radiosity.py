@@ -10,7 +10,7 @@ from engine.reference import analytic
 from tests.analytic import scenes
 from tests.analytic.drive import Prepared, drive, drive_with_progress, irradiance, prepare
 
-#: Relative rms error of E by hemicube width with random rotation: numerics.md 4.2.
+#: Relative rms error of E by hemicube width with random rotation, as simulated in double precision.
 HEMICUBE_ERROR = {8: 0.124, 16: 0.050, 32: 0.020, 64: 0.0078, 128: 0.0035}
 
 #: Faces of `scenes.light_room`: the first piece of the ceiling, and the light.

@@ -111,7 +111,10 @@ def test_kernels_integrate_the_same_images_alike(hemicubes):
 
 def test_drawn_hemicubes_differ_from_cast_ones_at_edges_only(hemicubes):
     drawn, cast = hemicubes.drawn, hemicubes.cast
-    assert (drawn != cast).any(axis=3).mean() < 1e-3
+    assert (drawn[..., 1] != cast[..., 1]).mean() < 5e-4
+
+    # The patch may be the next one on the same face: GPUs round a look-up between two texels differently.
+    assert (drawn != cast).any(axis=3).mean() < 3e-3
 
     # Another face is seen only where faces meet in the cast image. (Stacked faces meet in their rows,
     # too; that widens the edges by a row, which is fair: they meet in space as well.)

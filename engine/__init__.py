@@ -11,7 +11,7 @@ The package never imports bpy: `operators` turns a Blender scene into an `engine
 """
 
 from .bake import bake
-from .errors import DeviceError, EngineError, SceneError, SettingsError
+from .errors import DeviceError, EngineError, PatchFileError, SceneError, SettingsError
 from .lightmap import Lightmap
 from .progress import Progress
 from .scene import Material, Mesh, Scene
@@ -23,6 +23,7 @@ __all__ = [
     "Lightmap",
     "Material",
     "Mesh",
+    "PatchFileError",
     "Progress",
     "Scene",
     "SceneError",

@@ -15,7 +15,7 @@ from .gather import PaperGather
 from .geometry import gather_triangles
 from .index_map import add_thin_patches
 from .lightmap import Lightmap, Report
-from .patches import list_patches
+from .patch_file import list_or_load_patches
 from .progress import Progress
 from .scene import Scene, check_scene
 from .settings import Settings, check_settings
@@ -26,7 +26,7 @@ def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap
     """Bake the lightmaps of a scene; yields after every slice of work, returns the Lightmap.
 
     Closing the generator cancels the bake; every GPU object is released in any case. Raises
-    SettingsError, SceneError or DeviceError.
+    SettingsError, SceneError, PatchFileError or DeviceError.
     """
     check_settings(settings)
     check_scene(scene)
@@ -39,7 +39,7 @@ def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap
 
         # Texture space subdivision: which texels are patches, and where they are (III.A, IV.A).
         triangles = gather_triangles(scene)
-        covered = list_patches(graphics, scene, settings.resolution)
+        covered = list_or_load_patches(graphics, scene, settings)
         warnings = check_overlap(graphics, scene, triangles, covered)
         touched = touched_triangles(graphics, triangles, len(scene.atlases), settings.resolution)
         patches, geometry, owners = add_thin_patches(scene, triangles, covered, touched)

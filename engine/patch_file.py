@@ -1,7 +1,8 @@
 """Stores a patch list in a binary file and loads it again (paper, IV.A).
 
-Layout, little-endian: magic, version, resolution, number of patches, CRC-32 of the body; then the
-body: atlas, texel, mesh, face, subface (int32 each) and barycentric (3 float32), array after array.
+Layout, little-endian: magic, version, resolution, number of patches, CRC-32 of the charts they were
+made from, CRC-32 of the body; then the body: atlas, texel, mesh, face, subface (int32 each) and
+barycentric (3 float32), array after array.
 """
 
 from __future__ import annotations
@@ -12,49 +13,92 @@ from pathlib import Path
 
 import numpy as np
 
+from .device.graphics import Graphics
 from .errors import PatchFileError
-from .patches import PatchList
+from .patches import PatchList, list_patches
+from .scene import Scene
+from .settings import Settings
 
 _MAGIC = b"HEMIPATC"
 _VERSION = 1
-_HEADER = struct.Struct("<8sIIQI")
+_HEADER = struct.Struct("<8sIIQII")
 _INTEGERS = ("atlas", "texel", "mesh", "face", "subface")
 _PATCH_BYTES = 4 * (len(_INTEGERS) + 3)
 
 
-def write_patches(path: Path, patches: PatchList) -> None:
-    """Write a patch list to a file."""
+def list_or_load_patches(graphics: Graphics, scene: Scene, settings: Settings) -> PatchList:
+    """Load the patch list from `settings.patch_file`; without such a file make the list and store it there.
+
+    Raises PatchFileError if the file is unusable or cannot be written, SceneError as `list_patches`.
+    """
+    if settings.patch_file is None:
+        return list_patches(graphics, scene, settings.resolution)
+    path = Path(settings.patch_file)
+    if path.exists():
+        return read_patches(path, scene, settings.resolution)
+    patches = list_patches(graphics, scene, settings.resolution)
+    write_patches(path, scene, patches)
+    return patches
+
+
+def write_patches(path: Path, scene: Scene, patches: PatchList) -> None:
+    """Write the patch list of a scene; raises PatchFileError if the file cannot be written."""
     body = b"".join(getattr(patches, name).astype("<i4").tobytes() for name in _INTEGERS)
     body += patches.barycentric.astype("<f4").tobytes()
-    header = _HEADER.pack(_MAGIC, _VERSION, patches.resolution, len(patches), zlib.crc32(body))
-    path.write_bytes(header + body)
+    header = _HEADER.pack(
+        _MAGIC, _VERSION, patches.resolution, len(patches), charts_checksum(scene), zlib.crc32(body)
+    )
+    try:
+        path.write_bytes(header + body)
+    except OSError as error:
+        raise PatchFileError(
+            f"'{path}' cannot be written ({error.strerror}). Choose another place."
+        ) from error
 
 
-def read_patches(path: Path) -> PatchList:
-    """Read a patch list from a file.
+def read_patches(path: Path, scene: Scene, resolution: int) -> PatchList:
+    """Read the patch list of a scene from a file.
 
-    Raises PatchFileError if the file is not a patch file, of another version, truncated or damaged.
+    Raises PatchFileError if the file cannot be read, is not a patch file, of another version,
+    truncated or damaged, or was made from other charts or for another resolution.
     """
-    data = path.read_bytes()
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise PatchFileError(f"'{path}' cannot be read ({error.strerror}). Choose another file.") from error
     if data[:8] != _MAGIC:
         raise PatchFileError(f"'{path}' is not a Hemibake patch file. Choose another file or bake again.")
     if len(data) < _HEADER.size:
-        raise PatchFileError(f"'{path}' ends within its header. Export the patch list again.")
-    _, version, resolution, count, checksum = _HEADER.unpack_from(data)
+        raise PatchFileError(f"'{path}' ends within its header. Delete it and bake again.")
+    _, version, file_resolution, count, charts, checksum = _HEADER.unpack_from(data)
     body = data[_HEADER.size :]
     if version != _VERSION:
         raise PatchFileError(
             f"'{path}' has version {version}, this Hemibake reads version {_VERSION}. "
-            "Export the patch list again."
+            "Delete it and bake again."
         )
     if len(body) != count * _PATCH_BYTES:
         raise PatchFileError(
             f"'{path}' should hold {count} patches in {count * _PATCH_BYTES} bytes but has {len(body)}. "
-            "It is truncated or damaged; export the patch list again."
+            "It is truncated or damaged: delete it and bake again."
         )
     if zlib.crc32(body) != checksum:
-        raise PatchFileError(f"'{path}' is damaged: its checksum is wrong. Export the patch list again.")
+        raise PatchFileError(f"'{path}' is damaged: its checksum is wrong. Delete it and bake again.")
+    if file_resolution != resolution or charts != charts_checksum(scene):
+        raise PatchFileError(
+            f"'{path}' was made for {file_resolution} x {file_resolution} texels of a scene whose lightmap "
+            "UVs have changed, or for another scene. Delete it and bake again."
+        )
     return _unpack(body, resolution, count)
+
+
+def charts_checksum(scene: Scene) -> int:
+    """Return a CRC-32 of all that a patch list depends on but its resolution: charts, faces, atlases."""
+    checksum = 0
+    for mesh in scene.meshes:
+        for values in (mesh.uvs, mesh.face, mesh.subface, np.array([mesh.atlas, len(mesh.face)], np.int32)):
+            checksum = zlib.crc32(np.ascontiguousarray(values).tobytes(), checksum)
+    return checksum
 
 
 def _unpack(body: bytes, resolution: int, count: int) -> PatchList:

@@ -29,6 +29,7 @@ class Settings:
                 size it from batch_bytes
     batch_bytes memory for one batch of hemicubes, bytes
     dilation    how far charts are dilated for display, texels
+    patch_file  file that the patch list is loaded from, or stored in if it does not exist; or None
     cache_dir   folder for compiled kernels, or None for PyOpenCL's own
     """
 
@@ -42,6 +43,7 @@ class Settings:
     array_size: tuple[int, int, int] | None = None
     batch_bytes: int = 64 << 20
     dilation: int = 8
+    patch_file: str | None = None
     cache_dir: str | None = None
 
 

@@ -20,6 +20,7 @@ def read_settings(properties: HemibakeSceneProperties) -> Settings:
         method=properties.method,
         seed=properties.seed,
         dilation=properties.dilation,
+        patch_file=bpy.path.abspath(properties.patch_file) or None,
         cache_dir=_cache_dir(),
     )
     check_settings(settings)

@@ -87,6 +87,11 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
         default="//lightmaps/",
         subtype="DIR_PATH",
     )
+    patch_file: StringProperty(
+        name="Patch List",
+        description="File that keeps the patch list between bakes of the same UVs; empty for none",
+        subtype="FILE_PATH",
+    )
     report: StringProperty(
         name="Report",
         description="What the last bake told, as JSON",

@@ -44,7 +44,7 @@ class HEMIBAKE_PT_advanced(_Sidebar, bpy.types.Panel):
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        for name in ("method", "seed", "dilation", "uv_layer", "directory"):
+        for name in ("method", "seed", "dilation", "uv_layer", "directory", "patch_file"):
             layout.prop(context.scene.hemibake, name)
 
 

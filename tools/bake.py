@@ -26,6 +26,7 @@ _SETTINGS = {
     "method": (str, "how the received light is computed"),
     "seed": (int, "seed of the hemicubes' random rotations"),
     "uv_layer": (str, "name of the lightmap UV layer"),
+    "patch_file": (str, "file that keeps the patch list between bakes of the same UVs"),
 }
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine import Lightmap, SceneError, Settings, SettingsError, bake
+from engine import Lightmap, PatchFileError, SceneError, Settings, SettingsError, bake
 from tests.analytic.scenes import furnace, quads, rectangle, room_walls
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -32,6 +32,15 @@ def test_dilation_touches_no_covered_texel():
     assert (plain.image.view(np.uint32) == dilated.image.view(np.uint32)).all()
     assert (dilated.display[covered].view(np.uint32) == plain.image[covered].view(np.uint32)).all()
     assert (plain.display[~covered] == 0).all() and (dilated.display > 0).all()
+
+
+def test_a_patch_list_from_a_file_gives_the_same_bits(tmp_path):
+    settings = replace(QUICK, patch_file=str(tmp_path / "furnace.patches"))
+    made, loaded = (finished(furnace(0.5, 1.0), settings) for _ in range(2))
+    assert (tmp_path / "furnace.patches").stat().st_size > 384 * 32
+    assert (made.image.view(np.uint32) == loaded.image.view(np.uint32)).all()
+    with pytest.raises(PatchFileError, match="Delete it"):
+        finished(furnace(0.5, 1.0), replace(settings, resolution=64))
 
 
 def test_progress_reports_stages_energy_and_partial_lightmaps():

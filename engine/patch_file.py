@@ -49,6 +49,7 @@ def write_patches(path: Path, scene: Scene, patches: PatchList) -> None:
         _MAGIC, _VERSION, patches.resolution, len(patches), charts_checksum(scene), zlib.crc32(body)
     )
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(header + body)
     except OSError as error:
         raise PatchFileError(

@@ -100,9 +100,10 @@ def _make_charts(mesh: PolygonMesh) -> Charts:
 def _segment(mesh: PolygonMesh) -> tuple[np.ndarray, np.ndarray]:
     """Return xatlas' UV of each triangle corner, (t, 3, 2) metres, and chart, (t,), -1 for none."""
     vertices = mesh.corners[mesh.triangles]
-    scale = _unit_area_scale(mesh.positions[vertices])
+    positions = mesh.positions - (mesh.positions.min(axis=0) + mesh.positions.max(axis=0)) / 2
+    scale = _unit_area_scale(positions[vertices])
     atlas = _xatlas().Atlas()
-    atlas.add_mesh((mesh.positions * scale).astype(np.float32), vertices.astype(np.uint32))
+    atlas.add_mesh((positions * scale).astype(np.float32), vertices.astype(np.uint32))
     atlas.generate()
     _, indices, uvs = atlas.get_mesh(0)
     _, charts = atlas.get_mesh_vertex_assignment(0)

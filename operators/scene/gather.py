@@ -11,7 +11,7 @@ from ...engine.errors import SceneError
 from ...engine.scene import Material, Mesh, Scene, check_scene
 from .atlases import assign_atlases
 from .materials import read_material
-from .meshes import read_corners, world_mesh
+from .meshes import middle, read_corners, world_mesh
 from .world import read_world
 
 
@@ -59,12 +59,13 @@ def gather(
     for obj in objects:
         obj.update_from_editmode()
     depsgraph = context.evaluated_depsgraph_get()
+    origin = middle([obj.evaluated_get(depsgraph) for obj in objects])
     table = MaterialTable(notes)
     atlases: list[str] = []
     meshes: list[Mesh] = []
     baked: list[tuple[int, str]] = []
     for obj, atlas in zip(objects, assign_atlases(objects, notes), strict=True):
-        mesh = _read_object(obj, depsgraph, uv_layer, table, notes)
+        mesh = _read_object(obj, depsgraph, uv_layer, origin, table, notes)
         if mesh is not None:
             meshes.append(replace(mesh, atlas=_index(atlases, atlas)))
             baked.append((obj.session_uid, atlas))
@@ -72,13 +73,13 @@ def gather(
         reasons = " ".join(notes)
         raise SceneError(f"Nothing is left to bake. {reasons} Give an object faces that have an area.")
     world = read_world(context.scene.world, notes)
-    scene = Scene(tuple(meshes), tuple(table.materials), tuple(atlases), world)
+    scene = Scene(tuple(meshes), tuple(table.materials), tuple(atlases), world, origin)
     check_scene(scene)
     _note_lights(context, notes)
     return Gathered(scene, tuple(baked), tuple(notes))
 
 
-def _read_object(obj, depsgraph, uv_layer, table, notes) -> Mesh | None:
+def _read_object(obj, depsgraph, uv_layer, origin, table, notes) -> Mesh | None:
     """Return one object as an engine.Mesh, None with a note if it has no face with an area."""
     evaluated = obj.evaluated_get(depsgraph)
     mesh = evaluated.to_mesh()
@@ -87,7 +88,7 @@ def _read_object(obj, depsgraph, uv_layer, table, notes) -> Mesh | None:
             notes.append(f"Object '{obj.name}' has no faces and is left out.")
             return None
         slots = [table.index(material) for material in _slot_materials(obj, mesh)]
-        result = world_mesh(evaluated, read_corners(obj, mesh, uv_layer), slots, notes)
+        result = world_mesh(evaluated, read_corners(obj, mesh, uv_layer), origin, slots, notes)
     finally:
         evaluated.to_mesh_clear()
     return result if len(result.positions) else None

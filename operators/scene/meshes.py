@@ -60,13 +60,33 @@ def read_corners(obj: bpy.types.Object, mesh: bpy.types.Mesh, uv_layer: str) -> 
     )
 
 
-def world_mesh(obj: bpy.types.Object, corners: Corners, slots: Sequence[int], notes: list[str]) -> Mesh:
-    """Return an object's corners in world space, without zero-area triangles.
+def middle(objects: Sequence[bpy.types.Object]) -> np.ndarray:
+    """Return the middle of the objects' common bounding box, (3,) float64, world space; 0 if it is not finite.
 
-    slots  index into `Scene.materials` of each material slot
+    float32 positions relative to it keep their digits however far from the origin the scene is.
+    """
+    corners = [_in_world(obj, np.array(obj.bound_box, np.float64)) for obj in objects]
+    points = np.concatenate(corners) if corners else np.zeros((1, 3))
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2
+    return centre if np.isfinite(centre).all() else np.zeros(3)
+
+
+def _in_world(obj: bpy.types.Object, points: np.ndarray) -> np.ndarray:
+    """Return points, (..., 3) float64, from object space to world space."""
+    matrix = np.array(obj.matrix_world, np.float64)
+    return points @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def world_mesh(
+    obj: bpy.types.Object, corners: Corners, origin: np.ndarray, slots: Sequence[int], notes: list[str]
+) -> Mesh:
+    """Return an object's corners along the world's axes, without zero-area triangles.
+
+    origin  (3,) float64, world space: what the positions are relative to
+    slots   index into `Scene.materials` of each material slot
     """
     matrix = np.array(obj.matrix_world, np.float64)
-    positions = corners.positions @ matrix[:3, :3].T + matrix[:3, 3]
+    positions = _in_world(obj, corners.positions) - origin
     normals = _unit(corners.normals @ _normal_matrix(matrix[:3, :3]).T)
     order = [0, 2, 1] if np.linalg.det(matrix[:3, :3]) < 0 else [0, 1, 2]
     keep = ~_zero_area(positions)

@@ -46,6 +46,19 @@ def test_furnace_is_baked_into_a_linear_float_image_and_a_file(tmp_path):
     assert obj.hemibake.image == "Lightmap"
 
 
+@pytest.mark.parametrize("place", [(1000, 1000, 0), (10_000, 0, 0), (100_000, 0, 0)])
+def test_light_far_from_the_origin_is_the_same(place):
+    import bpy
+
+    obj = furnace()
+    bake()
+    near = pixels(bpy.data.images["Lightmap"])
+    obj.data.uv_layers.remove(obj.data.uv_layers["Lightmap"])
+    obj.location = place
+    bake()
+    assert (pixels(bpy.data.images["Lightmap"]) == near).all()
+
+
 def test_report_tells_what_was_done(tmp_path):
     save_blend(tmp_path)
     furnace()

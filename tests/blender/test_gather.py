@@ -32,10 +32,12 @@ def test_subfaces_count_within_polygons_of_any_size():
 
 def test_corners_keep_their_uvs_and_places():
     square().location = (5, 6, 7)
-    (mesh,) = gather().scene.meshes
-    expected = 0.1 + 0.8 * (mesh.positions[..., :2] - (5, 6))
+    scene = gather().scene
+    (mesh,) = scene.meshes
+    positions = mesh.positions + scene.origin
+    expected = 0.1 + 0.8 * (positions[..., :2] - (5, 6))
     np.testing.assert_allclose(mesh.uvs, expected, atol=1e-6)
-    np.testing.assert_allclose(mesh.positions[..., 2], 7)
+    np.testing.assert_allclose(positions[..., 2], 7)
 
 
 @pytest.mark.parametrize("scale", [(1, 1, 1), (-1, 1, 1), (-2, -1, 3), (1, 2, -0.5), (-1, -1, -1)])
@@ -157,6 +159,6 @@ def test_mesh_in_edit_mode_is_gathered_as_edited():
     for vertex in edited.verts:
         vertex.co.z = 2
     bmesh.update_edit_mesh(obj.data)
-    (mesh,) = gather().scene.meshes
+    scene = gather().scene
     assert bpy.context.mode == "EDIT_MESH"
-    np.testing.assert_allclose(mesh.positions[..., 2], 2)
+    np.testing.assert_allclose(scene.meshes[0].positions[..., 2] + scene.origin[2], 2)

@@ -99,10 +99,10 @@ def face_axes(frame: np.ndarray) -> np.ndarray:
     return np.stack([frame, *sides], axis=1)
 
 
-def matrices(frame: np.ndarray, eye: np.ndarray, near: float, reversed_depth: bool) -> np.ndarray:
+def matrices(frame: np.ndarray, eye: np.ndarray, near: np.ndarray, reversed_depth: bool) -> np.ndarray:
     """Return the world-to-clip matrix of every face of every hemicube.
 
-    frame: (n, 3, 3) from `frames`; eye: (n, 3) world space; near: distance of the near plane.
+    frame: (n, 3, 3) from `frames`; eye: (n, 3) world space; near: (n,) distance of the near plane.
     Returns (n, 5, 4, 4) float32, indexed [row, column], for column vectors. The far plane is at
     infinity; depth is near / distance if reversed_depth, else 1 - 2 near / distance. A side face
     keeps its upper half only: y = 2 v - w for height v and distance w.
@@ -112,5 +112,5 @@ def matrices(frame: np.ndarray, eye: np.ndarray, near: float, reversed_depth: bo
     x, y, w = view[:, :, 0], view[:, :, 1].copy(), view[:, :, 2]
     y[:, 1:] = 2 * y[:, 1:] - w[:, 1:]
     z = np.zeros_like(w) if reversed_depth else w.copy()
-    z[..., 3] += near if reversed_depth else -2 * near
+    z[..., 3] += (near if reversed_depth else -2 * near)[:, None]
     return np.stack([x, y, z, w], axis=2).astype(np.float32)

@@ -13,7 +13,7 @@ class Report:
 
     patches     number of patches
     iterations  iterations run
-    residual    estimated remaining error, relative to the mean radiance
+    residual    estimated remaining error, relative to the lightmaps' mean
     converged   True if the residual is below the tolerance
     energies    flux added by each iteration, W, sum of the channels
     seconds     wall time of each stage, s

@@ -11,10 +11,10 @@ import numpy as np
 class Progress:
     """One slice of work is done.
 
-    stage      "patches", "hemicubes" or "finish"
+    stage      "patches" or "hemicubes"
     fraction   of the stage (of the current iteration for "hemicubes"), in [0, 1]
     iteration  iterations completed
-    residual   estimated remaining error, relative to the mean radiance; NaN before it is known
+    residual   estimated remaining error, relative to the lightmaps' mean; NaN before it is known
     energy     radiant flux that the last completed iteration added, W, sum of the channels
     partial    the lightmaps so far, dilated, (atlases, h, w, 3) float32, E/pi; only after an
                iteration, else None

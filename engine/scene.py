@@ -26,7 +26,8 @@ class Material:
 class Mesh:
     """The triangles of one object, as a triangle soup of corners.
 
-    positions  (t, 3, 3) float32, world space, metres; counter-clockwise seen from the front
+    positions  (t, 3, 3) float32, metres from `Scene.origin` along the world's axes; counter-clockwise
+               seen from the front
     normals    (t, 3, 3) float32, world space, unit shading normal of each corner
     uvs        (t, 3, 2) float32, lightmap UV of each corner, in [0, 1]
     face       (t,) int32, index of the polygon a triangle belongs to, ascending
@@ -51,13 +52,18 @@ class Scene:
 
     atlases  name of each lightmap; `Mesh.atlas` indexes it
     world    (3,) float32, radiance of the surroundings
+    origin   (3,) float64, world space: the point that all `Mesh.positions` are relative to
     """
 
     meshes: tuple[Mesh, ...]
     materials: tuple[Material, ...]
     atlases: tuple[str, ...] = ("Lightmap",)
     world: np.ndarray = field(default_factory=lambda: np.zeros(3, np.float32))
+    origin: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
+
+#: Greater radiances count as infinite: sums of them would leave float32.
+MAX_RADIANCE = 1e30
 
 #: Lightmap UVs may leave [0, 1] by this much before it counts as an error.
 UV_TOLERANCE = 1e-4
@@ -72,6 +78,10 @@ def check_scene(scene: Scene) -> None:
         )
     for mesh in scene.meshes:
         check_mesh(mesh)
+    for material in scene.materials:
+        check_material(material)
+    if not _is_light(scene.world):
+        raise SceneError("The world's radiance is NaN, infinite or negative. Mend its colour and strength.")
 
 
 def check_mesh(mesh: Mesh) -> None:
@@ -90,3 +100,21 @@ def check_mesh(mesh: Mesh) -> None:
             f"Object '{mesh.name}' has lightmap UVs outside 0-1. "
             "Pack its UV islands into the unit square, or delete the lightmap UV layer to have one made."
         )
+
+
+def check_material(material: Material) -> None:
+    """Raise a SceneError if a material's numbers are no light."""
+    if not _is_light(material.reflectance) or np.max(material.reflectance) > 1:
+        raise SceneError(
+            f"Material '{material.name}' has a reflectance that is not between 0 and 1. Mend its base colour."
+        )
+    if not _is_light(material.emission):
+        raise SceneError(
+            f"Material '{material.name}' has an emission that is NaN, infinite or negative. "
+            "Mend its emission colour and strength."
+        )
+
+
+def _is_light(values: np.ndarray) -> bool:
+    """True for numbers that float32 sums of many can hold."""
+    return bool(np.isfinite(values).all() and np.min(values) >= 0 and np.max(values) <= MAX_RADIANCE)

@@ -20,8 +20,8 @@ class Settings:
     resolution  width and height of each lightmap, texels, 8 ... 16384
     hemicube    width N of a hemicube, texels, one of HEMICUBES
     iterations  largest number of iterations (bounces), 1 ... 1000
-    tolerance   stop once the estimated remaining error, relative to the mean radiance of
-                the patches, is below this; 0 never stops early
+    tolerance   stop once the estimated remaining error of the lightmaps, relative to the mean of
+                their texels, is below this; 0 never stops early
     method      one of METHODS
     seed        seed of the per-patch random rotations
     rotate      False keeps every hemicube at rotation 0 (paper, Fig. 6, top row)
@@ -51,7 +51,7 @@ def check_settings(settings: Settings) -> None:
     """Raise a SettingsError that names the first setting out of its range."""
     _check_range("resolution", settings.resolution, 8, 16384, "texels")
     _check_range("iterations", settings.iterations, 1, 1000, "iterations")
-    _check_range("tolerance", settings.tolerance, 0, 1, "of the mean radiance")
+    _check_range("tolerance", settings.tolerance, 0, 1, "of the mean")
     _check_range("dilation", settings.dilation, 0, 256, "texels")
     if settings.hemicube not in HEMICUBES:
         choices = ", ".join(map(str, HEMICUBES))

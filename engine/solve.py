@@ -22,6 +22,8 @@ class Jacobi:
     ) -> None:
         self._reflectance, self._emission, self._area = reflectance, emission, area.astype(np.float64)
         self._limit, self._tolerance = settings.iterations, settings.tolerance
+        self._irradiance = np.zeros_like(emission)
+        self._settled = False
         self._changes: list[float] = []
         self.radiance = emission.copy()
         self.energies: list[float] = []
@@ -34,34 +36,27 @@ class Jacobi:
     def update(self, irradiance: np.ndarray) -> None:
         """Take the E/pi (n, 3) that one iteration gathered; make the radiance for the next."""
         radiance = self._emission + self._reflectance * irradiance
-        change = (radiance - self.radiance).astype(np.float64)
-        self._changes.append(self._integral(np.abs(change)))
-        self.energies.append(np.pi * self._integral(change))
-        self.radiance = radiance
-
-    def _integral(self, values: np.ndarray) -> float:
-        """Integrate (n, 3) values over the surfaces, all channels together.
-
-        A plain sum: threads that BLAS wakes for a dot product take processors from what draws.
-        """
-        return float((self._area * values.sum(axis=1)).sum())
+        added = (radiance - self.radiance).astype(np.float64).sum(axis=1)
+        self.energies.append(float(np.pi * (self._area * added).sum()))
+        self._settled = bool((radiance == self.radiance).all())
+        self._changes.append(_mean(np.abs(irradiance - self._irradiance)))
+        self.radiance, self._irradiance = radiance, irradiance
 
     @property
     def residual(self) -> float:
-        """Estimated remaining error relative to the mean radiance; NaN while it cannot be known.
+        """Estimated remaining error of E, relative to its mean over all patches; NaN while unknown.
 
         Changes that shrink by a factor r leave change * r / (1 - r) to come: the rest of a geometric
         series. The larger of the last two factors counts, since early bounces may meet dark surfaces.
         """
-        total = self._integral(np.abs(self.radiance))
-        if self._changes and self._changes[-1] <= 1e-9 * total:
+        if self._settled:
             return 0.0
         if len(self._changes) < 2:
             return float("nan")
         recent = self._changes[-3:]
-        factors = [after / before for before, after in pairwise(recent) if before > 0]
-        factor = max(factors, default=1.0)
-        return float("inf") if factor >= 1 else self._changes[-1] * factor / (1 - factor) / total
+        factor = max(after / before for before, after in pairwise(recent) if before > 0)
+        rest = self._changes[-1] * factor / (1 - factor) if factor < 1 else float("inf")
+        return rest / _mean(self._irradiance)
 
     @property
     def converged(self) -> bool:
@@ -72,3 +67,8 @@ class Jacobi:
     def done(self) -> bool:
         """True once converged, or out of iterations."""
         return self.iterations >= self._limit or (self._tolerance > 0 and self.converged)
+
+
+def _mean(values: np.ndarray) -> float:
+    """Mean in double precision."""
+    return float(values.mean(dtype=np.float64))

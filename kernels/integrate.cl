@@ -2,15 +2,33 @@
 // `layers` layers, each `rows` x `columns` hemicubes of 3n x n texels, becomes one value a hemicube.
 // rgb is radiance; a is 1 where the front of a surface or the surroundings are seen.
 
-// Workspace: layers stacked on top of each other, so that the later steps see one tall image.
+// The direction of a texel of the stacked layout, along right, up and normal; any length.
+float3 texel_direction(const int x, const int y, const int n)
+{
+    const float across = (2 * x + 1) / (float)n - 1.0f;
+    if (y < n)
+        return (float3)(across, (2 * y + 1) / (float)n - 1.0f, 1.0f);
+    const int side = (y - n) / (n / 2);
+    const float height = (2 * ((y - n) % (n / 2)) + 1) / (float)n;
+    const float forward = side % 2 == 0 ? 1.0f : -1.0f;
+    return side < 2 ? (float3)(forward, forward * across, height) : (float3)(-forward * across, forward, height);
+}
+
+// Workspace: layers stacked on top of each other, so that the later steps see one tall image. No light
+// comes from behind the surface itself, where a smooth normal leans over it.
 __kernel void multiply(__global const float4 *hemicubes, __global const float *multiplier,
-                       __global float4 *workspace, const int width, const int height, const int n)
+                       __global const float4 *horizons, __global float4 *workspace,
+                       const int width, const int height, const int n)
 {
     const int x = get_global_id(0), y = get_global_id(1), layer = get_global_id(2);
     if (x >= width || y >= height)
         return;
     const size_t texel = ((size_t)layer * height + y) * width + x;
-    workspace[texel] = hemicubes[texel] * multiplier[(y % (3 * n)) * n + x % n];
+    const int columns = width / n, rows = height / (3 * n);
+    const int slot = (layer * rows + y / (3 * n)) * columns + x / n;
+    const int tile_x = x % n, tile_y = y % (3 * n);
+    const bool above = dot(texel_direction(tile_x, tile_y, n), horizons[slot].xyz) > 0.0f;
+    workspace[texel] = above ? hemicubes[texel] * multiplier[tile_y * n + tile_x] : (float4)(0.0f);
 }
 
 // One work item adds up one column of one hemicube: 3n rows become a single row.

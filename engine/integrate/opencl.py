@@ -30,23 +30,28 @@ class HemicubeIntegrator:
         texels = tiles.width * tiles.height * tiles.layers
         self._workspace = cl.Buffer(compute.context, flags.READ_WRITE, 16 * texels)
         self._rows = cl.Buffer(compute.context, flags.READ_WRITE, 16 * tiles.capacity * tiles.n)
+        self._horizons = cl.Buffer(compute.context, flags.READ_ONLY, 16 * tiles.capacity)
         self._irradiance = cl.Buffer(compute.context, flags.WRITE_ONLY, 16 * tiles.capacity)
         self._columns = cl.LocalMemory(16 * tiles.n)
 
-    def integrate(self, hemicubes: cl.Buffer, count: int) -> np.ndarray:
-        """Return E/pi and the share of front faces for the first `count` slots.
+    def integrate(self, hemicubes: cl.Buffer, horizons: np.ndarray) -> np.ndarray:
+        """Return E/pi and the share of front faces for the first m slots.
 
-        hemicubes: (layers, height, width, 4) float32 radiance and front flag. Returns (count, 4)
-        float32: rgb is E/pi, the multiplier-weighted mean of the radiance; a of the front flag.
+        hemicubes: (layers, height, width, 4) float32 radiance and front flag; horizons: (m, 3) float32
+        from `Viewpoints`. Returns (m, 4) float32: rgb is E/pi, the multiplier-weighted mean of the
+        radiance above the horizon; a of the front flag.
         """
-        tiles = self._tiles
+        tiles, count = self._tiles, len(horizons)
+        padded = np.zeros((tiles.capacity, 4), np.float32)
+        padded[:count, :3] = horizons
+        cl.enqueue_copy(self._queue, self._horizons, padded)
         width, height, n = np.int32(tiles.width), np.int32(tiles.height), np.int32(tiles.n)
         layers = -(-count // tiles.per_layer)
         self._multiply(
             self._queue,
             _rounded_up((tiles.width, tiles.height, layers), _MULTIPLY_GROUP),
             _MULTIPLY_GROUP,
-            hemicubes, self._multiplier, self._workspace, width, height, n,
+            hemicubes, self._multiplier, self._horizons, self._workspace, width, height, n,
         )  # fmt: skip
         hemicube_rows = layers * tiles.rows
         self._reduce_row(

@@ -7,13 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..geometry import PatchGeometry, Triangles
-from ..hemicube import face_axes, face_rows, frames, multiplier_map, rotations
+from ..hemicube import face_axes, face_rows, multiplier_map
 from ..scene import Scene
 from ..settings import Settings
 from ..solve import Jacobi
-
-#: Height of a hemicube's eye above its patch, relative to the scene's diagonal; the GPU path has the same.
-OFFSET = 2e-5
+from ..viewpoints import place_hemicubes
 
 
 @dataclass(frozen=True)
@@ -22,10 +20,12 @@ class View:
 
     owner   (3n, n) int32, patch index + 1, or 0 where no patch owns the lightmap texel
     facing  (3n, n) int8, 1 front of a surface, -1 back, 0 surroundings
+    above   (3n, n) bool, False behind the plane of the patch's own surface
     """
 
     owner: np.ndarray
     facing: np.ndarray
+    above: np.ndarray
 
 
 class CpuHemicubes:
@@ -49,11 +49,9 @@ class CpuHemicubes:
         self._triangles, self._owners, self._emission = triangles, owners, emission
         self._world = np.append(scene.world, 1).astype(np.float32)
         self._multiplier = multiplier_map(settings.hemicube)
-        diagonal = float(np.linalg.norm(np.ptp(triangles.positions.reshape(-1, 3), axis=0)))
-        self._eye = geometry.center + OFFSET * diagonal * geometry.geometric.astype(np.float64)
-        angle = rotations(settings.seed, np.arange(len(self._eye)))
-        frame = frames(geometry.normal, angle if settings.rotate else np.zeros(len(self._eye)))
-        self._axes = face_axes(frame)
+        views = place_hemicubes(triangles, geometry, settings)
+        self._eye, self._axes = views.eye, face_axes(views.frame)
+        self._geometric = geometry.geometric
         self._grid = texel_directions(settings.hemicube)
 
     def view(self, patch: int) -> View:
@@ -69,7 +67,10 @@ class CpuHemicubes:
         owner = np.where(hit, self._owners[self._triangles.atlas[triangle], y, x], 0)
         shape = self._multiplier.shape
         facing = np.where(hit, np.where(front, 1, -1), 0)
-        return View(owner.astype(np.int32).reshape(shape), facing.astype(np.int8).reshape(shape))
+        above = directions @ self._geometric[patch] > 0
+        return View(
+            owner.astype(np.int32).reshape(shape), facing.astype(np.int8).reshape(shape), above.reshape(shape)
+        )
 
     def image(self, view: View, radiance: np.ndarray) -> np.ndarray:
         """Return the hemicube image of a view, (3n, n, 4) float32: radiance, and 0 in a for back faces.
@@ -90,7 +91,9 @@ class CpuHemicubes:
         views     of m patches
         radiance  (n, 3) float32, of each patch
         """
-        return np.array([integrate(self.image(view, radiance), self._multiplier) for view in views])
+        return np.array(
+            [integrate(self.image(view, radiance), self._multiplier * view.above) for view in views]
+        )
 
     def solve(self, solution: Jacobi) -> np.ndarray:
         """Iterate until the solution is done; return the last E/pi gathered, (n, 3) float32."""

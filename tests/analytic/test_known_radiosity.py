@@ -32,6 +32,41 @@ def test_furnace_loses_no_light_where_rays_meet_the_borders_of_charts():
     assert irradiance(lightmap) == pytest.approx(np.full((384, 3), 2.0), rel=0.005)
 
 
+@pytest.mark.parametrize("distance", [100, 1000])
+def test_furnace_away_from_the_origin(distance):
+    scene = scenes.furnace(0.5, 1.0)
+    positions = scene.meshes[0].positions + np.float32([distance, -distance, 0])
+    moved = dataclasses.replace(scene, meshes=(dataclasses.replace(scene.meshes[0], positions=positions),))
+    lightmap = drive(moved, Settings(resolution=32, hemicube=16, iterations=30, tolerance=1e-4))
+    assert irradiance(lightmap) == pytest.approx(np.full((384, 3), 2.0), rel=0.005)
+
+
+def test_furnace_on_a_plain_of_ten_kilometres():
+    scene = scenes.furnace(0.5, 1.0)
+    plain = scenes.rectangle((-5000, -5000, -1), (10000, 0, 0), (0, 10000, 0))
+    ground = scenes.quads(plain[None], [(2, 22, 8, 8)], [0], 32, "Plain")
+    lightmap = drive(
+        dataclasses.replace(scene, meshes=(*scene.meshes, ground)),
+        Settings(resolution=32, hemicube=16, iterations=30, tolerance=1e-4),
+    )
+    inside = lightmap.image[0, :20][lightmap.covered[0, :20]]
+    assert inside == pytest.approx(np.full((384, 3), 2.0), rel=0.005)
+
+
+def test_a_smooth_convex_emitter_lights_nothing_of_itself():
+    """A cube whose normals are those of a ball: they lean over its faces, yet no face sees itself."""
+    scene = scenes.furnace(0.5, 1.0)
+    mesh = scene.meshes[0]
+    positions = np.ascontiguousarray(mesh.positions[:, ::-1])
+    normals = positions - np.float32(0.5)
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    cube = dataclasses.replace(mesh, positions=positions, normals=normals, uvs=mesh.uvs[:, ::-1].copy())
+    lightmap = drive(
+        dataclasses.replace(scene, meshes=(cube,)), Settings(resolution=32, hemicube=32, iterations=3)
+    )
+    assert np.abs(irradiance(lightmap)).max() == 0
+
+
 @pytest.mark.parametrize("perpendicular", [False, True])
 def test_form_factor_of_unit_squares(perpendicular):
     scene = scenes.facing_squares(perpendicular)

@@ -9,7 +9,7 @@ from engine import Scene, Settings
 from engine.device.compute import Compute
 from engine.device.graphics import Graphics
 from engine.device.share import HostCopy
-from engine.hemicube import frames, matrices, multiplier_map, rotations
+from engine.hemicube import matrices, multiplier_map
 from engine.integrate.opencl import HemicubeIntegrator
 from engine.patches import list_patches
 from engine.reference import cpu_hemicubes
@@ -17,6 +17,7 @@ from engine.reference.cpu_patches import owner_map
 from engine.reference.form_factors import form_factors
 from engine.reference.gauss_seidel import gather, gauss_seidel
 from engine.solve import Jacobi
+from engine.viewpoints import place_hemicubes
 from engine.visibility.raster import HemicubeRaster
 from engine.visibility.tiles import plan_tiles
 from tests.analytic import scenes
@@ -64,7 +65,6 @@ def hemicubes(room) -> Hemicubes:
 
 def draw(room: Prepared, chosen: np.ndarray, radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Draw and integrate the hemicubes of some patches on the GPU path."""
-    diagonal = float(np.linalg.norm(np.ptp(room.triangles.positions.reshape(-1, 3), axis=0)))
     tiles = plan_tiles(SETTINGS, len(chosen))
     graphics = Graphics()
     try:
@@ -72,12 +72,14 @@ def draw(room: Prepared, chosen: np.ndarray, radiance: np.ndarray) -> tuple[np.n
         owners = owner_map(room.scene, room.patches)
         raster = HemicubeRaster(graphics, tiles, room.triangles, owners, room.emission, room.scene.world)
         raster.set_radiance(radiance)
-        frame = frames(room.geometry.normal, rotations(SETTINGS.seed, np.arange(len(room.patches))))
-        eye = room.geometry.center + cpu_hemicubes.OFFSET * diagonal * room.geometry.geometric - raster.origin
-        views = matrices(frame[chosen], eye[chosen], 1e-5 * diagonal, graphics.reversed_depth)
+        places = place_hemicubes(room.triangles, room.geometry, SETTINGS)
+        frame, eye, near, horizon = (
+            values[chosen] for values in (places.frame, places.eye, places.near, places.horizon)
+        )
+        views = matrices(frame, eye - raster.origin, near, graphics.reversed_depth)
         assert list(raster.draw(views, tiles.layers)) == [len(chosen)]
         copy = HostCopy(compute, raster.texture)
-        summed = HemicubeIntegrator(compute, tiles).integrate(copy.update(), len(chosen))
+        summed = HemicubeIntegrator(compute, tiles).integrate(copy.update(), horizon)
         array = np.frombuffer(raster.texture.read(), np.float32)
     finally:
         graphics.release()

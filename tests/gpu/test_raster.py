@@ -22,7 +22,10 @@ def drawn(graphics, tiles, count, emission=0.0, eye=(0.5, 0.5, 0.5)):
     raster.set_radiance(np.full((1, 3), 2, np.float32))
     frame = frames(np.tile([0.0, 0.0, 1.0], (count, 1)), rotations(1, np.arange(count)))
     eyes = np.tile(np.array(eye) - raster.origin, (count, 1))
-    assert list(raster.draw(matrices(frame, eyes, 1e-4, graphics.reversed_depth), 1))[-1] == count
+    assert (
+        list(raster.draw(matrices(frame, eyes, np.full(count, 1e-4), graphics.reversed_depth), 1))[-1]
+        == count
+    )
     image = np.frombuffer(raster.texture.read(), np.float32)
     return raster, image.reshape(tiles.layers, tiles.height, tiles.width, 4)
 
@@ -55,7 +58,7 @@ def test_kernels_equal_a_sum_in_double_precision(graphics, tiles):
     values = np.random.default_rng(5).random((tiles.layers, tiles.height, tiles.width, 4), np.float32)
     raster.texture.write(values.tobytes())
     result = HemicubeIntegrator(compute, tiles).integrate(
-        HostCopy(compute, raster.texture).update(), tiles.capacity
+        HostCopy(compute, raster.texture).update(), np.tile(np.float32([0, 0, 1]), (tiles.capacity, 1))
     )
     weights = multiplier_map(tiles.n).astype(np.float64)
     for slot in range(tiles.capacity):

@@ -54,7 +54,7 @@ def test_every_face_has_the_same_handedness():
 def test_matrices_project_directions_onto_their_faces():
     frame = frames(np.array([[0.0, 0.0, 1.0]]), np.zeros(1))
     eye = np.array([[1.0, 2.0, 3.0]])
-    clip = matrices(frame, eye, 0.01, True)[0]
+    clip = matrices(frame, eye, np.array([0.01]), True)[0]
     right, up, normal = frame[0]
 
     # The horizon is the lower border of a side face, 45 degrees its upper border and the top's border.

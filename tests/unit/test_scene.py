@@ -37,6 +37,20 @@ def test_uvs_outside():
         check_scene(scene(triangle(uvs=triangle().uvs + 0.5)))
 
 
+@pytest.mark.parametrize(
+    ("reflectance", "emission"), [(np.nan, 0), (1.5, 0), (-0.1, 0), (0.5, np.inf), (0.5, -1), (0.5, 3e38)]
+)
+def test_materials_that_are_no_light(reflectance, emission):
+    bad = Material("Neon", np.full(3, reflectance), np.full(3, emission))
+    with pytest.raises(SceneError, match="Material 'Neon' has .*Mend its"):
+        check_scene(replace(scene(triangle()), materials=(bad,)))
+
+
+def test_a_world_that_is_no_light():
+    with pytest.raises(SceneError, match="world's radiance"):
+        check_scene(replace(scene(triangle()), world=np.float32([1, np.nan, 1])))
+
+
 def test_no_mesh():
     with pytest.raises(SceneError, match="no mesh with faces"):
         check_scene(scene())

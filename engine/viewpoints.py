@@ -1,0 +1,56 @@
+"""Where hemicubes stand: a little above their patches, turned at random, each with its horizon."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .geometry import PatchGeometry, Triangles
+from .hemicube import frames, rotations
+from .settings import Settings
+
+#: Height of the eye above the surface: a share of a texel's width, at most a share of the scene's
+#: diagonal, and at least what float32 can tell apart at the patch's coordinates.
+_OF_TEXEL = 0.01
+_OF_DIAGONAL = 2e-5
+_OF_COORDINATE = 1e-6
+
+#: Least near plane with the standard depth range, relative to the scene's diagonal, for its precision.
+_STANDARD_DEPTH = 1e-5
+
+
+@dataclass(frozen=True)
+class Viewpoints:
+    """The hemicubes of all patches.
+
+    eye      (n, 3) float64, world space, metres
+    frame    (n, 3, 3) float64, rows right, up, normal, from `hemicube.frames`
+    near     (n,) float64, distance of the near plane, metres
+    horizon  (n, 3) float32, geometric normal along right, up, normal: nothing is seen behind its plane
+    """
+
+    eye: np.ndarray
+    frame: np.ndarray
+    near: np.ndarray
+    horizon: np.ndarray
+
+
+def place_hemicubes(
+    triangles: Triangles, geometry: PatchGeometry, settings: Settings, reversed_depth: bool = True
+) -> Viewpoints:
+    """Place a hemicube on each patch, with a rotation about the normal for life (paper, IV.B)."""
+    diagonal = float(np.linalg.norm(np.ptp(triangles.positions.reshape(-1, 3), axis=0)))
+    center = geometry.center.astype(np.float64)
+    height = np.minimum(_OF_TEXEL * np.sqrt(geometry.area), _OF_DIAGONAL * diagonal)
+    height = np.maximum(height, _OF_COORDINATE * np.abs(center).max(axis=1))
+    near = height / 2 if reversed_depth else np.maximum(height / 2, _STANDARD_DEPTH * diagonal)
+
+    angle = rotations(settings.seed, np.arange(len(center)))
+    frame = frames(geometry.normal, angle if settings.rotate else np.zeros(len(center)))
+    return Viewpoints(
+        eye=center + height[:, None] * geometry.geometric,
+        frame=frame,
+        near=near,
+        horizon=np.einsum("nij,nj->ni", frame, geometry.geometric).astype(np.float32),
+    )

@@ -7,7 +7,7 @@ from collections.abc import Generator
 import numpy as np
 
 from .clock import Stopwatch
-from .coverage import check_overlap, touched_triangles
+from .coverage import check_overlap, note_uncovered, touched_triangles
 from .device.compute import Compute
 from .device.graphics import Graphics
 from .finish.store import LightmapStore
@@ -15,6 +15,7 @@ from .gather import PaperGather
 from .geometry import gather_triangles
 from .index_map import add_thin_patches
 from .lightmap import Lightmap, Report
+from .limits import check_limits, check_patch_count
 from .patch_file import list_or_load_patches
 from .progress import Progress
 from .scene import Scene, check_scene
@@ -34,15 +35,17 @@ def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap
     graphics = Graphics()
     try:
         compute = Compute(settings.cache_dir)
+        check_limits(graphics, compute, scene, settings)
         clock.lap("devices")
         yield Progress("patches", 0.0)
 
         # Texture space subdivision: which texels are patches, and where they are (III.A, IV.A).
         triangles = gather_triangles(scene)
         covered = list_or_load_patches(graphics, scene, settings)
-        warnings = check_overlap(graphics, scene, triangles, covered)
+        warnings = [*note_uncovered(scene, covered), *check_overlap(graphics, scene, triangles, covered)]
         touched = touched_triangles(graphics, triangles, len(scene.atlases), settings.resolution)
         patches, geometry, owners = add_thin_patches(scene, triangles, covered, touched)
+        check_patch_count(len(patches))
         reflectance = np.stack([material.reflectance for material in scene.materials])[geometry.material]
         emission = np.stack([material.emission for material in scene.materials])[geometry.material]
         clock.lap("patches")

@@ -11,6 +11,9 @@ from .geometry import Triangles
 from .patches import PatchList
 from .scene import Scene
 
+#: A message names this many objects at most.
+_NAMES_SHOWN = 5
+
 #: Charts overlap if more than this share of an object's texels is covered twice.
 _OVERLAP_TOLERANCE = 0.005
 
@@ -26,6 +29,22 @@ def touched_triangles(graphics: Graphics, triangles: Triangles, atlases: int, re
         image = _draw(graphics, "touched", triangles.uvs[chosen], resolution, "u4")[..., 0].view(np.uint32)
         touched[atlas] = np.concatenate([[-1], chosen]).astype(np.int32)[image]
     return touched
+
+
+def note_uncovered(scene: Scene, patches: PatchList) -> list[str]:
+    """Return a warning that names the objects whose UVs cover no texel's centre."""
+    texels = np.bincount(patches.mesh, minlength=len(scene.meshes))
+    names = [
+        mesh.name for mesh, count in zip(scene.meshes, texels, strict=True) if not count and len(mesh.face)
+    ]
+    if not names:
+        return []
+    shown = ", ".join(f"'{name}'" for name in names[:_NAMES_SHOWN])
+    more = f" and {len(names) - _NAMES_SHOWN} more" if len(names) > _NAMES_SHOWN else ""
+    return [
+        f"The lightmap UVs of {shown}{more} are too small to cover a texel: their light is a guess. "
+        "Unwrap them again or raise the resolution."
+    ]
 
 
 def check_overlap(graphics: Graphics, scene: Scene, triangles: Triangles, patches: PatchList) -> list[str]:

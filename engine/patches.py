@@ -39,14 +39,16 @@ class PatchList:
 def list_patches(graphics: Graphics, scene: Scene, resolution: int) -> PatchList:
     """Rasterise the lightmap UVs of every atlas and compact the covered texels.
 
-    Raises SceneError if no texel centre is covered, or if charts overlap.
+    Raises SceneError if no texel centre is covered.
     """
     atlases = [_rasterise_atlas(graphics, scene, atlas, resolution) for atlas in range(len(scene.atlases))]
     patches = [_compact(atlas, resolution, *targets) for atlas, targets in enumerate(atlases)]
     if not any(len(part) for part in patches):
+        names = ", ".join(f"'{mesh.name}'" for mesh in scene.meshes[:5])
         raise SceneError(
-            f"No texel of a {resolution} x {resolution} lightmap lies on a surface. "
-            "Raise the resolution or enlarge the UV islands."
+            f"No texel of a {resolution} x {resolution} lightmap lies on a surface: "
+            f"the lightmap UVs of {names} are too small or have no area. "
+            "Unwrap them again or raise the resolution."
         )
     return concatenate(patches)
 

@@ -77,6 +77,7 @@ def read(memory: memoryview) -> Any:
 
 class _Packer(pickle.Pickler):
     def persistent_id(self, value: object) -> tuple[str, dict[str, object]] | None:
+        """Return a record as its class name and fields; None for all else, which is pickled."""
         name = type(value).__name__
         if RECORDS.get(name) is not type(value):
             return None
@@ -85,6 +86,7 @@ class _Packer(pickle.Pickler):
 
 class _Unpacker(pickle.Unpickler):
     def persistent_load(self, record: tuple[str, dict[str, object]]) -> object:
+        """Return the record of a class name and fields."""
         name, values = record
         return RECORDS[name](**values)
 

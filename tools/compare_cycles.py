@@ -36,7 +36,9 @@ def main() -> None:
         if len(lightmap.atlases) != 1:
             raise SystemExit("This compares scenes with one lightmap only.")
         bakes = [bake_cycles(bpy.context, options, seed) for seed in (1, 2)]
-        compare(lightmap, bakes, options.out)
+        error = compare(lightmap, bakes, options.out)
+    if options.limit is not None and error > options.limit / 100:
+        raise SystemExit(f"The difference is above {options.limit} %.")
 
 
 def parse() -> argparse.Namespace:
@@ -46,6 +48,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--resolution", type=int, default=128, help="of the lightmap, texels")
     parser.add_argument("--hemicube", type=int, default=64, help="width of the hemicubes, texels")
     parser.add_argument("--samples", type=int, default=256, help="per texel, in each bake of Cycles")
+    parser.add_argument("--limit", type=float, help="fail if the RMSE is above so many per cent")
     options = parser.parse_args()
     options.out = options.out.resolve()
     return options
@@ -128,8 +131,8 @@ def aim_materials(obj, image) -> None:
         nodes.active = node
 
 
-def compare(lightmap, bakes: list[np.ndarray], out: Path) -> None:
-    """Print the relative RMSE and the mean bias and write the difference."""
+def compare(lightmap, bakes: list[np.ndarray], out: Path) -> float:
+    """Print the relative RMSE and the mean bias and write the difference; return the RMSE."""
     from picture import write_png
 
     first, second = (bake[..., :3] for bake in bakes)
@@ -147,6 +150,7 @@ def compare(lightmap, bakes: list[np.ndarray], out: Path) -> None:
     path = out / "difference.png"
     write_png(np.clip(0.5 + 2.5 * difference, 0, 1), path)
     print(f"{path}: grey is equal, white and black are +-20 % of the mean")
+    return error / mean
 
 
 if __name__ == "__main__":

@@ -20,7 +20,6 @@ ZERO_TO_ONE = 0x935F
 _UINT, _INT, _FLOAT, _POINTER = ctypes.c_uint, ctypes.c_int, ctypes.c_float, ctypes.c_void_p
 _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "glGenTextures": (None, (_INT, ctypes.POINTER(_UINT))),
-    "glDeleteTextures": (None, (_INT, ctypes.POINTER(_UINT))),
     "glBindTexture": (None, (_UINT, _UINT)),
     "glTexImage3D": (None, (_UINT, _INT, _INT, _INT, _INT, _INT, _INT, _UINT, _UINT, _POINTER)),
     "glFramebufferTexture": (None, (_UINT, _UINT, _UINT, _INT)),
@@ -66,10 +65,6 @@ class RawGL:
         """Attach a depth array to the bound framebuffer; return True if it is complete."""
         self("glFramebufferTexture", FRAMEBUFFER, DEPTH_ATTACHMENT, texture, 0)
         return bool(self("glCheckFramebufferStatus", FRAMEBUFFER) == FRAMEBUFFER_COMPLETE)
-
-    def delete_texture(self, texture: int) -> None:
-        """Delete a texture made by `depth_array`."""
-        self("glDeleteTextures", 1, ctypes.byref(_UINT(texture)))
 
 
 def _address_finder() -> Callable[[str], int | None]:

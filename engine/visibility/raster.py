@@ -13,8 +13,9 @@ from ..geometry import Triangles
 from ..hemicube import FACES, face_rows
 from .tiles import TILES_PER_DRAW, Tiles
 
-#: Patches in a row of the radiosity texture.
+#: Patches in a row of the radiosity texture, and in all its rows: front and back share 16384.
 _ROW = 4096
+MAX_PATCHES = _ROW * 8192 - 1
 
 
 class HemicubeRaster:

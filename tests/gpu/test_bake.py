@@ -71,6 +71,22 @@ def test_report_tells_the_facts():
     assert {"devices", "patches", "hemicubes"} <= set(report.seconds)
 
 
+def test_an_object_without_a_covered_texel_is_named():
+    furnace_mesh = furnace(0.5, 1.0).meshes[0]
+    flat = replace(furnace_mesh, name="Crumb", uvs=furnace_mesh.uvs * np.float32(1e-3) + np.float32(0.97))
+    lightmap = finished(replace(furnace(0.5, 1.0), meshes=(furnace_mesh, flat)), QUICK)
+    assert any("'Crumb'" in warning and "Unwrap" in warning for warning in lightmap.report.warnings)
+
+
+def test_lightmaps_that_fit_no_device_are_refused():
+    names = tuple(f"Atlas {index}" for index in range(5000))
+    with pytest.raises(SettingsError, match="5000 lightmaps.*same atlas name"):
+        next(bake(replace(furnace(0.5, 1.0), atlases=names), QUICK))
+    huge = replace(furnace(0.5, 1.0), atlases=names[:1000])
+    with pytest.raises(SettingsError, match="GiB.*Lower the resolution"):
+        next(bake(huge, replace(QUICK, resolution=16384)))
+
+
 def test_world_light_reaches_an_open_plane():
     plane = quads(rectangle((0, 0, 0), (2, 0, 0), (0, 2, 0))[None], [(2, 2, 16, 16)], [0], 32, "Plane")
     scene = replace(furnace(0.5, 0.0), meshes=(plane,), world=np.float32([0.2, 0.4, 0.6]))

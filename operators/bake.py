@@ -35,7 +35,7 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
         run = None
         try:
             run = Run(context, bake)
-            self._tell(run.finish(run.drain()))
+            self._tell(run.finish(run.drain()), run.failure)
         except EngineError as error:
             if run is not None:
                 run.cancel()
@@ -94,7 +94,7 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
             except StopIteration as end:
                 report = self._run.finish(end.value)
                 self._leave(context)
-                self._tell(report)
+                self._tell(report, self._run.failure)
                 return {"FINISHED"}
             if progress is None:
                 break
@@ -120,8 +120,8 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
             context.workspace.status_text_set(None)
         _redraw(manager)
 
-    def _tell(self, report: dict) -> None:
-        """Report warnings and then what was done."""
+    def _tell(self, report: dict, failure: str | None) -> None:
+        """Report warnings, then what was done, and last what could not be."""
         for warning in report["warnings"]:
             self.report({"WARNING"}, warning)
         where = ", ".join(report["files"]) or "packed into the .blend"
@@ -131,6 +131,8 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
             f"{report['iterations']} iterations, remaining error {_percent(report['residual'])}, "
             f"{report['seconds']['total']:.1f} s: {where}",
         )
+        if failure:
+            self.report({"ERROR"}, failure)
 
 
 def _percent(residual: float | None) -> str:

@@ -25,6 +25,13 @@ _HEMICUBES = [(str(n), str(n), f"{n} texels wide: {3 * n * n} samples per patch"
 _METHODS = [(name, *_METHOD_NAMES.get(name, (name.capitalize(), ""))) for name in METHODS]
 
 
+class HemibakeLightmapProperties(bpy.types.PropertyGroup):
+    """The image of an atlas, which is `name`."""
+
+    name: StringProperty(name="Atlas")
+    image: PointerProperty(type=bpy.types.Image, name="Image")
+
+
 class HemibakeSceneProperties(bpy.types.PropertyGroup):
     """How the scene is baked, and what the last bake told."""
 
@@ -92,6 +99,10 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
         description="File that keeps the patch list between bakes of the same UVs; empty for none",
         subtype="FILE_PATH",
     )
+    lightmaps: CollectionProperty(
+        type=HemibakeLightmapProperties,
+        description="Image of each atlas that has been baked in the scene",
+    )
     report: StringProperty(
         name="Report",
         description="What the last bake told, as JSON",
@@ -114,7 +125,8 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
         description="Lightmap that holds the object's charts; objects with the same name here share one",
         default="Lightmap",
     )
-    image: StringProperty(
+    image: PointerProperty(
+        type=bpy.types.Image,
         name="Image",
         description="Image that the last bake of the object wrote",
         options={"HIDDEN"},
@@ -134,7 +146,12 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
     )
 
 
-CLASSES = (HemibakeSceneProperties, HemibakeSlotProperties, HemibakeObjectProperties)
+CLASSES = (
+    HemibakeLightmapProperties,
+    HemibakeSceneProperties,
+    HemibakeSlotProperties,
+    HemibakeObjectProperties,
+)
 
 
 def bind() -> None:

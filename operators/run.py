@@ -10,6 +10,7 @@ from collections.abc import Callable, Generator
 import bpy
 import numpy as np
 
+from ..engine.errors import EngineError, SceneError
 from ..engine.lightmap import Lightmap
 from ..engine.progress import Progress
 from ..engine.scene import Scene
@@ -18,6 +19,7 @@ from .bake_settings import read_settings
 from .changes import Changes
 from .lookup import find
 from .result import images
+from .result.places import choose_places
 from .scene import Gathered, gather, visible_meshes
 from .scene.unwrap import unwrap_missing
 
@@ -28,15 +30,21 @@ class Run:
     """A bake of the context's scene; what it changes can be taken back until `finish` returns.
 
     Making one gathers the scene and raises EngineError, with everything as before, if that fails.
+
+    failure  why the lightmaps could not be written, None if they were
     """
 
     def __init__(self, context: bpy.types.Context, bake: Callable[[Scene, Settings], Job]) -> None:
         self._changes = Changes()
         self._scene_uid = context.scene.session_uid
         self._images: list[int] = []
+        self.failure: str | None = None
         self._start = time.perf_counter()
         try:
             self._gathered = self._gather(context)
+            self._places = choose_places(
+                context.scene, self._gathered.scene.atlases, context.scene.hemibake.directory, self._changes
+            )
             self._seconds = {"gather": time.perf_counter() - self._start}
             self._job = bake(self._gathered.scene, self._settings)
         except BaseException:
@@ -47,7 +55,7 @@ class Run:
         """Return the visible objects, with lightmap UVs made where they are missing."""
         properties = context.scene.hemibake
         self._settings = read_settings(properties)
-        self._uv_layer, self._directory = properties.uv_layer, properties.directory
+        self._uv_layer = properties.uv_layer
         objects = visible_meshes(context)
         made = unwrap_missing(context, objects, self._uv_layer, self._settings.resolution, self._changes)
         usable = [obj for obj in objects if obj not in made.skipped]
@@ -77,14 +85,15 @@ class Run:
                 self._changes.take_back()
 
     def finish(self, lightmap: Lightmap) -> dict:
-        """Store a lightmap and return the report, JSON-ready; raises EngineError.
+        """Store a lightmap and return the report, JSON-ready.
 
-        The residual is None if a single iteration could not tell it.
+        The residual is None if a single iteration could not tell it. If the files cannot be written
+        `failure` says so, and the lightmaps are packed into the .blend.
         """
         start = time.perf_counter()
         self._show(lightmap.display)
         targets = [find(bpy.data.images, uid) for uid in self._images]
-        files = images.store(targets, lightmap.display, self._directory)
+        files = self._store(targets, lightmap.display)
         self._remember_images(targets)
         self._seconds["store"] = time.perf_counter() - start
         report = self._report(lightmap, [image.name for image in targets], files)
@@ -93,28 +102,38 @@ class Run:
             scene.hemibake.report = json.dumps(report)
         return report
 
+    def _store(self, targets: list[bpy.types.Image], lightmaps: np.ndarray) -> list[str]:
+        """Store lightmaps and return their files."""
+        try:
+            return images.store(targets, lightmaps, self._places)
+        except EngineError as error:
+            self.failure = str(error)
+            return []
+
     def _show(self, lightmaps: np.ndarray) -> None:
         """Put lightmaps, (atlases, h, w, 3), into the images; images that are gone are made anew."""
-        atlases = self._gathered.scene.atlases
+        atlases, scene = self._gathered.scene.atlases, find(bpy.data.scenes, self._scene_uid)
+        if scene is None:
+            raise SceneError("The scene that was being baked is gone. Bake again.")
         found = [find(bpy.data.images, uid) for uid in self._images] or [None] * len(atlases)
         for index, (image, atlas) in enumerate(zip(found, atlases, strict=True)):
             if image is None:
-                found[index] = images.lightmap_image(atlas, self._settings.resolution, self._changes)
+                found[index] = images.lightmap_image(scene, atlas, self._settings.resolution, self._changes)
             images.show(found[index], lightmaps[index])
         self._images = [image.session_uid for image in found]
 
     def _remember_images(self, targets: list[bpy.types.Image]) -> None:
         """Write on each baked object which image and which UV layer belong to it."""
-        names = dict(zip(self._gathered.scene.atlases, (image.name for image in targets), strict=True))
+        image = dict(zip(self._gathered.scene.atlases, targets, strict=True))
         for uid, atlas in self._gathered.objects:
             obj = find(bpy.data.objects, uid)
             if obj is not None and obj.is_editable:
-                obj.hemibake.image, obj.hemibake.uv_layer = names[atlas], self._uv_layer
+                obj.hemibake.image, obj.hemibake.uv_layer = image[atlas], self._uv_layer
 
     def _report(self, lightmap: Lightmap, names: list[str], files: list[str]) -> dict:
         facts = lightmap.report
         notes = [*self._gathered.notes, *facts.warnings]
-        if not files:
+        if self._places.folder is None:
             notes.append(
                 "The .blend is not saved yet: the lightmaps are packed into it. Save it to write EXR files."
             )

@@ -63,8 +63,8 @@ class HEMIBAKE_PT_object(_Sidebar, bpy.types.Panel):
         layout.use_property_split = True
         layout.use_property_decorate = False
         layout.prop(obj.hemibake, "atlas")
-        if obj.hemibake.image:
-            layout.label(text=f"Baked into '{obj.hemibake.image}'", icon="IMAGE_DATA")
+        if obj.hemibake.image is not None:
+            layout.label(text=f"Baked into '{obj.hemibake.image.name}'", icon="IMAGE_DATA")
 
 
 class HEMIBAKE_PT_report(_Sidebar, bpy.types.Panel):

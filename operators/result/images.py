@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import tempfile
 from pathlib import Path
 
@@ -13,6 +12,8 @@ import numpy as np
 from ...engine.errors import EngineError
 from ..changes import Changes
 from ..lookup import find
+from .exr import rgba, write_exr
+from .places import Places
 
 #: Custom property that marks an image as ours; its value is the atlas name.
 MARK = "hemibake_atlas"
@@ -20,15 +21,18 @@ MARK = "hemibake_atlas"
 _LINEAR = "Linear Rec.709"
 
 
-def lightmap_image(atlas: str, resolution: int, changes: Changes) -> bpy.types.Image:
-    """Return our image of an atlas at a resolution, made if there is none.
+def lightmap_image(scene: bpy.types.Scene, atlas: str, resolution: int, changes: Changes) -> bpy.types.Image:
+    """Return a scene's own image of an atlas at a resolution, made if there is none.
 
-    An image of that name that is not ours stays as it is: ours then gets Blender's number suffix.
+    An image that another scene has, too (the scene was copied), is left to that one. An image of that
+    name that is not ours stays as it is: ours then gets Blender's number suffix.
     """
-    image = next((item for item in bpy.data.images if item.get(MARK) == atlas), None)
-    if image is None:
-        image = _new_image(atlas, resolution)
+    entry = scene.hemibake.lightmaps.get(atlas)
+    image = entry and entry.image
+    if image is None or _belongs_to_another(image, scene):
+        image = _new_image(scene, atlas, resolution)
         changes.add(lambda uid=image.session_uid: _remove(uid))
+        _remember(scene, atlas, image, changes)
         return image
     changes.add(_restorer(image))
     if tuple(image.size) != (resolution, resolution):
@@ -38,80 +42,91 @@ def lightmap_image(atlas: str, resolution: int, changes: Changes) -> bpy.types.I
 
 def show(image: bpy.types.Image, pixels: np.ndarray) -> None:
     """Write a lightmap, (h, w, 3) float32 scene-linear, bottom row first, into an image."""
-    image.pixels.foreach_set(_rgba(pixels))
+    image.pixels.foreach_set(rgba(pixels))
     image.update()
 
 
-def store(images: list[bpy.types.Image], lightmaps: np.ndarray, directory: str) -> list[str]:
+def store(images: list[bpy.types.Image], lightmaps: np.ndarray, places: Places) -> list[str]:
     """Write each lightmap as 32-bit EXR, let its image use the file, and return the paths.
 
+    images     show the lightmaps already
     lightmaps  (images, h, w, 3) float32, scene-linear, bottom row first
 
-    While the .blend has no folder that a relative `directory` could start from, the images are
-    packed into it instead and the list is empty. Raises EngineError if a file cannot be written;
-    files already there then stay as they were.
+    Without a folder the images are packed into the .blend and the list is empty. If the files cannot
+    be written those that were there stay, the images are packed, and an EngineError says so.
     """
-    if directory.startswith("//") and not bpy.data.filepath:
-        with tempfile.TemporaryDirectory() as folder:
-            for image, path in zip(images, _write_all(images, lightmaps, Path(folder)), strict=True):
-                _pack(image, path, directory)
+    if places.folder is None:
+        _pack_all(images, places)
         return []
-    folder = Path(os.path.abspath(bpy.path.abspath(directory)))
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder) as staging:
-            staged = _write_all(images, lightmaps, Path(staging))
-            paths = [path.replace(folder / path.name) for path in staged]
+        _write_all(lightmaps, places)
     except (OSError, RuntimeError) as error:
+        _pack_all(images, places)
         raise EngineError(
-            f"The lightmaps cannot be written to '{folder}': {error}. Choose another folder."
+            f"The lightmaps cannot be written to '{places.folder}': {error}. They are packed into the "
+            ".blend instead: save it, or choose another folder and bake again."
         ) from error
-    for image, path in zip(images, paths, strict=True):
+    for image, path in zip(images, places.paths, strict=True):
         _use_file(image, str(path))
-    return [str(path) for path in paths]
+    return [str(path) for path in places.paths]
 
 
-def _new_image(atlas: str, resolution: int) -> bpy.types.Image:
-    image = bpy.data.images.new(atlas, resolution, resolution, alpha=True, float_buffer=True)
+def _belongs_to_another(image: bpy.types.Image, scene: bpy.types.Scene) -> bool:
+    others = (other for other in bpy.data.scenes if other != scene)
+    return any(entry.image == image for other in others for entry in other.hemibake.lightmaps)
+
+
+def _new_image(scene: bpy.types.Scene, atlas: str, resolution: int) -> bpy.types.Image:
+    """Return a new image, called after the scene as well if another scene has a lightmap of that name."""
+    same = bpy.data.images.get(atlas)
+    name = f"{atlas} {scene.name}" if same is not None and _belongs_to_another(same, scene) else atlas
+    image = bpy.data.images.new(name, resolution, resolution, alpha=True, float_buffer=True)
     image.colorspace_settings.name = _LINEAR
     image[MARK] = atlas
     return image
 
 
-def _rgba(pixels: np.ndarray) -> np.ndarray:
-    """Return (h, w, 3) as the flat RGBA float32 with alpha 1 that Blender wants."""
-    rgba = np.ones((*pixels.shape[:2], 4), np.float32)
-    rgba[..., :3] = pixels
-    return rgba.reshape(-1)
+def _remember(scene: bpy.types.Scene, atlas: str, image: bpy.types.Image, changes: Changes) -> None:
+    """Write on a scene which image an atlas has."""
+    entry = scene.hemibake.lightmaps.get(atlas)
+    if entry is None:
+        entry = scene.hemibake.lightmaps.add()
+        entry.name = atlas
+    before = entry.image and entry.image.session_uid
+    changes.add(lambda uid=scene.session_uid: _set_image(uid, atlas, before))
+    entry.image = image
 
 
-def _write_all(images: list[bpy.types.Image], lightmaps: np.ndarray, folder: Path) -> list[Path]:
-    paths = [folder / f"{file_name(image.name)}.exr" for image in images]
-    for path, pixels in zip(paths, lightmaps, strict=True):
-        _write_exr(path, pixels)
-    return paths
+def _set_image(scene_uid: int, atlas: str, image_uid: int | None) -> None:
+    scene = find(bpy.data.scenes, scene_uid)
+    entry = scene and scene.hemibake.lightmaps.get(atlas)
+    if entry is not None:
+        entry.image = image_uid and find(bpy.data.images, image_uid)
 
 
-def file_name(name: str) -> str:
-    """Return a datablock's name without the characters that file systems refuse."""
-    return re.sub(r'[<>:"/\\|?*\x00-\x1f]', "_", name)
+def _write_all(lightmaps: np.ndarray, places: Places) -> None:
+    """Write all files, or none."""
+    with tempfile.TemporaryDirectory(dir=places.folder) as staging:
+        staged = [Path(staging) / f"{index}.exr" for index in range(len(lightmaps))]
+        for path, pixels in zip(staged, lightmaps, strict=True):
+            write_exr(path, pixels, places.owner)
+        _replace_all(staged, places.paths, Path(staging))
 
 
-def _write_exr(path: Path, pixels: np.ndarray) -> None:
-    """Write pixels bit-exact.
-
-    `Image.save` converts generated float images to the display's colours unless they are marked as
-    data, so a data image that lives only here is saved.
-    """
-    height, width = pixels.shape[:2]
-    image = bpy.data.images.new("hemibake", width, height, alpha=True, float_buffer=True, is_data=True)
+def _replace_all(staged: list[Path], paths: list[Path], backup: Path) -> None:
+    """Move files to their paths; if one cannot be moved, what was there before comes back."""
+    changes = Changes()
     try:
-        image.pixels.foreach_set(_rgba(pixels))
-        image.filepath_raw = str(path)
-        image.file_format = "OPEN_EXR"
-        image.save()
-    finally:
-        bpy.data.images.remove(image)
+        for index, (new, path) in enumerate(zip(staged, paths, strict=True)):
+            old = backup / f"{index}.old"
+            if path.exists():
+                path.replace(old)
+                changes.add(lambda old=old, path=path: old.replace(path))
+            new.replace(path)
+            changes.add(lambda new=new, path=path: path.replace(new))
+    except OSError:
+        changes.take_back()
+        raise
 
 
 def _use_file(image: bpy.types.Image, path: str) -> None:
@@ -140,14 +155,12 @@ def _relative(path: str) -> str:
         return path
 
 
-def _pack(image: bpy.types.Image, path: Path, directory: str) -> None:
-    """Pack a file into an image, under the path it would have in `directory`."""
-    _forget(image)
-    image.source = "FILE"
-    image.filepath_raw = f"{directory.rstrip('/')}/{path.name}"
-    data = path.read_bytes()
-    image.pack(data=data, data_len=len(data))
-    image.colorspace_settings.name = _LINEAR
+def _pack_all(images: list[bpy.types.Image], places: Places) -> None:
+    """Pack what the images show, under the paths they would have."""
+    for image, name in zip(images, places.names, strict=True):
+        image.filepath_raw = f"{places.packed_as.rstrip('/')}/{name}"
+        image.pack()
+        image.packed_files[0].filepath = image.filepath_raw
 
 
 def _remove(uid: int) -> None:
@@ -160,19 +173,32 @@ def _restorer(image: bpy.types.Image):
     """Return a step that gives an image the pixels and the file it has now."""
     uid, size, source = image.session_uid, tuple(image.size), image.source
     path, dirty = image.filepath_raw, image.is_dirty
-    pixels = np.empty(len(image.pixels), np.float32)
-    image.pixels.foreach_get(pixels)
+    packed = image.packed_file and image.packed_file.data
+    pixels = _pixels(image)
 
     def restore() -> None:
         image = find(bpy.data.images, uid)
         if image is None:
             return
+        _forget(image)
         image.source, image.filepath_raw = source, path
-        if source == "FILE" and not dirty:
+        if packed:
+            image.pack(data=packed, data_len=len(packed))
+            image.packed_files[0].filepath = path
+        elif source == "FILE" and os.path.exists(bpy.path.abspath(path)):
             image.reload()
+        image.colorspace_settings.name = _LINEAR
         if tuple(image.size) != size:
             image.scale(*size)
-        image.pixels.foreach_set(pixels)
-        image.update()
+        if dirty or (_pixels(image) != pixels).any():
+            image.pixels.foreach_set(pixels)
+            image.update()
 
     return restore
+
+
+def _pixels(image: bpy.types.Image) -> np.ndarray:
+    """Return an image's pixels, flat float32 RGBA."""
+    pixels = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(pixels)
+    return pixels

@@ -20,7 +20,7 @@ MARK = "hemibake_preview"
 
 def previewable(obj: bpy.types.Object) -> bool:
     """Return whether an object has been baked and its lightmap is still there."""
-    return obj.type == "MESH" and obj.is_editable and obj.hemibake.image in bpy.data.images
+    return obj.type == "MESH" and obj.is_editable and obj.hemibake.image is not None
 
 
 def has_preview(obj: bpy.types.Object) -> bool:
@@ -30,7 +30,7 @@ def has_preview(obj: bpy.types.Object) -> bool:
 
 def show_preview(objects: Sequence[bpy.types.Object]) -> list[str]:
     """Give preview materials to objects that do not show any; return sentences for the user."""
-    made: dict[tuple[bpy.types.Material | None, str, str], bpy.types.Material] = {}
+    made: dict[tuple[bpy.types.Material | None, bpy.types.Image, str], bpy.types.Material] = {}
     notes: list[str] = []
     for obj in objects:
         if has_preview(obj):
@@ -77,7 +77,7 @@ def _show_slot(obj: bpy.types.Object, slot: bpy.types.MaterialSlot, made: dict, 
     original, uv_layer = slot.material, obj.hemibake.uv_layer
     key = (original, obj.hemibake.image, uv_layer)
     if key not in made:
-        made[key] = _preview_material(original, bpy.data.images[obj.hemibake.image], uv_layer, notes)
+        made[key] = _preview_material(original, obj.hemibake.image, uv_layer, notes)
     slot.link = "OBJECT"
     slot.material = made[key]
 

@@ -61,7 +61,7 @@ def read_corners(obj: bpy.types.Object, mesh: bpy.types.Mesh, uv_layer: str) -> 
 
 
 def middle(objects: Sequence[bpy.types.Object]) -> np.ndarray:
-    """Return the middle of the objects' common bounding box, (3,) float64, world space; 0 if it is not finite.
+    """Return the middle of the objects' bounding box, (3,) float64, world space; 0 if that is not finite.
 
     float32 positions relative to it keep their digits however far from the origin the scene is.
     """

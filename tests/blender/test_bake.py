@@ -42,8 +42,8 @@ def test_furnace_is_baked_into_a_linear_float_image_and_a_file(tmp_path):
     np.testing.assert_allclose(values[lit][:, :3], 2.0, rtol=0.01)
     assert (values[..., 3] == 1).all()
     assert image.is_float and image.colorspace_settings.name == "Linear Rec.709" and not image.is_dirty
-    assert (read_exr(tmp_path / "lightmaps" / "Lightmap.exr") == values).all()
-    assert obj.hemibake.image == "Lightmap"
+    assert (read_exr(tmp_path / "lightmaps" / "scene_Lightmap.exr") == values).all()
+    assert obj.hemibake.image.name == "Lightmap"
 
 
 @pytest.mark.parametrize("place", [(1000, 1000, 0), (10_000, 0, 0), (100_000, 0, 0)])
@@ -68,7 +68,7 @@ def test_report_tells_what_was_done(tmp_path):
     assert facts["iterations"] == len(facts["energies"]) > 1
     assert {"gather", "hemicubes", "store", "total"} <= set(facts["seconds"])
     assert set(facts["devices"]) == {"gl", "cl"}
-    assert facts["files"] == [str(tmp_path / "lightmaps" / "Lightmap.exr")]
+    assert facts["files"] == [str(tmp_path / "lightmaps" / "scene_Lightmap.exr")]
     assert facts["warnings"] == []
 
 
@@ -82,10 +82,13 @@ def test_single_iteration_cannot_tell_the_residual():
 
 
 def test_stored_pixels_are_those_of_the_engine_bit_by_bit(tmp_path):
-    images = part("operators.result.images")
+    import bpy
+
+    images, places = part("operators.result.images"), part("operators.result.places")
+    changes, scene = part("operators.changes").Changes(), bpy.context.scene
     values = np.random.default_rng(3).normal(0, 100, (1, 8, 8, 3)).astype(np.float32)
-    image = images.lightmap_image("Noise", 8, part("operators.changes").Changes())
-    paths = images.store([image], values, str(tmp_path))
+    image = images.lightmap_image(scene, "Noise", 8, changes)
+    paths = images.store([image], values, places.choose_places(scene, ["Noise"], str(tmp_path), changes))
     assert (read_exr(Path(paths[0]))[..., :3] == values[0]).all()
     assert (pixels(image)[..., :3] == values[0]).all()
 
@@ -129,7 +132,7 @@ def test_image_of_the_user_is_not_overwritten():
     obj = furnace()
     bake()
     assert pixels(own).tobytes() == before and tuple(own.size) == (4, 4)
-    assert obj.hemibake.image == "Lightmap.001"
+    assert obj.hemibake.image.name == "Lightmap.001"
 
 
 def test_baking_again_at_another_resolution_uses_the_same_image():
@@ -150,7 +153,7 @@ def test_each_atlas_has_an_image():
     second.location.x = 3
     second.hemibake.atlas = "Other"
     bake()
-    assert (first.hemibake.image, second.hemibake.image) == ("Lightmap", "Other")
+    assert [obj.hemibake.image.name for obj in (first, second)] == ["Lightmap", "Other"]
     np.testing.assert_allclose(pixels(bpy.data.images["Other"]).max(), 2, rtol=0.01)
 
 
@@ -162,7 +165,7 @@ def test_linked_duplicates_are_baked_side_by_side():
     second.location.x = 3
     bpy.context.scene.collection.objects.link(second)
     bake()
-    assert second.hemibake.image == "Lightmap.Second"
+    assert second.hemibake.image.name == "Lightmap.Second"
     assert second.hemibake.atlas == "Lightmap"
 
 

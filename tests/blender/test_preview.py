@@ -28,7 +28,7 @@ def test_every_slot_shows_the_lightmap(baked):
         assert slot.material.name.endswith("(lightmap)")
         (texture,) = [node for node in slot.material.node_tree.nodes if node.type == "TEX_IMAGE"]
         (uv,) = [node for node in slot.material.node_tree.nodes if node.type == "UVMAP"]
-        assert texture.image.name == obj.hemibake.image and uv.uv_map == "Lightmap"
+        assert texture.image == obj.hemibake.image and uv.uv_map == "Lightmap"
 
 
 def test_switched_off_everything_is_as_before(baked):

@@ -1,0 +1,209 @@
+"""Where lightmaps are stored, and what is never overwritten."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.blender.things import files_below, furnace, part, pixels, report, snapshot
+
+
+def bake():
+    import bpy
+
+    return bpy.ops.hemibake.bake()
+
+
+def save_blend(path: Path) -> None:
+    import bpy
+
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+
+
+def second_scene():
+    """Return a scene of its own with a furnace twice as bright, made the current one."""
+    import bpy
+
+    scene = bpy.data.scenes.new("Night")
+    bpy.context.window.scene = scene
+    scene.hemibake.resolution, scene.hemibake.hemicube = 32, "16"
+    room = furnace("Night")
+    room.data.materials[0].node_tree.nodes["Principled BSDF"].inputs["Emission Strength"].default_value = 2
+    return scene
+
+
+def brightest(image) -> float:
+    return pixels(image)[..., :3].max()
+
+
+def test_scenes_of_a_file_have_images_and_files_of_their_own(tmp_path):
+    import bpy
+
+    save_blend(tmp_path / "house.blend")
+    first = bpy.context.scene
+    furnace("Day")
+    bake()
+    second = second_scene()
+    bake()
+    images = [scene.hemibake.lightmaps["Lightmap"].image for scene in (first, second)]
+    assert [image.name for image in images] == ["Lightmap", "Lightmap Night"]
+    assert [brightest(image) for image in images] == pytest.approx([2, 4], rel=0.01)
+    names = ["house_Lightmap.exr", "house_Night_Lightmap.exr"]
+    assert sorted(files_below(tmp_path / "lightmaps")) == names
+    before = files_below(tmp_path / "lightmaps")
+    bake()
+    assert files_below(tmp_path / "lightmaps") == before
+
+
+def test_copy_of_a_scene_leaves_the_original_its_lightmap():
+    import bpy
+
+    furnace()
+    bake()
+    original = bpy.data.images["Lightmap"]
+    before = pixels(original).tobytes()
+    bpy.context.window.scene = bpy.context.scene.copy()
+    bpy.context.scene.hemibake.seed = 5
+    bake()
+    assert pixels(original).tobytes() == before
+    assert bpy.context.scene.hemibake.lightmaps["Lightmap"].image != original
+
+
+def test_image_may_be_renamed_and_survives_saving(tmp_path):
+    import bpy
+
+    obj = furnace()
+    bake()
+    bpy.data.images["Lightmap"].name = "Renamed"
+    save_blend(tmp_path / "scene.blend")
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+    obj = bpy.data.objects["Furnace"]
+    assert obj.hemibake.image.name == "Renamed"
+    assert bpy.ops.hemibake.preview() == {"FINISHED"}
+    bake()
+    assert [image.name for image in bpy.data.images if image.get("hemibake_atlas")] == ["Renamed"]
+
+
+@pytest.mark.parametrize("directory", ["//lightmaps/", "{folder}/lightmaps"])
+def test_two_files_in_a_folder_do_not_share_lightmaps(tmp_path, directory):
+    import bpy
+
+    bpy.context.scene.hemibake.directory = directory.format(folder=tmp_path)
+    furnace()
+    save_blend(tmp_path / "first.blend")
+    bake()
+    first = files_below(tmp_path / "lightmaps")
+    bpy.context.scene.hemibake.seed = 5
+    save_blend(tmp_path / "second.blend")
+    bake()
+    both = files_below(tmp_path / "lightmaps")
+    assert len(both) == 2 and first.items() < both.items()
+    bake()
+    assert files_below(tmp_path / "lightmaps") == both
+
+
+def test_file_of_the_user_is_not_overwritten(tmp_path):
+    save_blend(tmp_path / "scene.blend")
+    own = tmp_path / "lightmaps" / "scene_Lightmap.exr"
+    own.parent.mkdir()
+    own.write_text("mine")
+    furnace()
+    bake()
+    assert own.read_text() == "mine"
+    assert report()["files"] == [str(own.with_name("scene_Lightmap.001.exr"))]
+
+
+def test_owner_in_an_exr_survives_reading_and_blender_reads_the_pixels(tmp_path):
+    import numpy as np
+
+    exr = part("operators.result.exr")
+    exr.write_exr(tmp_path / "a.exr", np.ones((70, 50, 3), np.float32), "../a room.blend")
+    assert exr.read_owner(tmp_path / "a.exr") == "../a room.blend"
+    (tmp_path / "b.exr").write_bytes(b"v/1\1 not ours")
+    assert exr.read_owner(tmp_path / "b.exr") is None
+
+
+def test_atlases_that_map_to_one_file_name_get_numbers(tmp_path):
+    import bpy
+
+    places = part("operators.result.places")
+    changes = part("operators.changes").Changes()
+    atlases = ["X/Y", "X:Y", "x_y", "long " * 60, "long " * 60 + "other", "", "..."]
+    chosen = places.choose_places(bpy.context.scene, atlases, str(tmp_path), changes)
+    names = [path.name for path in chosen.paths]
+    assert names[:3] == ["X_Y.exr", "X_Y.001.exr", "x_y.002.exr"]
+    assert len({name.casefold() for name in names}) == len(atlases)
+    assert max(len(name.encode()) for name in names) < 220
+    assert names[-2:] == ["Lightmap.exr", "Lightmap.001.exr"]
+
+
+@pytest.mark.parametrize("folder", ["/proc/foo", "{tmp}/file", "{tmp}/file/below", ""])
+def test_folder_is_tried_before_the_bake(tmp_path, folder):
+    import bpy
+
+    (tmp_path / "file").write_text("not a folder")
+    bpy.context.scene.hemibake.directory = folder.format(tmp=tmp_path)
+    furnace()
+    before = snapshot()
+    run = part("operators.run").Run
+    with pytest.raises(part("engine.errors").EngineError, match="Choose"):
+        run(bpy.context, lambda scene, settings: pytest.fail("the engine was started"))
+    assert snapshot() == before
+
+
+def test_cancelled_bake_leaves_no_folder(tmp_path):
+    import bpy
+
+    save_blend(tmp_path / "scene.blend")
+    bpy.context.scene.hemibake.directory = "//some/where/"
+    furnace()
+    run = part("operators.run").Run(bpy.context, part("engine").bake)
+    run.step()
+    run.cancel()
+    assert not (tmp_path / "some").exists()
+
+
+def test_lightmap_that_cannot_be_written_is_packed_and_told(tmp_path):
+    import bpy
+
+    bpy.context.scene.hemibake.directory = str(tmp_path / "out")
+    furnace()
+    run = part("operators.run").Run(bpy.context, part("engine").bake)
+    lightmap = run.drain()
+    (tmp_path / "out").rmdir()
+    (tmp_path / "out").write_text("in the way")
+    run.finish(lightmap)
+    image = bpy.data.images["Lightmap"]
+    assert "packed into the .blend instead" in run.failure and report()["files"] == []
+    assert image.packed_file is not None and not image.is_dirty
+    assert brightest(image) == pytest.approx(2, rel=0.01)
+
+
+def test_files_come_back_if_one_of_them_cannot_be_replaced(tmp_path):
+    images = part("operators.result.images")
+    staging, out = tmp_path / "staging", tmp_path / "out"
+    staging.mkdir()
+    out.mkdir()
+    staged = [staging / "0.exr", staging / "missing.exr"]
+    staged[0].write_text("new")
+    paths = [out / "first.exr", out / "second.exr"]
+    for path in paths:
+        path.write_text("old")
+    with pytest.raises(FileNotFoundError):
+        images._replace_all(staged, paths, staging)
+    assert [path.read_text() for path in paths] == ["old", "old"]
+
+
+def test_cancelled_bake_over_a_packed_image_restores_it_clean():
+    import bpy
+
+    furnace()
+    bake()
+    image = bpy.data.images["Lightmap"]
+    before, packed = snapshot(), image.packed_file.data
+    bpy.context.scene.hemibake.resolution = 48
+    run = part("operators.run").Run(bpy.context, part("engine").bake)
+    while tuple(image.size) != (48, 48):
+        run.step()
+    run.cancel()
+    assert snapshot() == before
+    assert image.packed_file.data == packed and not image.is_dirty

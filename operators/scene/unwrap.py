@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import bmesh
 import bpy
 import numpy as np
 
@@ -46,15 +46,17 @@ def unwrap_missing(
     objects hold that atlas already, the new ones move to a fresh atlas. Other UV layers, the
     selection and the mode stay as they are.
     """
+    if not uv_layer:
+        raise SceneError("The lightmap UV layer has no name. Type one, such as Lightmap.")
     made = Made()
     context.view_layer.update()
     for obj in objects:
+        obj.update_from_editmode()
         if len(obj.data.polygons) and uv_layer not in obj.data.uv_layers:
             _sort_out(obj, made)
-    with _object_mode(context, made.objects):
-        for atlas, members in _by_atlas(made.objects).items():
-            _unwrap_together(members, uv_layer, resolution, changes)
-            _move_to_free_atlas(context, members, atlas, uv_layer, changes, made.notes)
+    for atlas, members in _by_atlas(made.objects).items():
+        _unwrap_together(members, uv_layer, resolution, changes)
+        _move_to_free_atlas(context, members, atlas, uv_layer, changes, made.notes)
     return made
 
 
@@ -113,19 +115,45 @@ def _read(obj: bpy.types.Object) -> PolygonMesh:
 
 
 def _add_layer(obj: bpy.types.Object, name: str, uvs: np.ndarray, changes: Changes) -> None:
-    """Add a UV layer without touching which one is active or rendered."""
-    layers = obj.data.uv_layers
-    active, rendered = layers.active_index, _rendered(layers)
-    layer = layers.new(name=name, do_init=False)
-    changes.add(lambda uid=obj.data.session_uid, name=layer.name: _remove_layer(uid, name))
-    if layer.name != name:
+    """Add a UV layer without touching which one is active or rendered, in edit mode, too."""
+    add = _add_edited if obj.data.is_editmode else _add_stored
+    made = "" if name in obj.data.attributes else add(obj, name, uvs)
+    changes.add(lambda uid=obj.session_uid: _remove_layer(uid, made))
+    if made != name:
         raise SceneError(
             f"Object '{obj.name}' has an attribute called '{name}' that is not a UV layer. "
             "Rename it, or choose another name for the lightmap UV layer."
         )
+
+
+def _add_stored(obj: bpy.types.Object, name: str, uvs: np.ndarray) -> str:
+    """Add a layer to a mesh and return the name it got."""
+    layers = obj.data.uv_layers
+    active, rendered = layers.active_index, _rendered(layers)
+    layer = layers.new(name=name, do_init=False)
     layer.uv.foreach_set("vector", uvs.reshape(-1))
+    made = layer.name
     _set_current(layers, active, rendered)
     obj.data.update()
+    return made
+
+
+def _add_edited(obj: bpy.types.Object, name: str, uvs: np.ndarray) -> str:
+    """Add a layer to a mesh that is being edited and return the name it got."""
+    edited = bmesh.from_edit_mesh(obj.data)
+    layer = edited.loops.layers.uv.new(name)
+    loops = (loop for face in edited.faces for loop in face.loops)
+    for loop, uv in zip(loops, uvs.tolist(), strict=True):
+        loop[layer].uv = uv
+    made = layer.name
+    _update_edited(obj)
+    return made
+
+
+def _update_edited(obj: bpy.types.Object) -> None:
+    """Show what has been done to a mesh in edit mode, and store it in the mesh."""
+    bmesh.update_edit_mesh(obj.data, loop_triangles=False, destructive=False)
+    obj.update_from_editmode()
 
 
 def _rendered(layers: bpy.types.UVLoopLayers) -> int:
@@ -140,10 +168,15 @@ def _set_current(layers: bpy.types.UVLoopLayers, active: int, rendered: int) -> 
 
 
 def _remove_layer(uid: int, name: str) -> None:
-    mesh = find(bpy.data.meshes, uid)
-    if mesh is None or name not in mesh.uv_layers:
+    obj = find(bpy.data.objects, uid)
+    if obj is None or name not in obj.data.uv_layers:
         return
-    layers = mesh.uv_layers
+    if obj.data.is_editmode:
+        layers = bmesh.from_edit_mesh(obj.data).loops.layers.uv
+        layers.remove(layers[name])
+        _update_edited(obj)
+        return
+    layers = obj.data.uv_layers
     active, rendered = layers.active_index, _rendered(layers)
     layers.remove(layers[name])
     _set_current(layers, min(active, len(layers) - 1), min(rendered, len(layers) - 1))
@@ -175,16 +208,3 @@ def _set_atlas(uid: int, atlas: str) -> None:
     obj = find(bpy.data.objects, uid)
     if obj is not None:
         obj.hemibake.atlas = atlas
-
-
-@contextmanager
-def _object_mode(context: bpy.types.Context, objects: Sequence[bpy.types.Object]) -> Iterator[None]:
-    """Leave edit mode while meshes that are being edited get a layer."""
-    if not any(obj.data.is_editmode for obj in objects):
-        yield
-        return
-    bpy.ops.object.mode_set(mode="OBJECT")
-    try:
-        yield
-    finally:
-        bpy.ops.object.mode_set(mode="EDIT")

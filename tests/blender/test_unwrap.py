@@ -131,6 +131,54 @@ def test_other_layers_selection_and_mode_stay():
     assert all((loop_uvs(obj, name) == old).all() for name, old in zip(("One", "Two"), before, strict=True))
 
 
+@pytest.mark.parametrize("active", [True, False])
+def test_objects_in_edit_mode_are_unwrapped_as_edited(active):
+    import bmesh
+    import bpy
+
+    first, second = square("First", uvs=None), mesh_object("Second", [], [])
+    for obj in (first, second):
+        obj.select_set(True)
+    bpy.context.view_layer.objects.active = first
+    bpy.ops.object.mode_set(mode="EDIT")
+    edited = bmesh.from_edit_mesh(second.data)
+    bmesh.ops.create_cube(edited, size=1)
+    bmesh.update_edit_mesh(second.data)
+    if not active:
+        bpy.context.view_layer.objects.active = None
+    assert unwrap() == {"FINISHED"}
+    assert first.data.is_editmode and second.data.is_editmode
+    bpy.context.view_layer.objects.active = first
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert (coverage(first, 128) + coverage(second, 128)).max() == 1
+    assert coverage(second, 128).sum() > 1000
+
+
+@pytest.mark.parametrize("mode", ["OBJECT", "EDIT"])
+def test_layers_are_taken_back_if_one_cannot_be_made(mode):
+    import bpy
+
+    obj, clash = mesh_object("Cube", CUBE, INWARD), mesh_object("Clash", CUBE, INWARD)
+    obj.data.uv_layers.new(name="One")
+    clash.data.attributes.new("Lightmap", "FLOAT", "POINT")
+    bpy.context.view_layer.objects.active = obj
+    bpy.ops.object.mode_set(mode=mode)
+    with pytest.raises(RuntimeError, match="'Clash' has an attribute called 'Lightmap'"):
+        unwrap()
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert [layer.name for layer in obj.data.uv_layers] == ["One"]
+    assert "Lightmap" in clash.data.attributes
+
+
+def test_layer_without_a_name_is_refused():
+    import bpy
+
+    bpy.context.scene.hemibake.uv_layer = ""
+    square()
+    with pytest.raises(RuntimeError, match="UV layer has no name. Type one"):
+        unwrap()
+
+
 def test_new_objects_do_not_join_an_atlas_in_use():
     old, new = square("Old"), mesh_object("New", CUBE, INWARD)
     unwrap()

@@ -25,7 +25,7 @@ def check_limits(graphics: Graphics, compute: Compute, scene: Scene, settings: S
         )
     if len(scene.atlases) > layers:
         raise SettingsError(
-            f"The scene has {len(scene.atlases)} lightmaps; '{graphics.name}' holds at most {layers} at once. "
+            f"The scene has {len(scene.atlases)} lightmaps; '{graphics.name}' holds at most {layers}. "
             "Let objects share lightmaps: give them the same atlas name."
         )
 

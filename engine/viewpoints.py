@@ -16,8 +16,10 @@ _OF_TEXEL = 0.01
 _OF_DIAGONAL = 2e-5
 _OF_COORDINATE = 1e-6
 
-#: Least near plane with the standard depth range, relative to the scene's diagonal, for its precision.
-_STANDARD_DEPTH = 1e-5
+#: Least distance of the near plane, relative to the scene's diagonal: float32 must tell it apart from
+#: the corners of the largest triangles when they are clipped, and the standard depth range needs more.
+_NEAR = 1e-6
+_NEAR_STANDARD_DEPTH = 1e-5
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ def place_hemicubes(
     center = geometry.center.astype(np.float64)
     height = np.minimum(_OF_TEXEL * np.sqrt(geometry.area), _OF_DIAGONAL * diagonal)
     height = np.maximum(height, _OF_COORDINATE * np.abs(center).max(axis=1))
-    near = height / 2 if reversed_depth else np.maximum(height / 2, _STANDARD_DEPTH * diagonal)
+    near = np.maximum(height / 2, (_NEAR if reversed_depth else _NEAR_STANDARD_DEPTH) * diagonal)
 
     angle = rotations(settings.seed, np.arange(len(center)))
     frame = frames(geometry.normal, angle if settings.rotate else np.zeros(len(center)))

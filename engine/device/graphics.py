@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 import moderngl
@@ -17,6 +18,9 @@ _REMEDY = {
     "win32": "Install the current driver of your graphics card.",
     "darwin": "OpenGL 4.1 is part of macOS 10.9 and later; update the system.",
 }
+
+#: OpenGL versions: what the engine makes use of, and what it needs.
+_WANTED, _NEEDED = 450, 410
 
 
 class Graphics:
@@ -58,8 +62,10 @@ class Graphics:
 
 
 def _create_context() -> moderngl.Context:
+    """Return a context of the version wanted, if there is one; drivers need not offer more than they are asked for."""
+    options: dict[str, str] = {}
     if sys.platform.startswith("linux"):
-        return moderngl.create_context(
-            require=410, standalone=True, backend="egl", libgl="libGL.so.1", libegl="libEGL.so.1"
-        )
-    return moderngl.create_context(require=410, standalone=True)
+        options = {"backend": "egl", "libgl": "libGL.so.1", "libegl": "libEGL.so.1"}
+    with suppress(Exception):
+        return moderngl.create_context(require=_WANTED, standalone=True, **options)
+    return moderngl.create_context(require=_NEEDED, standalone=True, **options)

@@ -16,8 +16,9 @@ _START = 8
 
 
 def write_exr(path: Path, pixels: np.ndarray, owner: str) -> None:
-    """Write pixels, (h, w, 3) float32 scene-linear, bottom row first, bit-exact; raises OSError, RuntimeError.
+    """Write pixels, (h, w, 3) float32 scene-linear, bottom row first, bit-exact.
 
+    Raises OSError or RuntimeError.
     `Image.save` converts generated float images to the display's colours unless they are marked as
     data, so a data image that lives only here is saved.
     """

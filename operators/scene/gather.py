@@ -6,12 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import bpy
+import numpy as np
 
 from ...engine.errors import SceneError
 from ...engine.scene import Material, Mesh, Scene, check_scene
 from .atlases import assign_atlases
+from .copies import copies_message, copying_modifiers
 from .materials import read_material
 from .meshes import middle, read_corners, world_mesh
+from .skipped import note_skipped
 from .world import read_world
 
 
@@ -45,6 +48,63 @@ class MaterialTable:
         return self._index[key]
 
 
+class ObjectReader:
+    """Reads objects as engine meshes and collects what there is to say about them.
+
+    copying   names of the modifiers that make lightmap UVs overlap, by object
+    faceless  an object was left out because it has no face with an area
+    """
+
+    def __init__(
+        self, depsgraph: bpy.types.Depsgraph, uv_layer: str, origin: np.ndarray, notes: list[str]
+    ) -> None:
+        self._depsgraph, self._uv_layer, self._origin = depsgraph, uv_layer, origin
+        self._notes = notes
+        self._table = MaterialTable(notes)
+        self.copying: dict[str, list[str]] = {}
+        self.faceless = False
+
+    @property
+    def materials(self) -> tuple[Material, ...]:
+        """The materials of the objects read so far."""
+        return tuple(self._table.materials)
+
+    def read(self, obj: bpy.types.Object) -> Mesh | None:
+        """Return one object as an engine.Mesh; None, said in the notes, if it has to be left out."""
+        evaluated = obj.evaluated_get(self._depsgraph)
+        mesh = evaluated.to_mesh()
+        try:
+            return self._read_mesh(obj, evaluated, mesh) if self._has_faces(obj, mesh) else None
+        finally:
+            evaluated.to_mesh_clear()
+
+    def _has_faces(self, obj: bpy.types.Object, mesh: bpy.types.Mesh) -> bool:
+        """Return whether an object has faces with a place in a lightmap."""
+        if not len(mesh.polygons):
+            self._notes.append(f"Object '{obj.name}' has no faces and is left out.")
+            self.faceless = True
+        elif not len(obj.data.polygons) and self._uv_layer not in mesh.uv_layers:
+            self._notes.append(
+                f"The faces of object '{obj.name}' are made by its modifiers and have no lightmap UVs: "
+                "it is left out. Apply the modifiers to bake it."
+            )
+        else:
+            return True
+        return False
+
+    def _read_mesh(self, obj, evaluated: bpy.types.Object, mesh: bpy.types.Mesh) -> Mesh | None:
+        copying = copying_modifiers(obj, mesh, self._uv_layer)
+        if copying:
+            self.copying[obj.name] = copying
+        slots = [self._table.index(material) for material in _slot_materials(obj, mesh)]
+        corners = read_corners(obj, mesh, self._uv_layer)
+        result = world_mesh(evaluated, corners, self._origin, slots, self._notes)
+        if len(result.positions):
+            return result
+        self.faceless = True
+        return None
+
+
 def gather(
     context: bpy.types.Context,
     objects: Sequence[bpy.types.Object],
@@ -60,38 +120,30 @@ def gather(
         obj.update_from_editmode()
     depsgraph = context.evaluated_depsgraph_get()
     origin = middle([obj.evaluated_get(depsgraph) for obj in objects])
-    table = MaterialTable(notes)
+    reader = ObjectReader(depsgraph, uv_layer, origin, notes)
     atlases: list[str] = []
     meshes: list[Mesh] = []
     baked: list[tuple[int, str]] = []
     for obj, atlas in zip(objects, assign_atlases(objects, notes), strict=True):
-        mesh = _read_object(obj, depsgraph, uv_layer, origin, table, notes)
+        mesh = reader.read(obj)
         if mesh is not None:
             meshes.append(replace(mesh, atlas=_index(atlases, atlas)))
             baked.append((obj.session_uid, atlas))
-    if notes and not meshes:
-        reasons = " ".join(notes)
-        raise SceneError(f"Nothing is left to bake. {reasons} Give an object faces that have an area.")
+    _check_read(reader, meshes, uv_layer, notes)
     world = read_world(context.scene.world, notes)
-    scene = Scene(tuple(meshes), tuple(table.materials), tuple(atlases), world, origin)
+    scene = Scene(tuple(meshes), reader.materials, tuple(atlases), world, origin)
     check_scene(scene)
-    _note_lights(context, notes)
+    note_skipped(context, depsgraph, notes)
     return Gathered(scene, tuple(baked), tuple(notes))
 
 
-def _read_object(obj, depsgraph, uv_layer, origin, table, notes) -> Mesh | None:
-    """Return one object as an engine.Mesh, None with a note if it has no face with an area."""
-    evaluated = obj.evaluated_get(depsgraph)
-    mesh = evaluated.to_mesh()
-    try:
-        if len(mesh.polygons) == 0:
-            notes.append(f"Object '{obj.name}' has no faces and is left out.")
-            return None
-        slots = [table.index(material) for material in _slot_materials(obj, mesh)]
-        result = world_mesh(evaluated, read_corners(obj, mesh, uv_layer), origin, slots, notes)
-    finally:
-        evaluated.to_mesh_clear()
-    return result if len(result.positions) else None
+def _check_read(reader: ObjectReader, meshes: Sequence[Mesh], uv_layer: str, notes: Sequence[str]) -> None:
+    """Raise SceneError if nothing is left, or if modifiers make UVs overlap."""
+    if notes and not meshes:
+        remedy = " Give an object faces that have an area." if reader.faceless else ""
+        raise SceneError(f"Nothing is left to bake. {' '.join(notes)}{remedy}")
+    if reader.copying:
+        raise SceneError(copies_message(reader.copying, uv_layer))
 
 
 def _slot_materials(obj: bpy.types.Object, mesh: bpy.types.Mesh) -> list[bpy.types.Material | None]:
@@ -112,12 +164,3 @@ def _index(names: list[str], name: str) -> int:
     if name not in names:
         names.append(name)
     return names.index(name)
-
-
-def _note_lights(context: bpy.types.Context, notes: list[str]) -> None:
-    """Say that light objects are not baked, if a render would show any."""
-    lights = [obj for obj in context.view_layer.objects if obj.type == "LIGHT" and not obj.hide_render]
-    if lights:
-        notes.append(
-            f"{len(lights)} light objects are not baked: only emissive materials and the world give light."
-        )

@@ -7,18 +7,20 @@ from collections.abc import Iterator
 import bpy
 
 
-def visible_meshes(context: bpy.types.Context) -> list[bpy.types.Object]:
-    """Return the mesh objects that both the viewport and renders show, in the view layer's order."""
+def visible_objects(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """Return the objects that both the viewport and renders show, in the view layer's order."""
     layer = context.view_layer
     rendered = {obj.session_uid for obj in _rendered(layer.layer_collection)}
     return [
         obj
         for obj in layer.objects
-        if obj.type == "MESH"
-        and not obj.hide_render
-        and obj.visible_get(view_layer=layer)
-        and obj.session_uid in rendered
+        if not obj.hide_render and obj.visible_get(view_layer=layer) and obj.session_uid in rendered
     ]
+
+
+def visible_meshes(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """Return the mesh objects among the visible ones."""
+    return [obj for obj in visible_objects(context) if obj.type == "MESH"]
 
 
 def _rendered(layer: bpy.types.LayerCollection) -> Iterator[bpy.types.Object]:

@@ -5,7 +5,16 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from tests.blender.things import SQUARE, SQUARE_UVS, files_below, mesh_object, snapshot, square
+from tests.blender.things import (
+    SQUARE,
+    SQUARE_UVS,
+    files_below,
+    material,
+    mesh_object,
+    part,
+    snapshot,
+    square,
+)
 
 
 def bake() -> str:
@@ -62,7 +71,32 @@ def resolution(value: int) -> Callable[[], None]:
     return make
 
 
+def with_material(name: str, value) -> Callable[[], None]:
+    def make():
+        surface = material("Lava", emission=1.0)
+        surface.node_tree.nodes["Principled BSDF"].inputs[name].default_value = value
+        square(surface=surface)
+
+    return make
+
+
+def world_nan():
+    import bpy
+
+    square()
+    world = bpy.context.scene.world = bpy.data.worlds.new("Sky")
+    nodes = part("operators.compat").new_node_tree(world).nodes
+    background = next(node for node in nodes if node.type == "BACKGROUND")
+    background.inputs["Color"].default_value = (np.nan, 1, 1, 1)
+
+
 CASES = {
+    "NaN base colour": (
+        with_material("Base Color", (np.nan, 0, 0, 1)),
+        ["'Lava'", "reflectance", "base colour"],
+    ),
+    "infinite emission": (with_material("Emission Color", (np.inf, 0, 0, 1)), ["'Lava'", "emission"]),
+    "NaN world": (world_nan, ["world", "NaN", "colour and strength"]),
     "no mesh": (no_mesh, ["no mesh", "Add a mesh object"]),
     "no faces": (no_faces, ["Points", "no faces"]),
     "zero area": (zero_area, ["Flat", "zero-area"]),
@@ -119,3 +153,18 @@ def test_object_without_faces_among_others_is_left_out_with_a_warning():
     no_faces()
     assert bpy.ops.hemibake.bake() == {"FINISHED"}
     assert any("'Points' has no faces" in warning for warning in report()["warnings"])
+
+
+def test_linked_mesh_without_uvs_is_the_reason_told(tmp_path):
+    import bpy
+
+    mesh_object("Far", SQUARE, [(0, 1, 2, 3)])
+    library = str(tmp_path / "library.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=library)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    with bpy.data.libraries.load(library, link=True) as (_, linked):
+        linked.objects = ["Far"]
+    bpy.context.scene.collection.objects.link(linked.objects[0])
+    message = bake()
+    assert "Nothing is left to bake" in message and "Make the mesh local" in message
+    assert "Give an object faces" not in message

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.blender.things import CUBE, INWARD, SQUARE, gather, material, mesh_object, square
+from tests.blender.things import CUBE, INWARD, SQUARE, gather, material, mesh_object, part, square
 
 
 def geometric_normals(mesh) -> np.ndarray:
@@ -53,10 +53,9 @@ def test_winding_and_normals_agree_for_any_scale(scale):
 
 def test_modifiers_are_applied_and_the_mesh_is_not():
     obj = square()
-    modifier = obj.modifiers.new("Array", "ARRAY")
-    modifier.count = 3
+    obj.modifiers.new("Subdivision", "SUBSURF").levels = 2
     (mesh,) = gather().scene.meshes
-    assert len(mesh.positions) == 6
+    assert len(mesh.positions) == 32
     assert len(obj.data.polygons) == 1
 
 
@@ -93,7 +92,122 @@ def test_second_user_of_a_mesh_gets_a_lightmap_of_its_own():
     gathered = gather()
     assert gathered.scene.atlases == ("Lightmap", "Lightmap.Second")
     assert [mesh.atlas for mesh in gathered.scene.meshes] == [0, 1]
-    assert "'Second'" in gathered.notes[0]
+
+
+def duplicates(count):
+    import bpy
+
+    first = square("First")
+    for number in range(1, count):
+        copy = bpy.data.objects.new(f"Copy {number}", first.data)
+        copy.location.x = 2 * number
+        bpy.context.scene.collection.objects.link(copy)
+    return first
+
+
+def test_duplicates_are_told_in_one_note_and_get_different_atlases():
+    duplicates(40)
+    square("Named like one").hemibake.atlas = "Lightmap.Copy 1"
+    gathered = gather()
+    (note,) = gathered.notes
+    assert "39 objects" in note and "'First' has 40 users" in note and "Make Single User" in note
+    assert len(gathered.scene.atlases) == 41
+
+
+def test_too_many_duplicates_are_refused():
+    duplicates(65)
+    with pytest.raises(part("engine.errors").SceneError, match="65 share the mesh 'First'.*Make Single User"):
+        gather()
+
+
+def test_atlases_that_the_user_named_are_not_too_many():
+    for number in range(70):
+        square(f"Square {number}").hemibake.atlas = f"Atlas {number}"
+    assert len(gather().scene.atlases) == 70
+
+
+def test_what_renders_show_and_a_bake_does_not_is_counted():
+    import bpy
+
+    square()
+    scene = bpy.context.scene.collection
+    for name, bevel in (("Path", 0), ("Tube", 0.1), ("Hose", 0.1)):
+        curve = bpy.data.curves.new(name, "CURVE")
+        curve.bevel_depth = bevel
+        spline = curve.splines.new("POLY")
+        spline.points.add(1)
+        spline.points[1].co = (1, 0, 0, 1)
+        scene.objects.link(bpy.data.objects.new(name, curve))
+    text = bpy.data.curves.new("Text", "FONT")
+    text.body = "Hello"
+    scene.objects.link(bpy.data.objects.new("Text", text))
+    hidden = bpy.data.objects.new("Hidden", text)
+    scene.objects.link(hidden)
+    hidden.hide_render = True
+    chairs = bpy.data.collections.new("Chairs")
+    chair = square("Chair")
+    scene.objects.unlink(chair)
+    chairs.objects.link(chair)
+    instance = bpy.data.objects.new("Instance", None)
+    instance.instance_type, instance.instance_collection = "COLLECTION", chairs
+    scene.objects.link(instance)
+    lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT"))
+    scene.objects.link(lamp)
+    others, lights = gather().notes
+    assert others == "2 curves, 1 text and 1 collection instance are not baked yet."
+    assert lights.startswith("1 light objects")
+
+
+def geometry_nodes(obj, kind):
+    """Give an object a node group that replaces its geometry by one made by a node."""
+    import bpy
+
+    group = bpy.data.node_groups.new("Group", "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        group.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    group.nodes.new("NodeGroupInput")
+    maker, output = group.nodes.new(kind), group.nodes.new("NodeGroupOutput")
+    group.links.new(maker.outputs[0], output.inputs[0])
+    obj.modifiers.new("Maker", "NODES").node_group = group
+
+
+def test_object_whose_faces_are_made_by_modifiers_is_left_out():
+    square()
+    geometry_nodes(mesh_object("Made", [], []), "GeometryNodeMeshCube")
+    gathered = gather()
+    assert [mesh.name for mesh in gathered.scene.meshes] == ["Square"]
+    (note,) = gathered.notes
+    assert "'Made'" in note and "modifiers" in note and "Apply" in note
+
+
+@pytest.mark.parametrize("kind", ["MIRROR", "ARRAY", "SOLIDIFY"])
+def test_modifiers_that_copy_lightmap_uvs_are_named(kind):
+    import bpy
+
+    obj = mesh_object("Chair", CUBE, INWARD)
+    obj.location.x = 1
+    obj.modifiers.new("Bevelled", "BEVEL").show_viewport = False
+    obj.modifiers.new("Copier", kind)
+    bpy.ops.hemibake.unwrap()
+    error = part("engine.errors").SceneError
+    with pytest.raises(error, match="Apply the modifiers 'Copier' of 'Chair', then bake"):
+        gather()
+
+
+@pytest.mark.parametrize("kind", ["SUBSURF", "BEVEL", "TRIANGULATE"])
+def test_modifiers_that_keep_or_divide_faces_are_baked(kind):
+    import bpy
+
+    obj = mesh_object("Chair", CUBE, INWARD)
+    obj.modifiers.new("Divider", kind)
+    assert bpy.ops.hemibake.bake() == {"FINISHED"}
+
+
+def test_array_that_moves_its_uvs_is_baked():
+    obj = square(uvs=[(0.1, 0.1), (0.3, 0.1), (0.3, 0.3), (0.1, 0.3)])
+    modifier = obj.modifiers.new("Array", "ARRAY")
+    modifier.count, modifier.offset_u = 3, 0.25
+    assert len(gather().scene.meshes[0].positions) == 6
 
 
 def test_principled_constants():
@@ -134,8 +248,6 @@ def test_no_material_is_grey_and_slots_may_belong_to_the_object():
 
 def test_world_is_colour_times_strength():
     import bpy
-
-    from tests.blender.things import part
 
     world = bpy.data.worlds.new("Sky")
     bpy.context.scene.world = world

@@ -62,7 +62,7 @@ class Graphics:
 
 
 def _create_context() -> moderngl.Context:
-    """Return a context of the version wanted, if there is one; drivers need not offer more than they are asked for."""
+    """Return a context of the version wanted, if there is one: drivers may give no more than asked for."""
     options: dict[str, str] = {}
     if sys.platform.startswith("linux"):
         options = {"backend": "egl", "libgl": "libGL.so.1", "libegl": "libEGL.so.1"}

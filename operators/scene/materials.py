@@ -38,9 +38,10 @@ class ShaderReader:
 
     def surface(self, socket: bpy.types.NodeSocket) -> Surface:
         """Return what the shader linked to a socket reflects and emits."""
-        node = _source(socket)
-        if node is None:
+        feeder = _feeder(socket)
+        if not feeder.is_output:
             return _BLACK
+        node = feeder.node
         read = _SHADERS.get(node.bl_idname)
         if read is None:
             self._note(f"uses the node '{node.bl_label}', which is not baked: taken as black")
@@ -59,11 +60,10 @@ class ShaderReader:
         socket = node_input(node, *names)
         if socket is None:
             return missing
-        source = _source(socket)
-        if source is None:
-            return socket.default_value
-        if source.bl_idname == _CONSTANT_NODES.get(socket.type):
-            return source.outputs[0].default_value
+        feeder = _feeder(socket)
+        constant = not feeder.is_output or feeder.node.bl_idname == _CONSTANT_NODES.get(socket.type)
+        if constant and feeder.type == socket.type:
+            return feeder.default_value
         self._note(f"has a node linked to '{socket.name}': the socket's own value is baked instead")
         return socket.default_value
 
@@ -76,14 +76,25 @@ class ShaderReader:
 _CONSTANT_NODES = {"RGBA": "ShaderNodeRGB", "VALUE": "ShaderNodeValue"}
 
 
-def _source(socket: bpy.types.NodeSocket) -> bpy.types.Node | None:
-    """Return the node linked to a socket, through reroutes, None if there is none."""
+def _feeder(socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    """Return the output that feeds an input, through reroutes and muted nodes.
+
+    Where nothing feeds it, return the input whose own value counts: a muted node passes the input that
+    Blender links to the output internally, or nothing at all.
+    """
+    own = socket
     while socket.is_linked and not socket.links[0].is_muted:
-        node = socket.links[0].from_node
-        if node.bl_idname != "NodeReroute":
-            return node
-        socket = node.inputs[0]
-    return None
+        output = socket.links[0].from_socket
+        if output.node.bl_idname == "NodeReroute":
+            socket = output.node.inputs[0]
+        elif output.node.mute:
+            passed = next((link for link in output.node.internal_links if link.to_socket == output), None)
+            if passed is None:
+                break
+            own = socket = passed.from_socket
+        else:
+            return output
+    return own
 
 
 def _principled(reader: ShaderReader, node: bpy.types.Node) -> Surface:

@@ -236,6 +236,35 @@ def test_linked_sockets_rgb_nodes_count_others_are_noted():
     assert "Material 'Linked'" in gather().notes[0]
 
 
+def test_muted_shader_gives_no_light():
+    surface = material("Muted", (0.1, 0.2, 0.3), emission=4)
+    surface.node_tree.nodes["Principled BSDF"].mute = True
+    square(surface=surface)
+    (result,) = gather().scene.materials
+    assert not result.reflectance.any() and not result.emission.any()
+
+
+def test_muted_nodes_pass_what_blender_links_internally():
+    surface = material("Passed", (0.1, 0.2, 0.3))
+    tree = surface.node_tree
+    shader, output = tree.nodes["Principled BSDF"], tree.get_output_node("CYCLES")
+    mix, invert = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new("ShaderNodeInvert")
+    emission, muted = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeRGB")
+    tree.links.new(shader.outputs[0], mix.inputs[1])
+    tree.links.new(emission.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], output.inputs["Surface"])
+    tree.links.new(invert.outputs[0], shader.inputs["Base Color"])
+    tree.links.new(muted.outputs[0], emission.inputs["Color"])
+    invert.inputs["Color"].default_value = (0.7, 0.6, 0.5, 1)
+    for node in (mix, invert, muted):
+        node.mute = True
+    square(surface=surface)
+    gathered = gather()
+    (result,) = gathered.scene.materials
+    np.testing.assert_allclose(result.reflectance, (0.7, 0.6, 0.5), rtol=1e-6)
+    assert not result.emission.any() and gathered.notes == ()
+
+
 def test_no_material_is_grey_and_slots_may_belong_to_the_object():
     square("Bare")
     painted = square("Painted", surface=material("Of the mesh", (1, 0, 0)))

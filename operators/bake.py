@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 import time
 
 import bpy
 
-from ..engine.errors import EngineError
+from ..engine.errors import EngineError, WorkerError
 from ..engine.progress import Progress
+from .lookup import find
 from .run import Run
 from .worker_owner import owner
 
@@ -39,7 +41,7 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
         except EngineError as error:
             if run is not None:
                 run.cancel()
-            self.report({"ERROR"}, str(error))
+            self._refuse(error)
             return {"CANCELLED"}
         except BaseException:
             if run is not None:
@@ -52,13 +54,14 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
         try:
             self._run = Run(context, owner.worker().bake)
         except EngineError as error:
-            self.report({"ERROR"}, str(error))
+            self._refuse(error)
             return {"CANCELLED"}
         owner.busy = True
         manager = context.window_manager
         self._timer = manager.event_timer_add(0.05, window=context.window)
         manager.progress_begin(0, 100)
-        context.workspace.status_text_set("Hemibake: starting    Esc cancels")
+        self._told: set[int] = set()
+        self._tell_status(context, "Hemibake: starting    Esc cancels")
         manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
@@ -74,7 +77,7 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
         except EngineError as error:
             self._leave(context)
             self._run.cancel(keep_images=True)
-            self.report({"ERROR"}, str(error))
+            self._refuse(error)
             return {"CANCELLED"}
         except BaseException:
             self.cancel(context)
@@ -105,7 +108,7 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
         text = f"Hemibake: {progress.stage} {progress.fraction:.0%}, iteration {progress.iteration}"
         if progress.residual == progress.residual:
             text += f", remaining error {progress.residual:.2%}"
-        context.workspace.status_text_set(f"{text}    Esc cancels")
+        self._tell_status(context, f"{text}    Esc cancels")
         context.window_manager.progress_update(100 * progress.fraction)
         if progress.partial is not None:
             _redraw(context.window_manager)
@@ -116,9 +119,25 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
         manager = context.window_manager
         manager.event_timer_remove(self._timer)
         manager.progress_end()
-        if context.workspace is not None:
-            context.workspace.status_text_set(None)
+        for workspace in [find(bpy.data.workspaces, uid) for uid in self._told]:
+            if workspace is not None:
+                workspace.status_text_set(None)
         _redraw(manager)
+
+    def _tell_status(self, context: bpy.types.Context, text: str) -> None:
+        """Show a text in the status bar, which each workspace has for itself."""
+        if context.workspace is not None:
+            context.workspace.status_text_set(text)
+            self._told.add(context.workspace.session_uid)
+
+    def _refuse(self, error: EngineError) -> None:
+        """Report an error; a dead worker's last words, which follow its first line, go to the console."""
+        text = str(error).strip()
+        first, _, details = text.partition("\n")
+        if isinstance(error, WorkerError) and details:
+            print(text, file=sys.stderr)  # noqa: T201
+            text = f"{first} (They are in the system console.)"
+        self.report({"ERROR"}, text)
 
     def _tell(self, report: dict, failure: str | None) -> None:
         """Report warnings, then what was done, and last what could not be."""

@@ -4,6 +4,7 @@ Blender as a module has no windows, so the operator's own functions run on a sta
 and for the context; all else, the worker process too, is real.
 """
 
+from signal import SIGABRT, SIGKILL
 from types import SimpleNamespace
 
 import pytest
@@ -15,15 +16,26 @@ ESCAPE = SimpleNamespace(type="ESC", value="PRESS")
 MOUSE = SimpleNamespace(type="MOUSEMOVE", value="NOTHING")
 
 
+class Workspace:
+    """A status bar, which shows what was said to it last."""
+
+    def __init__(self, uid: int) -> None:
+        self.session_uid = uid
+        self.texts: list[str | None] = []
+
+    def status_text_set(self, text):
+        self.texts.append(text)
+
+
 class Window:
     """What the operator does to its window is kept here."""
 
     def __init__(self) -> None:
+        self.workspaces = [Workspace(1), Workspace(2)]
         self.windows: list[object] = []
         self.timers: list[object] = []
         self.progress: list[float] | None = None
         self.handlers: list[object] = []
-        self.texts: list[str | None] = []
 
     def event_timer_add(self, step, window):
         self.timers.append(object())
@@ -44,16 +56,16 @@ class Window:
     def progress_end(self):
         self.progress = None
 
-    def status_text_set(self, text):
-        self.texts.append(text)
-
     def is_as_before(self) -> bool:
-        return not self.timers and self.progress is None and self.texts[-1] is None
+        texts = [workspace.texts[-1] for workspace in self.workspaces if workspace.texts]
+        return not self.timers and self.progress is None and texts.count(None) == len(texts) > 0
 
 
 @pytest.fixture
-def window():
-    return Window()
+def window(monkeypatch):
+    result, find = Window(), part("operators.lookup").find
+    monkeypatch.setattr(part("operators.bake"), "find", lambda collection, uid: find(result.workspaces, uid))
+    return result
 
 
 @pytest.fixture
@@ -66,7 +78,7 @@ def context(window):
         evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get,
         window=None,
         window_manager=window,
-        workspace=window,
+        workspace=window.workspaces[0],
         screen=SimpleNamespace(areas=[]),
     )
 
@@ -105,7 +117,7 @@ def test_bake_runs_to_its_end_between_events(operator, context, window):
     assert operator.modal(context, MOUSE) == {"PASS_THROUGH"}
     assert drive(operator, context) == {"FINISHED"}
     assert window.is_as_before() and not owner.busy
-    assert any("iteration 3" in text for text in window.texts if text)
+    assert any("iteration 3" in text for text in window.workspaces[0].texts if text)
     assert operator.reports[-1][1].startswith("Baked 1 objects")
     assert pixels(bpy.data.images["Lightmap"])[..., :3].max() == pytest.approx(2, rel=0.01)
 
@@ -120,16 +132,29 @@ def test_escape_leaves_nothing_behind(operator, context, window):
     assert snapshot() == before
 
 
-def test_killed_worker_is_an_error_and_the_image_stays(operator, context, window):
+@pytest.mark.parametrize(("signal", "words"), [(SIGKILL, False), (SIGABRT, True)])
+def test_dead_worker_is_a_short_error_and_the_image_stays(operator, context, window, capfd, signal, words):
     owner = part("operators.worker_owner").owner
     furnace()
     operator.invoke(context, None)
     drive(operator, context, until=image_shown)
-    owner.worker().process.kill()
+    owner.worker().process.send_signal(signal)
     assert drive(operator, context) == {"CANCELLED"}
     kind, text = operator.reports[-1]
     assert kind == {"ERROR"} and "Bake again" in text
+    assert "\n" not in text and len(text) < 400
+    assert ("console" in text) == ("Fatal Python error" in capfd.readouterr().err) == words
     assert window.is_as_before() and image_shown()
+
+
+def test_status_is_cleared_in_every_workspace_it_was_shown_in(operator, context, window):
+    furnace()
+    operator.invoke(context, None)
+    drive(operator, context, until=image_shown)
+    context.workspace = window.workspaces[1]
+    assert drive(operator, context) == {"FINISHED"}
+    assert len(window.workspaces[1].texts) > 1
+    assert window.is_as_before()
 
 
 def test_scene_that_cannot_be_baked_does_not_start(operator, context, window):

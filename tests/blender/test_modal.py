@@ -136,6 +136,7 @@ def test_escape_leaves_nothing_behind(operator, context, window):
 def test_dead_worker_is_a_short_error_and_the_image_stays(operator, context, window, capfd, signal, words):
     owner = part("operators.worker_owner").owner
     furnace()
+    context.scene.hemibake.iterations, context.scene.hemibake.tolerance = 1000, 0
     operator.invoke(context, None)
     drive(operator, context, until=image_shown)
     owner.worker().process.send_signal(signal)

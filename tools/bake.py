@@ -11,7 +11,11 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
+import os
 import sys
+import tempfile
+import traceback
 from collections.abc import Callable
 from pathlib import Path
 
@@ -44,19 +48,24 @@ class Parser(argparse.ArgumentParser):
 
 def main(arguments: list[str]) -> int:
     """Run the command and return its exit code."""
+    as_json = "--json" in arguments
     try:
         with quiet_stdout():
             options = parse(arguments)
             result = run(options)
+        tell(result, as_json)
     except (CommandError, OSError, RuntimeError) as error:
-        tell_error(str(error).strip().removeprefix("Error: "), "--json" in arguments)
+        tell_error(str(error).strip().removeprefix("Error: "), as_json)
         return 1
-    tell(result, options.json)
+    except Exception as error:  # noqa: BLE001
+        traceback.print_exc()
+        tell_error(f"This is a bug in Hemibake: {type(error).__name__}: {error}", as_json)
+        return 1
     return 0
 
 
 def parse(arguments: list[str]) -> argparse.Namespace:
-    parser = Parser(prog="bake.py", description=__doc__.splitlines()[0])
+    parser = Parser(prog="bake.py", description=__doc__.splitlines()[0], allow_abbrev=False)
     parser.add_argument("scene", type=Path, help=".blend, .glb, .gltf or .obj")
     parser.add_argument("--out", type=Path, required=True, help="folder for the lightmaps")
     for name, (kind, text) in _SETTINGS.items():
@@ -64,25 +73,38 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--world", type=colour, metavar="R,G,B", help="replace the world by this radiance")
     parser.add_argument("--save-blend", type=Path, metavar="FILE", help="save the baked scene")
     parser.add_argument("--json", action="store_true", help="end with one JSON object")
-    return parser.parse_args(arguments)
+    return parser.parse_args(_joined(arguments))
+
+
+def _joined(arguments: list[str]) -> list[str]:
+    """Return the arguments with "--world -1,1,1" as one: argparse takes what starts with - for an option."""
+    words = iter(arguments)
+    return [f"{word}={next(words, '')}" if word == "--world" else word for word in words]
 
 
 def colour(text: str) -> tuple[float, float, float]:
     """Return the three numbers of "R,G,B"."""
-    values = tuple(float(part) for part in text.split(","))
-    if len(values) != 3:
-        raise ValueError(text)
+    try:
+        values = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) != 3 or not all(math.isfinite(value) and value >= 0 for value in values):
+        raise argparse.ArgumentTypeError(f"'{text}' is no radiance: give three numbers from 0, such as 1,1,1")
     return values
 
 
 def run(options: argparse.Namespace) -> dict:
     """Open the scene, bake it, write everything and return the report."""
     scene, out = options.scene.resolve(), options.out.resolve()
+    if scene.is_dir():
+        raise CommandError(f"'{scene}' is a folder. Name a scene file in it.")
     opener = OPENERS.get(scene.suffix.lower())
     if opener is None:
         raise CommandError(f"'{scene.name}' is not a scene this can open: use {', '.join(OPENERS)}.")
     if not scene.is_file():
         raise CommandError(f"There is no file '{scene}'.")
+    if options.save_blend is not None:
+        check_place(options.save_blend.resolve())
     with blender():
         open_scene(opener, scene)
         if options.world is not None:
@@ -151,6 +173,8 @@ def apply_settings(options: argparse.Namespace, out: Path) -> None:
         except TypeError as error:
             choices = settings.bl_rna.properties[name].enum_items.keys()
             raise CommandError(f"{name} is {value}; choose one of {', '.join(choices)}.") from error
+        except (ValueError, OverflowError) as error:
+            raise CommandError(f"{name} is {value}, which is far out of its range.") from error
 
 
 def bake() -> dict:
@@ -175,6 +199,22 @@ def write_pictures(images: list[str], out: Path) -> list[str]:
     return paths
 
 
+def check_place(path: Path) -> None:
+    """Raise CommandError if no file can be written at a path."""
+    try:
+        if path.is_dir():
+            raise IsADirectoryError(f"'{path}' is a folder")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path.parent):
+            writable = not path.exists() or os.access(path, os.W_OK)
+        if not writable:
+            raise PermissionError(f"'{path}' is read-only")
+    except OSError as error:
+        raise CommandError(
+            f"The scene cannot be saved as '{path}': {error}. Choose another place."
+        ) from error
+
+
 def save_blend(path: Path) -> str:
     import bpy
 
@@ -185,7 +225,7 @@ def save_blend(path: Path) -> str:
 
 def tell(report: dict, as_json: bool) -> None:
     if as_json:
-        print(json.dumps(report))
+        print(json.dumps(report, allow_nan=False))
         return
     print(
         f"{report['objects']} objects, {report['patches']} patches, {report['iterations']} iterations, "

@@ -19,9 +19,9 @@ f 1 2 3 4
 """
 
 
-def command(*arguments) -> subprocess.CompletedProcess:
+def command(*arguments, folder=None) -> subprocess.CompletedProcess:
     words = [sys.executable, str(ROOT / "tools" / "bake.py"), *map(str, arguments)]
-    return subprocess.run(words, capture_output=True, text=True, timeout=120)
+    return subprocess.run(words, capture_output=True, text=True, timeout=120, cwd=folder)
 
 
 def test_scene_is_baked_and_told_as_one_json_object(tmp_path):
@@ -60,11 +60,23 @@ def test_scene_is_baked_and_told_as_one_json_object(tmp_path):
         (("missing.obj", "--out", "out"), "There is no file"),
         (("scene.xyz", "--out", "out"), "use .blend, .glb, .gltf, .obj"),
         (("scene.obj",), "--out"),
+        ((".", "--out", "out"), "is a folder"),
+        (("scene.obj", "--out", "out", "--resolution", 99999999999), "resolution is 99999999999"),
+        (("scene.obj", "--out", "out", "--seed", 99999999999), "seed is 99999999999"),
+        (("scene.obj", "--out", "out", "--tolerance", "nan"), "tolerance is nan"),
+        (("scene.obj", "--out", "out", "--world", "nan,1,1"), "'nan,1,1' is no radiance"),
+        (("scene.obj", "--out", "out", "--world", "-1,1,1"), "'-1,1,1' is no radiance"),
+        (("scene.obj", "--out", "out", "--world", "1,1"), "'1,1' is no radiance"),
+        (("scene.obj", "--out", "out", "--js"), "unrecognized arguments: --js"),
+        (("scene.obj", "--out", "out", "--save-blend", "."), "is a folder. Choose another place"),
+        (("scene.obj", "--out", "out", "--save-blend", "scene.obj/a.blend"), "Choose another place"),
+        (("scene.obj", "--out", "scene.obj"), "Choose another folder"),
     ],
 )
-def test_error_is_one_json_object_and_exit_code_1(arguments, words):
-    done = command(*arguments, "--json")
-    assert done.returncode == 1
+def test_error_is_one_json_object_and_exit_code_1(tmp_path, arguments, words):
+    (tmp_path / "scene.obj").write_text(OBJ)
+    done = command(*arguments, "--json", folder=tmp_path)
+    assert done.returncode == 1 and "Traceback" not in done.stderr
     (line,) = done.stdout.splitlines()
     assert words in json.loads(line)["error"]
 
@@ -74,3 +86,17 @@ def test_setting_out_of_range_is_told(tmp_path):
     done = command(tmp_path / "scene.obj", "--out", tmp_path, "--resolution", 0, "--json")
     assert done.returncode == 1
     assert json.loads(done.stdout)["error"] == "resolution is 0; choose 8 to 16384 texels."
+
+
+def test_bug_is_told_as_json_with_its_traceback_on_standard_error(capsys, monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "tools"))
+    import bake
+
+    def broken(options):
+        raise KeyError("lost")
+
+    monkeypatch.setattr(bake, "run", broken)
+    assert bake.main(["scene.obj", "--out", "out", "--json"]) == 1
+    told = capsys.readouterr()
+    assert "KeyError: 'lost'" in json.loads(told.out)["error"]
+    assert "Traceback" in told.err

@@ -17,6 +17,7 @@ from bpy.props import (
 )
 
 from ..engine.settings import HEMICUBES, METHODS, Settings
+from .compat import PATH_OPTIONS
 
 _METHOD_NAMES = {
     "paper": ("Paper", "Draw radiance hemicubes anew in every iteration, as in the paper"),
@@ -90,14 +91,16 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
     )
     directory: StringProperty(
         name="Folder",
-        description="Where lightmaps are written; packed into the file while it has no folder of its own",
+        description="Where lightmaps are written; packed into the .blend while that has not been saved",
         default="//lightmaps/",
         subtype="DIR_PATH",
+        options=PATH_OPTIONS,
     )
     patch_file: StringProperty(
         name="Patch List",
         description="File that keeps the patch list between bakes of the same UVs; empty for none",
         subtype="FILE_PATH",
+        options=PATH_OPTIONS,
     )
     lightmaps: CollectionProperty(
         type=HemibakeLightmapProperties,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import bpy
 
-
 #: Options of a property that holds a path which may start at the .blend (//); 4.5 introduced the flag.
 PATH_OPTIONS = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()
 

@@ -58,7 +58,7 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
     )
     tolerance: FloatProperty(
         name="Tolerance",
-        description="Stop once the estimated remaining error, relative to the mean radiance, is below this",
+        description="Stop once the estimated remaining error, relative to the lightmaps' mean, is below this",
         default=Settings.tolerance,
         soft_min=0.0,
         soft_max=1.0,

@@ -26,7 +26,7 @@ _SETTINGS = {
     "resolution": (int, "width and height of each lightmap, texels"),
     "hemicube": (str, "width of the hemicubes, texels"),
     "iterations": (int, "largest number of light bounces"),
-    "tolerance": (float, "stop below this remaining error, relative to the mean radiance"),
+    "tolerance": (float, "stop below this remaining error, relative to the lightmaps' mean"),
     "method": (str, "how the received light is computed"),
     "seed": (int, "seed of the hemicubes' random rotations"),
     "uv_layer": (str, "name of the lightmap UV layer"),

@@ -14,12 +14,13 @@ from .bake import bake
 from .errors import DeviceError, EngineError, PatchFileError, SceneError, SettingsError
 from .lightmap import Lightmap
 from .progress import Progress
-from .scene import Material, Mesh, Scene
+from .scene import Light, Material, Mesh, Scene, Texture
 from .settings import Settings
 
 __all__ = [
     "DeviceError",
     "EngineError",
+    "Light",
     "Lightmap",
     "Material",
     "Mesh",
@@ -29,5 +30,6 @@ __all__ = [
     "SceneError",
     "Settings",
     "SettingsError",
+    "Texture",
     "bake",
 ]

@@ -1,4 +1,4 @@
-"""What is baked: triangles with lightmap UVs, and materials."""
+"""What is baked: triangles with lightmap UVs, materials, lights and the world."""
 
 from __future__ import annotations
 
@@ -10,30 +10,63 @@ from .errors import SceneError
 
 
 @dataclass(frozen=True)
-class Material:
-    """A diffuse surface.
+class Texture:
+    """An image that varies a material over a surface.
 
-    reflectance  (3,) float32, in [0, 1]
-    emission     (3,) float32, radiance, sent out by both sides of the surface
+    pixels     (h, w, c) float32, c is 1 for alpha, else 3; scene-linear; row 0 at v = 0
+    uv_map     key into `Mesh.texture_uvs`
+    transform  (2, 3) float64, applied to (u, v, 1) of the UV map; the image covers [0, 1] of the result
+    extension  what lies beyond [0, 1]: "repeat", "mirror", "extend" (the border) or "clip" (zero)
+    smooth     True interpolates between pixels, False takes the nearest one
+    """
+
+    name: str
+    pixels: np.ndarray
+    uv_map: str
+    transform: np.ndarray = field(default_factory=lambda: np.eye(2, 3))
+    extension: str = "repeat"
+    smooth: bool = True
+
+
+@dataclass(frozen=True)
+class Material:
+    """A diffuse surface; each quantity is a constant, multiplied by a texture where there is one.
+
+    reflectance      (3,) float32, in [0, 1]
+    emission         (3,) float32, radiance, sent out by both sides of the surface
+    alpha            share of the light that the surface stops, in [0, 1]
+    alpha_threshold  alpha at or above it is 1, below it 0; None leaves alpha as it is
+    culled           True if the back is see-through
     """
 
     name: str
     reflectance: np.ndarray
     emission: np.ndarray
+    alpha: float = 1.0
+    alpha_threshold: float | None = None
+    culled: bool = False
+    reflectance_map: Texture | None = None
+    emission_map: Texture | None = None
+    alpha_map: Texture | None = None
+
+
+#: `Mesh.atlas` of a mesh that is seen and reflects, but has no place in a lightmap.
+OCCLUDER = -1
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """The triangles of one object, as a triangle soup of corners.
+    """The triangles of one object or instance, as a triangle soup of corners.
 
-    positions  (t, 3, 3) float32, metres from `Scene.origin` along the world's axes; counter-clockwise
-               seen from the front
-    normals    (t, 3, 3) float32, world space, unit shading normal of each corner
-    uvs        (t, 3, 2) float32, lightmap UV of each corner, in [0, 1]
-    face       (t,) int32, index of the polygon a triangle belongs to, ascending
-    subface    (t,) int32, index of the triangle within its polygon, ascending in each polygon
-    material   (t,) int32, index into `Scene.materials`
-    atlas      index of the lightmap that holds the object's charts
+    positions     (t, 3, 3) float32, metres from `Scene.origin` along the world's axes;
+                  counter-clockwise seen from the front
+    normals       (t, 3, 3) float32, world space, unit shading normal of each corner
+    uvs           (t, 3, 2) float32, lightmap UV of each corner, in [0, 1]; any for an occluder
+    face          (t,) int32, index of the polygon a triangle belongs to, ascending
+    subface       (t,) int32, index of the triangle within its polygon, ascending in each polygon
+    material      (t,) int32, index into `Scene.materials`
+    atlas         index of the lightmap that holds the object's charts, or OCCLUDER
+    texture_uvs   (t, 3, 2) float32 of each UV map that the materials' textures name
     """
 
     name: str
@@ -44,6 +77,44 @@ class Mesh:
     subface: np.ndarray
     material: np.ndarray
     atlas: int = 0
+    texture_uvs: dict[str, np.ndarray] = field(default_factory=dict)
+
+
+#: Kinds of lights.
+LIGHT_KINDS = ("point", "spot", "sun", "area")
+
+
+@dataclass(frozen=True)
+class Light:
+    """A light that is no surface: nothing sees it, it only lights.
+
+    kind         one of LIGHT_KINDS
+    position     (3,) float64, metres from `Scene.origin`
+    axes         (3, 3) float64, rows are the unit vectors of its local x, y, z in world space; spot,
+                 sun and area light shine along -z
+    strength     (3,) float32. point, spot: radiant intensity, W/sr; sun: irradiance of a surface that
+                 faces it, W/m^2; area: radiance P / (pi area), W/(m^2 sr)
+    radius       point, spot: m
+    soft         point, spot: True for a disk that faces the receiver, False for a sphere
+    half_angle   spot: of the cone; sun: of its disk; area: half its spread, pi/2 for none; radians
+    blend        spot: share of the cone in which it fades
+    size         (2,) float64, area: full widths along x and y, m
+    ellipse      area: True for an ellipse, False for a rectangle
+    casts_shadow False lights through surfaces
+    """
+
+    name: str
+    kind: str
+    position: np.ndarray
+    axes: np.ndarray
+    strength: np.ndarray
+    radius: float = 0.0
+    soft: bool = True
+    half_angle: float = np.pi / 2
+    blend: float = 0.0
+    size: np.ndarray = field(default_factory=lambda: np.zeros(2))
+    ellipse: bool = False
+    casts_shadow: bool = True
 
 
 @dataclass(frozen=True)
@@ -51,8 +122,10 @@ class Scene:
     """Everything the engine needs to know.
 
     atlases  name of each lightmap; `Mesh.atlas` indexes it
-    world    (3,) float32, radiance of the surroundings
-    origin   (3,) float64, world space: the point that all `Mesh.positions` are relative to
+    world    (3,) float32, radiance of the surroundings; or (h, w, 3) float32, equirectangular: the
+             direction (x, y, z) is at u = 1/2 - atan2(y, x) / (2 pi), v = 1 - acos(z) / pi, row 0 at
+             v = 0 (Cycles, kernel/camera/projection.h)
+    origin   (3,) float64, world space: the point that all positions are relative to
     """
 
     meshes: tuple[Mesh, ...]
@@ -60,6 +133,7 @@ class Scene:
     atlases: tuple[str, ...] = ("Lightmap",)
     world: np.ndarray = field(default_factory=lambda: np.zeros(3, np.float32))
     origin: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    lights: tuple[Light, ...] = ()
 
 
 #: Greater radiances count as infinite: sums of them would leave float32.
@@ -80,6 +154,8 @@ def check_scene(scene: Scene) -> None:
         check_mesh(mesh)
     for material in scene.materials:
         check_material(material)
+    for light in scene.lights:
+        check_light(light)
     if not _is_light(scene.world):
         raise SceneError("The world's radiance is NaN, infinite or negative. Mend its colour and strength.")
 
@@ -91,6 +167,12 @@ def check_mesh(mesh: Mesh) -> None:
             f"Object '{mesh.name}' has NaN or infinite vertex coordinates. "
             "Delete those vertices, or check the modifiers and the object's scale."
         )
+    if mesh.atlas != OCCLUDER:
+        check_lightmap_uvs(mesh)
+
+
+def check_lightmap_uvs(mesh: Mesh) -> None:
+    """Raise a SceneError if lightmap UVs are no places in a lightmap."""
     if not np.isfinite(mesh.uvs).all():
         raise SceneError(
             f"Object '{mesh.name}' has NaN or infinite lightmap UVs. Unwrap its lightmap UVs again."
@@ -104,15 +186,35 @@ def check_mesh(mesh: Mesh) -> None:
 
 def check_material(material: Material) -> None:
     """Raise a SceneError if a material's numbers are no light."""
-    if not _is_light(material.reflectance) or np.max(material.reflectance) > 1:
+    reflects = _values(material.reflectance, material.reflectance_map)
+    if not all(_is_light(values) and np.max(values) <= 1 for values in reflects):
         raise SceneError(
             f"Material '{material.name}' has a reflectance that is not between 0 and 1. Mend its base colour."
         )
-    if not _is_light(material.emission):
+    if not all(_is_light(values) for values in _values(material.emission, material.emission_map)):
         raise SceneError(
             f"Material '{material.name}' has an emission that is NaN, infinite or negative. "
             "Mend its emission colour and strength."
         )
+    alphas = _values(np.asarray(material.alpha), material.alpha_map)
+    if not all(_is_light(values) and np.max(values) <= 1 for values in alphas):
+        raise SceneError(
+            f"Material '{material.name}' has an alpha that is not between 0 and 1. Mend its alpha."
+        )
+
+
+def check_light(light: Light) -> None:
+    """Raise a SceneError if a light's numbers are none."""
+    if not _is_light(light.strength):
+        raise SceneError(f"Light '{light.name}' has a power that is NaN, infinite or negative. Mend it.")
+    place = (light.position, light.axes, light.size, light.radius, light.half_angle, light.blend)
+    if not all(np.isfinite(values).all() for values in place):
+        raise SceneError(f"Light '{light.name}' has a place or size that is NaN or infinite. Mend it.")
+
+
+def _values(constant: np.ndarray, texture: Texture | None) -> list[np.ndarray]:
+    """Return the numbers of a quantity."""
+    return [constant] if texture is None else [constant, texture.pixels]
 
 
 def _is_light(values: np.ndarray) -> bool:

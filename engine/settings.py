@@ -9,6 +9,9 @@ from .errors import SettingsError
 #: Methods in the order of the user interface.
 METHODS = ("paper",)
 
+#: What a bake can give, in the order of the user interface.
+OUTPUTS = ("combined", "direct", "indirect", "ambient_occlusion", "shadow_mask")
+
 #: Hemicube resolutions: the column reduction halves the width, so a power of two.
 HEMICUBES = (8, 16, 32, 64, 128, 256)
 
@@ -23,6 +26,10 @@ class Settings:
     tolerance   stop once the estimated remaining error of the lightmaps, relative to the mean of
                 their texels, is below this; 0 never stops early
     method      one of METHODS
+    outputs     what the bake gives, some of OUTPUTS; shadow_mask gives a map for each light
+    light_samples  shadow rays a patch sends to each light, 1 ... 4096
+    ao_samples  rays of a patch for ambient occlusion, 1 ... 65536
+    ao_distance how far they reach, m; 0 for any distance
     seed        seed of the per-patch random rotations
     rotate      False keeps every hemicube at rotation 0 (paper, Fig. 6, top row)
     array_size  (width, height, layers) of the hemicube texture array in texels, or None to
@@ -38,6 +45,10 @@ class Settings:
     iterations: int = 50
     tolerance: float = 0.002
     method: str = "paper"
+    outputs: tuple[str, ...] = ("combined",)
+    light_samples: int = 64
+    ao_samples: int = 256
+    ao_distance: float = 1.0
     seed: int = 0
     rotate: bool = True
     array_size: tuple[int, int, int] | None = None
@@ -53,6 +64,12 @@ def check_settings(settings: Settings) -> None:
     _check_range("iterations", settings.iterations, 1, 1000, "iterations")
     _check_range("tolerance", settings.tolerance, 0, 1, "of the mean")
     _check_range("dilation", settings.dilation, 0, 256, "texels")
+    _check_range("light_samples", settings.light_samples, 1, 4096, "rays")
+    _check_range("ao_samples", settings.ao_samples, 1, 65536, "rays")
+    _check_range("ao_distance", settings.ao_distance, 0, 1e9, "m")
+    if not settings.outputs or not set(settings.outputs) <= set(OUTPUTS):
+        chosen = ", ".join(settings.outputs) or "empty"
+        raise SettingsError(f"outputs is {chosen}; choose at least one of {', '.join(OUTPUTS)}.")
     if settings.hemicube not in HEMICUBES:
         choices = ", ".join(map(str, HEMICUBES))
         raise SettingsError(f"hemicube is {settings.hemicube}; choose one of {choices}.")

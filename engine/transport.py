@@ -18,12 +18,13 @@ from typing import Any
 from . import errors
 from .lightmap import Lightmap, Report
 from .progress import Progress
-from .scene import Material, Mesh, Scene
+from .scene import Light, Material, Mesh, Scene, Texture
 from .settings import Settings
 
 #: The dataclasses that may travel, by name.
 RECORDS: dict[str, type] = {
-    record.__name__: record for record in (Lightmap, Material, Mesh, Progress, Report, Scene, Settings)
+    record.__name__: record
+    for record in (Light, Lightmap, Material, Mesh, Progress, Report, Scene, Settings, Texture)
 }
 
 #: The errors that arrive as what they were, by name; all others arrive as a WorkerError.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..engine.settings import Settings, check_settings
+from ..engine.settings import OUTPUTS, Settings, check_settings
 from .properties import HemibakeSceneProperties
 
 _EXTENSION = __package__.rpartition(".")[0]
@@ -18,6 +18,10 @@ def read_settings(properties: HemibakeSceneProperties) -> Settings:
         iterations=properties.iterations,
         tolerance=properties.tolerance,
         method=properties.method,
+        outputs=tuple(name for name in OUTPUTS if name in properties.outputs),
+        light_samples=properties.light_samples,
+        ao_samples=properties.ao_samples,
+        ao_distance=properties.ao_distance,
         seed=properties.seed,
         dilation=properties.dilation,
         patch_file=bpy.path.abspath(properties.patch_file) or None,

@@ -22,6 +22,13 @@ from .compat import PATH_OPTIONS
 _METHOD_NAMES = {
     "paper": ("Paper", "Draw radiance hemicubes anew in every iteration, as in the paper"),
 }
+_OUTPUTS = [
+    ("combined", "Combined", "All light that a surface receives"),
+    ("direct", "Direct", "Light that comes straight from lights, emissive surfaces and the world"),
+    ("indirect", "Indirect", "Light that other surfaces reflect"),
+    ("ambient_occlusion", "Ambient Occlusion", "Share of the hemisphere without a surface nearby"),
+    ("shadow_mask", "Shadow Masks", "A map for each light: 1 where it is seen whole, 0 in its shadow"),
+]
 _HEMICUBES = [(str(n), str(n), f"{n} texels wide: {3 * n * n} samples per patch") for n in HEMICUBES]
 _METHODS = [(name, *_METHOD_NAMES.get(name, (name.capitalize(), ""))) for name in METHODS]
 
@@ -64,6 +71,34 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
         soft_max=1.0,
         precision=4,
         step=0.1,
+    )
+    outputs: EnumProperty(
+        name="Outputs",
+        description="What a bake gives: an image of each",
+        items=_OUTPUTS,
+        options={"ENUM_FLAG"},
+        default=set(Settings.outputs),
+    )
+    light_samples: IntProperty(
+        name="Light Samples",
+        description="Shadow rays from each patch to each light",
+        default=Settings.light_samples,
+        soft_min=1,
+        soft_max=4096,
+    )
+    ao_samples: IntProperty(
+        name="AO Samples",
+        description="Rays of each patch for ambient occlusion",
+        default=Settings.ao_samples,
+        soft_min=1,
+        soft_max=65536,
+    )
+    ao_distance: FloatProperty(
+        name="AO Distance",
+        description="How far ambient occlusion reaches; 0 for any distance",
+        default=Settings.ao_distance,
+        soft_min=0.0,
+        subtype="DISTANCE",
     )
     method: EnumProperty(
         name="Method",
@@ -121,8 +156,18 @@ class HemibakeSlotProperties(bpy.types.PropertyGroup):
 
 
 class HemibakeObjectProperties(bpy.types.PropertyGroup):
-    """Which lightmap an object belongs to."""
+    """What a bake does with an object, and which lightmap it belongs to."""
 
+    role: EnumProperty(
+        name="Role",
+        description="What a bake does with the object",
+        items=[
+            ("BAKED", "Baked", "The object gets a place in a lightmap"),
+            ("OCCLUDER", "Occluder", "The object stops, reflects and emits light, but gets no lightmap"),
+            ("IGNORED", "Ignored", "The bake does not see the object"),
+        ],
+        default="BAKED",
+    )
     atlas: StringProperty(
         name="Atlas",
         description="Lightmap that holds the object's charts; objects with the same name here share one",

@@ -59,7 +59,7 @@ class Run:
         objects = visible_meshes(context)
         made = unwrap_missing(context, objects, self._uv_layer, self._settings.resolution, self._changes)
         usable = [obj for obj in objects if obj not in made.skipped]
-        return gather(context, usable, self._uv_layer, made.notes)
+        return gather(context, usable, self._uv_layer, self._settings.resolution, made.notes)
 
     def step(self) -> Progress | None:
         """Let the engine do a slice of work; raises StopIteration(Lightmap) at the end."""

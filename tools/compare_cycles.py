@@ -79,7 +79,8 @@ def bake_hemibake(context):
     read_settings = importlib.import_module(f"{MODULE}.operators.bake_settings").read_settings
     settings = context.scene.hemibake
     objects = scene.visible_meshes(context)
-    job = engine.bake(scene.gather(context, objects, settings.uv_layer).scene, read_settings(settings))
+    gathered = scene.gather(context, objects, settings.uv_layer, settings.resolution)
+    job = engine.bake(gathered.scene, read_settings(settings))
     while True:
         try:
             next(job)

@@ -12,7 +12,7 @@ from ...engine.errors import SceneError
 from ...engine.scene import Material, Mesh, Scene, check_scene
 from .atlases import assign_atlases
 from .copies import copies_message, copying_modifiers
-from .materials import read_material
+from .material_table import MaterialTable
 from .meshes import middle, read_corners, world_mesh
 from .skipped import note_skipped
 from .world import read_world
@@ -31,23 +31,6 @@ class Gathered:
     notes: tuple[str, ...]
 
 
-class MaterialTable:
-    """The materials of all objects, each read once."""
-
-    def __init__(self, notes: list[str]) -> None:
-        self._notes = notes
-        self._index: dict[int | None, int] = {}
-        self.materials: list[Material] = []
-
-    def index(self, material: bpy.types.Material | None) -> int:
-        """Return the index of a material in `Scene.materials`."""
-        key = None if material is None else material.session_uid
-        if key not in self._index:
-            self._index[key] = len(self.materials)
-            self.materials.append(read_material(material, self._notes))
-        return self._index[key]
-
-
 class ObjectReader:
     """Reads objects as engine meshes and collects what there is to say about them.
 
@@ -60,14 +43,13 @@ class ObjectReader:
     ) -> None:
         self._depsgraph, self._uv_layer, self._origin = depsgraph, uv_layer, origin
         self._notes = notes
-        self._table = MaterialTable(notes)
+        self._table = MaterialTable(uv_layer, notes)
         self.copying: dict[str, list[str]] = {}
         self.faceless = False
 
-    @property
-    def materials(self) -> tuple[Material, ...]:
-        """The materials of the objects read so far."""
-        return tuple(self._table.materials)
+    def materials(self, resolution: int) -> tuple[Material, ...]:
+        """Return the materials of the objects read; see `MaterialTable.finish`."""
+        return self._table.finish(resolution)
 
     def read(self, obj: bpy.types.Object) -> Mesh | None:
         """Return one object as an engine.Mesh; None, said in the notes, if it has to be left out."""
@@ -96,7 +78,7 @@ class ObjectReader:
         copying = copying_modifiers(obj, mesh, self._uv_layer)
         if copying:
             self.copying[obj.name] = copying
-        slots = [self._table.index(material) for material in _slot_materials(obj, mesh)]
+        slots = [self._table.index(material, None) for material in _slot_materials(obj, mesh)]
         corners = read_corners(obj, mesh, self._uv_layer)
         result = world_mesh(evaluated, corners, self._origin, slots, self._notes)
         if len(result.positions):
@@ -109,6 +91,7 @@ def gather(
     context: bpy.types.Context,
     objects: Sequence[bpy.types.Object],
     uv_layer: str,
+    resolution: int,
     earlier_notes: Sequence[str] = (),
 ) -> Gathered:
     """Return mesh objects as an engine.Scene; raises SceneError.
@@ -131,7 +114,7 @@ def gather(
             baked.append((obj.session_uid, atlas))
     _check_read(reader, meshes, uv_layer, notes)
     world = read_world(context.scene.world, notes)
-    scene = Scene(tuple(meshes), reader.materials, tuple(atlases), world, origin)
+    scene = Scene(tuple(meshes), reader.materials(resolution), tuple(atlases), world, origin)
     check_scene(scene)
     note_skipped(context, depsgraph, notes)
     return Gathered(scene, tuple(baked), tuple(notes))

@@ -65,7 +65,7 @@ def gather():
 
     scene = part("operators.scene")
     objects = scene.visible_meshes(bpy.context)
-    return scene.gather(bpy.context, objects, "Lightmap")
+    return scene.gather(bpy.context, objects, "Lightmap", bpy.context.scene.hemibake.resolution)
 
 
 def loop_uvs(obj, layer="Lightmap") -> np.ndarray:

@@ -1,0 +1,82 @@
+"""Which parts of triangles light passes through: alpha maps, constant alpha and culled backs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .scene import Material, Scene, Texture
+
+#: Codes of `Cutouts.maps`, column 3: how an alpha map goes on beyond [0, 1].
+EXTENSIONS = ("repeat", "mirror", "extend", "clip")
+
+
+@dataclass(frozen=True)
+class Cutouts:
+    """What shaders and kernels need to know about see-through surfaces.
+
+    alpha      (k,) float32, the pixels of all alpha maps, one map after another, row by row
+    maps       (m, 4) int32 of each material: first pixel, width (0 without a map), height, index into
+               EXTENSIONS plus 4 if the nearest pixel is taken
+    constants  (m, 2) float32 of each material: alpha (a factor of the map), and the threshold or -1
+    culled     (m,) bool of each material: the back is see-through
+    uvs        (t, 3, 2) float32, where each corner of each triangle is on its alpha map
+    """
+
+    alpha: np.ndarray
+    maps: np.ndarray
+    constants: np.ndarray
+    culled: np.ndarray
+    uvs: np.ndarray
+
+    @property
+    def needed(self) -> bool:
+        """True if any surface is see-through anywhere."""
+        return bool((self.maps[:, 1] > 0).any() or (self.constants[:, 0] < 1).any() or self.culled.any())
+
+
+def gather_cutouts(scene: Scene) -> Cutouts:
+    """Collect the alpha of all materials, and each triangle's place on its alpha map."""
+    pixels = [np.ravel(material.alpha_map.pixels) for material in scene.materials if material.alpha_map]
+    first, maps = 0, np.zeros((len(scene.materials), 4), np.int32)
+    for index, material in enumerate(scene.materials):
+        if material.alpha_map is not None:
+            maps[index] = _map_entry(material.alpha_map, first)
+            first += material.alpha_map.pixels.size
+    return Cutouts(
+        alpha=np.concatenate([*pixels, np.ones(1, np.float32)]).astype(np.float32),
+        maps=maps,
+        constants=np.array([_constants(material) for material in scene.materials], np.float32),
+        culled=np.array([material.culled for material in scene.materials], bool),
+        uvs=_alpha_uvs(scene),
+    )
+
+
+def _map_entry(texture: Texture, first: int) -> tuple[int, int, int, int]:
+    height, width = texture.pixels.shape[:2]
+    return first, width, height, EXTENSIONS.index(texture.extension) + (0 if texture.smooth else 4)
+
+
+def _constants(material: Material) -> tuple[float, float]:
+    threshold = material.alpha_threshold
+    return material.alpha, -1.0 if threshold is None else threshold
+
+
+def _alpha_uvs(scene: Scene) -> np.ndarray:
+    """Return (t, 3, 2) float32: each corner on the alpha map of its material, 0 without one."""
+    parts = [np.zeros((len(mesh.positions), 3, 2), np.float32) for mesh in scene.meshes]
+    for uvs, mesh in zip(parts, scene.meshes, strict=True):
+        for index in np.unique(mesh.material):
+            texture = scene.materials[index].alpha_map
+            if texture is not None:
+                chosen = mesh.material == index
+                uvs[chosen] = map_uvs(texture, mesh.texture_uvs[texture.uv_map][chosen])
+    return np.concatenate(parts)
+
+
+def map_uvs(texture: Texture, uvs: np.ndarray) -> np.ndarray:
+    """Return UVs, (..., 2), of a UV map as places on a texture, (..., 2) float32."""
+    matrix = texture.transform.astype(np.float64)
+    mapped: np.ndarray = (uvs.astype(np.float64) @ matrix[:, :2].T + matrix[:, 2]).astype(np.float32)
+    return mapped

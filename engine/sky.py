@@ -1,0 +1,60 @@
+"""The surroundings in two parts: what hemicubes see, and what is bright enough to be sampled as a light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+#: Radiance above so many times the mean of the sky is sampled as a light.
+_BRIGHT = 3.0
+
+#: Largest map that hemicubes see, texels; their own texels are no finer.
+_REST_HEIGHT = 256
+
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+
+@dataclass(frozen=True)
+class Sky:
+    """Both parts, equirectangular as `Scene.world`; together they are the world's radiance.
+
+    rest    (h, w, 3) float32, what hemicubes see
+    bright  (h, w, 3) float32, what is sampled as a light; None if nothing is bright
+    """
+
+    rest: np.ndarray
+    bright: np.ndarray | None
+
+
+def split_sky(world: np.ndarray) -> Sky:
+    """Split a world's radiance, (3,) or (h, w, 3), at a multiple of its mean luminance."""
+    if world.ndim == 1:
+        return Sky(np.broadcast_to(world, (1, 1, 3)).astype(np.float32), None)
+    luminance = world.astype(np.float64) @ _LUMINANCE
+    mean = float((luminance.mean(axis=1) * _row_shares(len(world))).sum())
+    share = np.minimum(1.0, _BRIGHT * mean / np.maximum(luminance, 1e-30))[..., None]
+    rest = world * share
+    if (share == 1).all():
+        return Sky(_shrunk(rest), None)
+    return Sky(_shrunk(rest), (world * (1 - share)).astype(np.float32))
+
+
+def _row_shares(height: int) -> np.ndarray:
+    """Return the share of the sphere that each row covers, (h,) float64."""
+    borders = np.cos(np.linspace(0, np.pi, height + 1))
+    shares: np.ndarray = (borders[:-1] - borders[1:]) / 2
+    return shares
+
+
+def _shrunk(world: np.ndarray) -> np.ndarray:
+    """Return a map averaged, by solid angle, to at most _REST_HEIGHT rows."""
+    height, width = world.shape[:2]
+    step = -(-height // _REST_HEIGHT)
+    while height % step or width % step:
+        step += 1
+    weighted = world * _row_shares(height)[:, None, None]
+    blocks = weighted.reshape(height // step, step, width // step, step, 3).sum(axis=(1, 3))
+    shares = _row_shares(height).reshape(-1, step).sum(axis=1) * step
+    shrunk: np.ndarray = (blocks / shares[:, None, None]).astype(np.float32)
+    return shrunk

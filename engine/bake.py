@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
+from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
 from .clock import Stopwatch
-from .coverage import check_overlap, note_uncovered, touched_triangles
 from .device.compute import Compute
 from .device.graphics import Graphics
 from .finish.store import LightmapStore
 from .gather import PaperGather
-from .geometry import gather_triangles
-from .index_map import add_thin_patches
 from .lightmap import Lightmap, Report
-from .limits import check_limits, check_patch_count
-from .patch_file import list_or_load_patches
+from .limits import check_limits
+from .occluders import place_occluders
+from .outputs import Outputs
 from .progress import Progress
+from .sampled import SampledLight
 from .scene import Scene, check_scene
 from .settings import Settings, check_settings
 from .solve import Jacobi
+from .subdivision import subdivide
+
+Made = TypeVar("Made")
 
 
 def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap]:
@@ -31,6 +35,7 @@ def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap
     """
     check_settings(settings)
     check_scene(scene)
+    atlases, scene = scene.atlases, place_occluders(scene, settings.resolution)
     clock = Stopwatch()
     graphics = Graphics()
     try:
@@ -40,59 +45,74 @@ def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap
         yield Progress("patches", 0.0)
 
         # Texture space subdivision: which texels are patches, and where they are (III.A, IV.A).
-        triangles = gather_triangles(scene)
-        covered = list_or_load_patches(graphics, scene, settings)
-        warnings = [*note_uncovered(scene, covered), *check_overlap(graphics, scene, triangles, covered)]
-        touched = touched_triangles(graphics, triangles, len(scene.atlases), settings.resolution)
-        patches, geometry, owners = add_thin_patches(scene, triangles, covered, touched)
-        check_patch_count(len(patches))
-        reflectance = np.stack([material.reflectance for material in scene.materials])[geometry.material]
-        emission = np.stack([material.emission for material in scene.materials])[geometry.material]
+        parts = subdivide(graphics, scene, settings)
+        store = LightmapStore(parts.patches, len(atlases), settings.dilation)
         clock.lap("patches")
         yield Progress("patches", 1.0)
 
+        # Lamps, small bright surfaces and bright sky are sampled with shadow rays (direct light).
+        sampled = SampledLight(compute, scene, parts, settings)
+        direct = yield from _report(sampled.gather(), partial(Progress, "direct"))
+        clock.lap("direct")
+
         # Hemicubes are drawn and integrated until the light has settled (III.B, IV.B, IV.C).
-        gather = PaperGather(
-            graphics, compute, scene, triangles, patches, geometry, owners, emission, settings
-        )
-        solution = Jacobi(reflectance, emission, geometry.area, settings)
-        store = LightmapStore(patches, len(scene.atlases), settings.dilation)
-        while not solution.done:
-            irradiance = yield from _report_slices(gather.iteration(solution.radiance), solution)
-            solution.update(irradiance[:, :3])
-            store.update(irradiance)
-            yield _progress(solution, 1.0, store.display)
+        glow, sky = sampled.emission_left, sampled.sky_left
+        gather = PaperGather(graphics, compute, scene, parts, glow, sky, settings)
+        glowing = bool(glow.any() or sky.any())
+        solution = Jacobi(parts.surfaces.reflectance, glow, parts.geometry.area, settings, direct, glowing)
+        outputs = Outputs(settings, sampled, store)
+        while not outputs.done(solution):
+            gathered = yield from _report(gather.iteration(solution.radiance), partial(_progress, solution))
+            solution.update(gathered[:, :3])
+            store.hide(gathered[:, 3])
+            yield _progress(solution, 1.0, outputs.partial(solution))
         clock.lap("hemicubes")
 
-        devices = {"gl": graphics.name, "cl": compute.name}
-        report = Report(
-            patches=len(patches),
-            iterations=solution.iterations,
-            residual=solution.residual,
-            converged=solution.converged,
-            energies=tuple(solution.energies),
-            seconds=clock.laps,
-            devices=devices,
-            warnings=tuple(warnings),
-        )
-        return Lightmap(scene.atlases, store.image, store.display, store.covered, report)
+        # What was asked for, as images.
+        passes = yield from _report(outputs.passes(solution), partial(Progress, "outputs"))
+        clock.lap("outputs")
+        main = outputs.main(solution)
+        warnings = (*parts.warnings, *sampled.warnings)
+        report = _summary(solution, outputs, len(parts.patches), clock, (graphics, compute), warnings)
+        return Lightmap(atlases, store.image(main), store.display(main), store.covered, report, passes)
     finally:
         graphics.release()
 
 
-def _report_slices(
-    iteration: Generator[float, None, np.ndarray], solution: Jacobi
-) -> Generator[Progress, None, np.ndarray]:
-    """Turn the fractions of one iteration into progress; return what it gathered."""
+def _report(
+    work: Generator[float, None, Made], progress: Callable[[float], Progress]
+) -> Generator[Progress, None, Made]:
+    """Turn the fractions of a stage into progress; return what the stage made."""
     while True:
         try:
-            fraction = next(iteration)
+            fraction = next(work)
         except StopIteration as stop:
-            gathered: np.ndarray = stop.value
-            return gathered
-        yield _progress(solution, fraction)
+            made: Made = stop.value
+            return made
+        yield progress(fraction)
 
 
-def _progress(solution: Jacobi, fraction: float, partial: np.ndarray | None = None) -> Progress:
+def _progress(solution: Jacobi, fraction: float, image: np.ndarray | None = None) -> Progress:
     energy = solution.energies[-1] if solution.energies else 0.0
-    return Progress("hemicubes", fraction, solution.iterations, solution.residual, energy, partial)
+    return Progress("hemicubes", fraction, solution.iterations, solution.residual, energy, image)
+
+
+def _summary(
+    solution: Jacobi,
+    outputs: Outputs,
+    patches: int,
+    clock: Stopwatch,
+    devices: tuple[Graphics, Compute],
+    warnings: tuple[str, ...],
+) -> Report:
+    graphics, compute = devices
+    return Report(
+        patches=patches,
+        iterations=solution.iterations,
+        residual=solution.residual,
+        converged=solution.converged or not outputs.bounces,
+        energies=tuple(solution.energies),
+        seconds=clock.laps,
+        devices={"gl": graphics.name, "cl": compute.name},
+        warnings=warnings,
+    )

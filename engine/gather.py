@@ -7,21 +7,24 @@ from collections.abc import Generator
 
 import numpy as np
 
+from .cutouts import gather_cutouts
 from .device.compute import Compute
 from .device.graphics import Graphics
 from .device.share import HostCopy
-from .geometry import PatchGeometry, Triangles
 from .hemicube import matrices
 from .integrate.opencl import HemicubeIntegrator
-from .patches import PatchList
 from .scene import Scene
 from .settings import Settings
+from .subdivision import Subdivision
 from .viewpoints import place_hemicubes
 from .visibility.raster import HemicubeRaster
 from .visibility.tiles import plan_tiles
 
 #: A slice of work should take about this long, s.
 _SLICE = 0.04
+
+#: Stands in hemicubes where the integrator has to look the sky up.
+_LOOK_UP = (0.0, 0.0, 0.0, 2.0)
 
 
 class PaperGather:
@@ -32,21 +35,28 @@ class PaperGather:
         graphics: Graphics,
         compute: Compute,
         scene: Scene,
-        triangles: Triangles,
-        patches: PatchList,
-        geometry: PatchGeometry,
-        owners: np.ndarray,
+        parts: Subdivision,
         emission: np.ndarray,
+        sky: np.ndarray,
         settings: Settings,
     ) -> None:
-        self._tiles = plan_tiles(settings, len(patches))
-        self._raster = HemicubeRaster(graphics, self._tiles, triangles, owners, emission, scene.world)
+        """Prepare to gather.
+
+        emission  (n, 3) float32 radiance of each patch, seen on back faces
+        sky       (h, w, 3) float32, equirectangular, `Sky.rest`; a single pixel is a uniform sky
+        """
+        self._tiles = plan_tiles(settings, len(parts.patches))
+        uniform = sky.shape[:2] == (1, 1)
+        nothing = (*sky[0, 0], 1.0) if uniform else _LOOK_UP
+        self._raster = HemicubeRaster(
+            graphics, self._tiles, parts.triangles, gather_cutouts(scene), parts.owners, emission, nothing
+        )
         self._copy = HostCopy(compute, self._raster.texture)
-        self._integrator = HemicubeIntegrator(compute, self._tiles)
+        self._integrator = HemicubeIntegrator(compute, self._tiles, None if uniform else sky)
         self._layers_per_slice = 1
 
         self._reversed_depth = graphics.reversed_depth
-        self._views = place_hemicubes(triangles, geometry, settings, graphics.reversed_depth)
+        self._views = place_hemicubes(parts.triangles, parts.geometry, settings, graphics.reversed_depth)
 
     def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
         """Gather once from (n, 3) float32 radiance; yield the fraction done after each slice.
@@ -60,8 +70,8 @@ class PaperGather:
             last = min(first + self._tiles.capacity, total)
             for drawn in self._timed_slices(first, last):
                 yield (first + drawn) / total
-            horizons = self._views.horizon[first:last]
-            result[first:last] = self._integrator.integrate(self._copy.update(), horizons)
+            frames = self._views.frames(first, last)
+            result[first:last] = self._integrator.integrate(self._copy.update(), frames)
         return result
 
     def _timed_slices(self, first: int, last: int) -> Generator[int, None, None]:

@@ -11,7 +11,7 @@ import numpy as np
 class Progress:
     """One slice of work is done.
 
-    stage      "patches" or "hemicubes"
+    stage      "patches", "direct", "hemicubes" or "outputs"
     fraction   of the stage (of the current iteration for "hemicubes"), in [0, 1]
     iteration  iterations completed
     residual   estimated remaining error, relative to the lightmaps' mean; NaN before it is known

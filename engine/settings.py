@@ -28,6 +28,7 @@ class Settings:
     method      one of METHODS
     outputs     what the bake gives, some of OUTPUTS; shadow_mask gives a map for each light
     light_samples  shadow rays a patch sends to each light, 1 ... 4096
+    sample_emission  False leaves emissive surfaces and the sky to the hemicubes, as in the paper
     ao_samples  rays of a patch for ambient occlusion, 1 ... 65536
     ao_distance how far they reach, m; 0 for any distance
     seed        seed of the per-patch random rotations
@@ -47,6 +48,7 @@ class Settings:
     method: str = "paper"
     outputs: tuple[str, ...] = ("combined",)
     light_samples: int = 64
+    sample_emission: bool = True
     ao_samples: int = 256
     ao_distance: float = 1.0
     seed: int = 0

@@ -30,7 +30,7 @@ class Sky:
 def split_sky(world: np.ndarray) -> Sky:
     """Split a world's radiance, (3,) or (h, w, 3), at a multiple of its mean luminance."""
     if world.ndim == 1:
-        return Sky(np.broadcast_to(world, (1, 1, 3)).astype(np.float32), None)
+        return Sky(whole_sky(world), None)
     luminance = world.astype(np.float64) @ _LUMINANCE
     mean = float((luminance.mean(axis=1) * _row_shares(len(world))).sum())
     share = np.minimum(1.0, _BRIGHT * mean / np.maximum(luminance, 1e-30))[..., None]
@@ -38,6 +38,11 @@ def split_sky(world: np.ndarray) -> Sky:
     if (share == 1).all():
         return Sky(_shrunk(rest), None)
     return Sky(_shrunk(rest), (world * (1 - share)).astype(np.float32))
+
+
+def whole_sky(world: np.ndarray) -> np.ndarray:
+    """Return a world's radiance, (3,) or (h, w, 3), as hemicubes see all of it."""
+    return _shrunk(world.reshape(-1, world.shape[-2] if world.ndim > 1 else 1, 3))
 
 
 def _row_shares(height: int) -> np.ndarray:

@@ -12,20 +12,34 @@ from .settings import Settings
 class Jacobi:
     """The paper's iteration: every patch gathers the radiance of the one before (paper, IV.C).
 
+    Light of lamps and small bright sources comes from elsewhere (`direct`) and is added to what is gathered.
+
     reflectance  (n, 3) float32
-    emission     (n, 3) float32, radiance
+    emission     (n, 3) float32, radiance that the patches themselves see as they gather
     area         (n,) float32, m^2
+    direct       (n, 3) float32, E/pi of lights that patches do not gather, None for none
+    glowing      True if the patches gather light at first: the first iteration then gives the direct
+                 light of emission and surroundings; False starts with what `direct` makes them reflect
     """
 
     def __init__(
-        self, reflectance: np.ndarray, emission: np.ndarray, area: np.ndarray, settings: Settings
+        self,
+        reflectance: np.ndarray,
+        emission: np.ndarray,
+        area: np.ndarray,
+        settings: Settings,
+        direct: np.ndarray | None = None,
+        glowing: bool = True,
     ) -> None:
         self._reflectance, self._emission, self._area = reflectance, emission, area.astype(np.float64)
         self._limit, self._tolerance = settings.iterations, settings.tolerance
-        self._irradiance = np.zeros_like(emission)
+        self._lights = np.zeros_like(emission) if direct is None else direct
+        self._glowing = glowing
+        self.direct = self._lights
+        self.irradiance = np.zeros_like(emission)
         self._settled = False
         self._changes: list[float] = []
-        self.radiance = emission.copy()
+        self.radiance = emission.copy() if glowing else emission + reflectance * self._lights
         self.energies: list[float] = []
 
     @property
@@ -33,14 +47,26 @@ class Jacobi:
         """Iterations so far."""
         return len(self._changes)
 
-    def update(self, irradiance: np.ndarray) -> None:
-        """Take the E/pi (n, 3) that one iteration gathered; make the radiance for the next."""
+    @property
+    def indirect(self) -> np.ndarray:
+        """E/pi of the light that patches reflect, (n, 3) float32."""
+        indirect: np.ndarray = np.maximum(self.irradiance - self.direct, 0)
+        return indirect
+
+    def update(self, gathered: np.ndarray) -> None:
+        """Take the E/pi (n, 3) that one iteration gathered; make the radiance for the next.
+
+        Afterwards `irradiance` is E/pi of all light so far, and `direct` of that without reflection.
+        """
+        irradiance = gathered + self._lights
+        if self._glowing and not self._changes:
+            self.direct = irradiance
         radiance = self._emission + self._reflectance * irradiance
         added = (radiance - self.radiance).astype(np.float64).sum(axis=1)
         self.energies.append(float(np.pi * (self._area * added).sum()))
         self._settled = bool((radiance == self.radiance).all())
-        self._changes.append(_mean(np.abs(irradiance - self._irradiance)))
-        self.radiance, self._irradiance = radiance, irradiance
+        self._changes.append(_mean(np.abs(irradiance - self.irradiance)))
+        self.radiance, self.irradiance = radiance, irradiance
 
     @property
     def residual(self) -> float:
@@ -56,7 +82,7 @@ class Jacobi:
         recent = self._changes[-3:]
         factor = max(after / before for before, after in pairwise(recent) if before > 0)
         rest = self._changes[-1] * factor / (1 - factor) if factor < 1 else float("inf")
-        return rest / _mean(self._irradiance)
+        return rest / _mean(self.irradiance)
 
     @property
     def converged(self) -> bool:

@@ -37,6 +37,12 @@ class Viewpoints:
     near: np.ndarray
     horizon: np.ndarray
 
+    def frames(self, first: int, last: int) -> np.ndarray:
+        """Return frame and horizon of some hemicubes, (m, 4, 3) float32, as the integrator takes them."""
+        return np.concatenate(
+            [self.frame[first:last], self.horizon[first:last, None]], axis=1, dtype=np.float32
+        )
+
 
 def place_hemicubes(
     triangles: Triangles, geometry: PatchGeometry, settings: Settings, reversed_depth: bool = True

@@ -1,6 +1,7 @@
 // Integration of hemicubes in three steps (paper, IV.C and Fig. 3). A texture array of
 // `layers` layers, each `rows` x `columns` hemicubes of 3n x n texels, becomes one value a hemicube.
-// rgb is radiance; a is 1 where the front of a surface or the surroundings are seen.
+// rgb is radiance; a is 1 where the front of a surface or the surroundings are seen, and 2 where the
+// surroundings still have to be looked up.
 
 // The direction of a texel of the stacked layout, along right, up and normal; any length.
 float3 texel_direction(const int x, const int y, const int n)
@@ -14,10 +15,27 @@ float3 texel_direction(const int x, const int y, const int n)
     return side < 2 ? (float3)(forward, forward * across, height) : (float3)(-forward * across, forward, height);
 }
 
-// Workspace: layers stacked on top of each other, so that the later steps see one tall image. No light
-// comes from behind the surface itself, where a smooth normal leans over it.
+// The surroundings in a direction in world space, from an equirectangular map, row 0 below
+// (Cycles, kernel/camera/projection.h): the four pixels around it, interpolated.
+float4 surroundings(const float3 direction, __global const float4 *sky, const int2 size)
+{
+    const float2 place = (float2)((0.5f - atan2pi(direction.y, direction.x) * 0.5f) * size.x - 0.5f,
+                                  (1.0f - acospi(clamp(direction.z / length(direction), -1.0f, 1.0f))) * size.y - 0.5f);
+    const float2 low = floor(place), f = place - low;
+    const int x0 = ((int)low.x + size.x) % size.x, x1 = (x0 + 1) % size.x;
+    const int y0 = clamp((int)low.y, 0, size.y - 1), y1 = clamp((int)low.y + 1, 0, size.y - 1);
+    const float4 below = mix(sky[y0 * size.x + x0], sky[y0 * size.x + x1], f.x);
+    const float4 above = mix(sky[y1 * size.x + x0], sky[y1 * size.x + x1], f.x);
+    return mix(below, above, f.y);
+}
+
+// Workspace: layers stacked on top of each other, so that the later steps see one tall image. A frame is
+// right, up and normal of a hemicube in world space, and the horizon: along right, up and normal the
+// surface's geometric normal. No light comes from behind the surface itself, where a smooth normal
+// leans over it.
 __kernel void multiply(__global const float4 *hemicubes, __global const float *multiplier,
-                       __global const float4 *horizons, __global float4 *workspace,
+                       __global const float4 *frames, __global float4 *workspace,
+                       __global const float4 *sky, const int sky_width, const int sky_height,
                        const int width, const int height, const int n)
 {
     const int x = get_global_id(0), y = get_global_id(1), layer = get_global_id(2);
@@ -27,8 +45,15 @@ __kernel void multiply(__global const float4 *hemicubes, __global const float *m
     const int columns = width / n, rows = height / (3 * n);
     const int slot = (layer * rows + y / (3 * n)) * columns + x / n;
     const int tile_x = x % n, tile_y = y % (3 * n);
-    const bool above = dot(texel_direction(tile_x, tile_y, n), horizons[slot].xyz) > 0.0f;
-    workspace[texel] = above ? hemicubes[texel] * multiplier[tile_y * n + tile_x] : (float4)(0.0f);
+    const float3 direction = texel_direction(tile_x, tile_y, n);
+    __global const float4 *frame = frames + 4 * slot;
+    const bool above = dot(direction, frame[3].xyz) > 0.0f;
+    float4 value = hemicubes[texel];
+    if (above && value.w > 1.5f) {
+        const float3 world = direction.x * frame[0].xyz + direction.y * frame[1].xyz + direction.z * frame[2].xyz;
+        value = surroundings(world, sky, (int2)(sky_width, sky_height));
+    }
+    workspace[texel] = above ? value * multiplier[tile_y * n + tile_x] : (float4)(0.0f);
 }
 
 // One work item adds up one column of one hemicube: 3n rows become a single row.

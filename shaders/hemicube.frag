@@ -5,9 +5,16 @@ in vec3 lightmap_uv;
 uniform usampler2DArray owners;
 uniform sampler2D radiosity;
 layout(location = 0) out vec4 out_radiance;
+#ifdef CUTOUTS
+in vec3 cutout;
+#endif
 
 void main()
 {
+#ifdef CUTOUTS
+    if (is_hole(cutout))
+        discard;
+#endif
     ivec2 size = textureSize(owners, 0).xy;
     ivec2 texel = clamp(ivec2(lightmap_uv.xy * vec2(size)), ivec2(0), size - 1);
     int owner = int(texelFetch(owners, ivec3(texel, int(lightmap_uv.z + 0.5)), 0).r);

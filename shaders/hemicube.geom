@@ -13,6 +13,10 @@ uniform int tiles_drawn;
 uniform int tiles_per_layer;
 uniform int hemicubes;
 out vec3 lightmap_uv;
+#ifdef CUTOUTS
+in vec3 cutout_corner[];
+out vec3 cutout;
+#endif
 
 vec4 row(int slot, int index)
 {
@@ -46,6 +50,9 @@ void main()
         gl_Layer = layer;
         gl_ViewportIndex = 5 * tile + gl_InvocationID;
         lightmap_uv = lookup[i];
+#ifdef CUTOUTS
+        cutout = cutout_corner[i];
+#endif
         EmitVertex();
     }
     EndPrimitive();

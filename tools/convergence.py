@@ -27,7 +27,10 @@ from engine.gather import PaperGather
 from engine.reference.cpu_patches import owner_map
 from engine.reference.form_factors import form_factors
 from engine.reference.gauss_seidel import gather, gauss_seidel
+from engine.sky import whole_sky
 from engine.solve import Jacobi
+from engine.subdivision import Subdivision
+from engine.surfaces import PatchSurfaces
 from tests.analytic.drive import Prepared, prepare
 from tests.analytic.scenes import nine_quad_room
 
@@ -87,18 +90,11 @@ def _iterations(prepared: Prepared, settings: Settings) -> Iterator[np.ndarray]:
     """Yield E/pi of every patch after each iteration of the paper's method, (n, 3) float32."""
     graphics = Graphics()
     try:
+        surfaces = PatchSurfaces(prepared.reflectance, prepared.emission)
         owners = owner_map(prepared.scene, prepared.patches)
-        paper = PaperGather(
-            graphics,
-            Compute(),
-            prepared.scene,
-            prepared.triangles,
-            prepared.patches,
-            prepared.geometry,
-            owners,
-            prepared.emission,
-            settings,
-        )
+        parts = Subdivision(prepared.triangles, prepared.patches, prepared.geometry, surfaces, owners, ())
+        sky = whole_sky(prepared.scene.world)
+        paper = PaperGather(graphics, Compute(), prepared.scene, parts, prepared.emission, sky, settings)
         solution = Jacobi(prepared.reflectance, prepared.emission, prepared.geometry.area, settings)
         while not solution.done:
             slices = paper.iteration(solution.radiance)

@@ -1,4 +1,4 @@
-"""Puts the irradiance of patches into lightmap images."""
+"""Puts the values of patches into lightmap images."""
 
 from __future__ import annotations
 
@@ -12,35 +12,42 @@ _HIDDEN = 0.9
 
 
 class LightmapStore:
-    """The images of every atlas, refilled after each iteration.
+    """The images of every atlas of the user's; patches in further atlases are left out.
 
-    image    (atlases, r, r, 3) float32, E/pi of the covered texels, 0 elsewhere
-    display  (atlases, r, r, 3) float32, hidden texels filled and charts dilated
-    covered  (atlases, r, r) bool
+    covered  (atlases, r, r) bool, texels that are patches
     """
 
     def __init__(self, patches: PatchList, atlases: int, dilation: int) -> None:
         resolution = patches.resolution
-        self._place = patches.atlas.astype(np.int64) * resolution**2 + patches.texel
+        self._chosen = np.flatnonzero(patches.atlas < atlases)
+        self._place = patches.atlas[self._chosen].astype(np.int64) * resolution**2
+        self._place += patches.texel[self._chosen]
         self._rings = dilation
         self._dilations: list[Dilation] = []
+        self._hidden = np.zeros(len(self._chosen), bool)
         self.covered = np.zeros((atlases, resolution, resolution), bool)
         self.covered.ravel()[self._place] = True
-        self.image = np.zeros((atlases, resolution, resolution, 3), np.float32)
-        self.display = self.image
 
-    def update(self, irradiance: np.ndarray) -> None:
-        """Store what an iteration gathered: (n, 4) float32, E/pi and the share of front faces."""
+    def hide(self, front: np.ndarray) -> None:
+        """Take the share of front faces that each patch sees, (n,) float32: visibility never changes.
+
+        Patches inside closed objects see backs only and are unknown for display.
+        """
         if not self._dilations:
-            self._plan(irradiance[:, 3])
-        self.image = np.zeros_like(self.image)
-        self.image.reshape(-1, 3)[self._place] = irradiance[:, :3]
-        self.display = np.stack(
-            [dilation.apply(image) for dilation, image in zip(self._dilations, self.image, strict=True)]
-        )
+            self._hidden = front[self._chosen] < 1 - _HIDDEN
 
-    def _plan(self, front: np.ndarray) -> None:
-        """Texels inside closed objects are unknown for display; visibility never changes in a bake."""
-        known = self.covered.copy()
-        known.ravel()[self._place[front < 1 - _HIDDEN]] = False
-        self._dilations = [Dilation(mask, self._rings) for mask in known]
+    def image(self, values: np.ndarray) -> np.ndarray:
+        """Return the patches' values, (n, 3) or (n,), as (atlases, r, r, 3) float32, 0 elsewhere."""
+        image = np.zeros((*self.covered.shape, 3), np.float32)
+        column = values[self._chosen].reshape(len(self._chosen), -1)
+        image.reshape(-1, 3)[self._place] = column
+        return image
+
+    def display(self, values: np.ndarray) -> np.ndarray:
+        """Return the patches' values as images with hidden texels filled and charts dilated."""
+        if not self._dilations:
+            known = self.covered.copy()
+            known.ravel()[self._place[self._hidden]] = False
+            self._dilations = [Dilation(mask, self._rings) for mask in known]
+        images = zip(self._dilations, self.image(values), strict=True)
+        return np.stack([dilation.apply(image) for dilation, image in images])

@@ -17,7 +17,8 @@ _REDUCE_ROW_GROUP = (32, 1)
 class HemicubeIntegrator:
     """Integrates a texture array of hemicubes into one value each."""
 
-    def __init__(self, compute: Compute, tiles: Tiles) -> None:
+    def __init__(self, compute: Compute, tiles: Tiles, sky: np.ndarray | None = None) -> None:
+        """sky: (h, w, 3) float32 radiance, equirectangular as `Scene.world`, seen where a is 2."""
         self._queue, self._tiles = compute.queue, tiles
         self._multiply, self._reduce_row, self._reduce_column = compute.kernels(
             "integrate.cl", "multiply", "reduce_row", "reduce_column"
@@ -30,28 +31,34 @@ class HemicubeIntegrator:
         texels = tiles.width * tiles.height * tiles.layers
         self._workspace = cl.Buffer(compute.context, flags.READ_WRITE, 16 * texels)
         self._rows = cl.Buffer(compute.context, flags.READ_WRITE, 16 * tiles.capacity * tiles.n)
-        self._horizons = cl.Buffer(compute.context, flags.READ_ONLY, 16 * tiles.capacity)
+        self._frames = cl.Buffer(compute.context, flags.READ_ONLY, 4 * 16 * tiles.capacity)
+        pixels = np.ones((*(sky.shape[:2] if sky is not None else (1, 1)), 4), np.float32)
+        if sky is not None:
+            pixels[..., :3] = sky
+        self._sky_size = np.int32(pixels.shape[1]), np.int32(pixels.shape[0])
+        self._sky = cl.Buffer(compute.context, flags.READ_ONLY | flags.COPY_HOST_PTR, hostbuf=pixels)
         self._irradiance = cl.Buffer(compute.context, flags.WRITE_ONLY, 16 * tiles.capacity)
         self._columns = cl.LocalMemory(16 * tiles.n)
 
-    def integrate(self, hemicubes: cl.Buffer, horizons: np.ndarray) -> np.ndarray:
+    def integrate(self, hemicubes: cl.Buffer, frames: np.ndarray) -> np.ndarray:
         """Return E/pi and the share of front faces for the first m slots.
 
-        hemicubes: (layers, height, width, 4) float32 radiance and front flag; horizons: (m, 3) float32
-        from `Viewpoints`. Returns (m, 4) float32: rgb is E/pi, the multiplier-weighted mean of the
-        radiance above the horizon; a of the front flag.
+        hemicubes: (layers, height, width, 4) float32 radiance and front flag; frames: (m, 4, 3) float32,
+        the rows of `Viewpoints.frame` and the horizon. Returns (m, 4) float32: rgb
+        is E/pi, the multiplier-weighted mean of the radiance above the horizon; a of the front flag.
         """
-        tiles, count = self._tiles, len(horizons)
-        padded = np.zeros((tiles.capacity, 4), np.float32)
-        padded[:count, :3] = horizons
-        cl.enqueue_copy(self._queue, self._horizons, padded)
+        tiles, count = self._tiles, len(frames)
+        padded = np.zeros((tiles.capacity, 4, 4), np.float32)
+        padded[:count, :, :3] = frames
+        cl.enqueue_copy(self._queue, self._frames, padded)
         width, height, n = np.int32(tiles.width), np.int32(tiles.height), np.int32(tiles.n)
         layers = -(-count // tiles.per_layer)
         self._multiply(
             self._queue,
             _rounded_up((tiles.width, tiles.height, layers), _MULTIPLY_GROUP),
             _MULTIPLY_GROUP,
-            hemicubes, self._multiplier, self._horizons, self._workspace, width, height, n,
+            hemicubes, self._multiplier, self._frames, self._workspace,
+            self._sky, *self._sky_size, width, height, n,
         )  # fmt: skip
         hemicube_rows = layers * tiles.rows
         self._reduce_row(

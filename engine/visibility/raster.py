@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import moderngl
 import numpy as np
 
+from ..cutouts import Cutouts
 from ..device.graphics import Graphics
 from ..errors import DeviceError
 from ..geometry import Triangles
@@ -21,9 +22,10 @@ MAX_PATCHES = _ROW * 8192 - 1
 class HemicubeRaster:
     """The radiance every patch of a batch sees, drawn by a geometry shader, instancing and viewports.
 
+    cutouts   which surfaces are see-through
     owners    (atlases, r, r) uint32 index map: patch + 1, or 0
     emission  (n, 3) float32 radiance, seen on back faces
-    world     (3,) float32 radiance of the surroundings
+    nothing   4 numbers that stand where no surface is seen
     The result is `texture`: (layers, height, width, 4) float32 in the layout of `tiles`.
     """
 
@@ -32,22 +34,26 @@ class HemicubeRaster:
         graphics: Graphics,
         tiles: Tiles,
         triangles: Triangles,
+        cutouts: Cutouts,
         owners: np.ndarray,
         emission: np.ndarray,
-        world: np.ndarray,
+        nothing: Sequence[float],
     ) -> None:
         context = graphics.context
         self._graphics, self._tiles = graphics, tiles
-        self._world = tuple(float(channel) for channel in world)
+        self._nothing = tuple(float(channel) for channel in nothing)
 
         # Geometry relative to the scene's middle, where float32 is finest.
         low, high = triangles.positions.min(axis=(0, 1)), triangles.positions.max(axis=(0, 1))
         self.origin = (low.astype(np.float64) + high) / 2
-        self._program = graphics.program("hemicube", ("vert", "geom", "frag"))
+        feature = "cutouts" if cutouts.needed else None
+        self._program = graphics.program("hemicube", ("vert", "geom", "frag"), feature)
         vertices = context.buffer(_vertices(triangles, self.origin).tobytes())
-        self._triangles = context.vertex_array(
-            self._program, [(vertices, "3f 3f", "in_position", "in_lookup")]
-        )
+        content = [(vertices, "3f 3f", "in_position", "in_lookup")]
+        if feature:
+            places = context.buffer(_cutout_vertices(triangles, cutouts).tobytes())
+            content.append((places, "3f", "in_cutout"))
+        self._triangles = context.vertex_array(self._program, content)
 
         # What the fragment shader looks up: the owner of a texel, and what that patch sends out.
         atlases, height, width = owners.shape
@@ -57,6 +63,9 @@ class HemicubeRaster:
         self._write_side(emission, front=False)
         self._matrices = context.texture((4 * FACES, tiles.capacity), 4, dtype="f4")
         self._matrices.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._textures = {"matrices": self._matrices, "owners": self._owners, "radiosity": self._radiosity}
+        if feature:
+            self._textures.update(_cutout_textures(context, cutouts))
 
         # Where hemicubes are drawn: a colour and a depth array.
         self.texture = context.texture_array((tiles.width, tiles.height, tiles.layers), 4, dtype="f4")
@@ -92,10 +101,10 @@ class HemicubeRaster:
     def _begin(self, count: int) -> None:
         """Clear all layers and set what stays the same for a batch."""
         self._bind()
-        self._framebuffer.clear(*self._world, 1.0, depth=0.0 if self._graphics.reversed_depth else 1.0)
+        self._framebuffer.clear(*self._nothing, depth=0.0 if self._graphics.reversed_depth else 1.0)
         self._program["hemicubes"] = count
         self._program["tiles_per_layer"] = self._tiles.per_layer
-        for unit, name in enumerate(("matrices", "owners", "radiosity")):
+        for unit, name in enumerate(self._textures):
             self._program[name] = unit
 
     def _bind(self) -> None:
@@ -105,7 +114,7 @@ class HemicubeRaster:
         context.enable_only(moderngl.DEPTH_TEST)
         context.depth_func = ">" if self._graphics.reversed_depth else "<"
         context.front_face = "cw"
-        for unit, texture in enumerate((self._matrices, self._owners, self._radiosity)):
+        for unit, texture in enumerate(self._textures.values()):
             texture.use(unit)
 
     def _write_side(self, radiance: np.ndarray, front: bool) -> None:
@@ -143,6 +152,29 @@ def _vertices(triangles: Triangles, origin: np.ndarray) -> np.ndarray:
     data[:, :, 3:5] = triangles.uvs
     data[:, :, 5] = triangles.atlas[:, None]
     return data.reshape(-1, 6)
+
+
+def _cutout_vertices(triangles: Triangles, cutouts: Cutouts) -> np.ndarray:
+    """Return (3 t, 3) float32: place on the alpha map, material."""
+    data = np.empty((len(triangles.positions), 3, 3), np.float32)
+    data[:, :, 0:2] = cutouts.uvs
+    data[:, :, 2] = triangles.material[:, None]
+    return data.reshape(-1, 3)
+
+
+def _cutout_textures(context: moderngl.Context, cutouts: Cutouts) -> dict[str, moderngl.Texture]:
+    """Return the textures that shaders/cutouts.glsl reads."""
+    count = len(cutouts.maps)
+    rows = -(-len(cutouts.alpha) // _ROW)
+    alpha = context.texture((_ROW, rows), 1, _padded(cutouts.alpha, _ROW * rows), dtype="f4")
+    maps = context.texture((count, 1), 4, np.ascontiguousarray(cutouts.maps).tobytes(), dtype="i4")
+    values = np.zeros((count, 4), np.float32)
+    values[:, 0:2], values[:, 2] = cutouts.constants, cutouts.culled
+    constants = context.texture((count, 1), 4, values.tobytes(), dtype="f4")
+    textures = {"cutout_alpha": alpha, "cutout_maps": maps, "cutout_constants": constants}
+    for texture in textures.values():
+        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    return textures
 
 
 def _radiosity_texture(context: moderngl.Context, patches: int) -> moderngl.Texture:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from engine import Scene, Settings
+from engine.cutouts import gather_cutouts
 from engine.device.compute import Compute
 from engine.device.graphics import Graphics
 from engine.device.share import HostCopy
@@ -70,16 +71,17 @@ def draw(room: Prepared, chosen: np.ndarray, radiance: np.ndarray) -> tuple[np.n
     try:
         compute = Compute()
         owners = owner_map(room.scene, room.patches)
-        raster = HemicubeRaster(graphics, tiles, room.triangles, owners, room.emission, room.scene.world)
+        nothing = (*room.scene.world, 1.0)
+        cutouts = gather_cutouts(room.scene)
+        raster = HemicubeRaster(graphics, tiles, room.triangles, cutouts, owners, room.emission, nothing)
         raster.set_radiance(radiance)
         places = place_hemicubes(room.triangles, room.geometry, SETTINGS)
-        frame, eye, near, horizon = (
-            values[chosen] for values in (places.frame, places.eye, places.near, places.horizon)
-        )
+        frame, eye, near = (values[chosen] for values in (places.frame, places.eye, places.near))
+        frames = places.frames(0, len(room.patches))[chosen]
         views = matrices(frame, eye - raster.origin, near, graphics.reversed_depth)
         assert list(raster.draw(views, tiles.layers)) == [len(chosen)]
         copy = HostCopy(compute, raster.texture)
-        summed = HemicubeIntegrator(compute, tiles).integrate(copy.update(), horizon)
+        summed = HemicubeIntegrator(compute, tiles).integrate(copy.update(), frames)
         array = np.frombuffer(raster.texture.read(), np.float32)
     finally:
         graphics.release()

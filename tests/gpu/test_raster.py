@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from engine.cutouts import gather_cutouts
 from engine.device.compute import Compute
 from engine.device.graphics import Graphics
 from engine.device.share import HostCopy
@@ -11,14 +12,25 @@ from engine.visibility.raster import HemicubeRaster
 from engine.visibility.tiles import Tiles
 from tests.analytic.scenes import furnace
 
+#: Frame along the axes, nothing below the horizon.
+UPRIGHT = np.float32([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 1]])
 WORLD = np.float32([0.25, 0.5, 0.75])
 
 
 def drawn(graphics, tiles, count, emission=0.0, eye=(0.5, 0.5, 0.5)):
     """Draw `count` hemicubes inside (or outside) the furnace; every patch shines with its number."""
-    triangles = gather_triangles(furnace(0.5, 1.0))
+    scene = furnace(0.5, 1.0)
+    triangles = gather_triangles(scene)
     owners = np.ones((1, 32, 32), np.uint32)
-    raster = HemicubeRaster(graphics, tiles, triangles, owners, np.full((1, 3), emission, np.float32), WORLD)
+    raster = HemicubeRaster(
+        graphics,
+        tiles,
+        triangles,
+        gather_cutouts(scene),
+        owners,
+        np.full((1, 3), emission, np.float32),
+        (*WORLD, 1.0),
+    )
     raster.set_radiance(np.full((1, 3), 2, np.float32))
     frame = frames(np.tile([0.0, 0.0, 1.0], (count, 1)), rotations(1, np.arange(count)))
     eyes = np.tile(np.array(eye) - raster.origin, (count, 1))
@@ -58,7 +70,7 @@ def test_kernels_equal_a_sum_in_double_precision(graphics, tiles):
     values = np.random.default_rng(5).random((tiles.layers, tiles.height, tiles.width, 4), np.float32)
     raster.texture.write(values.tobytes())
     result = HemicubeIntegrator(compute, tiles).integrate(
-        HostCopy(compute, raster.texture).update(), np.tile(np.float32([0, 0, 1]), (tiles.capacity, 1))
+        HostCopy(compute, raster.texture).update(), np.tile(UPRIGHT, (tiles.capacity, 1, 1))
     )
     weights = multiplier_map(tiles.n).astype(np.float64)
     for slot in range(tiles.capacity):

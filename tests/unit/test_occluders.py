@@ -1,0 +1,75 @@
+import numpy as np
+import pytest
+
+from engine.occluders import place_occluders
+from engine.scene import OCCLUDER, Material, Mesh, Scene
+
+GREY = Material("Grey", np.full(3, 0.5, np.float32), np.zeros(3, np.float32))
+
+
+def mesh(positions, atlas, uvs=None):
+    count = len(positions)
+    return Mesh(
+        name="Mesh",
+        positions=np.asarray(positions, np.float32),
+        normals=np.tile(np.float32([0, 0, 1]), (count, 3, 1)),
+        uvs=np.zeros((count, 3, 2), np.float32) if uvs is None else np.asarray(uvs, np.float32),
+        face=np.arange(count, dtype=np.int32),
+        subface=np.zeros(count, np.int32),
+        material=np.zeros(count, np.int32),
+        atlas=atlas,
+    )
+
+
+BAKED = mesh([[(0, 0, 0), (1, 0, 0), (0, 1, 0)]], 0, [[(0, 0), (1, 0), (0, 1)]])
+
+
+def triangles(sizes, seed=0):
+    """Return right triangles of some sizes at places apart, (t, 3, 3)."""
+    corner = np.random.default_rng(seed).random((len(sizes), 1, 3)) * 20
+    return corner + np.asarray(sizes)[:, None, None] * np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)])
+
+
+def texels(uvs, resolution):
+    """Return the texels whose centres each triangle covers, one set each."""
+    centers = (np.arange(resolution) + 0.5) / resolution
+    x, y = (grid.ravel() for grid in np.meshgrid(centers, centers))
+    found = []
+    for a, b, c in uvs.astype(np.float64):
+        sides = [(q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0]) for p, q in ((a, b), (b, c), (c, a))]
+        inside = np.all([side >= 0 for side in sides], axis=0) & (np.abs(np.cross(b - a, c - a)) > 0)
+        found.append(set(np.flatnonzero(inside).tolist()))
+    return found
+
+
+def test_without_occluders_the_scene_stays():
+    scene = Scene((BAKED,), (GREY,))
+    assert place_occluders(scene, 64) is scene
+
+
+def test_triangles_get_texels_in_proportion_to_their_size_and_share_none():
+    occluder = mesh(triangles([0.01, 0.3, 1.0, 2.5]), OCCLUDER)
+    placed = place_occluders(Scene((BAKED, occluder), (GREY,)), 64)
+    assert placed.atlases == ("Lightmap", "(occluders)") and placed.meshes[1].atlas == 1
+    covered = texels(placed.meshes[1].uvs, 64)
+    assert [len(part) for part in covered] == sorted(len(part) for part in covered)
+    assert len(covered[0]) == 1 and len(covered[3]) > 100
+    assert sum(map(len, covered)) == len(set().union(*covered))
+
+
+def test_small_triangles_that_are_close_share_a_texel():
+    near = np.array([(0, 0, 0), (1e-3, 0, 0), (0, 1e-3, 0)]) + np.arange(5)[:, None, None] * 1e-3
+    placed = place_occluders(Scene((BAKED, mesh(near + 0.001, OCCLUDER)), (GREY,)), 64)
+    uvs = placed.meshes[1].uvs
+    assert len({tuple(np.floor(uv.mean(axis=0) * 64)) for uv in uvs}) == 1
+    assert sum(len(part) for part in texels(uvs, 64)) == 1
+
+
+@pytest.mark.parametrize("resolution", [8, 24, 64])
+def test_places_always_fit(resolution):
+    sizes = np.random.default_rng(1).random(3000) ** 3 * 3
+    placed = place_occluders(Scene((BAKED, mesh(triangles(sizes), OCCLUDER)), (GREY,)), resolution)
+    uvs = placed.meshes[1].uvs
+    assert uvs.min() >= 0 and uvs.max() <= 1
+    covered = texels(uvs[:200], resolution)
+    assert sum(map(len, covered)) == len(set().union(*covered))

@@ -1,0 +1,74 @@
+import numpy as np
+import pytest
+
+from engine.geometry import gather_triangles, patch_geometry
+from engine.reference.cpu_patches import list_patches
+from engine.scene import Material, Mesh, Scene, Texture
+from engine.surfaces import patch_surfaces, sample
+
+BLACK = np.zeros(3, np.float32)
+
+
+def textured_square(texture, resolution=16, uvs=((0, 0), (1, 0), (1, 1), (0, 1))):
+    """Return reflectance by texel, (r, r, 3), of a square whose lightmap UVs fill the unit square."""
+    square = np.float32([(0, 0), (1, 0), (1, 1), (0, 1)])
+    split = np.array([[0, 1, 2], [0, 2, 3]])
+    mesh = Mesh(
+        name="Square",
+        positions=np.concatenate([square, np.zeros((4, 1), np.float32)], axis=1)[split],
+        normals=np.tile(np.float32([0, 0, 1]), (2, 3, 1)),
+        uvs=square[split],
+        face=np.zeros(2, np.int32),
+        subface=np.arange(2, dtype=np.int32),
+        material=np.zeros(2, np.int32),
+        texture_uvs={"Map": np.float32(uvs)[split]},
+    )
+    scene = Scene((mesh,), (Material("M", np.full(3, 0.5, np.float32), BLACK, reflectance_map=texture),))
+    patches, triangles = list_patches(scene, resolution), gather_triangles(scene)
+    surfaces = patch_surfaces(scene, triangles, patches, patch_geometry(scene, triangles, patches))
+    image = np.zeros((resolution * resolution, 3))
+    image[patches.texel] = surfaces.reflectance
+    return image.reshape(resolution, resolution, 3)
+
+
+def noise(size, channels=3):
+    return np.random.default_rng(0).random((size, size, channels)).astype(np.float32)
+
+
+def test_a_texel_shows_its_pixel_times_the_constant():
+    pixels = noise(16)
+    image = textured_square(Texture("T", pixels, "Map", smooth=False))
+    assert image == pytest.approx(0.5 * pixels, abs=1e-6)
+
+
+def test_fine_textures_are_averaged_over_a_texel():
+    pixels = noise(256)
+    expected = 0.5 * pixels.reshape(16, 16, 16, 16, 3).mean(axis=(1, 3))
+    image = textured_square(Texture("T", pixels, "Map", smooth=False))
+    difference = np.abs(image - expected)
+
+    # The texels on the diagonal are cut by the edge between two triangles.
+    assert difference[~np.eye(16, dtype=bool)].max() < 1e-6 and difference.mean() < 0.002
+
+
+def test_the_transform_turns_the_image():
+    pixels = noise(8)
+    quarter = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 1.0]])
+    image = textured_square(Texture("T", pixels, "Map", quarter, smooth=False), 8)
+    assert image == pytest.approx(0.5 * pixels[::-1].transpose(1, 0, 2), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("extension", "expected"), [("repeat", 0.25), ("mirror", 0.75), ("extend", 1.0), ("clip", 0.0)]
+)
+def test_beyond_the_border(extension, expected):
+    pixels = np.float32([0.0, 0.25, 0.75, 1.0]).reshape(1, 4, 1)
+    texture = Texture("T", pixels, "Map", extension=extension, smooth=False)
+    assert sample(pixels, np.array([[1.375, 0.5]]), texture)[0, 0] == expected
+
+
+def test_smooth_textures_interpolate():
+    pixels = np.float32([0.0, 1.0]).reshape(1, 2, 1)
+    texture = Texture("T", pixels, "Map", extension="extend")
+    values = sample(pixels, np.array([[0.1, 0.5], [0.5, 0.5], [0.375, 0.5]]), texture)[:, 0]
+    assert values == pytest.approx([0.0, 0.5, 0.25])

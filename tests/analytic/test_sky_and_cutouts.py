@@ -1,0 +1,89 @@
+"""Light of a sky map, and surfaces that let it through."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from engine import Material, Scene, Settings, Texture
+from tests.analytic.drive import drive, irradiance
+from tests.analytic.scenes import quads, rectangle
+
+SETTINGS = Settings(resolution=16, hemicube=32, sample_emission=False)
+BLACK = np.zeros(3, np.float32)
+
+X, Y, Z = np.eye(3)
+
+
+def opaque(**changes):
+    return dataclasses.replace(Material("Black", BLACK, BLACK), **changes)
+
+
+def sky(height, radiance):
+    """Return an equirectangular map of a function of the direction, (h, 2h, 3) float32."""
+    v = (np.arange(height) + 0.5) / height
+    u = (np.arange(2 * height) + 0.5) / (2 * height)
+    theta, phi = np.pi * (1 - v)[:, None], 2 * np.pi * (0.5 - u)[None]
+    directions = np.stack(
+        np.broadcast_arrays(np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)), axis=2
+    )
+    return np.repeat(radiance(directions)[..., None], 3, axis=2).astype(np.float32)
+
+
+def lit(world, normal_from, material, above=None):
+    """Return the mean E/pi of a 1 m square spanned by two edges, perhaps with a canopy around it."""
+    floor = quads(rectangle((0, 0, 0), *normal_from)[None], [(1, 1, 6, 6)], [0], 16, "Square")
+    meshes = (floor,)
+    if above is not None:
+        canopy = quads(above[None], [(9, 1, 6, 6)], [1], 16, "Canopy")
+        meshes = (floor, dataclasses.replace(canopy, texture_uvs={"Map": canopy_uvs()}))
+    lightmap = drive(Scene(meshes, (opaque(), material), world=world), SETTINGS)
+    chosen = np.argwhere(lightmap.covered[0])[:, 1] < 8
+    return irradiance(lightmap)[chosen].mean(axis=0)
+
+
+def canopy_uvs():
+    return np.float32([[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]])
+
+
+def canopy(height=0.05, size=200.0, up=False):
+    """Return a large quad over the square that faces it, or away from it."""
+    corner = np.array([-size / 2, -size / 2, height])
+    edges = (size * X, size * Y) if up else (size * Y, size * X)
+    return rectangle(corner, *edges)
+
+
+@pytest.mark.parametrize("edges", [(X, Y), (Y, Z), (Z, Y), (Z, X)])
+def test_a_linear_sky_lights_by_its_slope(edges):
+    """Radiance a + b . direction gives E/pi = a + 2/3 b . normal, whatever the normal."""
+    slope = np.array([0.3, -0.2, 0.4])
+    world = sky(64, lambda direction: 1 + direction @ slope)
+    expected = 1 + 2 / 3 * slope @ np.cross(*edges)
+    assert lit(world, edges, opaque()) == pytest.approx(np.full(3, expected), rel=2e-3)
+
+
+def test_without_holes_a_canopy_keeps_all_light_out():
+    assert lit(np.ones(3, np.float32), (X, Y), opaque(), canopy()) == pytest.approx(np.zeros(3), abs=2e-3)
+
+
+def test_half_transparent_surfaces_let_half_the_light_through():
+    through = lit(np.ones(3, np.float32), (X, Y), opaque(alpha=0.5), canopy())
+    assert through == pytest.approx(np.full(3, 0.5), rel=0.02)
+
+
+@pytest.mark.parametrize("threshold", [None, 0.5])
+def test_alpha_maps_cut_holes(threshold):
+    """A wide canopy whose half with y > 0 is a hole, 5 cm above: light comes from that half only."""
+    pixels = np.float32([1.0, 1.0, 0.0, 0.0]).reshape(4, 1, 1)
+    texture = Texture("Holes", pixels, "Map", extension="extend", smooth=False)
+    turned = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+    material = opaque(alpha_map=dataclasses.replace(texture, transform=turned), alpha_threshold=threshold)
+    world = np.ones(3, np.float32)
+    through = lit(world, (X, Y), material, rectangle((-100, -99.5, 0.05), 200 * Y, 200 * X))
+    assert through == pytest.approx(np.full(3, 0.5), abs=0.03)
+
+
+@pytest.mark.parametrize(("culled", "up", "expected"), [(True, True, 1), (True, False, 0), (False, True, 0)])
+def test_backs_of_culled_materials_are_see_through(culled, up, expected):
+    light = lit(np.ones(3, np.float32), (X, Y), opaque(culled=culled), canopy(up=up))
+    assert light == pytest.approx(np.full(3, float(expected)), abs=2e-3)

@@ -60,21 +60,22 @@ def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap
         gather = PaperGather(graphics, compute, scene, parts, glow, sky, settings)
         glowing = bool(glow.any() or sky.any())
         solution = Jacobi(parts.surfaces.reflectance, glow, parts.geometry.area, settings, direct, glowing)
-        outputs = Outputs(settings, sampled, store)
+        outputs = Outputs(scene, settings, sampled)
         while not outputs.done(solution):
             gathered = yield from _report(gather.iteration(solution.radiance), partial(_progress, solution))
             solution.update(gathered[:, :3])
             store.hide(gathered[:, 3])
-            yield _progress(solution, 1.0, outputs.partial(solution))
+            yield _progress(solution, 1.0, store.display(outputs.light(solution)))
         clock.lap("hemicubes")
 
         # What was asked for, as images.
-        passes = yield from _report(outputs.passes(solution), partial(Progress, "outputs"))
+        made = yield from _report(outputs.make(solution), partial(Progress, "outputs"))
+        passes = {name: store.display(values) for name, values in made.items()}
+        first = next(iter(made))
         clock.lap("outputs")
-        main = outputs.main(solution)
         warnings = (*parts.warnings, *sampled.warnings)
         report = _summary(solution, outputs, len(parts.patches), clock, (graphics, compute), warnings)
-        return Lightmap(atlases, store.image(main), store.display(main), store.covered, report, passes)
+        return Lightmap(atlases, store.image(made[first]), passes[first], store.covered, report, passes)
     finally:
         graphics.release()
 

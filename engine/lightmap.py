@@ -35,8 +35,8 @@ class Report:
 class Lightmap:
     """Every atlas of a bake; row 0 is the bottom row (v = 0), as in OpenGL and Blender.
 
-    image    (atlases, h, w, 3) float32, E/pi of all light; 0 where `covered` is False. Direct light
-             alone if only that was asked for
+    image    (atlases, h, w, 3) float32, the first output asked for (E/pi of all light unless told
+             otherwise); 0 where `covered` is False
     display  (atlases, h, w, 3) float32, `image` with hidden texels filled and charts dilated
     covered  (atlases, h, w) bool, texels that are patches
     passes   every output asked for, as `display`, by name: "combined", "direct", "indirect" (E/pi),

@@ -1,4 +1,4 @@
-"""What was asked of a bake, as images: all light, its parts, ambient occlusion, shadow masks."""
+"""What was asked of a bake: all light, its parts, ambient occlusion, shadow masks."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from collections.abc import Generator
 
 import numpy as np
 
-from .finish.store import LightmapStore
+from .errors import SceneError
 from .sampled import SampledLight
+from .scene import Scene, shining_lights
 from .settings import Settings
 from .solve import Jacobi
 
@@ -16,12 +17,34 @@ _LIGHT = ("combined", "direct", "indirect")
 _BOUNCES = ("combined", "indirect")
 
 
+def output_names(scene: Scene, settings: Settings) -> list[str]:
+    """Return the names of `Lightmap.passes`, in their order; instances of a light get numbers.
+
+    Raises SceneError if there is nothing to give.
+    """
+    names: list[str] = []
+    for name in settings.outputs:
+        if name == "shadow_mask":
+            names += [f"{name} {light.name}" for light in shining_lights(scene)]
+        else:
+            names.append(name)
+    if not names:
+        raise SceneError(
+            "Shadow masks need a light, and the scene has none. Add one, or choose other outputs."
+        )
+    taken: set[str] = set()
+    for index, name in enumerate(names):
+        names[index] = _unused(name, taken)
+        taken.add(names[index])
+    return names
+
+
 class Outputs:
     """Makes the outputs that the settings name."""
 
-    def __init__(self, settings: Settings, sampled: SampledLight, store: LightmapStore) -> None:
-        self._names, self._sampled, self._store = settings.outputs, sampled, store
-        self.bounces = any(name in _BOUNCES for name in self._names)
+    def __init__(self, scene: Scene, settings: Settings, sampled: SampledLight) -> None:
+        self._names, self._settings, self._sampled = output_names(scene, settings), settings, sampled
+        self.bounces = any(name in _BOUNCES for name in settings.outputs)
 
     def done(self, solution: Jacobi) -> bool:
         """True once a solution is good enough for the outputs.
@@ -30,27 +53,23 @@ class Outputs:
         """
         return solution.done if self.bounces else solution.iterations > 0
 
-    def main(self, solution: Jacobi) -> np.ndarray:
-        """Return the light that the main image holds, (n, 3) float32: of the first output that is light."""
-        return _light(next((name for name in self._names if name in _LIGHT), "direct"), solution)
+    def light(self, solution: Jacobi) -> np.ndarray:
+        """Return the first output that is light, so far, (n, 3) float32; direct light if none is."""
+        name = next((name for name in self._settings.outputs if name in _LIGHT), "direct")
+        return _light(name, solution)
 
-    def partial(self, solution: Jacobi) -> np.ndarray:
-        """Return the main image so far, (atlases, r, r, 3) float32, for display."""
-        return self._store.display(self.main(solution))
-
-    def passes(self, solution: Jacobi) -> Generator[float, None, dict[str, np.ndarray]]:
-        """Make every output, (atlases, r, r, 3) float32 for display, by name; yield the fraction done."""
-        passes: dict[str, np.ndarray] = {}
+    def make(self, solution: Jacobi) -> Generator[float, None, dict[str, np.ndarray]]:
+        """Make every output, (n, 3) or (n,) float32, by name; yield the fraction done of each."""
+        made: dict[str, np.ndarray] = {}
+        masks = iter(range(len(self._names)))
         for name in self._names:
             if name in _LIGHT:
-                passes[name] = self._store.display(_light(name, solution))
+                made[name] = _light(name, solution)
             elif name == "ambient_occlusion":
-                passes[name] = self._store.display((yield from self._sampled.ambient_occlusion()))
+                made[name] = yield from self._sampled.ambient_occlusion()
             else:
-                for index, light in enumerate(self._sampled.lights):
-                    mask = yield from self._sampled.shadow_mask(index)
-                    passes[_unused(f"{name} {light.name}", passes)] = self._store.display(mask)
-        return passes
+                made[name] = yield from self._sampled.shadow_mask(next(masks))
+        return made
 
 
 def _light(name: str, solution: Jacobi) -> np.ndarray:
@@ -59,8 +78,8 @@ def _light(name: str, solution: Jacobi) -> np.ndarray:
     return parts[name]
 
 
-def _unused(name: str, taken: dict[str, np.ndarray]) -> str:
-    """Return a name, with a number if it is taken: instances of a light share its name."""
+def _unused(name: str, taken: set[str]) -> str:
+    """Return a name, with a number if it is taken."""
     if name not in taken:
         return name
     return next(other for number in range(2, len(taken) + 3) if (other := f"{name} {number}") not in taken)

@@ -9,7 +9,7 @@ import numpy as np
 
 from .cutouts import gather_cutouts
 from .device.compute import Compute
-from .scene import Scene
+from .scene import Scene, shining_lights
 from .settings import Settings
 from .sky import Sky, split_sky, whole_sky
 from .subdivision import Subdivision
@@ -34,7 +34,7 @@ class SampledLight:
         self._compute, self._scene, self._parts, self._settings = compute, scene, parts, settings
         emission = parts.surfaces.emission
         self._rays: Any = None
-        self.lights = tuple(light for light in scene.lights if light.strength.any())
+        self.lights = shining_lights(scene)
 
         # Small bright surfaces and bright sky, unless hemicubes are to see everything as in the paper.
         emitters = None

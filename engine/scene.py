@@ -136,6 +136,11 @@ class Scene:
     lights: tuple[Light, ...] = ()
 
 
+def shining_lights(scene: Scene) -> tuple[Light, ...]:
+    """Return the lamps of a scene that give light."""
+    return tuple(light for light in scene.lights if light.strength.any())
+
+
 #: Greater radiances count as infinite: sums of them would leave float32.
 MAX_RADIANCE = 1e30
 

@@ -20,6 +20,7 @@ def read_settings(properties: HemibakeSceneProperties) -> Settings:
         method=properties.method,
         outputs=tuple(name for name in OUTPUTS if name in properties.outputs),
         light_samples=properties.light_samples,
+        sample_emission=properties.sample_emission,
         ao_samples=properties.ao_samples,
         ao_distance=properties.ao_distance,
         seed=properties.seed,

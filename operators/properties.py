@@ -86,6 +86,12 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
         soft_min=1,
         soft_max=4096,
     )
+    sample_emission: BoolProperty(
+        name="Sample Emission",
+        description="Sample small bright emissive surfaces and bright sky as lights; off leaves them to the "
+        "hemicubes, as in the paper",
+        default=Settings.sample_emission,
+    )
     ao_samples: IntProperty(
         name="AO Samples",
         description="Rays of each patch for ambient occlusion",

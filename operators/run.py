@@ -12,6 +12,7 @@ import numpy as np
 
 from ..engine.errors import EngineError, SceneError
 from ..engine.lightmap import Lightmap
+from ..engine.outputs import output_names
 from ..engine.progress import Progress
 from ..engine.scene import Scene
 from ..engine.settings import Settings
@@ -42,8 +43,9 @@ class Run:
         self._start = time.perf_counter()
         try:
             self._gathered = self._gather(context)
+            self._names = _image_names(self._gathered.scene, self._settings)
             self._places = choose_places(
-                context.scene, self._gathered.scene.atlases, context.scene.hemibake.directory, self._changes
+                context.scene, self._names, context.scene.hemibake.directory, self._changes
             )
             self._seconds = {"gather": time.perf_counter() - self._start}
             self._job = bake(self._gathered.scene, self._settings)
@@ -91,9 +93,10 @@ class Run:
         `failure` says so, and the lightmaps are packed into the .blend.
         """
         start = time.perf_counter()
-        self._show(lightmap.display)
+        pixels = np.concatenate(list(lightmap.passes.values()))
+        self._show(pixels)
         targets = [find(bpy.data.images, uid) for uid in self._images]
-        files = self._store(targets, lightmap.display)
+        files = self._store(targets, pixels)
         self._remember_images(targets)
         self._seconds["store"] = time.perf_counter() - start
         report = self._report(lightmap, [image.name for image in targets], files)
@@ -111,20 +114,21 @@ class Run:
             return []
 
     def _show(self, lightmaps: np.ndarray) -> None:
-        """Put lightmaps, (atlases, h, w, 3), into the images; images that are gone are made anew."""
-        atlases, scene = self._gathered.scene.atlases, find(bpy.data.scenes, self._scene_uid)
+        """Put lightmaps, (m, h, w, 3), into the first m images; images that are gone are made anew."""
+        scene = find(bpy.data.scenes, self._scene_uid)
         if scene is None:
             raise SceneError("The scene that was being baked is gone. Bake again.")
-        found = [find(bpy.data.images, uid) for uid in self._images] or [None] * len(atlases)
-        for index, (image, atlas) in enumerate(zip(found, atlases, strict=True)):
+        for index, pixels in enumerate(lightmaps):
+            image = find(bpy.data.images, self._images[index]) if index < len(self._images) else None
             if image is None:
-                found[index] = images.lightmap_image(scene, atlas, self._settings.resolution, self._changes)
-            images.show(found[index], lightmaps[index])
-        self._images = [image.session_uid for image in found]
+                name, resolution = self._names[index], self._settings.resolution
+                image = images.lightmap_image(scene, name, resolution, self._changes)
+            images.show(image, pixels)
+            self._images[index : index + 1] = [image.session_uid]
 
     def _remember_images(self, targets: list[bpy.types.Image]) -> None:
-        """Write on each baked object which image and which UV layer belong to it."""
-        image = dict(zip(self._gathered.scene.atlases, targets, strict=True))
+        """Write on each baked object which image, of the first output, and which UV layer belong to it."""
+        image = dict(zip(self._gathered.scene.atlases, targets, strict=False))
         for uid, atlas in self._gathered.objects:
             obj = find(bpy.data.objects, uid)
             if obj is not None and obj.is_editable:
@@ -151,3 +155,10 @@ class Run:
             "files": files,
             "warnings": list(dict.fromkeys(notes)),
         }
+
+
+def _image_names(scene: Scene, settings: Settings) -> list[str]:
+    """Return the name of every image: the atlas, and for outputs after the first what it shows, too."""
+    _, *others = output_names(scene, settings)
+    labels = [name.replace("_", " ") for name in others]
+    return [*scene.atlases, *(f"{atlas} {label}" for label in labels for atlas in scene.atlases)]

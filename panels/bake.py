@@ -33,6 +33,23 @@ class HEMIBAKE_PT_bake(_Sidebar, bpy.types.Panel):
         row.operator("hemibake.preview", text="Preview", icon="SHADING_TEXTURE")
 
 
+class HEMIBAKE_PT_outputs(_Sidebar, bpy.types.Panel):
+    """What a bake gives."""
+
+    bl_label = "Outputs"
+    bl_parent_id = "HEMIBAKE_PT_bake"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, settings = self.layout, context.scene.hemibake
+        layout.column().prop(settings, "outputs", expand=True)
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        if "ambient_occlusion" in settings.outputs:
+            layout.prop(settings, "ao_samples")
+            layout.prop(settings, "ao_distance")
+
+
 class HEMIBAKE_PT_advanced(_Sidebar, bpy.types.Panel):
     """Settings that seldom need a change."""
 
@@ -44,7 +61,16 @@ class HEMIBAKE_PT_advanced(_Sidebar, bpy.types.Panel):
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        for name in ("method", "seed", "dilation", "uv_layer", "directory", "patch_file"):
+        for name in (
+            "method",
+            "light_samples",
+            "sample_emission",
+            "seed",
+            "dilation",
+            "uv_layer",
+            "directory",
+            "patch_file",
+        ):
             layout.prop(context.scene.hemibake, name)
 
 
@@ -91,4 +117,10 @@ class HEMIBAKE_PT_report(_Sidebar, bpy.types.Panel):
             column.label(text=warning, icon="ERROR")
 
 
-CLASSES = (HEMIBAKE_PT_bake, HEMIBAKE_PT_advanced, HEMIBAKE_PT_object, HEMIBAKE_PT_report)
+CLASSES = (
+    HEMIBAKE_PT_bake,
+    HEMIBAKE_PT_outputs,
+    HEMIBAKE_PT_advanced,
+    HEMIBAKE_PT_object,
+    HEMIBAKE_PT_report,
+)

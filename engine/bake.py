@@ -12,7 +12,7 @@ from .clock import Stopwatch
 from .device.compute import Compute
 from .device.graphics import Graphics
 from .finish.store import LightmapStore
-from .gather import PaperGather
+from .gather import choose_gather
 from .lightmap import Lightmap, Report
 from .limits import check_limits
 from .occluders import place_occluders
@@ -57,7 +57,7 @@ def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap
 
         # Hemicubes are drawn and integrated until the light has settled (III.B, IV.B, IV.C).
         glow, sky = sampled.emission_left, sampled.sky_left
-        gather = PaperGather(graphics, compute, scene, parts, glow, sky, settings)
+        gather = choose_gather(graphics, compute, scene, parts, glow, sky, settings)
         glowing = bool(glow.any() or sky.any())
         solution = Jacobi(parts.surfaces.reflectance, glow, parts.geometry.area, settings, direct, glowing)
         outputs = Outputs(scene, settings, sampled)
@@ -74,7 +74,9 @@ def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap
         first = next(iter(made))
         clock.lap("outputs")
         warnings = (*parts.warnings, *sampled.warnings)
-        report = _summary(solution, outputs, len(parts.patches), clock, (graphics, compute), warnings)
+        report = _summary(
+            solution, outputs, gather.method, len(parts.patches), clock, (graphics, compute), warnings
+        )
         return Lightmap(atlases, store.image(made[first]), passes[first], store.covered, report, passes)
     finally:
         graphics.release()
@@ -101,6 +103,7 @@ def _progress(solution: Jacobi, fraction: float, image: np.ndarray | None = None
 def _summary(
     solution: Jacobi,
     outputs: Outputs,
+    method: str,
     patches: int,
     clock: Stopwatch,
     devices: tuple[Graphics, Compute],
@@ -109,6 +112,7 @@ def _summary(
     graphics, compute = devices
     return Report(
         patches=patches,
+        method=method,
         iterations=solution.iterations,
         residual=solution.residual,
         converged=solution.converged or not outputs.bounces,

@@ -88,9 +88,11 @@ def patch_geometry(scene: Scene, triangles: Triangles, patches: PatchList) -> Pa
 def patch_triangles(scene: Scene, patches: PatchList) -> np.ndarray:
     """Return the index into `Triangles` of each patch, (n,) int32, from mesh, face and subface."""
     triangle = np.empty(len(patches), np.int32)
+    order = np.argsort(patches.mesh, kind="stable")
+    ends = np.searchsorted(patches.mesh[order], np.arange(len(scene.meshes) + 1))
     first = 0
     for index, mesh in enumerate(scene.meshes):
-        chosen = np.flatnonzero(patches.mesh == index)
+        chosen = order[ends[index] : ends[index + 1]]
         if len(chosen):
             keys = _triangle_keys(mesh.face, mesh.subface)
             wanted = _triangle_keys(patches.face[chosen], patches.subface[chosen])

@@ -12,6 +12,7 @@ class Report:
     """The facts of a bake.
 
     patches     number of patches
+    method      how they gathered, one of METHODS: not always what the settings wanted
     iterations  iterations run
     residual    estimated remaining error, relative to the lightmaps' mean
     converged   True if the residual is below the tolerance
@@ -22,6 +23,7 @@ class Report:
     """
 
     patches: int
+    method: str
     iterations: int
     residual: float
     converged: bool

@@ -7,7 +7,7 @@ from .device.graphics import Graphics
 from .errors import SettingsError
 from .scene import Scene
 from .settings import Settings
-from .visibility.raster import MAX_PATCHES
+from .visibility.targets import MAX_PATCHES
 
 #: Bytes a lightmap texel takes while the patch list of one atlas is made: two RGBA32F targets; and
 #: after that in every atlas: the index map.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from .errors import SettingsError
 
 #: Methods in the order of the user interface.
-METHODS = ("paper",)
+METHODS = ("cached", "paper")
 
 #: What a bake can give, in the order of the user interface.
 OUTPUTS = ("combined", "direct", "indirect", "ambient_occlusion", "shadow_mask")
@@ -45,7 +45,7 @@ class Settings:
     hemicube: int = 64
     iterations: int = 50
     tolerance: float = 0.002
-    method: str = "paper"
+    method: str = "cached"
     outputs: tuple[str, ...] = ("combined",)
     light_samples: int = 64
     sample_emission: bool = True

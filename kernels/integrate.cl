@@ -3,32 +3,6 @@
 // rgb is radiance; a is 1 where the front of a surface or the surroundings are seen, and 2 where the
 // surroundings still have to be looked up.
 
-// The direction of a texel of the stacked layout, along right, up and normal; any length.
-float3 texel_direction(const int x, const int y, const int n)
-{
-    const float across = (2 * x + 1) / (float)n - 1.0f;
-    if (y < n)
-        return (float3)(across, (2 * y + 1) / (float)n - 1.0f, 1.0f);
-    const int side = (y - n) / (n / 2);
-    const float height = (2 * ((y - n) % (n / 2)) + 1) / (float)n;
-    const float forward = side % 2 == 0 ? 1.0f : -1.0f;
-    return side < 2 ? (float3)(forward, forward * across, height) : (float3)(-forward * across, forward, height);
-}
-
-// The surroundings in a direction in world space, from an equirectangular map, row 0 below
-// (Cycles, kernel/camera/projection.h): the four pixels around it, interpolated.
-float4 surroundings(const float3 direction, __global const float4 *sky, const int2 size)
-{
-    const float2 place = (float2)((0.5f - atan2pi(direction.y, direction.x) * 0.5f) * size.x - 0.5f,
-                                  (1.0f - acospi(clamp(direction.z / length(direction), -1.0f, 1.0f))) * size.y - 0.5f);
-    const float2 low = floor(place), f = place - low;
-    const int x0 = ((int)low.x + size.x) % size.x, x1 = (x0 + 1) % size.x;
-    const int y0 = clamp((int)low.y, 0, size.y - 1), y1 = clamp((int)low.y + 1, 0, size.y - 1);
-    const float4 below = mix(sky[y0 * size.x + x0], sky[y0 * size.x + x1], f.x);
-    const float4 above = mix(sky[y1 * size.x + x0], sky[y1 * size.x + x1], f.x);
-    return mix(below, above, f.y);
-}
-
 // Workspace: layers stacked on top of each other, so that the later steps see one tall image. A frame is
 // right, up and normal of a hemicube in world space, and the horizon: along right, up and normal the
 // surface's geometric normal. No light comes from behind the surface itself, where a smooth normal

@@ -20,6 +20,11 @@ from ..engine.settings import HEMICUBES, METHODS, Settings
 from .compat import PATH_OPTIONS
 
 _METHOD_NAMES = {
+    "cached": (
+        "Cached",
+        "Draw once which patch each hemicube texel sees; iterations only look radiance up. "
+        "Needs memory: where it is not enough, as Paper",
+    ),
     "paper": ("Paper", "Draw radiance hemicubes anew in every iteration, as in the paper"),
 }
 _OUTPUTS = [

@@ -145,6 +145,7 @@ class Run:
         return {
             "objects": len(self._gathered.objects),
             "patches": int(facts.patches),
+            "method": facts.method,
             "iterations": int(facts.iterations),
             "residual": float(facts.residual) if math.isfinite(facts.residual) else None,
             "converged": bool(facts.converged),
@@ -160,5 +161,5 @@ class Run:
 def _image_names(scene: Scene, settings: Settings) -> list[str]:
     """Return the name of every image: the atlas, and for outputs after the first what it shows, too."""
     _, *others = output_names(scene, settings)
-    labels = [name.replace("_", " ") for name in others]
+    labels = [name.replace("_", " ", 1) for name in others]
     return [*scene.atlases, *(f"{atlas} {label}" for label in labels for atlas in scene.atlases)]

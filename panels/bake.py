@@ -50,6 +50,11 @@ class HEMIBAKE_PT_outputs(_Sidebar, bpy.types.Panel):
             layout.prop(settings, "ao_distance")
 
 
+_ADVANCED = (
+    "method", "light_samples", "sample_emission", "seed", "dilation", "uv_layer", "directory", "patch_file",
+)  # fmt: skip
+
+
 class HEMIBAKE_PT_advanced(_Sidebar, bpy.types.Panel):
     """Settings that seldom need a change."""
 
@@ -61,16 +66,7 @@ class HEMIBAKE_PT_advanced(_Sidebar, bpy.types.Panel):
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        for name in (
-            "method",
-            "light_samples",
-            "sample_emission",
-            "seed",
-            "dilation",
-            "uv_layer",
-            "directory",
-            "patch_file",
-        ):
+        for name in _ADVANCED:
             layout.prop(context.scene.hemibake, name)
 
 

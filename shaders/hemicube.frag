@@ -1,10 +1,17 @@
 #version 410
-// What the patch that is seen sends out. The radiosity texture holds two values a patch: the front,
+// With IDENTITY defined: which patch is seen, plus 1, and the highest bit for its back. Without: what
+// that patch sends out. The radiosity texture holds two values a patch: the front,
 // a = 1, in its lower half; emission alone, which leaves the back too, a = 0, in its upper half.
 in vec3 lightmap_uv;
 uniform usampler2DArray owners;
+#ifndef IDENTITY
 uniform sampler2D radiosity;
+#endif
+#ifdef IDENTITY
+layout(location = 0) out uint out_identity;
+#else
 layout(location = 0) out vec4 out_radiance;
+#endif
 #ifdef CUTOUTS
 in vec3 cutout;
 #endif
@@ -18,7 +25,11 @@ void main()
     ivec2 size = textureSize(owners, 0).xy;
     ivec2 texel = clamp(ivec2(lightmap_uv.xy * vec2(size)), ivec2(0), size - 1);
     int owner = int(texelFetch(owners, ivec3(texel, int(lightmap_uv.z + 0.5)), 0).r);
+#ifdef IDENTITY
+    out_identity = uint(owner) | (gl_FrontFacing ? 0u : 0x80000000u);
+#else
     ivec2 half_size = textureSize(radiosity, 0) / ivec2(1, 2);
     int row = owner / half_size.x + (gl_FrontFacing ? 0 : half_size.y);
     out_radiance = texelFetch(radiosity, ivec2(owner % half_size.x, row), 0);
+#endif
 }

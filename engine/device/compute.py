@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import pyopencl as cl
 
 from ..errors import DeviceError
@@ -27,9 +29,10 @@ class Compute:
         self.queue = cl.CommandQueue(self.context)
         self.name = self.device.name.strip()
 
-    def kernels(self, source: str, *names: str) -> list[cl.Kernel]:
-        """Build kernels/<source> and return its kernels in the order of the names."""
-        program = self._build(self.context, kernel_source(source))
+    def kernels(self, source: str | Sequence[str], *names: str) -> list[cl.Kernel]:
+        """Build kernels/<source>, or several files one after another; return kernels in the names' order."""
+        files = [source] if isinstance(source, str) else source
+        program = self._build(self.context, "\n".join(kernel_source(file) for file in files))
         return [cl.Kernel(program, name) for name in names]
 
     def _first_working_context(self, devices: list[cl.Device]) -> cl.Context:

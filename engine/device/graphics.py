@@ -44,14 +44,13 @@ class Graphics:
         if self.reversed_depth:
             self.raw("glClipControl", LOWER_LEFT, ZERO_TO_ONE)
 
-    def program(self, name: str, stages: Sequence[str], feature: str | None = None) -> moderngl.Program:
+    def program(self, name: str, stages: Sequence[str], features: Sequence[str] = ()) -> moderngl.Program:
         """Link shaders/<name>.<stage> for each of the stages vert, geom and frag.
 
-        feature  optional name of shaders/<feature>.glsl: its text comes first in fragment shaders, and
-                 its name in capitals is defined in all stages
+        features  defined in capitals in all stages; see `shader_source`
         """
         keyword = {"vert": "vertex_shader", "geom": "geometry_shader", "frag": "fragment_shader"}
-        sources = {keyword[stage]: shader_source(f"{name}.{stage}", feature) for stage in stages}
+        sources = {keyword[stage]: shader_source(f"{name}.{stage}", features) for stage in stages}
         return self.context.program(**sources)
 
     def discard(self, *resources: Any) -> None:

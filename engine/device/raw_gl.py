@@ -11,6 +11,8 @@ FRAMEBUFFER = 0x8D40
 DEPTH_ATTACHMENT = 0x8D00
 FRAMEBUFFER_COMPLETE = 0x8CD5
 TEXTURE_2D_ARRAY = 0x8C1A
+COLOR = 0x1800
+DEPTH = 0x1801
 DEPTH_COMPONENT = 0x1902
 DEPTH_COMPONENT32F = 0x8CAC
 FLOAT = 0x1406
@@ -25,6 +27,8 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "glFramebufferTexture": (None, (_UINT, _UINT, _UINT, _INT)),
     "glCheckFramebufferStatus": (_UINT, (_UINT,)),
     "glViewportIndexedf": (None, (_UINT, _FLOAT, _FLOAT, _FLOAT, _FLOAT)),
+    "glClearBufferuiv": (None, (_UINT, _INT, ctypes.POINTER(_UINT))),
+    "glClearBufferfv": (None, (_UINT, _INT, ctypes.POINTER(_FLOAT))),
     "glClipControl": (None, (_UINT, _UINT)),
 }
 
@@ -60,6 +64,11 @@ class RawGL:
             DEPTH_COMPONENT, FLOAT, None,
         )  # fmt: skip
         return name.value
+
+    def clear_integers(self, value: int, depth: float) -> None:
+        """Clear all layers of the bound framebuffer, whose colours are unsigned integers."""
+        self("glClearBufferuiv", COLOR, 0, (_UINT * 4)(value, value, value, value))
+        self("glClearBufferfv", DEPTH, 0, (_FLOAT * 1)(depth))
 
     def attach_layered_depth(self, texture: int) -> bool:
         """Attach a depth array to the bound framebuffer; return True if it is complete."""

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 _ROOT = Path(__file__).resolve().parents[2]
 
 
-def shader_source(name: str, feature: str | None = None) -> str:
-    """Return the text of shaders/<name>, with the definition of a feature after its first line.
+def shader_source(name: str, features: Sequence[str] = ()) -> str:
+    """Return the text of shaders/<name>, with the names of features defined after its first line.
 
-    The first line is the #version. Fragment shaders also get the text of shaders/<feature>.glsl.
+    The first line is the #version. A fragment shader also gets shaders/<feature>.glsl where that exists.
     """
     text = (_ROOT / "shaders" / name).read_text(encoding="utf-8")
-    if feature is None:
-        return text
     version, _, rest = text.partition("\n")
-    shared = (_ROOT / "shaders" / f"{feature}.glsl").read_text(encoding="utf-8")
-    return f"{version}\n#define {feature.upper()}\n{shared if name.endswith('.frag') else ''}{rest}"
+    lines = [version, *(f"#define {feature.upper()}" for feature in features)]
+    shared = [_ROOT / "shaders" / f"{feature}.glsl" for feature in features if name.endswith(".frag")]
+    lines += [path.read_text(encoding="utf-8") for path in shared if path.exists()]
+    return "\n".join([*lines, rest])
 
 
 def kernel_source(name: str) -> str:

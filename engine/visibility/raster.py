@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import moderngl
 import numpy as np
@@ -12,21 +12,19 @@ from ..device.graphics import Graphics
 from ..errors import DeviceError
 from ..geometry import Triangles
 from ..hemicube import FACES, face_rows
+from .targets import Target
 from .tiles import TILES_PER_DRAW, Tiles
 
-#: Patches in a row of the radiosity texture, and in all its rows: front and back share 16384.
+#: Texels in a row of the texture with all alpha maps.
 _ROW = 4096
-MAX_PATCHES = _ROW * 8192 - 1
 
 
 class HemicubeRaster:
-    """The radiance every patch of a batch sees, drawn by a geometry shader, instancing and viewports.
+    """What every patch of a batch sees, drawn by a geometry shader, instancing and viewports.
 
-    cutouts   which surfaces are see-through
-    owners    (atlases, r, r) uint32 index map: patch + 1, or 0
-    emission  (n, 3) float32 radiance, seen on back faces
-    nothing   4 numbers that stand where no surface is seen
-    The result is `texture`: (layers, height, width, 4) float32 in the layout of `tiles`.
+    cutouts  which surfaces are see-through
+    owners   (atlases, r, r) uint32 index map: patch + 1, or 0
+    target   what is drawn; in the layout of `tiles`
     """
 
     def __init__(
@@ -36,40 +34,35 @@ class HemicubeRaster:
         triangles: Triangles,
         cutouts: Cutouts,
         owners: np.ndarray,
-        emission: np.ndarray,
-        nothing: Sequence[float],
+        target: Target,
     ) -> None:
         context = graphics.context
-        self._graphics, self._tiles = graphics, tiles
-        self._nothing = tuple(float(channel) for channel in nothing)
+        self._graphics, self._tiles, self._target = graphics, tiles, target
 
         # Geometry relative to the scene's middle, where float32 is finest.
         low, high = triangles.positions.min(axis=(0, 1)), triangles.positions.max(axis=(0, 1))
         self.origin = (low.astype(np.float64) + high) / 2
-        feature = "cutouts" if cutouts.needed else None
-        self._program = graphics.program("hemicube", ("vert", "geom", "frag"), feature)
+        features = (*target.features, *(("cutouts",) if cutouts.needed else ()))
+        self._program = graphics.program("hemicube", ("vert", "geom", "frag"), features)
         vertices = context.buffer(_vertices(triangles, self.origin).tobytes())
         content = [(vertices, "3f 3f", "in_position", "in_lookup")]
-        if feature:
+        if cutouts.needed:
             places = context.buffer(_cutout_vertices(triangles, cutouts).tobytes())
             content.append((places, "3f", "in_cutout"))
         self._triangles = context.vertex_array(self._program, content)
 
-        # What the fragment shader looks up: the owner of a texel, and what that patch sends out.
+        # What the shaders look up: hemicubes' matrices, the owners of lightmap texels, the target's own.
         atlases, height, width = owners.shape
-        self._owners = context.texture_array((width, height, atlases), 1, owners.tobytes(), dtype="u4")
-        self._owners.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        self._radiosity = _radiosity_texture(context, len(emission))
-        self._write_side(emission, front=False)
+        owner_map = context.texture_array((width, height, atlases), 1, owners.tobytes(), dtype="u4")
         self._matrices = context.texture((4 * FACES, tiles.capacity), 4, dtype="f4")
-        self._matrices.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        self._textures = {"matrices": self._matrices, "owners": self._owners, "radiosity": self._radiosity}
-        if feature:
-            self._textures.update(_cutout_textures(context, cutouts))
+        self._lookups = {"matrices": self._matrices, "owners": owner_map, **target.lookups}
+        if cutouts.needed:
+            self._lookups.update(_cutout_textures(context, cutouts))
+        for texture in self._lookups.values():
+            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
 
-        # Where hemicubes are drawn: a colour and a depth array.
-        self.texture = context.texture_array((tiles.width, tiles.height, tiles.layers), 4, dtype="f4")
-        self._framebuffer = context.framebuffer([self.texture])
+        # Where hemicubes are drawn: the target and a depth array.
+        self._framebuffer = context.framebuffer([target.texture])
         self._framebuffer.use()
         self._depth = graphics.raw.depth_array(tiles.width, tiles.height, tiles.layers)
         if not graphics.raw.attach_layered_depth(self._depth):
@@ -77,10 +70,6 @@ class HemicubeRaster:
                 f"The OpenGL driver '{graphics.name}' cannot draw into layered depth textures. Update it."
             )
         self._framebuffer.depth_mask = True
-
-    def set_radiance(self, radiance: np.ndarray) -> None:
-        """Replace what the fronts of the patches send out: (n, 3) float32 radiance."""
-        self._write_side(radiance, front=True)
 
     def draw(self, matrices: np.ndarray, layers_per_slice: int) -> Iterator[int]:
         """Draw hemicubes into the first slots of the array, a few layers at a time.
@@ -101,10 +90,10 @@ class HemicubeRaster:
     def _begin(self, count: int) -> None:
         """Clear all layers and set what stays the same for a batch."""
         self._bind()
-        self._framebuffer.clear(*self._nothing, depth=0.0 if self._graphics.reversed_depth else 1.0)
+        self._target.clear(self._framebuffer, 0.0 if self._graphics.reversed_depth else 1.0)
         self._program["hemicubes"] = count
         self._program["tiles_per_layer"] = self._tiles.per_layer
-        for unit, name in enumerate(self._textures):
+        for unit, name in enumerate(self._lookups):
             self._program[name] = unit
 
     def _bind(self) -> None:
@@ -114,17 +103,8 @@ class HemicubeRaster:
         context.enable_only(moderngl.DEPTH_TEST)
         context.depth_func = ">" if self._graphics.reversed_depth else "<"
         context.front_face = "cw"
-        for unit, texture in enumerate(self._textures.values()):
+        for unit, texture in enumerate(self._lookups.values()):
             texture.use(unit)
-
-    def _write_side(self, radiance: np.ndarray, front: bool) -> None:
-        """Write (n, 3) float32 into one half of the radiosity texture; entry 0 stands for nothing."""
-        width, height = self._radiosity.size[0], self._radiosity.size[1] // 2
-        values = np.zeros((width * height, 4), np.float32)
-        values[1 : len(radiance) + 1, :3] = radiance
-        values[:, 3] = front
-        values[0, 3] = 1
-        self._radiosity.write(values.tobytes(), viewport=(0, 0 if front else height, width, height))
 
     def _draw_layers(self, first: int, layers: int) -> None:
         """Draw the hemicubes of some layers: one draw call for every three tiles of a layer."""
@@ -171,17 +151,7 @@ def _cutout_textures(context: moderngl.Context, cutouts: Cutouts) -> dict[str, m
     values = np.zeros((count, 4), np.float32)
     values[:, 0:2], values[:, 2] = cutouts.constants, cutouts.culled
     constants = context.texture((count, 1), 4, values.tobytes(), dtype="f4")
-    textures = {"cutout_alpha": alpha, "cutout_maps": maps, "cutout_constants": constants}
-    for texture in textures.values():
-        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-    return textures
-
-
-def _radiosity_texture(context: moderngl.Context, patches: int) -> moderngl.Texture:
-    """Make a texture with one RGBA texel for the front and one for the back of each patch."""
-    texture = context.texture((_ROW, 2 * -(-(patches + 1) // _ROW)), 4, dtype="f4")
-    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-    return texture
+    return {"cutout_alpha": alpha, "cutout_maps": maps, "cutout_constants": constants}
 
 
 def _padded(values: np.ndarray, length: int) -> bytes:

@@ -20,6 +20,7 @@ from engine.reference.gauss_seidel import gather, gauss_seidel
 from engine.solve import Jacobi
 from engine.viewpoints import place_hemicubes
 from engine.visibility.raster import HemicubeRaster
+from engine.visibility.targets import RadianceTarget
 from engine.visibility.tiles import plan_tiles
 from tests.analytic import scenes
 from tests.analytic.drive import Prepared, drive, irradiance, prepare
@@ -71,18 +72,18 @@ def draw(room: Prepared, chosen: np.ndarray, radiance: np.ndarray) -> tuple[np.n
     try:
         compute = Compute()
         owners = owner_map(room.scene, room.patches)
-        nothing = (*room.scene.world, 1.0)
+        target = RadianceTarget(graphics, tiles, room.emission, (*room.scene.world, 1.0))
         cutouts = gather_cutouts(room.scene)
-        raster = HemicubeRaster(graphics, tiles, room.triangles, cutouts, owners, room.emission, nothing)
-        raster.set_radiance(radiance)
+        raster = HemicubeRaster(graphics, tiles, room.triangles, cutouts, owners, target)
+        target.set_radiance(radiance)
         places = place_hemicubes(room.triangles, room.geometry, SETTINGS)
         frame, eye, near = (values[chosen] for values in (places.frame, places.eye, places.near))
         frames = places.frames(0, len(room.patches))[chosen]
         views = matrices(frame, eye - raster.origin, near, graphics.reversed_depth)
         assert list(raster.draw(views, tiles.layers)) == [len(chosen)]
-        copy = HostCopy(compute, raster.texture)
+        copy = HostCopy(compute, target.texture)
         summed = HemicubeIntegrator(compute, tiles).integrate(copy.update(), frames)
-        array = np.frombuffer(raster.texture.read(), np.float32)
+        array = np.frombuffer(target.texture.read(), np.float32)
     finally:
         graphics.release()
     array = array.reshape(tiles.layers, tiles.rows, 3 * N, tiles.columns, N, 4)

@@ -9,6 +9,7 @@ from engine.geometry import gather_triangles
 from engine.hemicube import face_rows, frames, matrices, multiplier_map, rotations
 from engine.integrate.opencl import HemicubeIntegrator
 from engine.visibility.raster import HemicubeRaster
+from engine.visibility.targets import RadianceTarget
 from engine.visibility.tiles import Tiles
 from tests.analytic.scenes import furnace
 
@@ -22,24 +23,17 @@ def drawn(graphics, tiles, count, emission=0.0, eye=(0.5, 0.5, 0.5)):
     scene = furnace(0.5, 1.0)
     triangles = gather_triangles(scene)
     owners = np.ones((1, 32, 32), np.uint32)
-    raster = HemicubeRaster(
-        graphics,
-        tiles,
-        triangles,
-        gather_cutouts(scene),
-        owners,
-        np.full((1, 3), emission, np.float32),
-        (*WORLD, 1.0),
-    )
-    raster.set_radiance(np.full((1, 3), 2, np.float32))
+    target = RadianceTarget(graphics, tiles, np.full((1, 3), emission, np.float32), (*WORLD, 1.0))
+    raster = HemicubeRaster(graphics, tiles, triangles, gather_cutouts(scene), owners, target)
+    target.set_radiance(np.full((1, 3), 2, np.float32))
     frame = frames(np.tile([0.0, 0.0, 1.0], (count, 1)), rotations(1, np.arange(count)))
     eyes = np.tile(np.array(eye) - raster.origin, (count, 1))
     assert (
         list(raster.draw(matrices(frame, eyes, np.full(count, 1e-4), graphics.reversed_depth), 1))[-1]
         == count
     )
-    image = np.frombuffer(raster.texture.read(), np.float32)
-    return raster, image.reshape(tiles.layers, tiles.height, tiles.width, 4)
+    image = np.frombuffer(target.texture.read(), np.float32)
+    return target, image.reshape(tiles.layers, tiles.height, tiles.width, 4)
 
 
 @pytest.mark.parametrize("tiles", [Tiles(16, 3, 1, 4), Tiles(8, 4, 2, 2), Tiles(32, 1, 1, 3)])
@@ -66,11 +60,11 @@ def test_back_faces_show_emission_and_are_counted(graphics):
 @pytest.mark.parametrize("tiles", [Tiles(16, 3, 1, 3), Tiles(8, 4, 2, 2), Tiles(128, 1, 1, 1)])
 def test_kernels_equal_a_sum_in_double_precision(graphics, tiles):
     compute = Compute()
-    raster, _ = drawn(graphics, tiles, tiles.capacity)
+    target, _ = drawn(graphics, tiles, tiles.capacity)
     values = np.random.default_rng(5).random((tiles.layers, tiles.height, tiles.width, 4), np.float32)
-    raster.texture.write(values.tobytes())
+    target.texture.write(values.tobytes())
     result = HemicubeIntegrator(compute, tiles).integrate(
-        HostCopy(compute, raster.texture).update(), np.tile(UPRIGHT, (tiles.capacity, 1, 1))
+        HostCopy(compute, target.texture).update(), np.tile(UPRIGHT, (tiles.capacity, 1, 1))
     )
     weights = multiplier_map(tiles.n).astype(np.float64)
     for slot in range(tiles.capacity):

@@ -19,6 +19,7 @@ def _lightmap(scene, settings):
     size = settings.resolution
     image = np.resize(np.concatenate([mesh.positions.ravel() for mesh in scene.meshes]), (1, size, size, 3))
     report = Report(
+        method="paper",
         patches=len(scene.meshes),
         iterations=settings.iterations,
         residual=float("inf"),

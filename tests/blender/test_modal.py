@@ -15,6 +15,14 @@ ESCAPE = SimpleNamespace(type="ESC", value="PRESS")
 MOUSE = SimpleNamespace(type="MOUSEMOVE", value="NOTHING")
 
 
+@pytest.fixture(autouse=True)
+def slow_bake(empty_scene):
+    """Draw hemicubes in every iteration: a bake that is still running when it is to be cancelled."""
+    import bpy
+
+    bpy.context.scene.hemibake.method = "paper"
+
+
 class Workspace:
     """A status bar, which shows what was said to it last."""
 

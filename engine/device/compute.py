@@ -29,10 +29,12 @@ class Compute:
         self.queue = cl.CommandQueue(self.context)
         self.name = self.device.name.strip()
 
-    def kernels(self, source: str | Sequence[str], *names: str) -> list[cl.Kernel]:
+    def kernels(
+        self, source: str | Sequence[str], *names: str, options: Sequence[str] = ()
+    ) -> list[cl.Kernel]:
         """Build kernels/<source>, or several files one after another; return kernels in the names' order."""
         files = [source] if isinstance(source, str) else source
-        program = self._build(self.context, "\n".join(kernel_source(file) for file in files))
+        program = self._build(self.context, "\n".join(kernel_source(file) for file in files), options)
         return [cl.Kernel(program, name) for name in names]
 
     def _first_working_context(self, devices: list[cl.Device]) -> cl.Context:
@@ -52,8 +54,8 @@ class Compute:
                 )
         raise DeviceError(f"No OpenCL device can build kernels: {'; '.join(failures)}. {_REMEDY}")
 
-    def _build(self, context: cl.Context, source: str) -> cl.Program:
-        return cl.Program(context, source).build(cache_dir=self._cache_dir)
+    def _build(self, context: cl.Context, source: str, options: Sequence[str] = ()) -> cl.Program:
+        return cl.Program(context, source).build(list(options), cache_dir=self._cache_dir)
 
 
 def _devices() -> list[cl.Device]:

@@ -1,0 +1,100 @@
+"""Rays through the triangles of a scene, traced by OpenCL."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyopencl as cl
+
+from ..cutouts import Cutouts
+from ..device.compute import Compute
+from ..geometry import Triangles
+from .bvh import build_bvh
+
+
+class Rays:
+    """A scene's triangles on the OpenCL device, for kernels/rays.cl and kernels that go on from it.
+
+    origin     (3,) float64, metres: positions on the device are relative to it
+    arguments  what kernels take for RAYS_ARGUMENTS
+    """
+
+    def __init__(self, compute: Compute, triangles: Triangles, cutouts: Cutouts) -> None:
+        self._compute, self._queue = compute, compute.queue
+        low, high = triangles.positions.min(axis=(0, 1)), triangles.positions.max(axis=(0, 1))
+        self.origin = (low.astype(np.float64) + high) / 2
+        positions = (triangles.positions - self.origin).astype(np.float32)
+        bvh = build_bvh(positions)
+        arrays = [_four(bvh.boxes), bvh.children, _records(positions, bvh.order)]
+        self._options: tuple[str, ...] = ()
+        if cutouts.needed:
+            self._options = ("-DCUTOUTS",)
+            arrays += [cutouts.alpha, cutouts.maps, _constants(cutouts), cutouts.uvs, triangles.material]
+        self.arguments = tuple(self.constant(array) for array in arrays)
+        self._cast, self._pass = self.kernels((), "cast", "pass")
+
+    def kernels(self, sources: tuple[str, ...], *names: str) -> list[cl.Kernel]:
+        """Build kernels/rays.cl and more files after it; return kernels in the names' order."""
+        return self._compute.kernels(("rays.cl", *sources), *names, options=self._options)
+
+    def constant(self, values: np.ndarray) -> cl.Buffer:
+        """Return a device buffer with the bits of an array."""
+        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
+        return cl.Buffer(self._compute.context, flags, hostbuf=np.ascontiguousarray(values))
+
+    def cast(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the nearest triangle along each ray.
+
+        origins, directions: (m, 3) float, world space, metres from the scene's origin. Returns triangle
+        (m,) int32, -1 for none; front (m,) bool; distance (m,) float32 in lengths of the direction.
+        """
+        count = len(origins)
+        hits, distances = np.empty((count, 2), np.int32), np.empty(count, np.float32)
+        write = cl.mem_flags.WRITE_ONLY
+        outputs = [cl.Buffer(self._compute.context, write, array.nbytes) for array in (hits, distances)]
+        self._cast(
+            self._queue, (count,), None, *self.arguments,
+            *self._rays(origins, directions, 0.0), *outputs, np.int32(count),
+        )  # fmt: skip
+        for array, buffer in zip((hits, distances), outputs, strict=True):
+            cl.enqueue_copy(self._queue, array, buffer)
+        return hits[:, 0], hits[:, 1] != 0, distances
+
+    def transmittance(self, origins: np.ndarray, directions: np.ndarray, distance: float) -> np.ndarray:
+        """Return the share of light, (m,) float32, that comes through along each ray up to a distance.
+
+        origins, directions: (m, 3) float as for `cast`; distance in lengths of the direction.
+        """
+        through = np.empty(len(origins), np.float32)
+        output = cl.Buffer(self._compute.context, cl.mem_flags.WRITE_ONLY, through.nbytes)
+        rays = self._rays(origins, directions, distance)
+        self._pass(self._queue, (len(origins),), None, *self.arguments, *rays, output, np.int32(len(origins)))
+        cl.enqueue_copy(self._queue, through, output)
+        return through
+
+    def _rays(self, origins: np.ndarray, directions: np.ndarray, distance: float) -> list[cl.Buffer]:
+        """Return the device buffers of some rays."""
+        return [self.constant(_four(origins - self.origin)), self.constant(_four(directions, distance))]
+
+
+def _four(vectors: np.ndarray, last: float = 0.0) -> np.ndarray:
+    """Return (..., 3) as (..., 4) float32."""
+    padded = np.full((*vectors.shape[:-1], 4), last, np.float32)
+    padded[..., :3] = vectors
+    return padded
+
+
+def _records(positions: np.ndarray, order: np.ndarray) -> np.ndarray:
+    """Return (t, 3, 4) float32 in leaf order: first corner and the triangle's number, two edges."""
+    corners = positions[order]
+    records = _four(
+        np.stack([corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=1)
+    )
+    records[:, 0, 3] = order.astype(np.int32).view(np.float32)
+    return records
+
+
+def _constants(cutouts: Cutouts) -> np.ndarray:
+    """Return (m, 4) float32: alpha, threshold or -1, 1 for culled backs."""
+    values = np.zeros((len(cutouts.maps), 4), np.float32)
+    values[:, :2], values[:, 2] = cutouts.constants, cutouts.culled
+    return values

@@ -52,6 +52,12 @@ def _row_shares(height: int) -> np.ndarray:
     return shares
 
 
+def solid_angles(height: int, width: int) -> np.ndarray:
+    """Return the solid angle of the pixels of each row of an equirectangular map, (h,) float64, sr."""
+    angles: np.ndarray = _row_shares(height) * 4 * np.pi / width
+    return angles
+
+
 def _shrunk(world: np.ndarray) -> np.ndarray:
     """Return a map averaged, by solid angle, to at most _REST_HEIGHT rows."""
     height, width = world.shape[:2]

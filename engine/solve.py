@@ -62,7 +62,7 @@ class Jacobi:
         if self._glowing and not self._changes:
             self.direct = irradiance
         radiance = self._emission + self._reflectance * irradiance
-        added = (radiance - self.radiance).astype(np.float64).sum(axis=1)
+        added: np.ndarray = (radiance - self.radiance).astype(np.float64).sum(axis=1)
         self.energies.append(float(np.pi * (self._area * added).sum()))
         self._settled = bool((radiance == self.radiance).all())
         self._changes.append(_mean(np.abs(irradiance - self.irradiance)))

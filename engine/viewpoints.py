@@ -44,14 +44,25 @@ class Viewpoints:
         )
 
 
+def eye_heights(triangles: Triangles, geometry: PatchGeometry) -> np.ndarray:
+    """Return how far above its surface each patch looks around, (n,) float64, metres."""
+    height = np.minimum(_OF_TEXEL * np.sqrt(geometry.area), _OF_DIAGONAL * _diagonal(triangles))
+    heights: np.ndarray = np.maximum(height, _OF_COORDINATE * np.abs(geometry.center).max(axis=1))
+    return heights
+
+
+def _diagonal(triangles: Triangles) -> float:
+    """Return the diagonal of the scene's box, metres."""
+    return float(np.linalg.norm(np.ptp(triangles.positions.reshape(-1, 3), axis=0)))
+
+
 def place_hemicubes(
     triangles: Triangles, geometry: PatchGeometry, settings: Settings, reversed_depth: bool = True
 ) -> Viewpoints:
     """Place a hemicube on each patch, with a rotation about the normal for life (paper, IV.B)."""
-    diagonal = float(np.linalg.norm(np.ptp(triangles.positions.reshape(-1, 3), axis=0)))
+    diagonal = _diagonal(triangles)
     center = geometry.center.astype(np.float64)
-    height = np.minimum(_OF_TEXEL * np.sqrt(geometry.area), _OF_DIAGONAL * diagonal)
-    height = np.maximum(height, _OF_COORDINATE * np.abs(center).max(axis=1))
+    height = eye_heights(triangles, geometry)
     near = np.maximum(height / 2, (_NEAR if reversed_depth else _NEAR_STANDARD_DEPTH) * diagonal)
 
     angle = rotations(settings.seed, np.arange(len(center)))

@@ -28,7 +28,7 @@ class Bvh:
 
 
 def build_bvh(positions: np.ndarray) -> Bvh:
-    """Build the hierarchy of triangles, (t, 3, 3) float32, t at least 1, with the binned surface area heuristic."""
+    """Build the hierarchy of triangles, (t, 3, 3) float32, at least one, with the surface area heuristic."""
     builder = _Builder(positions.min(axis=1), positions.max(axis=1))
     while len(builder.nodes):
         builder.split_level()

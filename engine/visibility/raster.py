@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -45,7 +46,7 @@ class HemicubeRaster:
         features = (*target.features, *(("cutouts",) if cutouts.needed else ()))
         self._program = graphics.program("hemicube", ("vert", "geom", "frag"), features)
         vertices = context.buffer(_vertices(triangles, self.origin).tobytes())
-        content = [(vertices, "3f 3f", "in_position", "in_lookup")]
+        content: list[tuple[Any, ...]] = [(vertices, "3f 3f", "in_position", "in_lookup")]
         if cutouts.needed:
             places = context.buffer(_cutout_vertices(triangles, cutouts).tobytes())
             content.append((places, "3f", "in_cutout"))

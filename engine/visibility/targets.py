@@ -79,7 +79,7 @@ class RadianceTarget:
 class IdentityTarget:
     """(layers, height, width) uint32: the patch that is seen, plus 1, with BACK set for its back; or SKY."""
 
-    features = ("identity",)
+    features: tuple[str, ...] = ("identity",)
 
     def __init__(self, graphics: Graphics, tiles: Tiles) -> None:
         self._raw = graphics.raw

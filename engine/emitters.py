@@ -1,0 +1,140 @@
+"""What is sampled as a light: lamps, and triangles that are small and bright; packed for the device."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .geometry import PatchGeometry, Triangles
+from .scene import Light
+
+#: A triangle is sampled if it sends out so many times the mean radiance that surfaces emit.
+_BRIGHT = 10.0
+
+#: Sides of the polygon that stands for an ellipse; it has the ellipse's area.
+_SIDES = 24
+
+#: Kinds, as in kernels/direct.cl, and float4 a record.
+POINT, SUN, TRIANGLE, SKY_MAP = range(4)
+RECORD = 6
+
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+
+@dataclass(frozen=True)
+class BrightTriangles:
+    """Emissive triangles that are sampled as lights.
+
+    triangles      (k,) int, index into `Triangles`
+    radiance       (k, 3) float32, mean of each
+    emission_left  (n, 3) float32, radiance of each patch that is left to the hemicubes
+    """
+
+    triangles: np.ndarray
+    radiance: np.ndarray
+    emission_left: np.ndarray
+
+
+def bright_triangles(
+    triangles: Triangles, geometry: PatchGeometry, owners: np.ndarray, emission: np.ndarray
+) -> BrightTriangles:
+    """Choose the triangles that are sampled: small enough, or bright enough, against all that emits.
+
+    owners: (atlases, r, r) uint32 index map; emission: (n, 3) float32 radiance of each patch.
+    """
+    radiance = _mean_radiance(triangles, geometry, owners, emission)
+    first, second = np.moveaxis(triangles.positions[:, 1:] - triangles.positions[:, :1], 1, 0)
+    area = np.linalg.norm(np.cross(first, second), axis=1) / 2
+    luminance = radiance @ _LUMINANCE
+    mean = float((luminance * area).sum(dtype=np.float64) / max(area.sum(dtype=np.float64), 1e-30))
+    chosen = (luminance > 0) & (luminance >= _BRIGHT * mean)
+    left = np.where(chosen[geometry.triangle][:, None], np.float32(0), emission)
+    index = np.flatnonzero(chosen)
+    return BrightTriangles(index, radiance[index].astype(np.float32), left)
+
+
+def _mean_radiance(
+    triangles: Triangles, geometry: PatchGeometry, owners: np.ndarray, emission: np.ndarray
+) -> np.ndarray:
+    """Return the mean radiance that each triangle emits, (t, 3) float64; of its middle if it has no patch."""
+    count = len(triangles.positions)
+    patches = np.bincount(geometry.triangle, minlength=count)
+    total = np.stack(
+        [np.bincount(geometry.triangle, emission[:, channel], count) for channel in range(3)], axis=1
+    )
+    middle = (triangles.uvs.mean(axis=1) * owners.shape[-1]).astype(int).clip(0, owners.shape[-1] - 1)
+    owner = owners[triangles.atlas, middle[:, 1], middle[:, 0]].astype(np.int64)
+    there = np.where(owner[:, None] > 0, emission[np.maximum(owner - 1, 0)], 0)
+    mean: np.ndarray = np.where(patches[:, None] > 0, total / np.maximum(patches, 1)[:, None], there)
+    return mean
+
+
+def lamp_records(light: Light, origin: np.ndarray) -> np.ndarray:
+    """Return the records of one lamp, (k, RECORD, 4) float32: area lights are made of triangles.
+
+    origin: (3,) float64, metres: positions of the records are relative to it.
+    """
+    if light.kind == "area":
+        return _area_records(light, origin)
+    record = np.zeros((1, RECORD, 4), np.float64)
+    strength = light.strength.astype(np.float64) / np.pi
+    record[0, 0, :3] = SUN if light.kind == "sun" else POINT, strength @ _LUMINANCE, light.casts_shadow
+    record[0, 1, :3] = light.position - origin
+    record[0, 1, 3] = np.sin(light.half_angle) if light.kind == "sun" else light.radius
+    record[0, 2, :3] = -light.axes[2]
+    record[0, 2, 3] = np.cos(light.half_angle) if light.kind == "spot" else -2
+    record[0, 3, :3] = strength
+    record[0, 3, 3] = light.soft
+    record[0, 4, 3] = light.blend
+    return record.astype(np.float32)
+
+
+def _area_records(light: Light, origin: np.ndarray) -> np.ndarray:
+    """Return the triangles of an area light: two of a rectangle, a fan of an ellipse."""
+    if light.ellipse:
+        angle = np.linspace(0, 2 * np.pi, _SIDES + 1)
+        radius = 0.5 * np.sqrt(2 * np.pi / (_SIDES * np.sin(2 * np.pi / _SIDES)))
+        rim = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        outline = np.stack([np.zeros_like(rim[1:]), rim[:-1], rim[1:]], axis=1)
+    else:
+        outline = np.array([[(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5)], [(-0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]])
+    corners = light.position - origin + (outline * light.size) @ light.axes[:2]
+
+    # Wound such that the side along -z is the front.
+    corners = corners[:, [0, 2, 1]]
+    if np.linalg.det(light.axes) < 0:
+        corners = corners[:, [0, 2, 1]]
+    records = _triangle_records(corners, np.tile(light.strength, (len(corners), 1)))
+    records[:, 0, 2] = light.casts_shadow
+    records[:, 4, 3] = light.half_angle
+    records[:, 5, 3] = -1
+    return records
+
+
+def surface_records(triangles: Triangles, bright: BrightTriangles, origin: np.ndarray) -> np.ndarray:
+    """Return the records of emissive triangles, (k, RECORD, 4) float32."""
+    records = _triangle_records(triangles.positions[bright.triangles] - origin, bright.radiance)
+    records[:, 0, 2] = 1
+    records[:, 4, 3] = triangles.atlas[bright.triangles]
+    records[:, 5, 3] = bright.triangles
+    return records
+
+
+def sky_record() -> np.ndarray:
+    """Return the record of the bright sky, (1, RECORD, 4) float32."""
+    record = np.zeros((1, RECORD, 4), np.float32)
+    record[0, 0, :3] = SKY_MAP, 0, 1
+    return record
+
+
+def _triangle_records(corners: np.ndarray, radiance: np.ndarray) -> np.ndarray:
+    """Return records of triangles, corners (k, 3, 3) metres, radiance (k, 3)."""
+    records = np.zeros((len(corners), RECORD, 4), np.float32)
+    records[:, 0, 0] = TRIANGLE
+    records[:, 0, 1] = radiance @ _LUMINANCE / np.pi
+    records[:, 1, :3] = corners[:, 0]
+    records[:, 2, :3] = corners[:, 1] - corners[:, 0]
+    records[:, 3, :3] = corners[:, 2] - corners[:, 0]
+    records[:, 4, :3] = radiance
+    return records

@@ -1,0 +1,206 @@
+"""Light of every kind of lamp against closed forms, without and with shadow."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from engine import Light, Material, Scene, Settings
+from engine.reference.analytic import polygon
+from tests.analytic.drive import drive
+from tests.analytic.scenes import quads, rectangle
+
+BLACK = Material("Black", np.zeros(3, np.float32), np.zeros(3, np.float32))
+DOWN = np.eye(3)
+X, Y, Z = np.eye(3)
+SETTINGS = Settings(resolution=16, hemicube=8, iterations=1, light_samples=256)
+
+
+def light(kind, height=2.0, strength=5.0, **values):
+    """Return a lamp over the origin that shines down."""
+    where = np.array([0.0, 0.0, height])
+    return Light("Lamp", kind, where, DOWN, np.full(3, strength, np.float32), **values)
+
+
+def baked(lamp, size=0.02, *more, emitting=BLACK, settings=SETTINGS):
+    """Return direct E/pi of a square at the origin that faces up, (6, 6), with more quads about."""
+    floor = rectangle((-size / 2, -size / 2, 0), size * X, size * Y)
+    mesh = quads(floor[None], [(1, 1, 6, 6)], [0], 16, "Floor")
+    meshes = [mesh]
+    for index, corners in enumerate(more):
+        meshes.append(quads(corners[None], [(9, 1 + 3 * index, 2, 2)], [1], 16, f"Quad {index}"))
+    lights = () if lamp is None else (lamp,)
+    lightmap = drive(Scene(tuple(meshes), (BLACK, emitting), lights=lights), settings)
+    return lightmap.image[0, 1:7, 1:7, 0]
+
+
+def test_point():
+    assert baked(light("point")) == pytest.approx(5 / (np.pi * 4), rel=1e-3)
+
+
+def test_point_as_a_disk():
+    assert baked(light("point", radius=0.5)) == pytest.approx(5 / (np.pi * (4 + 0.25)), rel=3e-3)
+
+
+def test_point_as_a_sphere():
+    assert baked(light("point", radius=0.5, soft=False)) == pytest.approx(5 / (np.pi * 4), rel=3e-3)
+
+
+@pytest.mark.parametrize(("aside", "blend"), [(0.0, 0.5), (0.8, 0.5), (0.8, 0.15), (1.2, 1.0)])
+def test_spot(aside, blend):
+    lamp = light("spot", half_angle=np.radians(30), blend=blend)
+    lamp = dataclasses.replace(lamp, position=np.array([aside, 0, 2.0]))
+    d2, cosine = 4 + aside**2, 2 / np.sqrt(4 + aside**2)
+    s = np.clip((cosine - np.cos(np.radians(30))) / ((1 - np.cos(np.radians(30))) * blend), 0, 1)
+    expected = 5 * cosine / d2 / np.pi * s * s * (3 - 2 * s)
+    assert baked(lamp).mean() == pytest.approx(expected, rel=1e-2, abs=1e-4)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.1, 0.5])
+def test_sun(angle):
+    assert baked(light("sun", half_angle=angle)) == pytest.approx(5 / np.pi, rel=3e-3)
+
+
+def test_slanted_sun():
+    tilted = np.array([X, [0, np.cos(1), -np.sin(1)], [0, np.sin(1), np.cos(1)]])
+    lamp = dataclasses.replace(light("sun", half_angle=0.05), axes=tilted)
+    assert baked(lamp) == pytest.approx(5 / np.pi * np.cos(1), rel=3e-3)
+
+
+def form_factor(width, depth, height):
+    corners = rectangle((-width / 2, -depth / 2, height), depth * Y, width * X)
+    return float(np.abs(polygon(np.zeros((1, 3)), Z[None], corners)).max())
+
+
+@pytest.mark.parametrize("height", [3.0, 1.0, 0.1, 0.02])
+def test_rectangle(height):
+    lamp = light("area", height, size=np.array([1.0, 0.5]))
+    image, expected = baked(lamp, 0.002), 5 * form_factor(1.0, 0.5, height)
+    assert image.mean() == pytest.approx(expected, rel=3e-3)
+    assert image == pytest.approx(expected, rel=2e-2)
+
+
+@pytest.mark.parametrize("height", [3.0, 0.5, 0.05])
+def test_disk(height):
+    lamp = light("area", height, size=np.array([1.0, 1.0]), ellipse=True)
+    assert baked(lamp, 0.002) == pytest.approx(5 * 0.25 / (0.25 + height**2), rel=1e-2)
+
+
+def test_spread():
+    """On the axis of a small light the radiance is tan a / (tan a - a) times that without spread."""
+    half = np.radians(30)
+    lamp = light("area", size=np.array([0.02, 0.02]), half_angle=half)
+    expected = 5 * form_factor(0.02, 0.02, 2) * np.tan(half) / (np.tan(half) - half)
+    assert baked(lamp) == pytest.approx(expected, rel=2e-2)
+
+
+def test_area_lights_shine_on_one_side():
+    lamp = dataclasses.replace(light("area", size=np.ones(2)), axes=np.array([X, -Y, -Z]))
+    assert (baked(lamp) == 0).all()
+
+
+@pytest.mark.parametrize("height", [1.0, 0.1])
+def test_small_emissive_quads_are_sampled(height):
+    """A quad that glows on both sides lights like an area light; hemicubes of 8 texels could not do it."""
+    glow = dataclasses.replace(BLACK, emission=np.full(3, 5, np.float32))
+    lamp = rectangle((-0.1, -0.1, height), 0.2 * X, 0.2 * Y)
+    wall = rectangle((-3, -3, 5), 6 * Y, 6 * X)
+    floor = rectangle((-0.001, -0.001, 0), 0.002 * X, 0.002 * Y)
+    meshes = (
+        quads(floor[None], [(1, 1, 6, 6)], [0], 16, "Floor"),
+        quads(lamp[None], [(9, 1, 2, 2)], [1], 16, "Lamp"),
+        quads(wall[None], [(9, 9, 5, 5)], [0], 16, "Wall"),
+    )
+    image = drive(Scene(meshes, (BLACK, glow)), SETTINGS).image[0]
+    assert image[1:7, 1:7, 0] == pytest.approx(5 * form_factor(0.2, 0.2, height), rel=5e-3)
+
+
+def test_shadows_are_black_unless_the_lamp_casts_none():
+    roof = rectangle((-1, -1, 1), 2 * X, 2 * Y)
+    assert (baked(light("point"), 0.02, roof) == 0).all()
+    assert baked(light("point", casts_shadow=False), 0.02, roof) == pytest.approx(5 / (np.pi * 4), rel=1e-3)
+
+
+def test_glass_halves_light():
+    roof = rectangle((-1, -1, 1), 2 * X, 2 * Y)
+    glass = dataclasses.replace(BLACK, alpha=0.5)
+    assert baked(light("point"), 0.02, roof, emitting=glass) == pytest.approx(5 / (np.pi * 8), rel=5e-3)
+
+
+def test_penumbra_of_a_sun():
+    """A half plane 1 m above hides the half of the sun's disk over its edge."""
+    roof = rectangle((0, -50, 1), 50 * X, 100 * Y)
+    light_below = baked(light("sun", half_angle=0.2), 0.002, roof)
+    assert light_below == pytest.approx(5 / np.pi / 2, rel=0.02)
+
+
+def test_edges_of_shadows_are_averaged_over_texels():
+    """The edge of a sharp shadow runs through the middle of the fourth column of six."""
+    edge = -0.03 + 3.5 / 6 * 0.06
+    roof = rectangle((edge, -1, 0.5), 2 * X, 2 * Y)
+    image = baked(light("sun", half_angle=0.0), 0.06, roof) * np.pi / 5
+    assert off_diagonal(image) == pytest.approx([1, 1, 1, 0.5, 0, 0], abs=0.02)
+
+
+def off_diagonal(image):
+    """Return the mean of each column, without texels that are cut by the edge between two triangles."""
+    return np.nanmean(np.where(np.eye(len(image), dtype=bool), np.nan, image), axis=0)
+
+
+def test_many_lamps_give_the_sum():
+    rng = np.random.default_rng(0)
+    lamps = tuple(
+        dataclasses.replace(light("point"), position=np.r_[rng.uniform(-3, 3, 2), rng.uniform(1, 3)])
+        for _ in range(50)
+    )
+    floor = rectangle((-0.01, -0.01, 0), 0.02 * X, 0.02 * Y)
+    mesh = quads(floor[None], [(1, 1, 6, 6)], [0], 16, "Floor")
+    image = drive(Scene((mesh,), (BLACK,), lights=lamps), SETTINGS).image[0, 1:7, 1:7, 0]
+    positions = np.array([lamp.position for lamp in lamps])
+    expected = (5 / np.pi * positions[:, 2] / np.linalg.norm(positions, axis=1) ** 3).sum()
+    assert image.mean() == pytest.approx(expected, rel=2e-3)
+    assert image == pytest.approx(expected, rel=0.03)
+
+
+def test_a_bright_spot_of_the_sky_is_a_light():
+    world = np.zeros((64, 128, 3), np.float32)
+    world[50, 20] = 1000
+    borders = np.cos(np.pi * np.array([50, 51]) / 64)
+    angle, z = (borders[0] - borders[1]) * 2 * np.pi / 128, -borders.mean()
+    floor = rectangle((-0.01, -0.01, 0), 0.02 * X, 0.02 * Y)
+    mesh = quads(floor[None], [(1, 1, 6, 6)], [0], 16, "Floor")
+    image = drive(Scene((mesh,), (BLACK,), world=world), SETTINGS).image[0, 1:7, 1:7, 0]
+    assert image == pytest.approx(1000 * angle * z / np.pi, rel=0.01)
+
+
+def test_shadow_masks_and_occlusion():
+    settings = dataclasses.replace(SETTINGS, outputs=("shadow_mask", "ambient_occlusion"), ao_distance=0.0)
+    edge = -0.03 + 3.5 / 6 * 0.06
+    floor = rectangle((-0.03, -0.03, 0), 0.06 * X, 0.06 * Y)
+    roof = rectangle((edge, -100, 0.5), 200 * X, 200 * Y)
+    meshes = (
+        quads(floor[None], [(1, 1, 6, 6)], [0], 16, "Floor"),
+        quads(roof[None], [(9, 1, 5, 5)], [0], 16, "Roof"),
+    )
+    lamp = light("sun", half_angle=0.0)
+    passes = drive(Scene(meshes, (BLACK,), lights=(lamp,)), settings).passes
+    assert list(passes) == ["shadow_mask Lamp", "ambient_occlusion"]
+    mask, open_share = (passes[name][0, 1:7, 1:7, 0] for name in passes)
+    assert off_diagonal(mask) == pytest.approx([1, 1, 1, 0.5, 0, 0], abs=0.02)
+    assert open_share.mean() == pytest.approx(0.5, abs=0.02)
+
+
+def test_a_lamp_inside_a_box_is_named():
+    corners = np.array([(x, y, z) for z in (1, 3) for y in (-1, 1) for x in (-1, 1)], float)
+    faces = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
+    charts = [(9, 1, 2, 2), (12, 1, 2, 2), (9, 4, 2, 2), (12, 4, 2, 2), (9, 7, 2, 2), (12, 7, 2, 2)]
+    box = quads(corners[np.array(faces)], charts, [0] * 6, 16, "Box")
+    floor = quads(rectangle((-1, -1, 0), 2 * X, 2 * Y)[None], [(1, 1, 6, 6)], [0], 16, "Floor")
+    report = drive(Scene((floor, box), (BLACK,), lights=(light("point"),)), SETTINGS).report
+    assert report.warnings == ("Light 'Lamp' is inside object 'Box' and lights nothing. Move it.",)
+
+
+def test_without_light_the_lightmap_is_black_and_says_so():
+    floor = quads(rectangle((0, 0, 0), X, Y)[None], [(1, 1, 6, 6)], [0], 16, "Floor")
+    lightmap = drive(Scene((floor,), (BLACK,)), SETTINGS)
+    assert (lightmap.image == 0).all() and lightmap.report.warnings[0].startswith("Nothing emits light")

@@ -237,7 +237,6 @@ Sample sample_triangle(__global const float4 *e, const Glow *glow, const float3 
         const int page = (int)e[4].w, limit = glow->resolution - 1;
         const int x = clamp((int)(uv.x * glow->resolution), 0, limit), y = clamp((int)(uv.y * glow->resolution), 0, limit);
         radiance = glow->radiance[glow->owners[((size_t)page * glow->resolution + y) * glow->resolution + x]].xyz;
-        s.distance *= 0.9998f;
     }
     s.light = radiance * share * M_1_PI_F;
     return s;
@@ -294,7 +293,7 @@ float weight_of(__global const float4 *e, const Receiver *r, const float sky_tot
     }
     const float3 a = e[1].xyz - r->at, b = a + e[2].xyz, c = a + e[3].xyz;
     const float top = fmax(fmax(dot(a, r->geometric), dot(b, r->geometric)), dot(c, r->geometric));
-    if (top < 0.0f)
+    if (top <= 1e-5f * length(a))
         return 0.0f;
     const float3 normal = cross(e[2].xyz, e[3].xyz);
     const float facing = -dot(normal, a);
@@ -304,6 +303,16 @@ float weight_of(__global const float4 *e, const Receiver *r, const float sky_tot
     const float d2 = dot(middle, middle), d = sqrt(d2), twice = length(normal);
     const float angle = fmin(0.5f * twice * fmax(fabs(facing) / (twice * d), 0.02f) / d2, 6.2831853f);
     return strength * angle * fmax(dot(middle, r->normal) / d, 0.1f);
+}
+
+// The share of a sample's light that reaches a point, on its way from a little above the surface to a
+// little before the light: that may be a surface, too.
+float seen(const Rays *rays, const Receiver *r, const float3 p, const Sample *s)
+{
+    const float3 start = r->lift + r->height * r->geometric;
+    if (s->distance == INFINITY)
+        return transmittance(rays, p + start, s->direction, INFINITY);
+    return transmittance(rays, p + start, s->distance * s->direction - start, 0.9998f);
 }
 
 // E/pi of a range of emitters at each patch. Samples go to emitters by systematic resampling: in
@@ -351,8 +360,7 @@ __kernel void direct(RAYS_ARGUMENTS, __global const float4 *receivers, __global 
                 continue;
             const float3 brought = s.light * (cosine / weight);
             unshadowed += luminance(brought);
-            const float3 origin = p + r.lift + r.height * r.geometric;
-            light += brought * (e[0].z > 0.0f ? transmittance(&rays, origin, s.direction, s.distance - r.height) : 1.0f);
+            light += brought * (e[0].z > 0.0f ? seen(&rays, &r, p, &s) : 1.0f);
         }
     }
     result[patch] = (float4)(light, unshadowed);

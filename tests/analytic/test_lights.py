@@ -139,7 +139,7 @@ def test_edges_of_shadows_are_averaged_over_texels():
     edge = -0.03 + 3.5 / 6 * 0.06
     roof = rectangle((edge, -1, 0.5), 2 * X, 2 * Y)
     image = baked(light("sun", half_angle=0.0), 0.06, roof) * np.pi / 5
-    assert off_diagonal(image) == pytest.approx([1, 1, 1, 0.5, 0, 0], abs=0.02)
+    assert off_diagonal(image) == pytest.approx([1, 1, 1, 0.5, 0, 0], abs=0.03)
 
 
 def off_diagonal(image):
@@ -186,7 +186,7 @@ def test_shadow_masks_and_occlusion():
     passes = drive(Scene(meshes, (BLACK,), lights=(lamp,)), settings).passes
     assert list(passes) == ["shadow_mask Lamp", "ambient_occlusion"]
     mask, open_share = (passes[name][0, 1:7, 1:7, 0] for name in passes)
-    assert off_diagonal(mask) == pytest.approx([1, 1, 1, 0.5, 0, 0], abs=0.02)
+    assert off_diagonal(mask) == pytest.approx([1, 1, 1, 0.5, 0, 0], abs=0.03)
     assert open_share.mean() == pytest.approx(0.5, abs=0.02)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bpy
+import numpy as np
 
 #: Options of a property that holds a path which may start at the .blend (//); 4.5 introduced the flag.
 PATH_OPTIONS = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()
@@ -17,6 +18,32 @@ def node_tree(datablock: bpy.types.Material | bpy.types.World) -> bpy.types.Node
     if bpy.app.version < (5, 0, 0) and not datablock.use_nodes:
         return None
     return datablock.node_tree
+
+
+def light_nodes(lamp: bpy.types.Light) -> bpy.types.NodeTree | None:
+    """Return the nodes of a light that uses nodes, else None."""
+    return lamp.node_tree if lamp.use_nodes else None
+
+
+def light_power(lamp: bpy.types.Light) -> float:
+    """Return the energy of a light with its exposure (since 4.5)."""
+    return float(lamp.energy) * 2.0 ** float(getattr(lamp, "exposure", 0.0))
+
+
+def light_temperature(lamp: bpy.types.Light) -> np.ndarray:
+    """Return the colour of a light's temperature, (3,) float64, white where it has none (before 4.5)."""
+    if not getattr(lamp, "use_temperature", False):
+        return np.ones(3)
+    return np.array(lamp.temperature_color, np.float64)[:3]
+
+
+def set_panorama(camera: bpy.types.Camera) -> None:
+    """Make a camera equirectangular; before 5.0 that is a setting of Cycles."""
+    camera.type = "PANO"
+    if hasattr(camera, "panorama_type"):
+        camera.panorama_type = "EQUIRECTANGULAR"
+    else:
+        camera.cycles.panorama_type = "EQUIRECTANGULAR"
 
 
 def new_node_tree(datablock: bpy.types.Material | bpy.types.World) -> bpy.types.NodeTree:

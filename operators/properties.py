@@ -11,6 +11,7 @@ from bpy.props import (
     CollectionProperty,
     EnumProperty,
     FloatProperty,
+    FloatVectorProperty,
     IntProperty,
     PointerProperty,
     StringProperty,
@@ -193,6 +194,24 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
     uv_layer: StringProperty(
         name="UV Layer",
         description="UV layer that the last bake of the object used",
+        options={"HIDDEN"},
+    )
+    uv_scale: FloatProperty(
+        name="UV Scale",
+        description="Lightmap UV = UV of the mesh * scale + offset: objects that share a mesh differ in it",
+        default=1.0,
+        options={"HIDDEN"},
+    )
+    uv_offset: FloatVectorProperty(
+        name="UV Offset",
+        description="See UV Scale",
+        size=2,
+        options={"HIDDEN"},
+    )
+    instances: StringProperty(
+        name="Instances",
+        description="Where the charts of the instances are that the object makes, as JSON: object, "
+        "persistent_id, image, scale, offset",
         options={"HIDDEN"},
     )
     slots: CollectionProperty(

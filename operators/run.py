@@ -129,10 +129,19 @@ class Run:
     def _remember_images(self, targets: list[bpy.types.Image]) -> None:
         """Write on each baked object which image, of the first output, and which UV layer belong to it."""
         image = dict(zip(self._gathered.scene.atlases, targets, strict=False))
-        for uid, atlas in self._gathered.objects:
+        instances: dict[int, list[dict]] = {}
+        for uid, name, number, place in self._gathered.instances:
+            entry = {"object": name, "persistent_id": number, "image": image[place.atlas].name}
+            instances.setdefault(uid, []).append({**entry, "scale": place.scale, "offset": place.offset})
+        for uid, entries in instances.items():
             obj = find(bpy.data.objects, uid)
             if obj is not None and obj.is_editable:
-                obj.hemibake.image, obj.hemibake.uv_layer = image[atlas], self._uv_layer
+                obj.hemibake.instances = json.dumps(entries)
+        for uid, place in self._gathered.objects:
+            obj = find(bpy.data.objects, uid)
+            if obj is not None and obj.is_editable:
+                obj.hemibake.image, obj.hemibake.uv_layer = image[place.atlas], self._uv_layer
+                obj.hemibake.uv_scale, obj.hemibake.uv_offset = place.scale, place.offset
 
     def _report(self, lightmap: Lightmap, names: list[str], files: list[str]) -> dict:
         facts = lightmap.report
@@ -144,6 +153,9 @@ class Run:
         seconds = {**self._seconds, **facts.seconds, "total": time.perf_counter() - self._start}
         return {
             "objects": len(self._gathered.objects),
+            "instances": len(self._gathered.instances),
+            "triangles": self._gathered.triangles,
+            "scene_bytes": self._gathered.bytes,
             "patches": int(facts.patches),
             "method": facts.method,
             "iterations": int(facts.iterations),

@@ -70,21 +70,27 @@ class HEMIBAKE_PT_advanced(_Sidebar, bpy.types.Panel):
             layout.prop(context.scene.hemibake, name)
 
 
+#: Objects that a bake sees, and those that make instances.
+_WITH_FACES = {"MESH", "CURVE", "FONT", "SURFACE", "META", "EMPTY"}
+
+
 class HEMIBAKE_PT_object(_Sidebar, bpy.types.Panel):
-    """Which lightmap the active object belongs to."""
+    """What a bake does with the active object, and which lightmap it belongs to."""
 
     bl_label = "Active Object"
     bl_parent_id = "HEMIBAKE_PT_bake"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return context.object is not None and context.object.type == "MESH"
+        return context.object is not None and context.object.type in _WITH_FACES
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, obj = self.layout, context.object
         layout.use_property_split = True
         layout.use_property_decorate = False
-        layout.prop(obj.hemibake, "atlas")
+        layout.prop(obj.hemibake, "role")
+        if obj.type == "MESH" and obj.hemibake.role == "BAKED":
+            layout.prop(obj.hemibake, "atlas")
         if obj.hemibake.image is not None:
             layout.label(text=f"Baked into '{obj.hemibake.image.name}'", icon="IMAGE_DATA")
 

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import bpy
 import numpy as np
 
 from ...engine.errors import SceneError
-from ...engine.scene import Material, Mesh, Scene, check_scene
-from .atlases import assign_atlases
-from .copies import copies_message, copying_modifiers
+from ...engine.scene import OCCLUDER, Mesh, Scene, check_scene
+from .copies import copies_message
+from .items import scene_items
+from .lights import Lamps
 from .material_table import MaterialTable
-from .meshes import middle, read_corners, world_mesh
+from .meshes import world_mesh
+from .notes import listed
+from .places import Place, choose_places
+from .readings import ItemReader, Reading
 from .skipped import note_skipped
 from .world import read_world
 
@@ -22,69 +26,38 @@ from .world import read_world
 class Gathered:
     """A scene ready for the engine.
 
-    objects  session uid and atlas name of each baked object, in the order of `scene.meshes`
-    notes    sentences for the user
+    objects    session uid of each baked object, and where its charts are
+    instances  session uid of the instancer, name of the object shown, persistent id, and where the
+               instance's charts are, for each baked instance
+    notes      sentences for the user
     """
 
     scene: Scene
-    objects: tuple[tuple[int, str], ...]
+    objects: tuple[tuple[int, Place], ...]
+    instances: tuple[tuple[int, str, tuple[int, ...], Place], ...]
     notes: tuple[str, ...]
 
+    @property
+    def bytes(self) -> int:
+        """Memory of the scene's triangles and textures."""
+        scene = self.scene
+        arrays = [getattr(mesh, name) for mesh in scene.meshes for name in _MESH_ARRAYS]
+        arrays += [uvs for mesh in scene.meshes for uvs in mesh.texture_uvs.values()]
+        maps = [
+            texture
+            for material in scene.materials
+            for texture in (material.reflectance_map, material.emission_map, material.alpha_map)
+            if texture is not None
+        ]
+        return sum(array.nbytes for array in [*arrays, scene.world, *(texture.pixels for texture in maps)])
 
-class ObjectReader:
-    """Reads objects as engine meshes and collects what there is to say about them.
+    @property
+    def triangles(self) -> int:
+        """Number of triangles."""
+        return sum(len(mesh.positions) for mesh in self.scene.meshes)
 
-    copying   names of the modifiers that make lightmap UVs overlap, by object
-    faceless  an object was left out because it has no face with an area
-    """
 
-    def __init__(
-        self, depsgraph: bpy.types.Depsgraph, uv_layer: str, origin: np.ndarray, notes: list[str]
-    ) -> None:
-        self._depsgraph, self._uv_layer, self._origin = depsgraph, uv_layer, origin
-        self._notes = notes
-        self._table = MaterialTable(uv_layer, notes)
-        self.copying: dict[str, list[str]] = {}
-        self.faceless = False
-
-    def materials(self, resolution: int) -> tuple[Material, ...]:
-        """Return the materials of the objects read; see `MaterialTable.finish`."""
-        return self._table.finish(resolution)
-
-    def read(self, obj: bpy.types.Object) -> Mesh | None:
-        """Return one object as an engine.Mesh; None, said in the notes, if it has to be left out."""
-        evaluated = obj.evaluated_get(self._depsgraph)
-        mesh = evaluated.to_mesh()
-        try:
-            return self._read_mesh(obj, evaluated, mesh) if self._has_faces(obj, mesh) else None
-        finally:
-            evaluated.to_mesh_clear()
-
-    def _has_faces(self, obj: bpy.types.Object, mesh: bpy.types.Mesh) -> bool:
-        """Return whether an object has faces with a place in a lightmap."""
-        if not len(mesh.polygons):
-            self._notes.append(f"Object '{obj.name}' has no faces and is left out.")
-            self.faceless = True
-        elif not len(obj.data.polygons) and self._uv_layer not in mesh.uv_layers:
-            self._notes.append(
-                f"The faces of object '{obj.name}' are made by its modifiers and have no lightmap UVs: "
-                "it is left out. Apply the modifiers to bake it."
-            )
-        else:
-            return True
-        return False
-
-    def _read_mesh(self, obj, evaluated: bpy.types.Object, mesh: bpy.types.Mesh) -> Mesh | None:
-        copying = copying_modifiers(obj, mesh, self._uv_layer)
-        if copying:
-            self.copying[obj.name] = copying
-        slots = [self._table.index(material, None) for material in _slot_materials(obj, mesh)]
-        corners = read_corners(obj, mesh, self._uv_layer)
-        result = world_mesh(evaluated, corners, self._origin, slots, self._notes)
-        if len(result.positions):
-            return result
-        self.faceless = True
-        return None
+_MESH_ARRAYS = ("positions", "normals", "uvs", "face", "subface", "material")
 
 
 def gather(
@@ -94,56 +67,91 @@ def gather(
     resolution: int,
     earlier_notes: Sequence[str] = (),
 ) -> Gathered:
-    """Return mesh objects as an engine.Scene; raises SceneError.
+    """Return what the scene shows as an engine.Scene; raises SceneError.
 
-    Every object with faces must have the UV layer; one without faces is left out with a note.
+    objects  those that get a lightmap; every one with faces must have the UV layer. All other surfaces
+             are occluders, unless they are to be ignored.
     """
     notes = list(earlier_notes)
     for obj in objects:
         obj.update_from_editmode()
     depsgraph = context.evaluated_depsgraph_get()
-    origin = middle([obj.evaluated_get(depsgraph) for obj in objects])
-    reader = ObjectReader(depsgraph, uv_layer, origin, notes)
-    atlases: list[str] = []
-    meshes: list[Mesh] = []
-    baked: list[tuple[int, str]] = []
-    for obj, atlas in zip(objects, assign_atlases(objects, notes), strict=True):
-        mesh = reader.read(obj)
-        if mesh is not None:
-            meshes.append(replace(mesh, atlas=_index(atlases, atlas)))
-            baked.append((obj.session_uid, atlas))
-    _check_read(reader, meshes, uv_layer, notes)
-    world = read_world(context.scene.world, notes)
-    scene = Scene(tuple(meshes), reader.materials(resolution), tuple(atlases), world, origin)
+    table = MaterialTable(depsgraph, uv_layer, notes)
+    try:
+        reader = ItemReader(depsgraph, table, {obj.session_uid for obj in objects}, uv_layer, notes)
+        lamps = Lamps(notes)
+        for item in scene_items(context, depsgraph):
+            if item.source.type == "LIGHT":
+                lamps.add(item)
+            elif item.object.type == "MESH":
+                reader.add(item)
+        readings = reader.finish()
+        _check_read(readings, reader.copying, uv_layer, notes)
+        origin = _middle(readings)
+        atlases, places = choose_places(readings, resolution)
+        meshes = [
+            _mesh(reading, place, atlases, origin) for reading, place in zip(readings, places, strict=True)
+        ]
+        scene = Scene(
+            meshes=tuple(mesh for mesh in meshes if len(mesh.positions)),
+            materials=table.finish(resolution),
+            atlases=tuple(atlases),
+            world=read_world(context.scene.world, notes),
+            origin=origin,
+            lights=lamps.finish(origin),
+        )
+    finally:
+        table.discard()
     check_scene(scene)
-    note_skipped(context, depsgraph, notes)
-    return Gathered(scene, tuple(baked), tuple(notes))
+    note_skipped(context, notes)
+    baked = [(reading, place) for reading, place in zip(readings, places, strict=True) if place is not None]
+    return Gathered(
+        scene,
+        tuple((reading.source, place) for reading, place in baked if reading.instancer is None),
+        tuple(
+            (reading.instancer, reading.name, reading.persistent_id, place)
+            for reading, place in baked
+            if reading.instancer is not None
+        ),
+        tuple(notes),
+    )
 
 
-def _check_read(reader: ObjectReader, meshes: Sequence[Mesh], uv_layer: str, notes: Sequence[str]) -> None:
-    """Raise SceneError if nothing is left, or if modifiers make UVs overlap."""
-    if notes and not meshes:
-        remedy = " Give an object faces that have an area." if reader.faceless else ""
-        raise SceneError(f"Nothing is left to bake. {' '.join(notes)}{remedy}")
-    if reader.copying:
-        raise SceneError(copies_message(reader.copying, uv_layer))
+def _mesh(reading: Reading, place: Place | None, atlases: list[str], origin: np.ndarray) -> Mesh:
+    """Return a reading in the world, with its charts in their place."""
+    atlas = OCCLUDER if place is None else atlases.index(place.atlas)
+    return world_mesh(reading, origin, atlas, None if place is None else place.apply)
 
 
-def _slot_materials(obj: bpy.types.Object, mesh: bpy.types.Mesh) -> list[bpy.types.Material | None]:
-    """Return the material of each slot: the object's own where the slot is linked to the object.
+def _middle(readings: Sequence[Reading]) -> np.ndarray:
+    """Return the middle of all boxes, (3,) float64, world space; 0 if that is not finite.
 
-    While the object shows its lightmap, the slots as they were before the preview count.
+    float32 positions relative to it keep their digits however far from the origin the scene is.
     """
-    materials = [material and material.original for material in mesh.materials]
-    slots = obj.hemibake.slots or obj.material_slots
-    for index, slot in enumerate(slots):
-        if slot.link == "OBJECT" and index < len(materials):
-            materials[index] = slot.material
-    return materials or [None]
+    points = np.concatenate([reading.box for reading in readings])
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2
+    return centre if np.isfinite(centre).all() else np.zeros(3)
 
 
-def _index(names: list[str], name: str) -> int:
-    """Return the index of a name in a list, appended if it is new."""
-    if name not in names:
-        names.append(name)
-    return names.index(name)
+def _check_read(
+    readings: Sequence[Reading], copying: dict[str, list[str]], uv_layer: str, notes: Sequence[str]
+) -> None:
+    """Raise SceneError if nothing is left to bake, or if modifiers make UVs overlap."""
+    if copying:
+        raise SceneError(copies_message(copying, uv_layer))
+    if any(reading.atlas is not None for reading in readings):
+        return
+    if readings:
+        names = listed(sorted({reading.name for reading in readings}))
+        raise SceneError(
+            f"Nothing is left to bake: {names} {'is' if len(readings) == 1 else 'are'} only seen. "
+            f"Set the role of an object to Baked. {' '.join(notes)}".strip()
+        )
+    if notes:
+        raise SceneError(
+            f"Nothing is left to bake. {' '.join(notes)} Give an object faces that have an area."
+        )
+    raise SceneError(
+        "The scene has no mesh with faces to bake. Add a mesh object, or make one visible "
+        "in the viewport and in renders."
+    )

@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import bpy
+import numpy as np
 
-from ...engine.scene import Material
+from ...engine.scene import Material, Texture
 from .materials import read_material
+from .notes import listed
+from .pixels import PixelCache
+from .shader_bake import Shape, bake_textures, copy_shape, remove_shapes
+from .sockets import ComplexError
+
+_ONES = np.ones(3, np.float32)
 
 
 class MaterialTable:
@@ -17,26 +25,108 @@ class MaterialTable:
     notes     sentences for the user are appended here
     """
 
-    def __init__(self, uv_layer: str, notes: list[str]) -> None:
-        self._uv_layer, self._notes = uv_layer, notes
-        self._index: dict[int | None, int] = {}
+    def __init__(self, depsgraph: bpy.types.Depsgraph, uv_layer: str, notes: list[str]) -> None:
+        self._depsgraph, self._uv_layer, self._notes = depsgraph, uv_layer, notes
+        self._cache = PixelCache(notes)
+        self._index: dict[tuple[int | None, str | None], int] = {}
         self._materials: list[Material] = []
+        self._complex: dict[int, bpy.types.Material] = {}
+        self._shapes: list[tuple[Shape, frozenset[int]]] = []
+        self._averaged: list[str] = []
 
     def index(self, material: bpy.types.Material | None, atlas: str | None) -> int:
         """Return the index into `Scene.materials` of a material on objects of an atlas (None: occluders)."""
-        key = None if material is None else material.session_uid
-        if key not in self._index:
+        key = (None if material is None else material.session_uid, None)
+        if key in self._index:
+            return self._index[key]
+        complex_key = (key[0], atlas or "")
+        if complex_key in self._index:
+            return self._index[complex_key]
+        try:
+            entry = read_material(material, self._notes, self._cache)
             self._index[key] = len(self._materials)
-            self._materials.append(read_material(material, self._notes))
-        return self._index[key]
+        except ComplexError:
+            entry = Material(material.name, np.full(3, 0.8, np.float32), np.zeros(3, np.float32))
+            self._index[complex_key] = len(self._materials)
+            self._complex[len(self._materials)] = material
+        self._materials.append(entry)
+        return len(self._materials) - 1
 
     def uv_maps(self, indices: Iterable[int]) -> set[str]:
         """Return the UV maps that textures of some materials need; "" is the one that renders use."""
-        return set()
+        maps: set[str] = set()
+        for index in set(indices):
+            material = self._materials[index]
+            textures = (material.reflectance_map, material.emission_map, material.alpha_map)
+            maps |= {texture.uv_map for texture in textures if texture is not None}
+            if index in self._complex:
+                maps.add(self._uv_layer)
+        return maps
 
-    def keep(self, mesh: bpy.types.Mesh, indices: Sequence[int]) -> None:
-        """Keep a copy of an evaluated mesh if Blender has to evaluate one of its slots' materials on it."""
+    def keep(self, evaluated: bpy.types.Object, indices: Sequence[int]) -> None:
+        """Keep a copy of an evaluated object if Blender has to evaluate the material of one of its slots."""
+        wanted = frozenset(index for index in indices if index in self._complex)
+        if wanted:
+            slots = [self._complex.get(index) for index in indices]
+            self._shapes.append((copy_shape(evaluated, self._depsgraph, slots), wanted))
+
+    def discard(self) -> None:
+        """Remove the copies that `keep` made."""
+        remove_shapes([shape for shape, _ in self._shapes])
+        self._shapes.clear()
 
     def finish(self, resolution: int) -> tuple[Material, ...]:
         """Evaluate what is left to Blender at a resolution, and return all materials."""
+        failed = []
+        for index, material in self._complex.items():
+            shapes = [shape for shape, wanted in self._shapes if index in wanted]
+            try:
+                self._materials[index] = self._evaluate(material, shapes, resolution)
+            except RuntimeError as error:
+                failed.append(material.name)
+                reason = str(error).strip().splitlines()[-1]
+        if failed:
+            self._notes.append(
+                f"Cycles could not evaluate the materials {listed(failed)} ({reason}): grey is baked."
+            )
+        if self._averaged:
+            self._notes.append(
+                "Occluders have no lightmap UVs: a mean colour stands for the materials "
+                f"{listed(self._averaged)}."
+            )
         return tuple(self._materials)
+
+    def _evaluate(self, material: bpy.types.Material, shapes: list[Shape], resolution: int) -> Material:
+        """Return a material as textures over the lightmap UVs; as means where shapes have none."""
+        mapped = [shape for shape in shapes if shape.mesh.uv_layers.get(self._uv_layer)]
+        chosen = mapped or shapes
+        if not mapped:
+            for shape in shapes:
+                shape.mesh.uv_layers.new(name=self._uv_layer)
+        pixels = bake_textures(material, chosen, self._uv_layer, resolution)
+        entry = Material(material.name, _ONES, np.zeros(3, np.float32), culled=material.use_backface_culling)
+        if mapped:
+            return replace(entry, **self._maps(material.name, pixels))
+        self._averaged.append(material.name)
+        return replace(entry, **_means(pixels))
+
+    def _maps(self, name: str, pixels: dict[str, np.ndarray]) -> dict:
+        """Return the texture fields of a material."""
+        maps = {
+            f"{kind}_map": Texture(name, np.ascontiguousarray(values), self._uv_layer, extension="extend")
+            for kind, values in pixels.items()
+            if kind != "emission" or values.any()
+        }
+        if "emission_map" in maps:
+            maps["emission"] = _ONES
+        return maps
+
+
+def _means(pixels: dict[str, np.ndarray]) -> dict:
+    """Return the constant fields of a material: means over the texels that were baked."""
+    seen = pixels["reflectance"].any(axis=2) | pixels["emission"].any(axis=2)
+    chosen = seen if seen.any() else np.ones_like(seen)
+    fields = {kind: pixels[kind][chosen].mean(axis=0) for kind in ("reflectance", "emission")}
+    if "alpha" in pixels:
+        fields["alpha"] = float(pixels["alpha"][chosen].mean())
+    return fields

@@ -1,131 +1,157 @@
-"""Material nodes -> constant reflectance and emission."""
+"""Material nodes -> reflectance, emission and alpha, where they are constants or plain textures."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import bpy
 import numpy as np
 
 from ...engine.scene import Material
 from ..compat import node_input, node_tree
+from .pixels import PixelCache
+from .sockets import ComplexError, feeder
+from .textures import read_texture
+from .values import BLACK, HOLE, ONE, ZERO, Surface, Value, constant
 
 #: What Cycles shows where there is no material.
 _DEFAULT_GREY = np.full(3, 0.8, np.float32)
 
-
-@dataclass(frozen=True)
-class Surface:
-    """Reflectance and emitted radiance of a shader, (3,) float32 each."""
-
-    reflectance: np.ndarray
-    emission: np.ndarray
-
-
-_BLACK = Surface(np.zeros(3, np.float32), np.zeros(3, np.float32))
-
-
-class ShaderReader:
-    """Reads the shader of one material or world as constants.
-
-    owner  how messages name the datablock
-    notes  sentences for the user are appended here, each once
-    """
-
-    def __init__(self, owner: str, notes: list[str]) -> None:
-        self._owner = owner
-        self._notes = notes
-
-    def surface(self, socket: bpy.types.NodeSocket) -> Surface:
-        """Return what the shader linked to a socket reflects and emits."""
-        feeder = _feeder(socket)
-        if not feeder.is_output:
-            return _BLACK
-        node = feeder.node
-        read = _SHADERS.get(node.bl_idname)
-        if read is None:
-            self._note(f"uses the node '{node.bl_label}', which is not baked: taken as black")
-            return _BLACK
-        return read(self, node)
-
-    def colour(self, node: bpy.types.Node, *names: str) -> np.ndarray:
-        """Return a colour input of a node, (3,) float32, scene-linear."""
-        return np.array(self._constant(node, names, (0.0, 0.0, 0.0, 1.0)), np.float32)[:3]
-
-    def value(self, node: bpy.types.Node, *names: str) -> float:
-        """Return a number input of a node, 0 if the node has none of that name."""
-        return float(self._constant(node, names, 0.0))
-
-    def _constant(self, node: bpy.types.Node, names: tuple[str, ...], missing):
-        socket = node_input(node, *names)
-        if socket is None:
-            return missing
-        feeder = _feeder(socket)
-        constant = not feeder.is_output or feeder.node.bl_idname == _CONSTANT_NODES.get(socket.type)
-        if constant and feeder.type == socket.type:
-            return feeder.default_value
-        self._note(f"has a node linked to '{socket.name}': the socket's own value is baked instead")
-        return socket.default_value
-
-    def _note(self, text: str) -> None:
-        note = f"{self._owner} {text}."
-        if note not in self._notes:
-            self._notes.append(note)
-
-
 _CONSTANT_NODES = {"RGBA": "ShaderNodeRGB", "VALUE": "ShaderNodeValue"}
 
 
-def _feeder(socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-    """Return the output that feeds an input, through reroutes and muted nodes.
+class ShaderReader:
+    """Reads the shader of one material, world or light.
 
-    Where nothing feeds it, return the input whose own value counts: a muted node passes the input that
-    Blender links to the output internally, or nothing at all.
+    owner  how messages name the datablock
+    notes  sentences for the user are appended here, each once
+    cache  images; without one every texture is ComplexError
     """
-    own = socket
-    while socket.is_linked and not socket.links[0].is_muted:
-        output = socket.links[0].from_socket
-        if output.node.bl_idname == "NodeReroute":
-            socket = output.node.inputs[0]
-        elif output.node.mute:
-            passed = next((link for link in output.node.internal_links if link.to_socket == output), None)
-            if passed is None:
-                break
-            own = socket = passed.from_socket
-        else:
-            return output
-    return own
+
+    def __init__(self, owner: str, notes: list[str], cache: PixelCache | None = None) -> None:
+        self._owner, self._notes, self._cache = owner, notes, cache
+
+    def surface(self, socket: bpy.types.NodeSocket) -> Surface:
+        """Return what the shader linked to a socket does; raises ComplexError if only Blender knows."""
+        output = feeder(socket)
+        if not output.is_output:
+            return BLACK
+        read = _SHADERS.get(output.node.bl_idname)
+        if read is None:
+            raise ComplexError
+        return read(self, output.node)
+
+    def colour(self, node: bpy.types.Node, *names: str) -> Value:
+        """Return a colour input of a node, black if the node has none of that name."""
+        socket = node_input(node, *names)
+        return ZERO if socket is None else self._value(socket, 3)
+
+    def number(self, node: bpy.types.Node, *names: str) -> Value:
+        """Return a number input of a node as a grey, 0 if the node has none of that name."""
+        socket = node_input(node, *names)
+        return ZERO if socket is None else self._value(socket, 1)
+
+    def alpha(self, socket: bpy.types.NodeSocket) -> tuple[Value, float | None]:
+        """Return an input that may be cut at a threshold by a Math node, and the threshold."""
+        output = feeder(socket)
+        if output.is_output and output.node.bl_idname == "ShaderNodeMath":
+            node = output.node
+            if node.operation == "ROUND":
+                return self._value(node.inputs[0], 1), 0.5
+            if node.operation in {"GREATER_THAN", "LESS_THAN"}:
+                first, second = node.inputs[:2]
+                image, limit = (first, second) if node.operation == "GREATER_THAN" else (second, first)
+                return self._value(image, 1), self._value(limit, 1).number
+        return self._value(socket, 1), None
+
+    def _value(self, socket: bpy.types.NodeSocket, channels: int) -> Value:
+        """Return what an input holds, or what is linked to it."""
+        output = feeder(socket)
+        node = output.node
+        if not output.is_output or node.bl_idname == _CONSTANT_NODES.get(output.type):
+            return _constant(output)
+        if node.bl_idname == "ShaderNodeTexImage" and self._cache is not None:
+            return Value(np.ones(3), read_texture(output, self._cache, self._owner, channels))
+        if node.bl_idname in {"ShaderNodeMix", "ShaderNodeMixRGB"}:
+            return self._product(node, channels)
+        raise ComplexError
+
+    def _product(self, node: bpy.types.Node, channels: int) -> Value:
+        """Return what a Mix node that multiplies colours at full strength makes."""
+        mixes = node.bl_idname == "ShaderNodeMix"
+        if node.blend_type != "MULTIPLY" or (mixes and node.data_type != "RGBA"):
+            raise ComplexError
+        inputs = [socket for socket in node.inputs if socket.enabled]
+        if len(inputs) != 3 or self._value(inputs[0], 1).number != 1:
+            raise ComplexError
+        return self._value(inputs[1], channels) * self._value(inputs[2], channels)
+
+
+def _constant(socket: bpy.types.NodeSocket) -> Value:
+    """Return the own value of a socket."""
+    value = getattr(socket, "default_value", 0.0)
+    return constant(*list(value)[:3]) if hasattr(value, "__len__") else constant(value)
+
+
+def _rest(value: Value) -> Value:
+    """Return 1 minus a constant."""
+    return constant(1 - value.number)
 
 
 def _principled(reader: ShaderReader, node: bpy.types.Node) -> Surface:
     """Diffuse part of the Principled BSDF: what metal reflects or glass lets through is not diffuse."""
-    diffuse = (1 - reader.value(node, "Metallic")) * (
-        1 - reader.value(node, "Transmission Weight", "Transmission")
-    )
-    emission = reader.colour(node, "Emission Color", "Emission") * reader.value(node, "Emission Strength")
-    return Surface(reader.colour(node, "Base Color") * np.float32(diffuse), emission)
+    diffuse = _rest(reader.number(node, "Metallic"))
+    diffuse = diffuse * _rest(reader.number(node, "Transmission Weight", "Transmission"))
+    emission = reader.colour(node, "Emission Color", "Emission")
+    strength = reader.number(node, "Emission Strength")
+    reflectance = ZERO if diffuse.is_zero else reader.colour(node, "Base Color") * diffuse
+    alpha, threshold = reader.alpha(node.inputs["Alpha"])
+    return Surface(reflectance, ZERO if strength.is_zero else emission * strength, alpha, threshold)
 
 
 def _diffuse(reader: ShaderReader, node: bpy.types.Node) -> Surface:
-    return Surface(reader.colour(node, "Color"), _BLACK.emission)
+    return Surface(reader.colour(node, "Color"), ZERO, ONE)
 
 
 def _emission(reader: ShaderReader, node: bpy.types.Node) -> Surface:
     """Emission and Background: colour times strength, no reflection."""
-    return Surface(_BLACK.reflectance, reader.colour(node, "Color") * reader.value(node, "Strength"))
+    return Surface(ZERO, reader.colour(node, "Color") * reader.number(node, "Strength"), ONE)
+
+
+def _transparent(reader: ShaderReader, node: bpy.types.Node) -> Surface:
+    """White lets everything through; of coloured glass only Blender knows."""
+    if (reader.colour(node, "Color") + constant(-1.0)).constant.any():
+        raise ComplexError
+    return HOLE
+
+
+def _no_diffuse(reader: ShaderReader, node: bpy.types.Node) -> Surface:
+    """What is shiny or clear stops light, and reflects none of it diffusely."""
+    return BLACK
 
 
 def _add(reader: ShaderReader, node: bpy.types.Node) -> Surface:
     first, second = (reader.surface(socket) for socket in node.inputs[:2])
-    return Surface(first.reflectance + second.reflectance, first.emission + second.emission)
+    if first.alpha.texture or second.alpha.texture or (first.alpha.number, second.alpha.number) != (1, 1):
+        raise ComplexError
+    return Surface(first.reflectance + second.reflectance, first.emission + second.emission, ONE)
 
 
 def _mix(reader: ShaderReader, node: bpy.types.Node) -> Surface:
-    fraction = np.float32(min(max(reader.value(node, "Fac", "Factor"), 0.0), 1.0))
+    """Mix two shaders; one of them may be a hole, which the factor then cuts."""
     first, second = (reader.surface(socket) for socket in node.inputs[1:3])
+    factor, threshold = reader.alpha(node.inputs[0])
+    if first.is_hole and second.threshold is None:
+        return Surface(second.reflectance, second.emission, second.alpha * factor, threshold)
+    share = min(max(factor.number, 0.0), 1.0)
+    if second.is_hole and first.threshold is None:
+        return Surface(first.reflectance, first.emission, first.alpha * (1 - share))
+    if share in (0.0, 1.0):
+        return second if share else first
+    if first.alpha.number * second.alpha.number != 1:
+        raise ComplexError
     return Surface(
-        (1 - fraction) * first.reflectance + fraction * second.reflectance,
-        (1 - fraction) * first.emission + fraction * second.emission,
+        first.reflectance * (1 - share) + second.reflectance * share,
+        first.emission * (1 - share) + second.emission * share,
+        ONE,
     )
 
 
@@ -134,27 +160,46 @@ _SHADERS = {
     "ShaderNodeBsdfDiffuse": _diffuse,
     "ShaderNodeEmission": _emission,
     "ShaderNodeBackground": _emission,
+    "ShaderNodeBsdfTransparent": _transparent,
+    "ShaderNodeBsdfGlossy": _no_diffuse,
+    "ShaderNodeBsdfAnisotropic": _no_diffuse,
+    "ShaderNodeBsdfGlass": _no_diffuse,
+    "ShaderNodeBsdfRefraction": _no_diffuse,
     "ShaderNodeAddShader": _add,
     "ShaderNodeMixShader": _mix,
 }
 
 
-def read_material(material: bpy.types.Material | None, notes: list[str]) -> Material:
-    """Return the constant diffuse surface of a material; an empty slot is Cycles' grey.
+def read_material(material: bpy.types.Material | None, notes: list[str], cache: PixelCache) -> Material:
+    """Return the diffuse surface of a material; an empty slot is Cycles' grey.
 
-    Sentences about what could not be taken over are appended to `notes`.
+    Sentences about what could not be taken over are appended to `notes`. Raises ComplexError if only Blender
+    can evaluate it.
     """
     if material is None:
         return Material("(no material)", _DEFAULT_GREY, np.zeros(3, np.float32))
+    culled = bool(material.use_backface_culling)
     tree = node_tree(material)
     if tree is None:
         colour = np.array(material.diffuse_color, np.float32)[:3]
-        return Material(material.name, np.clip(colour, 0, 1), np.zeros(3, np.float32))
+        return Material(material.name, np.clip(colour, 0, 1), np.zeros(3, np.float32), culled=culled)
     output = tree.get_output_node("CYCLES")
-    reader = ShaderReader(f"Material '{material.name}'", notes)
-    surface = reader.surface(output.inputs["Surface"]) if output else _BLACK
+    reader = ShaderReader(f"Material '{material.name}'", notes, cache)
+    surface = reader.surface(output.inputs["Surface"]) if output else BLACK
+    return to_material(material.name, surface, culled)
+
+
+def to_material(name: str, surface: Surface, culled: bool) -> Material:
+    """Return a surface as the engine wants it."""
+    alpha = float(np.clip(surface.alpha.constant[0], 0, 1))
     return Material(
-        material.name,
-        np.clip(surface.reflectance, 0, 1).astype(np.float32),
-        np.maximum(surface.emission, 0).astype(np.float32),
+        name,
+        np.clip(surface.reflectance.constant, 0, 1).astype(np.float32),
+        np.maximum(surface.emission.constant, 0).astype(np.float32),
+        alpha=alpha,
+        alpha_threshold=surface.threshold,
+        culled=culled,
+        reflectance_map=surface.reflectance.texture,
+        emission_map=surface.emission.texture,
+        alpha_map=surface.alpha.texture,
     )

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
 
-from ...engine.errors import SceneError
 from ...engine.scene import Mesh
+
+if TYPE_CHECKING:
+    from .readings import Reading
 
 #: A triangle is degenerate if twice its area is below this times its longest edge squared.
 _ZERO_AREA = 1e-7
@@ -17,18 +20,26 @@ _ZERO_AREA = 1e-7
 
 @dataclass(frozen=True)
 class Corners:
-    """The triangle corners of a mesh in object space.
+    """The triangle corners of a mesh in object space, without zero-area triangles.
 
-    positions, normals  (t, 3, 3) float64
-    uvs                 (t, 3, 2) float32
-    face, slot          (t,) int32, polygon and material slot of each triangle
+    positions    (t, 3, 3) float32
+    normals      (t, 3, 3) float32
+    uvs          (t, 3, 2) float32, lightmap UV of the mesh; None if it has none
+    texture_uvs  (t, 3, 2) float32 of each UV map that textures need; "" is the one that renders use
+    face         (t,) int32, polygon of each triangle
+    subface      (t,) int32, number of the triangle within its polygon
+    slot         (t,) int32, material slot of each triangle
+    dropped      number of triangles without an area
     """
 
     positions: np.ndarray
     normals: np.ndarray
-    uvs: np.ndarray
+    uvs: np.ndarray | None
+    texture_uvs: dict[str, np.ndarray]
     face: np.ndarray
+    subface: np.ndarray
     slot: np.ndarray
+    dropped: int
 
 
 def read_array(collection, attribute: str, width: int, dtype) -> np.ndarray:
@@ -38,69 +49,70 @@ def read_array(collection, attribute: str, width: int, dtype) -> np.ndarray:
     return values.reshape(-1, width)
 
 
-def read_corners(obj: bpy.types.Object, mesh: bpy.types.Mesh, uv_layer: str) -> Corners:
-    """Return the corners of an evaluated mesh; raises SceneError if it has no such UV layer."""
-    layer = mesh.uv_layers.get(uv_layer)
-    if layer is None:
-        raise SceneError(
-            f"Object '{obj.name}' loses its UV layer '{uv_layer}' in its modifiers. "
-            "Let them keep it, apply them, or hide the object from the viewport."
-        )
+def read_corners(mesh: bpy.types.Mesh, uv_layer: str | None, uv_maps: Iterable[str]) -> Corners:
+    """Return the corners of an evaluated mesh, with its lightmap UVs from a layer, if that is named.
+
+    A UV map that the mesh does not have is 0 everywhere, as in Cycles.
+    """
     mesh.calc_loop_triangles()
     triangles = mesh.loop_triangles
     loops = read_array(triangles, "loops", 3, np.int32)
     vertices = read_array(triangles, "vertices", 3, np.int32)
     polygons = read_array(triangles, "polygon_index", 1, np.int32)[:, 0]
+    positions = read_array(mesh.vertices, "co", 3, np.float32)[vertices]
+    keep = ~_zero_area(positions)
+    loops, polygon = loops[keep], polygons[keep]
     return Corners(
-        positions=read_array(mesh.vertices, "co", 3, np.float32).astype(np.float64)[vertices],
-        normals=read_array(mesh.corner_normals, "vector", 3, np.float32).astype(np.float64)[loops],
-        uvs=read_array(layer.uv, "vector", 2, np.float32)[loops],
-        face=polygons,
-        slot=read_array(mesh.polygons, "material_index", 1, np.int32)[polygons, 0],
+        positions=positions[keep],
+        normals=read_array(mesh.corner_normals, "vector", 3, np.float32)[loops],
+        uvs=None if uv_layer is None else _uvs(mesh.uv_layers.get(uv_layer), loops),
+        texture_uvs={name: _uvs(_layer(mesh, name), loops) for name in uv_maps},
+        face=polygon,
+        subface=subfaces(polygons)[keep],
+        slot=read_array(mesh.polygons, "material_index", 1, np.int32)[polygon, 0],
+        dropped=int(np.sum(~keep)),
     )
 
 
-def middle(objects: Sequence[bpy.types.Object]) -> np.ndarray:
-    """Return the middle of the objects' bounding box, (3,) float64, world space; 0 if that is not finite.
-
-    float32 positions relative to it keep their digits however far from the origin the scene is.
-    """
-    corners = [_in_world(obj, np.array(obj.bound_box, np.float64)) for obj in objects]
-    points = np.concatenate(corners) if corners else np.zeros((1, 3))
-    centre = (points.min(axis=0) + points.max(axis=0)) / 2
-    return centre if np.isfinite(centre).all() else np.zeros(3)
+def _layer(mesh: bpy.types.Mesh, name: str) -> bpy.types.MeshUVLoopLayer | None:
+    """Return a UV map by name; "" is the one that renders use."""
+    if name:
+        return mesh.uv_layers.get(name)
+    return next((layer for layer in mesh.uv_layers if layer.active_render), None)
 
 
-def _in_world(obj: bpy.types.Object, points: np.ndarray) -> np.ndarray:
-    """Return points, (..., 3) float64, from object space to world space."""
-    matrix = np.array(obj.matrix_world, np.float64)
-    return points @ matrix[:3, :3].T + matrix[:3, 3]
+def _uvs(layer: bpy.types.MeshUVLoopLayer | None, loops: np.ndarray) -> np.ndarray:
+    """Return a UV map at the triangles' corners, (t, 3, 2) float32."""
+    if layer is None:
+        return np.zeros((*loops.shape, 2), np.float32)
+    return read_array(layer.uv, "vector", 2, np.float32)[loops]
 
 
 def world_mesh(
-    obj: bpy.types.Object, corners: Corners, origin: np.ndarray, slots: Sequence[int], notes: list[str]
+    reading: Reading, origin: np.ndarray, atlas: int, place: Callable[[np.ndarray], np.ndarray] | None
 ) -> Mesh:
-    """Return an object's corners along the world's axes, without zero-area triangles.
+    """Return a reading's corners along the world's axes.
 
     origin  (3,) float64, world space: what the positions are relative to
-    slots   index into `Scene.materials` of each material slot
+    place   from the mesh's lightmap UVs to those of the atlas; None for an occluder
     """
-    matrix = np.array(obj.matrix_world, np.float64)
-    positions = _in_world(obj, corners.positions) - origin
-    normals = _unit(corners.normals @ _normal_matrix(matrix[:3, :3]).T)
+    corners, matrix = reading.shape.corners, reading.matrix
+    linear, shift = matrix[:3, :3].T, matrix[:3, 3] - origin
+    positions = (corners.positions @ linear + shift).astype(np.float32)
+    normals = _unit(corners.normals @ _normal_matrix(matrix[:3, :3]).T.astype(np.float32))
+    uvs = np.zeros((len(positions), 3, 2), np.float32) if place is None else place(corners.uvs)
     order = [0, 2, 1] if np.linalg.det(matrix[:3, :3]) < 0 else [0, 1, 2]
-    keep = ~_zero_area(positions)
-    if not keep.all():
-        notes.append(f"Object '{obj.name}': {np.sum(~keep)} zero-area triangles were left out.")
-    slot = np.clip(corners.slot, 0, len(slots) - 1)
+    turned = (lambda array: np.ascontiguousarray(array[:, order])) if order[1] == 2 else (lambda array: array)
     return Mesh(
-        name=obj.name,
-        positions=positions[keep][:, order].astype(np.float32),
-        normals=normals[keep][:, order].astype(np.float32),
-        uvs=np.ascontiguousarray(corners.uvs[keep][:, order]),
-        face=corners.face[keep],
-        subface=subfaces(corners.face)[keep],
-        material=np.asarray(slots, np.int32)[slot][keep],
+        name=reading.name,
+        positions=turned(positions),
+        normals=turned(normals),
+        uvs=turned(uvs),
+        face=corners.face,
+        subface=corners.subface,
+        material=reading.shape.slots,
+        atlas=atlas,
+        texture_uvs={name: turned(values) for name, values in corners.texture_uvs.items()},
     )
 
 
@@ -127,7 +139,7 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
 
 def _zero_area(positions: np.ndarray) -> np.ndarray:
     """Return which triangles have no area, (t,) bool; False where a coordinate is not a number."""
-    edges = positions - np.roll(positions, 1, axis=1)
+    edges = (positions - np.roll(positions, 1, axis=1)).astype(np.float64)
     longest = np.max(np.sum(edges**2, axis=2), axis=1)
     doubled = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     return doubled <= _ZERO_AREA * longest

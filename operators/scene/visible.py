@@ -19,8 +19,27 @@ def visible_objects(context: bpy.types.Context) -> list[bpy.types.Object]:
 
 
 def visible_meshes(context: bpy.types.Context) -> list[bpy.types.Object]:
-    """Return the mesh objects among the visible ones."""
-    return [obj for obj in visible_objects(context) if obj.type == "MESH"]
+    """Return the mesh objects that are to be baked: visible ones, and those that instances show."""
+    objects = [obj for obj in visible_objects(context) if _is_baked(obj)]
+    return list(dict.fromkeys([*objects, *_instanced(context)]))
+
+
+def _instanced(context: bpy.types.Context) -> Iterator[bpy.types.Object]:
+    """Yield the mesh objects that instances show; an instance of a curve's own faces is none."""
+    shown = {obj.session_uid for obj in visible_objects(context)}
+    for instance in context.evaluated_depsgraph_get().object_instances:
+        if instance.is_instance and instance.parent.original.session_uid in shown:
+            source, parent = instance.object.original, instance.parent.original
+            if source != parent and _is_baked(source) and _is_baked_by(parent) and not source.hide_render:
+                yield source
+
+
+def _is_baked(obj: bpy.types.Object) -> bool:
+    return obj.type == "MESH" and obj.hemibake.role == "BAKED"
+
+
+def _is_baked_by(instancer: bpy.types.Object) -> bool:
+    return instancer.hemibake.role == "BAKED"
 
 
 def _rendered(layer: bpy.types.LayerCollection) -> Iterator[bpy.types.Object]:

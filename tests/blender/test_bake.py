@@ -165,7 +165,8 @@ def test_linked_duplicates_are_baked_side_by_side():
     second.location.x = 3
     bpy.context.scene.collection.objects.link(second)
     bake()
-    assert second.hemibake.image.name == "Lightmap.Second"
+    assert first.hemibake.image == second.hemibake.image == bpy.data.images["Lightmap instances"]
+    assert tuple(first.hemibake.uv_offset) != tuple(second.hemibake.uv_offset)
     assert second.hemibake.atlas == "Lightmap"
 
 

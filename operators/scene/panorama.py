@@ -1,0 +1,70 @@
+"""The surroundings as Cycles shows them: an equirectangular picture of a world alone."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..compat import set_panorama
+
+#: Rows of the picture, and samples of each pixel.
+_ROWS = 512
+_SAMPLES = 16
+
+
+def render_world(world: bpy.types.World) -> np.ndarray:
+    """Return a world's radiance as engine.Scene.world, (h, w, 3) float32; raises RuntimeError.
+
+    A scene of its own is rendered, so that nothing of the user's is touched.
+    """
+    scene = bpy.data.scenes.new("hemibake")
+    camera_data = bpy.data.cameras.new("hemibake")
+    camera = bpy.data.objects.new("hemibake", camera_data)
+    try:
+        scene.world = world
+        scene.collection.objects.link(camera)
+        scene.camera = camera
+
+        # The middle of an equirectangular map is the direction +x, its upper edge +z.
+        camera.rotation_euler = (np.pi / 2, 0, -np.pi / 2)
+        set_panorama(camera_data)
+        _set_up(scene)
+        with tempfile.TemporaryDirectory(prefix="hemibake-") as folder:
+            path = Path(folder) / "world.exr"
+            scene.render.filepath = str(path)
+            bpy.ops.render.render(write_still=True, scene=scene.name)
+            return _read(path)
+    finally:
+        bpy.data.objects.remove(camera)
+        bpy.data.cameras.remove(camera_data)
+        bpy.data.scenes.remove(scene)
+
+
+def _set_up(scene: bpy.types.Scene) -> None:
+    render = scene.render
+    render.engine = "CYCLES"
+    scene.cycles.device, scene.cycles.samples = "CPU", _SAMPLES
+    scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = False
+    scene.cycles.sample_clamp_direct = scene.cycles.sample_clamp_indirect = 0
+    render.resolution_x, render.resolution_y, render.resolution_percentage = 2 * _ROWS, _ROWS, 100
+    render.film_transparent = False
+    render.use_compositing = render.use_sequencer = False
+    if hasattr(render.image_settings, "media_type"):
+        render.image_settings.media_type = "IMAGE"
+    render.image_settings.file_format = "OPEN_EXR"
+    render.image_settings.color_depth = "32"
+    render.image_settings.color_mode = "RGB"
+
+
+def _read(path: Path) -> np.ndarray:
+    image = bpy.data.images.load(str(path), check_existing=False)
+    try:
+        pixels = np.empty(len(image.pixels), np.float32)
+        image.pixels.foreach_get(pixels)
+        width, height = image.size
+        return pixels.reshape(height, width, -1)[..., :3].copy()
+    finally:
+        bpy.data.images.remove(image)

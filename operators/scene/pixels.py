@@ -1,0 +1,71 @@
+"""Blender images -> arrays of scene-linear pixels."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+#: Colour spaces whose pixels are scene-linear Rec.709 as they are, and the one that is not.
+_LINEAR = {"Linear Rec.709", "Non-Color", "Raw", "Linear", "Generic Data"}
+_SRGB = "sRGB"
+
+#: What Cycles shows for an image that cannot be read.
+MISSING = np.array([[[1.0, 0.0, 1.0, 1.0]]], np.float32)
+
+
+class PixelCache:
+    """The pixels of images, each read once."""
+
+    def __init__(self, notes: list[str]) -> None:
+        self._notes = notes
+        self._images: dict[int, np.ndarray] = {}
+
+    def read(self, image: bpy.types.Image | None, owner: str) -> np.ndarray:
+        """Return (h, w, 4) float32, scene-linear Rec.709 and alpha, row 0 at v = 0.
+
+        An image without pixels is magenta, as in Cycles, which is said in the notes; owner names who uses it.
+        """
+        if image is None:
+            self._note(f"{owner} has an image texture without an image: magenta is baked, as in Cycles.")
+            return MISSING
+        if image.session_uid not in self._images:
+            self._images[image.session_uid] = self._load(image, owner)
+        return self._images[image.session_uid]
+
+    def _load(self, image: bpy.types.Image, owner: str) -> np.ndarray:
+        pixels = np.empty(0, np.float32)
+        width, height = image.size
+        if width and height:
+            pixels = np.empty(width * height * 4, np.float32)
+            try:
+                image.pixels.foreach_get(pixels)
+            except (RuntimeError, TypeError):
+                pixels = np.empty(0, np.float32)
+        if not pixels.size:
+            self._note(
+                f"Image '{image.name}', which {owner} uses, cannot be read: magenta is baked, as in Cycles. "
+                "Find the file again (File > External Data), or pack it."
+            )
+            return MISSING
+        pixels = pixels.reshape(height, width, 4)
+        if image.colorspace_settings.name == _SRGB and not image.is_float:
+            pixels[..., :3] = srgb_to_linear(pixels[..., :3])
+        return np.nan_to_num(pixels, posinf=0.0, neginf=0.0)
+
+    def _note(self, note: str) -> None:
+        if note not in self._notes:
+            self._notes.append(note)
+
+
+def is_plain(image: bpy.types.Image | None) -> bool:
+    """Return whether an image is one still picture in a colour space that is known here."""
+    if image is None:
+        return True
+    spaces = _LINEAR | ({_SRGB} if not image.is_float else set())
+    return image.source in {"FILE", "GENERATED"} and image.colorspace_settings.name in spaces
+
+
+def srgb_to_linear(values: np.ndarray) -> np.ndarray:
+    """Return display values as scene-linear ones (IEC 61966-2-1)."""
+    low = values <= 0.04045
+    return np.where(low, values / 12.92, ((np.maximum(values, 0) + 0.055) / 1.055) ** 2.4).astype(np.float32)

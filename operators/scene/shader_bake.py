@@ -1,0 +1,209 @@
+"""Materials that only Blender can evaluate: baked by Cycles, on copies, into textures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from ..compat import new_node_tree
+from .sockets import feeder
+
+#: Smallest and largest width of such a texture, texels; samples of each; texels beyond chart borders.
+_SMALLEST, _LARGEST = 512, 4096
+_SAMPLES = 4
+_MARGIN = 8
+
+#: What is baked: Cycles' bake type and its passes.
+_PASSES = {"reflectance": ("DIFFUSE", {"COLOR"}), "emission": ("EMIT", set()), "alpha": ("EMIT", set())}
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A mesh that shows materials to be evaluated; the mesh is a copy that is removed afterwards.
+
+    slots   material of each slot, None where nothing has to be evaluated
+    matrix  object space to world space
+    """
+
+    mesh: bpy.types.Mesh
+    slots: tuple[bpy.types.Material | None, ...]
+    matrix: object
+
+
+def copy_shape(
+    evaluated: bpy.types.Object,
+    depsgraph: bpy.types.Depsgraph,
+    slots: Sequence[bpy.types.Material | None],
+) -> Shape:
+    """Copy an evaluated object with all its layers."""
+    mesh = bpy.data.meshes.new_from_object(evaluated, preserve_all_data_layers=True, depsgraph=depsgraph)
+    return Shape(mesh, tuple(slots), evaluated.matrix_world.copy())
+
+
+def remove_shapes(shapes: Sequence[Shape]) -> None:
+    """Remove the copies."""
+    for shape in shapes:
+        bpy.data.meshes.remove(shape.mesh)
+
+
+def bake_textures(
+    material: bpy.types.Material, shapes: Sequence[Shape], uv_layer: str, resolution: int
+) -> dict[str, np.ndarray]:
+    """Return a material as textures over lightmap UVs, float32.
+
+    They are "reflectance" and "emission", (h, w, 3), and "alpha", (h, w, 1), which is missing where it is
+    1. Raises RuntimeError if Cycles cannot bake.
+    """
+    size = int(np.clip(resolution, _SMALLEST, _LARGEST))
+    with _stage(shapes, material, uv_layer) as stage:
+        textures = {}
+        for name in _PASSES:
+            pixels = stage.bake(name, size)
+            if pixels is not None:
+                textures[name] = pixels
+    if "alpha" in textures:
+        alpha = np.clip(textures["alpha"][..., :1], 0, 1)
+        textures["alpha"] = alpha
+        textures["reflectance"] = np.where(alpha > 1e-3, textures["reflectance"] / np.maximum(alpha, 1e-3), 0)
+    textures["reflectance"] = np.clip(textures["reflectance"], 0, 1).astype(np.float32)
+    return {name: np.nan_to_num(np.maximum(pixels, 0)) for name, pixels in textures.items()}
+
+
+class _Stage:
+    """A scene of its own with copies of the shapes that wear a copy of one material."""
+
+    def __init__(
+        self, scene: bpy.types.Scene, objects: list[bpy.types.Object], worn: bpy.types.Material
+    ) -> None:
+        self._scene, self._objects, self._worn = scene, objects, worn
+
+    def bake(self, name: str, size: int) -> np.ndarray | None:
+        """Return one pass, (size, size, 3) float32; None for the alpha of an opaque material."""
+        tree = self._worn.node_tree
+        if name == "alpha" and not _show_alpha(tree):
+            return None
+        image = bpy.data.images.new("hemibake", size, size, alpha=True, float_buffer=True, is_data=True)
+        node = tree.nodes.new("ShaderNodeTexImage")
+        try:
+            node.image = image
+            tree.nodes.active = node
+            kind, passes = _PASSES[name]
+            with bpy.context.temp_override(
+                scene=self._scene,
+                view_layer=self._scene.view_layers[0],
+                active_object=self._objects[0],
+                object=self._objects[0],
+                selected_objects=self._objects,
+                selected_editable_objects=self._objects,
+            ):
+                bpy.ops.object.bake(
+                    type=kind, pass_filter=passes, margin=_MARGIN, margin_type="EXTEND", use_clear=False,
+                    target="IMAGE_TEXTURES", save_mode="INTERNAL", use_selected_to_active=False,
+                )  # fmt: skip
+            pixels = np.empty(size * size * 4, np.float32)
+            image.pixels.foreach_get(pixels)
+            return pixels.reshape(size, size, 4)[..., :3].copy()
+        finally:
+            tree.nodes.remove(node)
+            bpy.data.images.remove(image)
+
+
+@contextmanager
+def _stage(shapes: Sequence[Shape], material: bpy.types.Material, uv_layer: str) -> Iterator[_Stage]:
+    """Set the stage for a material, and remove all of it in the end."""
+    scene = bpy.data.scenes.new("hemibake")
+    worn = material.copy()
+    blank = bpy.data.materials.new("hemibake")
+    nothing = bpy.data.images.new("hemibake", 1, 1)
+    objects: list[bpy.types.Object] = []
+    try:
+        blank_node = new_node_tree(blank).nodes.new("ShaderNodeTexImage")
+        blank_node.image = nothing
+        blank.node_tree.nodes.active = blank_node
+        for shape in shapes:
+            obj = bpy.data.objects.new("hemibake", shape.mesh)
+            objects.append(obj)
+            scene.collection.objects.link(obj)
+            _dress(obj, shape, material, worn, blank, uv_layer)
+        _set_up(scene)
+        yield _Stage(scene, objects, worn)
+    finally:
+        for obj in objects:
+            bpy.data.objects.remove(obj)
+        bpy.data.scenes.remove(scene)
+        for unused in (worn, blank):
+            bpy.data.materials.remove(unused)
+        bpy.data.images.remove(nothing)
+
+
+def _dress(
+    obj: bpy.types.Object,
+    shape: Shape,
+    material: bpy.types.Material,
+    worn: bpy.types.Material,
+    blank: bpy.types.Material,
+    uv_layer: str,
+) -> None:
+    """Let a copy wear the copy of the material where the shape wears it, else something blank."""
+    obj.matrix_world = shape.matrix
+    shape.mesh.materials.clear()
+    for slot in shape.slots or (None,):
+        shape.mesh.materials.append(worn if slot == material else blank)
+    layer = shape.mesh.uv_layers.get(uv_layer)
+    if layer is not None:
+        shape.mesh.uv_layers.active = layer
+
+
+def _set_up(scene: bpy.types.Scene) -> None:
+    """Few samples and no surroundings: nothing here depends on light."""
+    scene.render.engine = "CYCLES"
+    scene.cycles.device, scene.cycles.samples = "CPU", _SAMPLES
+    scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = False
+    scene.view_layers[0].update()
+
+
+def _show_alpha(tree: bpy.types.NodeTree) -> bool:
+    """Let a material emit its alpha; False if it is 1 everywhere as far as can be told.
+
+    Known are the Alpha of a Principled BSDF, and the factor of a Mix Shader with a Transparent BSDF.
+    """
+    output = tree.get_output_node("CYCLES")
+    shader = feeder(output.inputs["Surface"]) if output else None
+    if shader is None or not shader.is_output:
+        return False
+    node = shader.node
+    inverted, source = False, None
+    if node.bl_idname == "ShaderNodeBsdfPrincipled":
+        source = node.inputs["Alpha"]
+    elif node.bl_idname == "ShaderNodeMixShader":
+        holes = [_is_transparent(socket) for socket in node.inputs[1:3]]
+        source, inverted = (node.inputs[0], holes[1]) if any(holes) else (None, False)
+    if source is None or (not source.is_linked and source.default_value == (0.0 if inverted else 1.0)):
+        return False
+    _emit(tree, output, source, inverted)
+    return True
+
+
+def _is_transparent(socket: bpy.types.NodeSocket) -> bool:
+    output = feeder(socket)
+    return output.is_output and output.node.bl_idname == "ShaderNodeBsdfTransparent"
+
+
+def _emit(
+    tree: bpy.types.NodeTree, output: bpy.types.Node, source: bpy.types.NodeSocket, inverted: bool
+) -> None:
+    """Link a number, or 1 minus it, through an emission shader to the output."""
+    emission = tree.nodes.new("ShaderNodeEmission")
+    number = tree.nodes.new("ShaderNodeMath")
+    number.operation, number.use_clamp = "MULTIPLY_ADD", True
+    number.inputs[1].default_value, number.inputs[2].default_value = (-1.0, 1.0) if inverted else (1.0, 0.0)
+    if source.is_linked:
+        tree.links.new(source.links[0].from_socket, number.inputs[0])
+    else:
+        number.inputs[0].default_value = source.default_value
+    tree.links.new(number.outputs[0], emission.inputs["Color"])
+    tree.links.new(emission.outputs[0], output.inputs["Surface"])

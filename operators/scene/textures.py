@@ -1,0 +1,73 @@
+"""Image texture nodes -> engine textures."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from ...engine.scene import Texture
+from .pixels import PixelCache, is_plain
+from .sockets import ComplexError, feeder
+
+_EXTENSIONS = {"REPEAT": "repeat", "EXTEND": "extend", "CLIP": "clip", "MIRROR": "mirror"}
+
+
+def read_texture(output: bpy.types.NodeSocket, cache: PixelCache, owner: str, channels: int) -> Texture:
+    """Return the texture of an image node's output: 3 channels of colour, or 1 (alpha, or colour as grey).
+
+    Raises ComplexError for what only Blender can evaluate.
+    """
+    node = output.node
+    if node.projection != "FLAT" or node.interpolation == "Smart" or not is_plain(node.image):
+        raise ComplexError
+    uv_map, transform = _mapping(node.inputs["Vector"])
+    pixels = cache.read(node.image, owner)
+    if output.name == "Alpha":
+        values = pixels[..., 3:]
+    elif channels == 1:
+        values = pixels[..., :3] @ np.array([[0.2126], [0.7152], [0.0722]], np.float32)
+    else:
+        values = pixels[..., :3]
+    name = node.image.name if node.image else "(no image)"
+    smooth = node.interpolation != "Closest"
+    return Texture(name, np.ascontiguousarray(values), uv_map, transform, _EXTENSIONS[node.extension], smooth)
+
+
+def _mapping(socket: bpy.types.NodeSocket) -> tuple[str, np.ndarray]:
+    """Return the UV map ("" for the one that renders use) and the (2, 3) transform of a vector input."""
+    output = feeder(socket)
+    if not output.is_output:
+        return "", np.eye(2, 3)
+    node = output.node
+    if node.bl_idname == "ShaderNodeUVMap" and not node.from_instancer:
+        return node.uv_map, np.eye(2, 3)
+    if node.bl_idname == "ShaderNodeTexCoord" and output.name == "UV" and not node.from_instancer:
+        return "", np.eye(2, 3)
+    if node.bl_idname == "ShaderNodeMapping" and node.vector_type in {"POINT", "TEXTURE"}:
+        uv_map, inner = _mapping(node.inputs["Vector"])
+        return uv_map, _combine(_node_matrix(node), inner)
+    raise ComplexError
+
+
+def _node_matrix(node: bpy.types.Node) -> np.ndarray:
+    """Return the (2, 3) transform of a Mapping node that turns about z, else raise ComplexError."""
+    names = ("Location", "Rotation", "Scale")
+    if any(feeder(node.inputs[name]).is_output for name in names):
+        raise ComplexError
+    place, turn, scale = (np.array(node.inputs[name].default_value, np.float64) for name in names)
+    if abs(turn[0]) > 1e-6 or abs(turn[1]) > 1e-6:
+        raise ComplexError
+    rotation = np.array([[np.cos(turn[2]), -np.sin(turn[2])], [np.sin(turn[2]), np.cos(turn[2])]])
+    matrix = np.eye(3)
+    matrix[:2, :2] = rotation * scale[:2]
+    matrix[:2, 2] = place[:2]
+    if node.vector_type == "TEXTURE":
+        if np.prod(scale[:2]) == 0:
+            raise ComplexError
+        matrix = np.linalg.inv(matrix)
+    return matrix[:2]
+
+
+def _combine(outer: np.ndarray, inner: np.ndarray) -> np.ndarray:
+    """Return the transform that applies the inner one first, all (2, 3)."""
+    return outer @ np.concatenate([inner, [[0, 0, 1]]])

@@ -1,0 +1,1 @@
+"""Hemibake against Cycles, texel by texel."""

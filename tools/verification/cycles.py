@@ -1,0 +1,189 @@
+"""The reference: Cycles bakes realised copies of what Hemibake baked, on the same lightmap UVs."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from tools.headless import MODULE
+
+#: Sockets of the Principled BSDF that make light shiny: radiosity has none of it.
+_SHINY = ("Specular IOR Level", "Specular", "Coat Weight", "Sheen Weight")
+
+
+@contextmanager
+def realised(context: bpy.types.Context, gathered, resolution: int) -> Iterator[RealisedScene]:
+    """Make a scene of copies: every object and instance with its place in the lightmaps, all lamps, the world."""
+    scene = RealisedScene(context, gathered, resolution)
+    try:
+        yield scene
+    finally:
+        scene.remove()
+
+
+class RealisedScene:
+    """Copies of what a bake saw, which Cycles can bake without touching the user's objects."""
+
+    def __init__(self, context: bpy.types.Context, gathered, resolution: int) -> None:
+        self._items = importlib.import_module(f"{MODULE}.operators.scene.items")
+        self._uv_layer = context.scene.hemibake.uv_layer
+        self._scene = bpy.data.scenes.new("Reference")
+        self._scene.world = context.scene.world
+        self._atlases = gathered.scene.atlases
+        self._images = [_image(resolution) for _ in self._atlases]
+        self._members: list[list[bpy.types.Object]] = [[] for _ in self._atlases]
+        self._materials: dict[tuple, bpy.types.Material] = {}
+        self._made: list = []
+        places = dict(gathered.objects)
+        places |= {(uid, number): place for uid, _, number, place in gathered.instances}
+        depsgraph = context.evaluated_depsgraph_get()
+        for item in self._items.scene_items(context, depsgraph):
+            if item.object.type == "LIGHT":
+                self._add(item, item.object.data.original.copy())
+            elif item.object.type == "MESH" and not _ignored(item):
+                key = item.source.session_uid if item.instancer is None else (
+                    item.instancer.session_uid, item.persistent_id
+                )
+                self._add_mesh(item, places.get(key), depsgraph)
+
+    def bake(self, samples: int, seed: int) -> np.ndarray:
+        """Return E/pi of every atlas, (atlases, h, w, 4) float32; alpha is 0 where nothing is baked."""
+        _set_up(self._scene, samples, seed)
+        return np.stack(
+            [self._bake_atlas(image, objects) for image, objects in zip(self._images, self._members, strict=True)]
+        )
+
+    def remove(self) -> None:
+        """Remove all copies."""
+        for obj in list(self._scene.collection.objects):
+            bpy.data.objects.remove(obj)
+        bpy.data.scenes.remove(self._scene)
+        for collection, data in self._made:
+            collection.remove(data)
+        for material in self._materials.values():
+            bpy.data.materials.remove(material)
+        for image in self._images:
+            bpy.data.images.remove(image)
+
+    def _add(self, item, data) -> bpy.types.Object:
+        obj = bpy.data.objects.new(item.source.name, data)
+        self._made.append((bpy.data.lights if isinstance(data, bpy.types.Light) else bpy.data.meshes, data))
+        self._scene.collection.objects.link(obj)
+        obj.matrix_world = Matrix(item.matrix.tolist())
+        return obj
+
+    def _add_mesh(self, item, place, depsgraph) -> None:
+        """Add a copy of an evaluated mesh; one with a place is a member of its atlas."""
+        mesh = bpy.data.meshes.new_from_object(item.object, preserve_all_data_layers=True, depsgraph=depsgraph)
+        obj = self._add(item, mesh)
+        atlas = None if place is None else self._atlases.index(place.atlas)
+        materials = _worn(item, mesh)
+        mesh.materials.clear()
+        for material in materials:
+            mesh.materials.append(self._material(material, atlas))
+        if atlas is None:
+            return
+        layer = mesh.uv_layers[self._uv_layer]
+        uvs = np.empty(2 * len(layer.uv), np.float32)
+        layer.uv.foreach_get("vector", uvs)
+        layer.uv.foreach_set("vector", place.apply(uvs.reshape(-1, 2)).ravel())
+        self._members[atlas].append(obj)
+
+    def _material(self, material: bpy.types.Material | None, atlas: int | None) -> bpy.types.Material:
+        """Return a diffuse copy of a material that bakes into the image of an atlas."""
+        key = (material, atlas)
+        if key not in self._materials:
+            copy = _grey() if material is None else material.copy()
+            self._materials[key] = copy
+            for node in copy.node_tree.nodes:
+                if node.bl_idname == "ShaderNodeBsdfPrincipled":
+                    _make_dull(copy.node_tree, node)
+            if copy.use_backface_culling:
+                _make_backs_clear(copy.node_tree)
+            node = copy.node_tree.nodes.new("ShaderNodeTexImage")
+            node.image = self._images[atlas or 0]
+            copy.node_tree.nodes.active = node
+        return self._materials[key]
+
+    def _bake_atlas(self, image: bpy.types.Image, objects: list[bpy.types.Object]) -> np.ndarray:
+        image.pixels.foreach_set(np.zeros(len(image.pixels), np.float32))
+        layer = self._scene.view_layers[0]
+        override = {
+            "scene": self._scene, "view_layer": layer, "active_object": objects[0], "object": objects[0],
+            "selected_objects": objects, "selected_editable_objects": objects,
+        }  # fmt: skip
+        with bpy.context.temp_override(**override):
+            bpy.ops.object.bake(
+                type="DIFFUSE", pass_filter={"DIRECT", "INDIRECT"}, margin=0, use_clear=False,
+                uv_layer=self._uv_layer,
+            )  # fmt: skip
+        pixels = np.empty(len(image.pixels), np.float32)
+        image.pixels.foreach_get(pixels)
+        return pixels.reshape(*reversed(image.size), 4)
+
+
+def _ignored(item) -> bool:
+    roles = {item.source.hemibake.role, item.instancer.hemibake.role if item.instancer else "BAKED"}
+    return "IGNORED" in roles
+
+
+def _image(resolution: int) -> bpy.types.Image:
+    return bpy.data.images.new("Reference", resolution, resolution, alpha=True, float_buffer=True)
+
+
+def _worn(item, mesh: bpy.types.Mesh) -> list[bpy.types.Material | None]:
+    """Return the materials of an item's slots."""
+    materials = [material and material.original for material in mesh.materials]
+    for index, slot in enumerate(item.source.material_slots):
+        if slot.link == "OBJECT" and index < len(materials):
+            materials[index] = slot.material
+    return materials or [None]
+
+
+def _grey() -> bpy.types.Material:
+    """Return what Cycles shows where there is no material."""
+    material = bpy.data.materials.new("Grey")
+    if material.node_tree is None:
+        material.use_nodes = True
+    material.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.8, 0.8, 0.8, 1)
+    return material
+
+
+def _make_dull(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
+    """Switch off what is shiny."""
+    for name in _SHINY:
+        socket = node.inputs.get(name)
+        if socket is not None:
+            for link in list(socket.links):
+                tree.links.remove(link)
+            socket.default_value = 0.0
+
+
+def _make_backs_clear(tree: bpy.types.NodeTree) -> None:
+    """Cycles has no back-face culling: mix a Transparent BSDF in where backs are seen."""
+    output = tree.get_output_node("CYCLES")
+    shader = output.inputs["Surface"].links[0].from_socket
+    geometry, clear, mix = (
+        tree.nodes.new(f"ShaderNode{kind}") for kind in ("NewGeometry", "BsdfTransparent", "MixShader")
+    )
+    tree.links.new(geometry.outputs["Backfacing"], mix.inputs[0])
+    tree.links.new(shader, mix.inputs[1])
+    tree.links.new(clear.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], output.inputs["Surface"])
+
+
+def _set_up(scene: bpy.types.Scene, samples: int, seed: int) -> None:
+    """Take out every bias: clamping, short paths, denoising, light thresholds."""
+    scene.render.engine = "CYCLES"
+    cycles = scene.cycles
+    cycles.device, cycles.samples, cycles.seed = "CPU", samples, seed
+    cycles.use_adaptive_sampling = cycles.use_denoising = False
+    cycles.max_bounces = cycles.diffuse_bounces = cycles.transparent_max_bounces = 64
+    cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0
+    cycles.light_sampling_threshold = 0.0
+    scene.view_layers[0].update()

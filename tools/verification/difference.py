@@ -1,0 +1,86 @@
+"""How far two lightmaps are apart, without the noise of the reference."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+#: A texel is on an edge of light if its 3 x 3 neighbourhood spans more than this share of the mean.
+_EDGE = 0.5
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Relative figures over all channels of the texels that both cover.
+
+    rmse, bias  root of the mean squared error and mean error, relative to the reference's mean
+    smooth      rmse off the edges of light
+    noise       of the reference's mean, taken out of both rmse
+    texels      compared; hidden: left out, since Cycles sees no light there at all
+    edges       share of the texels that are on an edge of light
+    """
+
+    rmse: float
+    bias: float
+    smooth: float
+    noise: float
+    texels: int
+    hidden: int
+    edges: float
+
+
+def compare(ours: np.ndarray, covered: np.ndarray, bakes: tuple[np.ndarray, np.ndarray]) -> tuple[Difference, np.ndarray]:
+    """Return the figures, and the difference relative to the mean, (atlases, h, w, 3), 0 where left out.
+
+    ours     (atlases, h, w, 3) float32, E/pi; covered (atlases, h, w) bool
+    bakes    two independent bakes of Cycles, (atlases, h, w, 4): the mean of (ours - first) times
+             (ours - second) is the squared error without their noise
+    """
+    first, second = (bake[..., :3].astype(np.float64) for bake in bakes)
+    both = covered & (bakes[0][..., 3] > 0)
+    seen = (first > 0).any(axis=-1) | (second > 0).any(axis=-1)
+    used = both & seen
+    truth = (first + second) / 2
+    mean = truth[used].mean() if used.any() else 0.0
+    if mean == 0:
+        raise SystemExit("Cycles sees no light in this scene: there is nothing to compare.")
+    edge = _edges(truth, used, mean)
+    difference = np.where(used[..., None], (ours - truth) / mean, 0)
+    return (
+        Difference(
+            rmse=_root(ours, first, second, used) / mean,
+            bias=float((ours[used].mean(dtype=np.float64) - mean) / mean),
+            smooth=_root(ours, first, second, used & ~edge) / mean,
+            noise=float(np.sqrt(np.mean((first[used] - second[used]) ** 2)) / 2 / mean),
+            texels=int(used.sum()),
+            hidden=int((both & ~seen).sum()),
+            edges=float(edge[used].mean()),
+        ),
+        difference,
+    )
+
+
+def _root(ours: np.ndarray, first: np.ndarray, second: np.ndarray, used: np.ndarray) -> float:
+    """Return the root of the mean squared error without noise."""
+    if not used.any():
+        return 0.0
+    return float(np.sqrt(max(0.0, np.mean((ours[used] - first[used]) * (ours[used] - second[used])))))
+
+
+def _edges(truth: np.ndarray, used: np.ndarray, mean: float) -> np.ndarray:
+    """Return the texels, (atlases, h, w) bool, whose neighbours that are used differ much."""
+    grey = truth.mean(axis=-1)
+    low, high = np.where(used, grey, np.inf), np.where(used, grey, -np.inf)
+    lowest, highest = low.copy(), high.copy()
+    for dy in (-1, 0, 1):
+        for dx in (-1, 0, 1):
+            lowest = np.minimum(lowest, _shifted(low, dy, dx, np.inf))
+            highest = np.maximum(highest, _shifted(high, dy, dx, -np.inf))
+    return used & (highest - lowest > _EDGE * mean)
+
+
+def _shifted(image: np.ndarray, dy: int, dx: int, outside: float) -> np.ndarray:
+    padded = np.pad(image, ((0, 0), (1, 1), (1, 1)), constant_values=outside)
+    height, width = image.shape[1:]
+    return padded[:, 1 + dy : 1 + dy + height, 1 + dx : 1 + dx + width]

@@ -1,0 +1,49 @@
+"""One comparison: Hemibake bakes the scene that is open, then Cycles."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+
+import numpy as np
+
+from tools.headless import MODULE, quiet_stdout
+from tools.picture import write_png
+from tools.verification.cycles import realised
+from tools.verification.difference import Difference, compare
+
+
+def verify(context, samples: int) -> tuple[Difference, np.ndarray, list[str]]:
+    """Return the figures, the picture of the difference and the notes of Hemibake's bake.
+
+    The settings are the scene's. Objects without lightmap UVs get some, as in every bake.
+    """
+    engine = importlib.import_module(f"{MODULE}.engine")
+    scene = importlib.import_module(f"{MODULE}.operators.scene")
+    unwrap = importlib.import_module(f"{MODULE}.operators.scene.unwrap")
+    changes = importlib.import_module(f"{MODULE}.operators.changes").Changes()
+    settings = importlib.import_module(f"{MODULE}.operators.bake_settings").read_settings(context.scene.hemibake)
+    with quiet_stdout():
+        objects, layer = scene.visible_meshes(context), context.scene.hemibake.uv_layer
+        made = unwrap.unwrap_missing(context, objects, layer, settings.resolution, changes)
+        usable = [obj for obj in objects if obj not in made.skipped]
+        gathered = scene.gather(context, usable, layer, settings.resolution, made.notes)
+        lightmap = _result(engine.bake(gathered.scene, settings))
+        with realised(context, gathered, settings.resolution) as reference:
+            bakes = reference.bake(samples, 1), reference.bake(samples, 2)
+    figures, difference = compare(lightmap.image, lightmap.covered, bakes)
+    return figures, difference, [*gathered.notes, *lightmap.report.warnings]
+
+
+def write_difference(difference: np.ndarray, path: Path) -> None:
+    """Write a picture: grey is equal, white and black are +-20 % of the mean."""
+    atlases = np.concatenate(list(difference), axis=1)
+    write_png(np.clip(0.5 + 2.5 * atlases, 0, 1), path)
+
+
+def _result(job):
+    while True:
+        try:
+            next(job)
+        except StopIteration as end:
+            return end.value

@@ -1,0 +1,108 @@
+"""Prove that Hemibake's numbers are Cycles' numbers: a suite of scenes, baked by both.
+
+    python tools/verify.py [--only NAME ...] [--samples N] [--scenes FOLDER] [--table docs/accuracy.md]
+
+Prints relative RMSE and mean bias of each scene; ends with status 1 if one misses its limit. With
+--table the table between the two marks of that file is replaced by the new one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+
+from tools.headless import blender, quiet_stdout  # noqa: E402
+
+#: Limits, per cent: of the RMSE off edges of light, and of the bias; for whole rooms of the RMSE.
+SMOOTH, BIAS, ROOM = 2.0, 1.0, 3.0
+
+_MARKS = ("<!-- table: made by tools/verify.py -->", "<!-- end of table -->")
+
+
+def main() -> None:
+    """Run the scenes and print a line for each."""
+    options = parse()
+    with blender():
+        import bpy
+
+        from tools.verification import scenes
+        from tools.verification.run import verify, write_difference
+
+        scenes.register_files(options.scenes)
+        names = options.only or list(scenes.SCENES)
+        unknown = set(names) - set(scenes.SCENES)
+        if unknown:
+            raise SystemExit(f"There is no scene {', '.join(sorted(unknown))}: {', '.join(scenes.SCENES)}.")
+        options.out.mkdir(parents=True, exist_ok=True)
+        rows, failed = [], []
+        for name in names:
+            with quiet_stdout():
+                bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+                scenes.SCENES[name]()
+            resolution, samples = scenes.ROOMS.get(name, (64, options.samples))
+            settings = bpy.context.scene.hemibake
+            settings.resolution, settings.hemicube = resolution, "64"
+            settings.tolerance, settings.light_samples = 0.001, 128
+            started = time.perf_counter()
+            figures, difference, _ = verify(bpy.context, samples)
+            with quiet_stdout():
+                write_difference(difference, options.out / f"{name}.png")
+            good = passes(figures, name in scenes.ROOMS)
+            failed += [] if good else [name]
+            rows.append(row(name, figures, resolution, samples, good))
+            print(rows[-1], f"{time.perf_counter() - started:.0f} s", flush=True)
+        if options.table and not options.only:
+            write_table(options.table, rows, bpy.app.version_string)
+    if failed:
+        raise SystemExit(f"Above the limits: {', '.join(failed)}.")
+
+
+def parse() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="scenes to run; all without it")
+    parser.add_argument("--samples", type=int, default=1024, help="per texel, in each of two bakes of Cycles")
+    parser.add_argument("--scenes", type=Path, default=ROOT.parent / "shared" / "scenes", help="folder of files")
+    parser.add_argument("--out", type=Path, default=ROOT / "out" / "verify", help="folder for the pictures")
+    parser.add_argument("--table", type=Path, help="Markdown file whose table is replaced")
+    return parser.parse_args()
+
+
+def passes(figures, is_room: bool) -> bool:
+    """Return whether figures keep their limits."""
+    if is_room:
+        return 100 * figures.rmse <= ROOM
+    return 100 * figures.smooth <= SMOOTH and 100 * abs(figures.bias) <= BIAS
+
+
+def row(name: str, figures, resolution: int, samples: int, good: bool) -> str:
+    """Return a row of the table."""
+    cells = (
+        name, f"{figures.rmse:.2%}", f"{figures.smooth:.2%}", f"{figures.bias:+.2%}", f"{figures.noise:.2%}",
+        f"{figures.edges:.0%}", str(figures.texels), str(figures.hidden), str(resolution), str(samples),
+        "yes" if good else "**no**",
+    )  # fmt: skip
+    return f"| {' | '.join(cells)} |"
+
+
+def write_table(path: Path, rows: list[str], version: str) -> None:
+    """Replace the table between the marks."""
+    text = path.read_text(encoding="utf-8")
+    head, _, rest = text.partition(_MARKS[0])
+    _, _, tail = rest.partition(_MARKS[1])
+    titles = (
+        "scene", "RMSE", "off edges", "bias", "noise", "edges", "texels", "hidden", "width", "spp", "in limits",
+    )  # fmt: skip
+    lines = [
+        _MARKS[0], f"Blender {version}.", "", f"| {' | '.join(titles)} |", "|---" * len(titles) + "|", *rows,
+        _MARKS[1],
+    ]  # fmt: skip
+    path.write_text(head + "\n".join(lines) + tail, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from .scene import Material, Scene, Texture
 
 #: Samples along u and v of a texel; textures are shrunk until their pixels are no finer.
 _SAMPLES = 4
+
+#: Images are halved while a sample's footprint is so many pixels wide.
+_SHRINK = 2
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,10 @@ class _TexelSamples:
     def mean(self, texture: Texture) -> np.ndarray:
         """Return a texture's mean over each texel, (m, c) float32."""
         corners = self._corner_uvs(texture)
-        pixels = _shrunk(texture.pixels, self._footprint(corners, texture.pixels.shape))
+        footprint = self._footprint(corners, texture.pixels.shape)
+        if texture.srgb and footprint >= _SHRINK:
+            texture = replace(texture, pixels=srgb_to_linear(texture.pixels), srgb=False)
+        pixels = _shrunk(texture.pixels, footprint)
         total = np.zeros((len(corners), texture.pixels.shape[2]))
         count = np.zeros((len(corners), 1))
         for weights, inside in self._points():
@@ -124,7 +130,7 @@ def _barycentric_steps(uvs: np.ndarray, resolution: int) -> np.ndarray:
 
 def _shrunk(pixels: np.ndarray, footprint: float) -> np.ndarray:
     """Return an image averaged over squares of up to `footprint` pixels."""
-    while footprint >= 2 and min(pixels.shape[:2]) >= 2:
+    while footprint >= _SHRINK and min(pixels.shape[:2]) >= 2:
         height, width = pixels.shape[0] // 2 * 2, pixels.shape[1] // 2 * 2
         quarters = pixels[:height, :width].reshape(height // 2, 2, width // 2, 2, -1)
         pixels = quarters.mean(axis=(1, 3), dtype=np.float32)
@@ -141,7 +147,8 @@ def sample(pixels: np.ndarray, uv: np.ndarray, texture: Texture) -> np.ndarray:
     place = uv.astype(np.float64) * (width, height) - (0.5 if texture.smooth else 0.0)
     low = np.floor(place).astype(np.int64)
     if not texture.smooth:
-        return _pixel(pixels, low[:, 0], low[:, 1], texture.extension)
+        nearest = _pixel(pixels, low[:, 0], low[:, 1], texture.extension)
+        return srgb_to_linear(nearest) if texture.srgb else nearest
     x, y = (place - low).T[:, :, None]
     columns, rows = low.T
     values: np.ndarray = (
@@ -150,7 +157,15 @@ def sample(pixels: np.ndarray, uv: np.ndarray, texture: Texture) -> np.ndarray:
         + _pixel(pixels, columns, rows + 1, texture.extension) * ((1 - x) * y)
         + _pixel(pixels, columns + 1, rows + 1, texture.extension) * (x * y)
     )
-    return values
+    return srgb_to_linear(values) if texture.srgb else values
+
+
+def srgb_to_linear(values: np.ndarray) -> np.ndarray:
+    """Return display values as scene-linear ones (IEC 61966-2-1)."""
+    linear: np.ndarray = np.where(
+        values <= 0.04045, values / 12.92, ((np.maximum(values, 0) + 0.055) / 1.055) ** 2.4
+    ).astype(values.dtype)
+    return linear
 
 
 def _pixel(pixels: np.ndarray, x: np.ndarray, y: np.ndarray, extension: str) -> np.ndarray:

@@ -66,7 +66,9 @@ def parse() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", nargs="+", metavar="NAME", help="scenes to run; all without it")
     parser.add_argument("--samples", type=int, default=1024, help="per texel, in each of two bakes of Cycles")
-    parser.add_argument("--scenes", type=Path, default=ROOT.parent / "shared" / "scenes", help="folder of files")
+    parser.add_argument(
+        "--scenes", type=Path, default=ROOT.parent / "shared" / "scenes", help="folder of files"
+    )
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "verify", help="folder for the pictures")
     parser.add_argument("--table", type=Path, help="Markdown file whose table is replaced")
     return parser.parse_args()

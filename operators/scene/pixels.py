@@ -21,7 +21,7 @@ class PixelCache:
         self._images: dict[int, np.ndarray] = {}
 
     def read(self, image: bpy.types.Image | None, owner: str) -> np.ndarray:
-        """Return (h, w, 4) float32, scene-linear Rec.709 and alpha, row 0 at v = 0.
+        """Return (h, w, 4) float32, colour (see `is_srgb`) and alpha, row 0 at v = 0.
 
         An image without pixels is magenta, as in Cycles, which is said in the notes; owner names who uses it.
         """
@@ -48,8 +48,6 @@ class PixelCache:
             )
             return MISSING
         pixels = pixels.reshape(height, width, 4)
-        if image.colorspace_settings.name == _SRGB and not image.is_float:
-            pixels[..., :3] = srgb_to_linear(pixels[..., :3])
         return np.nan_to_num(pixels, posinf=0.0, neginf=0.0)
 
     def _note(self, note: str) -> None:
@@ -65,7 +63,6 @@ def is_plain(image: bpy.types.Image | None) -> bool:
     return image.source in {"FILE", "GENERATED"} and image.colorspace_settings.name in spaces
 
 
-def srgb_to_linear(values: np.ndarray) -> np.ndarray:
-    """Return display values as scene-linear ones (IEC 61966-2-1)."""
-    low = values <= 0.04045
-    return np.where(low, values / 12.92, ((np.maximum(values, 0) + 0.055) / 1.055) ** 2.4).astype(np.float32)
+def is_srgb(image: bpy.types.Image | None) -> bool:
+    """Return whether an image's colours are sRGB-encoded, not scene-linear."""
+    return image is not None and image.colorspace_settings.name == _SRGB and not image.is_float

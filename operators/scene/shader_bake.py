@@ -150,9 +150,10 @@ def _dress(
 ) -> None:
     """Let a copy wear the copy of the material where the shape wears it, else something blank."""
     obj.matrix_world = shape.matrix
-    shape.mesh.materials.clear()
-    for slot in shape.slots or (None,):
-        shape.mesh.materials.append(worn if slot == material else blank)
+    while len(shape.mesh.materials) < len(shape.slots):
+        shape.mesh.materials.append(None)
+    for index, slot in enumerate(shape.slots):
+        shape.mesh.materials[index] = worn if slot == material else blank
     layer = shape.mesh.uv_layers.get(uv_layer)
     if layer is not None:
         shape.mesh.uv_layers.active = layer

@@ -6,7 +6,8 @@ import bpy
 import numpy as np
 
 from ...engine.scene import Texture
-from .pixels import PixelCache, is_plain
+from ...engine.surfaces import srgb_to_linear
+from .pixels import PixelCache, is_plain, is_srgb
 from .sockets import ComplexError, feeder
 
 _EXTENSIONS = {"REPEAT": "repeat", "EXTEND": "extend", "CLIP": "clip", "MIRROR": "mirror"}
@@ -21,16 +22,25 @@ def read_texture(output: bpy.types.NodeSocket, cache: PixelCache, owner: str, ch
     if node.projection != "FLAT" or node.interpolation == "Smart" or not is_plain(node.image):
         raise ComplexError
     uv_map, transform = _mapping(node.inputs["Vector"])
-    pixels = cache.read(node.image, owner)
+    pixels, srgb = cache.read(node.image, owner), is_srgb(node.image)
     if output.name == "Alpha":
         values = pixels[..., 3:]
     elif channels == 1:
-        values = pixels[..., :3] @ np.array([[0.2126], [0.7152], [0.0722]], np.float32)
+        colours = srgb_to_linear(pixels[..., :3]) if srgb else pixels[..., :3]
+        values = colours @ np.array([[0.2126], [0.7152], [0.0722]], np.float32)
     else:
         values = pixels[..., :3]
     name = node.image.name if node.image else "(no image)"
     smooth = node.interpolation != "Closest"
-    return Texture(name, np.ascontiguousarray(values), uv_map, transform, _EXTENSIONS[node.extension], smooth)
+    return Texture(
+        name,
+        np.ascontiguousarray(values),
+        uv_map,
+        transform,
+        _EXTENSIONS[node.extension],
+        smooth,
+        srgb and values.shape[2] == 3,
+    )
 
 
 def _mapping(socket: bpy.types.NodeSocket) -> tuple[str, np.ndarray]:

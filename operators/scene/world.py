@@ -5,10 +5,11 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
+from ...engine.surfaces import srgb_to_linear
 from ..compat import node_input, node_tree
 from .materials import ShaderReader
 from .panorama import render_world
-from .pixels import PixelCache, is_plain
+from .pixels import PixelCache, is_plain, is_srgb
 from .sockets import ComplexError, feeder
 
 #: Largest map of the surroundings, rows.
@@ -65,6 +66,7 @@ def _environment(node: bpy.types.Node, owner: str, notes: list[str]) -> np.ndarr
         raise ComplexError
     matrix = _rotation(node.inputs["Vector"])
     pixels = np.maximum(PixelCache(notes).read(node.image, owner)[..., :3], 0)
+    pixels = srgb_to_linear(pixels) if is_srgb(node.image) else pixels
     pixels = _shrunk(pixels)
     return pixels if matrix is None else _turned(pixels, matrix)
 

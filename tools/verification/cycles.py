@@ -46,8 +46,10 @@ class RealisedScene:
             if item.object.type == "LIGHT":
                 self._add(item, item.object.data.original.copy())
             elif item.object.type == "MESH" and not _ignored(item):
-                key = item.source.session_uid if item.instancer is None else (
-                    item.instancer.session_uid, item.persistent_id
+                key = (
+                    item.source.session_uid
+                    if item.instancer is None
+                    else (item.instancer.session_uid, item.persistent_id)
                 )
                 self._add_mesh(item, places.get(key), depsgraph)
 
@@ -55,7 +57,10 @@ class RealisedScene:
         """Return E/pi of every atlas, (atlases, h, w, 4) float32; alpha is 0 where nothing is baked."""
         _set_up(self._scene, samples, seed)
         return np.stack(
-            [self._bake_atlas(image, objects) for image, objects in zip(self._images, self._members, strict=True)]
+            [
+                self._bake_atlas(image, objects)
+                for image, objects in zip(self._images, self._members, strict=True)
+            ]
         )
 
     def remove(self) -> None:
@@ -79,13 +84,16 @@ class RealisedScene:
 
     def _add_mesh(self, item, place, depsgraph) -> None:
         """Add a copy of an evaluated mesh; one with a place is a member of its atlas."""
-        mesh = bpy.data.meshes.new_from_object(item.object, preserve_all_data_layers=True, depsgraph=depsgraph)
+        mesh = bpy.data.meshes.new_from_object(
+            item.object, preserve_all_data_layers=True, depsgraph=depsgraph
+        )
         obj = self._add(item, mesh)
         atlas = None if place is None else self._atlases.index(place.atlas)
         materials = _worn(item, mesh)
-        mesh.materials.clear()
-        for material in materials:
-            mesh.materials.append(self._material(material, atlas))
+        while len(mesh.materials) < len(materials):
+            mesh.materials.append(None)
+        for index, material in enumerate(materials):
+            mesh.materials[index] = self._material(material, atlas)
         if atlas is None:
             return
         layer = mesh.uv_layers[self._uv_layer]

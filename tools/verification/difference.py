@@ -30,7 +30,9 @@ class Difference:
     edges: float
 
 
-def compare(ours: np.ndarray, covered: np.ndarray, bakes: tuple[np.ndarray, np.ndarray]) -> tuple[Difference, np.ndarray]:
+def compare(
+    ours: np.ndarray, covered: np.ndarray, bakes: tuple[np.ndarray, np.ndarray]
+) -> tuple[Difference, np.ndarray]:
     """Return the figures, and the difference relative to the mean, (atlases, h, w, 3), 0 where left out.
 
     ours     (atlases, h, w, 3) float32, E/pi; covered (atlases, h, w) bool

@@ -22,7 +22,9 @@ def verify(context, samples: int) -> tuple[Difference, np.ndarray, list[str]]:
     scene = importlib.import_module(f"{MODULE}.operators.scene")
     unwrap = importlib.import_module(f"{MODULE}.operators.scene.unwrap")
     changes = importlib.import_module(f"{MODULE}.operators.changes").Changes()
-    settings = importlib.import_module(f"{MODULE}.operators.bake_settings").read_settings(context.scene.hemibake)
+    settings = importlib.import_module(f"{MODULE}.operators.bake_settings").read_settings(
+        context.scene.hemibake
+    )
     with quiet_stdout():
         objects, layer = scene.visible_meshes(context), context.scene.hemibake.uv_layer
         made = unwrap.unwrap_missing(context, objects, layer, settings.resolution, changes)

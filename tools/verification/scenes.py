@@ -216,7 +216,11 @@ def world_constant():
 def _hdri_pixels() -> np.ndarray:
     pixels = np.ones((64, 128, 4), np.float32)
     v, u = np.meshgrid((np.arange(64) + 0.5) / 64, (np.arange(128) + 0.5) / 128, indexing="ij")
-    pixels[..., 0], pixels[..., 1], pixels[..., 2] = 0.2 + 0.6 * v, 0.4 + 0.3 * np.cos(6.28 * u), 0.2 + 0.8 * v
+    pixels[..., 0], pixels[..., 1], pixels[..., 2] = (
+        0.2 + 0.6 * v,
+        0.4 + 0.3 * np.cos(6.28 * u),
+        0.2 + 0.8 * v,
+    )
     pixels[44:47, 20:24, :3] = 150
     return pixels
 
@@ -294,7 +298,9 @@ def several_materials():
     floor()
     obj = box(None, (0.4, 0.2, 0.35))
     obj.data.materials.append(material("Green", (0.1, 0.7, 0.2)))
-    obj.data.materials.append(material("Glow", (0.2, 0.2, 0.2), Emission_Color=(1, 0.8, 0.5, 1), Emission_Strength=3))
+    obj.data.materials.append(
+        material("Glow", (0.2, 0.2, 0.2), Emission_Color=(1, 0.8, 0.5, 1), Emission_Strength=3)
+    )
     for polygon in obj.data.polygons:
         polygon.material_index = polygon.index % 3
     lamp("AREA", energy=40, shape="SQUARE", size=0.8)
@@ -345,7 +351,9 @@ def emission_large():
     """A large dim ceiling, which the hemicubes see."""
     stage()
     glow = material("Glow", (0, 0, 0), Emission_Color=(1, 0.9, 0.7, 1), Emission_Strength=1)
-    add("Ceiling", bpy.ops.mesh.primitive_plane_add, glow, size=6, location=(0, 0, 2)).hemibake.role = "OCCLUDER"
+    add(
+        "Ceiling", bpy.ops.mesh.primitive_plane_add, glow, size=6, location=(0, 0, 2)
+    ).hemibake.role = "OCCLUDER"
 
 
 @scene
@@ -362,8 +370,14 @@ def culled_backs():
     floor()
     surface = material("One-sided", (0.7, 0.4, 0.2))
     surface.use_backface_culling = True
-    add("Sheet", bpy.ops.mesh.primitive_plane_add, surface, size=1, location=(0, 0, 0.8)).rotation_euler = (0.2, 0, 0)
-    lamp("AREA", location=(0, 0, 0.3), aim=(0, 0.2, 3), energy=20, shape="SQUARE", size=0.3)
+    add("Sheet", bpy.ops.mesh.primitive_plane_add, surface, size=1, location=(0, 0, 0.8)).rotation_euler = (
+        0.2,
+        0,
+        0,
+    )
+    turned = add("Turned", bpy.ops.mesh.primitive_plane_add, surface, size=0.6, location=(-0.9, 0.6, 0.5))
+    turned.rotation_euler = (math.pi, 0, 0)
+    lamp("AREA", energy=60, shape="SQUARE", size=0.3)
     world(strength=0.3)
 
 
@@ -442,7 +456,13 @@ def roles():
 @scene
 def room():
     """A closed room with a lamp: many bounces."""
-    add("Room", bpy.ops.mesh.primitive_cube_add, material("Walls", (0.7, 0.7, 0.65)), size=3, location=(0, 0, 1.5))
+    add(
+        "Room",
+        bpy.ops.mesh.primitive_cube_add,
+        material("Walls", (0.7, 0.7, 0.65)),
+        size=3,
+        location=(0, 0, 1.5),
+    )
     bpy.context.object.data.flip_normals()
     box(None, (0.4, 0.2, 0.35))
     lamp("AREA", location=(0, 0, 2.8), aim=(0, 0.001, 0), energy=60, shape="SQUARE", size=0.8)

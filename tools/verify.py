@@ -97,7 +97,8 @@ def write_table(path: Path, rows: list[str], version: str) -> None:
     head, _, rest = text.partition(_MARKS[0])
     _, _, tail = rest.partition(_MARKS[1])
     titles = (
-        "scene", "RMSE", "off edges", "bias", "noise", "edges", "texels", "hidden", "width", "spp", "in limits",
+        "scene", "RMSE", "off edges", "bias", "noise", "edges", "texels", "hidden", "width", "spp",
+        "in limits",
     )  # fmt: skip
     lines = [
         _MARKS[0], f"Blender {version}.", "", f"| {' | '.join(titles)} |", "|---" * len(titles) + "|", *rows,

@@ -18,7 +18,7 @@ _SHINY = ("Specular IOR Level", "Specular", "Coat Weight", "Sheen Weight")
 
 @contextmanager
 def realised(context: bpy.types.Context, gathered, resolution: int) -> Iterator[RealisedScene]:
-    """Make a scene of copies: every object and instance with its place in the lightmaps, all lamps, the world."""
+    """Make a scene of copies: objects and instances with their places in the lightmaps, lamps, the world."""
     scene = RealisedScene(context, gathered, resolution)
     try:
         yield scene
@@ -112,7 +112,9 @@ class RealisedScene:
                 if node.bl_idname == "ShaderNodeBsdfPrincipled":
                     _make_dull(copy.node_tree, node)
             if copy.use_backface_culling:
-                _make_backs_clear(copy.node_tree)
+                _set_back(copy.node_tree, "BsdfTransparent")
+            elif _may_be_plain(copy.node_tree):
+                _set_back(copy.node_tree, "BsdfDiffuse")
             node = copy.node_tree.nodes.new("ShaderNodeTexImage")
             node.image = self._images[atlas or 0]
             copy.node_tree.nodes.active = node
@@ -172,17 +174,37 @@ def _make_dull(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
             socket.default_value = 0.0
 
 
-def _make_backs_clear(tree: bpy.types.NodeTree) -> None:
-    """Cycles has no back-face culling: mix a Transparent BSDF in where backs are seen."""
+def _set_back(tree: bpy.types.NodeTree, kind: str) -> None:
+    """Let a material's back be another shader, of a kind of node, for Cycles shows it like the front.
+
+    Hemibake's backs are black, or see-through where back-face culling is on.
+    """
     output = tree.get_output_node("CYCLES")
-    shader = output.inputs["Surface"].links[0].from_socket
-    geometry, clear, mix = (
-        tree.nodes.new(f"ShaderNode{kind}") for kind in ("NewGeometry", "BsdfTransparent", "MixShader")
-    )
+    if output is None or not output.inputs["Surface"].is_linked:
+        return
+    front = output.inputs["Surface"].links[0].from_socket
+    geometry, back, mix = (tree.nodes.new(f"ShaderNode{name}") for name in ("NewGeometry", kind, "MixShader"))
+    if kind == "BsdfDiffuse":
+        back.inputs["Color"].default_value = (0, 0, 0, 1)
     tree.links.new(geometry.outputs["Backfacing"], mix.inputs[0])
-    tree.links.new(shader, mix.inputs[1])
-    tree.links.new(clear.outputs[0], mix.inputs[2])
+    tree.links.new(front, mix.inputs[1])
+    tree.links.new(back.outputs[0], mix.inputs[2])
     tree.links.new(mix.outputs[0], output.inputs["Surface"])
+
+
+def _may_be_plain(tree: bpy.types.NodeTree) -> bool:
+    """Return whether a material neither emits nor has holes, as far as its Principled BSDF tells."""
+    shaders = [node for node in tree.nodes if node.bl_idname.startswith("ShaderNodeBsdf")]
+    if any(node.bl_idname == "ShaderNodeEmission" for node in tree.nodes):
+        return False
+    for node in shaders:
+        if node.bl_idname == "ShaderNodeBsdfPrincipled":
+            strength, alpha = node.inputs["Emission Strength"], node.inputs["Alpha"]
+            if strength.is_linked or strength.default_value > 0 or alpha.is_linked or alpha.default_value < 1:
+                return False
+        elif node.bl_idname == "ShaderNodeBsdfTransparent":
+            return False
+    return True
 
 
 def _set_up(scene: bpy.types.Scene, samples: int, seed: int) -> None:

@@ -68,12 +68,8 @@ def lamp(kind: str, location=(-0.6, -0.4, 1.8), aim=(0.2, 0.1, 0), **values) -> 
     bpy.context.scene.collection.objects.link(obj)
     obj.location = location
     direction = np.array(aim) - np.array(location)
-    obj.rotation_euler = (
-        math.pi - math.acos(-direction[2] / np.linalg.norm(direction)) + math.pi,
-        0,
-        math.atan2(direction[1], direction[0]) - math.pi / 2,
-    )
-    obj.rotation_euler[0] = math.acos(-direction[2] / np.linalg.norm(direction))
+    obj.rotation_euler.z = math.atan2(direction[1], direction[0]) - math.pi / 2
+    obj.rotation_euler.x = math.acos(-direction[2] / np.linalg.norm(direction))
     return obj
 
 
@@ -478,10 +474,10 @@ def register_files(folder: Path) -> None:
         ROOMS["living_room"] = (128, 128)
     if (folder / "house.glb").exists():
         SCENES["house"] = lambda: _open_glb(folder / "house.glb", folder)
-        ROOMS["house"] = (256, 64)
+        ROOMS["house"] = (512, 64)
     if (folder / "tile-game-room6.glb").exists():
         SCENES["tile_game_room"] = lambda: _open_glb(folder / "tile-game-room6.glb", folder)
-        ROOMS["tile_game_room"] = (128, 128)
+        ROOMS["tile_game_room"] = (512, 64)
 
 
 def _open_blend(path: Path) -> None:

@@ -14,7 +14,7 @@ class Report:
     patches     number of patches
     method      how they gathered, one of METHODS: not always what the settings wanted
     iterations  iterations run
-    residual    estimated remaining error, relative to the lightmaps' mean
+    residual    estimated remaining error, relative to each patch's light, on average
     converged   True if the residual is below the tolerance
     energies    flux added by each iteration, W, sum of the channels
     seconds     wall time of each stage, s

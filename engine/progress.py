@@ -14,7 +14,7 @@ class Progress:
     stage      "patches", "direct", "hemicubes" or "outputs"
     fraction   of the stage (of the current iteration for "hemicubes"), in [0, 1]
     iteration  iterations completed
-    residual   estimated remaining error, relative to the lightmaps' mean; NaN before it is known
+    residual   estimated remaining error, relative to each patch's light, on average; NaN before it is known
     energy     radiant flux that the last completed iteration added, W, sum of the channels
     partial    the lightmaps so far, dilated, (atlases, h, w, 3) float32, E/pi; only after an
                iteration, else None

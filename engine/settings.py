@@ -23,8 +23,8 @@ class Settings:
     resolution  width and height of each lightmap, texels, 8 ... 16384
     hemicube    width N of a hemicube, texels, one of HEMICUBES
     iterations  largest number of iterations (bounces), 1 ... 1000
-    tolerance   stop once the estimated remaining error of the lightmaps, relative to the mean of
-                their texels, is below this; 0 never stops early
+    tolerance   stop once the estimated remaining error of the patches, each relative to its own
+                light, is below this on average; 0 never stops early
     method      one of METHODS
     outputs     what the bake gives, some of OUTPUTS; shadow_mask gives a map for each light
     light_samples  shadow rays a patch sends to each light, 1 ... 4096

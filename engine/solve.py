@@ -8,6 +8,9 @@ import numpy as np
 
 from .settings import Settings
 
+#: Patches darker than this share of the mean count as if they had it.
+_DARK = 1e-4
+
 
 class Jacobi:
     """The paper's iteration: every patch gathers the radiance of the one before (paper, IV.C).
@@ -39,6 +42,7 @@ class Jacobi:
         self.irradiance = np.zeros_like(emission)
         self._settled = False
         self._changes: list[float] = []
+        self._relative = float("nan")
         self.radiance = emission.copy() if glowing else emission + reflectance * self._lights
         self.energies: list[float] = []
 
@@ -65,14 +69,16 @@ class Jacobi:
         added: np.ndarray = (radiance - self.radiance).astype(np.float64).sum(axis=1)
         self.energies.append(float(np.pi * (self._area * added).sum()))
         self._settled = bool((radiance == self.radiance).all())
-        self._changes.append(_mean(np.abs(irradiance - self.irradiance)))
+        change = np.abs(irradiance - self.irradiance)
+        self._changes.append(float(change.mean(dtype=np.float64)))
+        self._relative = _relative(change, irradiance)
         self.radiance, self.irradiance = radiance, irradiance
 
     @property
     def residual(self) -> float:
-        """Estimated remaining error of E, relative to its mean over all patches; NaN while unknown.
+        """Estimated remaining error of E, relative to E of each patch, mean over all; NaN while unknown.
 
-        Changes that shrink by a factor r leave change * r / (1 - r) to come: the rest of a geometric
+        Relative to each patch's own: in a room beside a sunlit square, the mean of both says nothing. Changes that shrink by a factor r leave change * r / (1 - r) to come: the rest of a geometric
         series. The larger of the last two factors counts, since early bounces may meet dark surfaces.
         """
         if self._settled:
@@ -81,8 +87,7 @@ class Jacobi:
             return float("nan")
         recent = self._changes[-3:]
         factor = max(after / before for before, after in pairwise(recent) if before > 0)
-        rest = self._changes[-1] * factor / (1 - factor) if factor < 1 else float("inf")
-        return rest / _mean(self.irradiance)
+        return self._relative * factor / (1 - factor) if factor < 1 else float("inf")
 
     @property
     def converged(self) -> bool:
@@ -95,6 +100,8 @@ class Jacobi:
         return self.iterations >= self._limit or (self._tolerance > 0 and self.converged)
 
 
-def _mean(values: np.ndarray) -> float:
-    """Mean in double precision."""
-    return float(values.mean(dtype=np.float64))
+def _relative(change: np.ndarray, irradiance: np.ndarray) -> float:
+    """Return the mean over the patches of the change of E relative to E; dark ones count less."""
+    total = irradiance.sum(axis=1, dtype=np.float64)
+    least = _DARK * max(float(total.mean()), 1e-30)
+    return float((change.sum(axis=1, dtype=np.float64) / np.maximum(total, least)).mean())

@@ -71,7 +71,7 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
     )
     tolerance: FloatProperty(
         name="Tolerance",
-        description="Stop once the estimated remaining error, relative to the lightmaps' mean, is below this",
+        description="Stop once the estimated remaining error, relative to each texel's light, is below this on average",
         default=Settings.tolerance,
         soft_min=0.0,
         soft_max=1.0,

@@ -477,7 +477,7 @@ def register_files(folder: Path) -> None:
         ROOMS["house"] = (512, 64)
     if (folder / "tile-game-room6.glb").exists():
         SCENES["tile_game_room"] = lambda: _open_glb(folder / "tile-game-room6.glb", folder)
-        ROOMS["tile_game_room"] = (512, 64)
+        ROOMS["tile_game_room"] = (128, 256)
 
 
 def _open_blend(path: Path) -> None:

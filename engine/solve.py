@@ -78,8 +78,9 @@ class Jacobi:
     def residual(self) -> float:
         """Estimated remaining error of E, relative to E of each patch, mean over all; NaN while unknown.
 
-        Relative to each patch's own: in a room beside a sunlit square, the mean of both says nothing. Changes that shrink by a factor r leave change * r / (1 - r) to come: the rest of a geometric
-        series. The larger of the last two factors counts, since early bounces may meet dark surfaces.
+        Relative to its own: in a room beside a sunlit square, the mean of both says nothing. Changes that
+        shrink by a factor r leave change * r / (1 - r) to come: the rest of a geometric series. The larger
+        of the last two factors counts, since early bounces may meet dark surfaces.
         """
         if self._settled:
             return 0.0

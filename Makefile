@@ -7,7 +7,7 @@ READY50 := .venv/.ready
 READY45 := .venv-bpy45/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-long lint setup locks clean
+.PHONY: help demo test test-long verify lint setup locks clean
 
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | expand -t 14
@@ -22,6 +22,10 @@ test: lint $(READY45) ## lint, then all tests in Blender 5.0, then those of Blen
 
 test-long: setup ## the tests that take minutes
 	.venv/bin/python -m pytest -m long
+
+verify: $(READY50) ## bake a suite of scenes with Hemibake and Cycles; the table goes to docs/accuracy.md
+	@tools/system_packages.sh .venv/bin/python
+	.venv/bin/python tools/verify.py --table docs/accuracy.md
 
 lint: setup ## ruff, and mypy for the engine
 	.venv/bin/ruff check .

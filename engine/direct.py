@@ -54,7 +54,7 @@ class DirectLight:
 
         # Emitters lie one after the other: each lamp's, the surfaces', the sky's.
         groups = [lamp_records(lamp, rays.origin) for lamp in lamps]
-        groups.append(surface_records(parts.triangles, bright, rays.origin))
+        groups.append(surface_records(parts.triangles, bright, rays.culled, rays.origin))
         if sky is not None:
             groups.append(sky_record())
         self._ends = np.cumsum([0, *(len(group) for group in groups)])

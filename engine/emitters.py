@@ -112,11 +112,17 @@ def _area_records(light: Light, origin: np.ndarray) -> np.ndarray:
     return records
 
 
-def surface_records(triangles: Triangles, bright: BrightTriangles, origin: np.ndarray) -> np.ndarray:
-    """Return the records of emissive triangles, (k, RECORD, 4) float32."""
+def surface_records(
+    triangles: Triangles, bright: BrightTriangles, culled: np.ndarray, origin: np.ndarray
+) -> np.ndarray:
+    """Return the records of emissive triangles, (k, RECORD, 4) float32.
+
+    culled: (m,) bool of each material; the back of a culled one is not there and does not shine.
+    """
     records = _triangle_records(triangles.positions[bright.triangles] - origin, bright.radiance)
     records[:, 0, 2] = 1
     records[:, 4, 3] = triangles.atlas[bright.triangles]
+    records[:, 5, 2] = culled[triangles.material[bright.triangles]]
     records[:, 5, 3] = bright.triangles
     return records
 

@@ -231,6 +231,8 @@ Sample sample_triangle(__global const float4 *e, const Glow *glow, const float3 
             const float slope = sqrt(fmax(1.0f - cosine * cosine, 0.0f)) / fmax(cosine, 1e-6f);
             radiance *= fmax(tangent - slope, 0.0f) / (tangent - e[4].w);
         }
+    } else if (e[5].z > 0.0f && cosine <= 0.0f) {
+        return s;
     } else {
         __global const float2 *corner = glow->uvs + 3 * (int)e[5].w;
         const float2 uv = corner[0] * (1.0f - w.x - w.y) + corner[1] * w.x + corner[2] * w.y;

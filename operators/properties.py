@@ -71,8 +71,8 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
     )
     tolerance: FloatProperty(
         name="Tolerance",
-        description="Stop once the estimated remaining error of the texels, each relative to its own light, is "
-        "below this on average",
+        description="Stop once the estimated remaining error of the texels, each relative to its own light, "
+        "is below this on average",
         default=Settings.tolerance,
         soft_min=0.0,
         soft_max=1.0,

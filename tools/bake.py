@@ -17,17 +17,21 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 
-from headless import blender, quiet_stdout
+from headless import ROOT, blender, quiet_stdout
 
 #: Bake settings that an option of the same name sets, and the option's type.
 _SETTINGS = {
     "resolution": (int, "width and height of each lightmap, texels"),
     "hemicube": (str, "width of the hemicubes, texels"),
     "iterations": (int, "largest number of light bounces"),
-    "tolerance": (float, "stop below this remaining error, relative to the lightmaps' mean"),
+    "tolerance": (float, "stop below this remaining error of the texels, relative to each one's light"),
+    "light_samples": (int, "shadow rays from each texel to each light"),
     "method": (str, "how the received light is computed"),
+    "ao_samples": (int, "rays of each texel for ambient occlusion"),
+    "ao_distance": (float, "how far ambient occlusion reaches, m; 0 for any distance"),
     "seed": (int, "seed of the hemicubes' random rotations"),
     "uv_layer": (str, "name of the lightmap UV layer"),
     "patch_file": (str, "file that keeps the patch list between bakes of the same UVs"),
@@ -70,6 +74,15 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--out", type=Path, required=True, help="folder for the lightmaps")
     for name, (kind, text) in _SETTINGS.items():
         parser.add_argument(f"--{name.replace('_', '-')}", type=kind, help=text)
+    parser.add_argument(
+        "--outputs",
+        type=names,
+        help="combined, direct, indirect, ambient_occlusion, shadow_mask; with commas",
+    )
+    parser.add_argument(
+        "--verify", type=int, nargs="?", const=256, metavar="SPP",
+        help="bake with Cycles, too, so many samples a texel, and tell the difference",
+    )  # fmt: skip
     parser.add_argument("--world", type=colour, metavar="R,G,B", help="replace the world by this radiance")
     parser.add_argument("--save-blend", type=Path, metavar="FILE", help="save the baked scene")
     parser.add_argument("--json", action="store_true", help="end with one JSON object")
@@ -80,6 +93,11 @@ def _joined(arguments: list[str]) -> list[str]:
     """Return the arguments with "--world -1,1,1" as one: argparse takes what starts with - for an option."""
     words = iter(arguments)
     return [f"{word}={next(words, '')}" if word == "--world" else word for word in words]
+
+
+def names(text: str) -> set[str]:
+    """Return the words between commas."""
+    return {word.strip() for word in text.split(",") if word.strip()}
 
 
 def colour(text: str) -> tuple[float, float, float]:
@@ -112,6 +130,9 @@ def run(options: argparse.Namespace) -> dict:
         apply_settings(options, out)
         report = bake()
         report["files"] += write_pictures(report["images"], out)
+        if options.verify is not None:
+            report["verify"], path = verify_bake(options.verify, out)
+            report["files"].append(path)
         if options.save_blend is not None:
             report["files"].append(save_blend(options.save_blend.resolve()))
     return report
@@ -199,6 +220,24 @@ def write_pictures(images: list[str], out: Path) -> list[str]:
     return paths
 
 
+def verify_bake(samples: int, out: Path) -> tuple[dict, str]:
+    """Compare with Cycles; return the figures and the path of a picture of the difference."""
+    import bpy
+
+    sys.path.insert(0, str(ROOT))
+    from tools.verification.run import verify, write_difference
+
+    if samples < 1:
+        raise CommandError(f"--verify needs at least 1 sample, not {samples}.")
+    settings = bpy.context.scene.hemibake
+    if settings.outputs and "combined" not in settings.outputs:
+        raise CommandError("--verify compares all light: let 'combined' be among the outputs.")
+    figures, difference, _ = verify(bpy.context, samples)
+    path = out / "difference.png"
+    write_difference(difference, path)
+    return asdict(figures), str(path)
+
+
 def check_place(path: Path) -> None:
     """Raise CommandError if no file can be written at a path."""
     try:
@@ -231,6 +270,12 @@ def tell(report: dict, as_json: bool) -> None:
         f"{report['objects']} objects, {report['patches']} patches, {report['iterations']} iterations, "
         f"{report['seconds']['total']:.1f} s"
     )
+    if "verify" in report:
+        figures = report["verify"]
+        print(
+            f"difference to Cycles: RMSE {figures['rmse']:.2%} ({figures['smooth']:.2%} off edges of light), "
+            f"bias {figures['bias']:+.2%}, of its mean over {figures['texels']} texels"
+        )
     print("\n".join(report["files"]))
 
 

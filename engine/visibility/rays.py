@@ -15,6 +15,7 @@ class Rays:
     """A scene's triangles on the OpenCL device, for kernels/rays.cl and kernels that go on from it.
 
     origin     (3,) float64, metres: positions on the device are relative to it
+    culled     (m,) bool of each material: its back is see-through
     arguments  what kernels take for RAYS_ARGUMENTS
     """
 
@@ -23,6 +24,7 @@ class Rays:
         low, high = triangles.positions.min(axis=(0, 1)), triangles.positions.max(axis=(0, 1))
         self.origin = (low.astype(np.float64) + high) / 2
         positions = (triangles.positions - self.origin).astype(np.float32)
+        self.culled = cutouts.culled
         bvh = build_bvh(positions)
         arrays = [_four(bvh.boxes), bvh.children, _records(positions, bvh.order)]
         self._options: tuple[str, ...] = ()

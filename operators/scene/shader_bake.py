@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..compat import new_node_tree
+from ..compat import new_node_tree, node_input
 from .sockets import feeder
 
 #: Smallest and largest width of such a texture, texels; samples of each; texels beyond chart borders.
@@ -19,6 +19,10 @@ _MARGIN = 8
 
 #: What is baked: Cycles' bake type and its passes.
 _PASSES = {"reflectance": ("DIFFUSE", {"COLOR"}), "emission": ("EMIT", set()), "alpha": ("EMIT", set())}
+
+
+#: Inputs of the Principled BSDF that make it shine.
+_SHINY = ("Specular IOR Level", "Coat Weight", "Sheen Weight")
 
 
 @dataclass(frozen=True)
@@ -116,7 +120,7 @@ class _Stage:
 def _stage(shapes: Sequence[Shape], material: bpy.types.Material, uv_layer: str) -> Iterator[_Stage]:
     """Set the stage for a material, and remove all of it in the end."""
     scene = bpy.data.scenes.new("hemibake")
-    worn = material.copy()
+    worn = _dull(material.copy())
     blank = bpy.data.materials.new("hemibake")
     nothing = bpy.data.images.new("hemibake", 1, 1)
     objects: list[bpy.types.Object] = []
@@ -138,6 +142,17 @@ def _stage(shapes: Sequence[Shape], material: bpy.types.Material, uv_layer: str)
         for unused in (worn, blank):
             bpy.data.materials.remove(unused)
         bpy.data.images.remove(nothing)
+
+
+def _dull(material: bpy.types.Material) -> bpy.types.Material:
+    """Switch off the shine of a material: what shines is not taken from its diffuse colour."""
+    for node in material.node_tree.nodes:
+        for socket in (node_input(node, name) for name in _SHINY):
+            if socket is not None and node.bl_idname == "ShaderNodeBsdfPrincipled":
+                for link in list(socket.links):
+                    material.node_tree.links.remove(link)
+                socket.default_value = 0.0
+    return material
 
 
 def _dress(

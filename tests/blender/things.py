@@ -27,6 +27,14 @@ def material(name="Grey", colour=(0.5, 0.5, 0.5), emission=0.0):
     return result
 
 
+def bpy_link(obj):
+    """Link an object to the scene and return it."""
+    import bpy
+
+    bpy.context.scene.collection.objects.link(obj)
+    return obj
+
+
 def mesh_object(name, vertices, faces, uvs=None, surface=None):
     """Return a linked object; `uvs` of all loops make a lightmap UV layer."""
     import bpy

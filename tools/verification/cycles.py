@@ -16,6 +16,10 @@ from tools.headless import MODULE
 _SHINY = ("Specular IOR Level", "Specular", "Coat Weight", "Sheen Weight")
 
 
+#: Inputs that hold what a shader reflects diffusely.
+_COLOURS = {"ShaderNodeBsdfPrincipled": "Base Color", "ShaderNodeBsdfDiffuse": "Color"}
+
+
 @contextmanager
 def realised(context: bpy.types.Context, gathered, resolution: int) -> Iterator[RealisedScene]:
     """Make a scene of copies: objects and instances with their places in the lightmaps, lamps, the world."""
@@ -111,10 +115,9 @@ class RealisedScene:
             for node in copy.node_tree.nodes:
                 if node.bl_idname == "ShaderNodeBsdfPrincipled":
                     _make_dull(copy.node_tree, node)
+            _blacken_backs(copy.node_tree)
             if copy.use_backface_culling:
-                _set_back(copy.node_tree, "BsdfTransparent")
-            elif _may_be_plain(copy.node_tree):
-                _set_back(copy.node_tree, "BsdfDiffuse")
+                _clear_backs(copy.node_tree)
             node = copy.node_tree.nodes.new("ShaderNodeTexImage")
             node.image = self._images[atlas or 0]
             copy.node_tree.nodes.active = node
@@ -174,37 +177,36 @@ def _make_dull(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
             socket.default_value = 0.0
 
 
-def _set_back(tree: bpy.types.NodeTree, kind: str) -> None:
-    """Let a material's back be another shader, of a kind of node, for Cycles shows it like the front.
+def _blacken_backs(tree: bpy.types.NodeTree) -> None:
+    """Let surfaces reflect nothing from their backs, as in Hemibake: Cycles shows both sides alike."""
+    geometry = tree.nodes.new("ShaderNodeNewGeometry")
+    for node in list(tree.nodes):
+        socket = node.inputs.get(_COLOURS.get(node.bl_idname, ""))
+        if socket is None:
+            continue
+        mix = tree.nodes.new("ShaderNodeMix")
+        mix.data_type = "RGBA"
+        factor, first, second = (item for item in mix.inputs if item.enabled)
+        first.default_value, second.default_value = socket.default_value, (0, 0, 0, 1)
+        if socket.is_linked:
+            tree.links.new(socket.links[0].from_socket, first)
+        tree.links.new(geometry.outputs["Backfacing"], factor)
+        tree.links.new(next(item for item in mix.outputs if item.enabled), socket)
 
-    Hemibake's backs are black, or see-through where back-face culling is on.
-    """
+
+def _clear_backs(tree: bpy.types.NodeTree) -> None:
+    """Let backs be see-through: Cycles does not heed back-face culling."""
     output = tree.get_output_node("CYCLES")
     if output is None or not output.inputs["Surface"].is_linked:
         return
     front = output.inputs["Surface"].links[0].from_socket
-    geometry, back, mix = (tree.nodes.new(f"ShaderNode{name}") for name in ("NewGeometry", kind, "MixShader"))
-    if kind == "BsdfDiffuse":
-        back.inputs["Color"].default_value = (0, 0, 0, 1)
+    geometry, clear, mix = (
+        tree.nodes.new(f"ShaderNode{kind}") for kind in ("NewGeometry", "BsdfTransparent", "MixShader")
+    )
     tree.links.new(geometry.outputs["Backfacing"], mix.inputs[0])
     tree.links.new(front, mix.inputs[1])
-    tree.links.new(back.outputs[0], mix.inputs[2])
+    tree.links.new(clear.outputs[0], mix.inputs[2])
     tree.links.new(mix.outputs[0], output.inputs["Surface"])
-
-
-def _may_be_plain(tree: bpy.types.NodeTree) -> bool:
-    """Return whether a material neither emits nor has holes, as far as its Principled BSDF tells."""
-    shaders = [node for node in tree.nodes if node.bl_idname.startswith("ShaderNodeBsdf")]
-    if any(node.bl_idname == "ShaderNodeEmission" for node in tree.nodes):
-        return False
-    for node in shaders:
-        if node.bl_idname == "ShaderNodeBsdfPrincipled":
-            strength, alpha = node.inputs["Emission Strength"], node.inputs["Alpha"]
-            if strength.is_linked or strength.default_value > 0 or alpha.is_linked or alpha.default_value < 1:
-                return False
-        elif node.bl_idname == "ShaderNodeBsdfTransparent":
-            return False
-    return True
 
 
 def _set_up(scene: bpy.types.Scene, samples: int, seed: int) -> None:

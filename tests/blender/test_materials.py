@@ -1,0 +1,175 @@
+"""Materials: what is read as constants and textures, and what Blender evaluates."""
+
+import numpy as np
+import pytest
+
+from tests.blender.things import SQUARE_UVS, gather, material, snapshot, square
+
+
+def image(pixels, name="Picture", space="sRGB"):
+    import bpy
+
+    height, width = pixels.shape[:2]
+    result = bpy.data.images.new(name, width, height, alpha=True)
+    result.colorspace_settings.name = space
+    result.pixels.foreach_set(np.ascontiguousarray(pixels, np.float32).ravel())
+    result.update()
+    return result
+
+
+def noise(size=4):
+    pixels = np.ones((size, size, 4), np.float32)
+    pixels[..., :3] = np.random.default_rng(0).integers(0, 256, (size, size, 3)) / np.float32(255)
+    return pixels
+
+
+def textured(socket="Base Color", output="Color", pixels=None):
+    """Return a material with an image texture at an input, and the texture node."""
+    surface = material("Textured", (0.1, 0.2, 0.3))
+    tree = surface.node_tree
+    node = tree.nodes.new("ShaderNodeTexImage")
+    node.image = image(noise() if pixels is None else pixels)
+    tree.links.new(node.outputs[output], tree.nodes["Principled BSDF"].inputs[socket])
+    return surface, node
+
+
+def only_material():
+    (result,) = gather().scene.materials
+    return result
+
+
+def test_an_image_is_a_texture_over_its_own_uv_map():
+    surface, node = textured()
+    obj = square(surface=surface)
+    obj.data.uv_layers.new(name="Tiles").uv.foreach_set("vector", np.float32(SQUARE_UVS).ravel() * 2)
+    uv = surface.node_tree.nodes.new("ShaderNodeUVMap")
+    uv.uv_map = "Tiles"
+    surface.node_tree.links.new(uv.outputs[0], node.inputs["Vector"])
+    scene = gather().scene
+    texture = scene.materials[0].reflectance_map
+    assert texture.pixels == pytest.approx(noise()[..., :3], abs=1e-6) and texture.srgb
+    assert texture.uv_map == "Tiles"
+    assert scene.meshes[0].texture_uvs["Tiles"][0] == pytest.approx(np.float32(SQUARE_UVS)[:3] * 2)
+
+
+def test_a_mapping_node_is_a_transform():
+    surface, node = textured()
+    mapping = surface.node_tree.nodes.new("ShaderNodeMapping")
+    mapping.inputs["Rotation"].default_value = (0, 0, np.pi / 2)
+    mapping.inputs["Scale"].default_value = (2, 3, 1)
+    mapping.inputs["Location"].default_value = (0.5, 0.25, 0)
+    surface.node_tree.links.new(mapping.outputs[0], node.inputs["Vector"])
+    square(surface=surface)
+    expected = [[0, -3, 0.5], [2, 0, 0.25]]
+    assert only_material().reflectance_map.transform == pytest.approx(np.array(expected), abs=1e-6)
+
+
+def test_alpha_of_an_image_cuts_and_a_threshold_is_kept():
+    pixels = noise()
+    pixels[..., 3] = np.linspace(0, 1, 16).reshape(4, 4)
+    surface, node = textured("Alpha", "Alpha", pixels)
+    square(surface=surface)
+    assert only_material().alpha_map.pixels[..., 0] == pytest.approx(pixels[..., 3], abs=1 / 255)
+    cut = surface.node_tree.nodes.new("ShaderNodeMath")
+    cut.operation = "GREATER_THAN"
+    cut.inputs[1].default_value = 0.3
+    surface.node_tree.links.new(node.outputs["Alpha"], cut.inputs[0])
+    principled = surface.node_tree.nodes["Principled BSDF"]
+    surface.node_tree.links.new(cut.outputs[0], principled.inputs["Alpha"])
+    assert only_material().alpha_threshold == pytest.approx(0.3)
+
+
+def test_metal_and_glass_reflect_less_diffusely():
+    surface = material("Metal", (0.8, 0.6, 0.4))
+    node = surface.node_tree.nodes["Principled BSDF"]
+    node.inputs["Metallic"].default_value, node.inputs["Transmission Weight"].default_value = 0.5, 0.25
+    square(surface=surface)
+    assert only_material().reflectance == pytest.approx(np.array([0.8, 0.6, 0.4]) * 0.375, rel=1e-6)
+
+
+def test_a_mix_with_transparency_is_alpha():
+    surface = material("Half", (0.8, 0.6, 0.4))
+    tree = surface.node_tree
+    clear, mix = tree.nodes.new("ShaderNodeBsdfTransparent"), tree.nodes.new("ShaderNodeMixShader")
+    mix.inputs[0].default_value = 0.3
+    tree.links.new(clear.outputs[0], mix.inputs[1])
+    tree.links.new(tree.nodes["Principled BSDF"].outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], tree.get_output_node("CYCLES").inputs["Surface"])
+    square(surface=surface)
+    result = only_material()
+    assert result.alpha == pytest.approx(0.3)
+    assert result.reflectance == pytest.approx(np.array([0.8, 0.6, 0.4]), rel=1e-6)
+
+
+def test_back_face_culling_is_read():
+    surface = material()
+    surface.use_backface_culling = True
+    square(surface=surface)
+    assert only_material().culled
+
+
+def test_networks_are_evaluated_by_blender_and_nothing_else_changes():
+    """A gradient along the lightmap's u axis, in colour, emission and alpha."""
+    surface = material("Network")
+    tree = surface.node_tree
+    node = tree.nodes["Principled BSDF"]
+    place, ramp = tree.nodes.new("ShaderNodeUVMap"), tree.nodes.new("ShaderNodeSeparateXYZ")
+    place.uv_map = "Lightmap"
+    tree.links.new(place.outputs[0], ramp.inputs[0])
+    for name in ("Base Color", "Emission Color", "Alpha"):
+        tree.links.new(ramp.outputs[0], node.inputs[name])
+    node.inputs["Emission Strength"].default_value = 2
+    node.inputs["Specular IOR Level"].default_value = 0
+    square(surface=surface)
+    before = snapshot()
+    gathered = gather()
+    assert snapshot() == before and gathered.notes == ()
+    result = gathered.scene.materials[0]
+    size = result.reflectance_map.pixels.shape[0]
+    u = (np.arange(size) + 0.5) / size
+    inside = slice(size // 5, 4 * size // 5)
+    row = size // 2
+    for texture, factor in (
+        (result.reflectance_map, 1), (result.emission_map, 2), (result.alpha_map, 1)
+    ):  # fmt: skip
+        measured = texture.pixels[row, inside, 0]
+        expected = factor * u[inside] * (u[inside] if texture is result.emission_map else 1)
+        assert measured == pytest.approx(expected, abs=0.02)
+    assert result.reflectance_map.uv_map == "Lightmap"
+
+
+def test_vertex_colours_are_evaluated():
+    surface = material("Painted")
+    tree = surface.node_tree
+    node = tree.nodes.new("ShaderNodeVertexColor")
+    node.layer_name = "Paint"
+    tree.links.new(node.outputs["Color"], tree.nodes["Principled BSDF"].inputs["Base Color"])
+    obj = square(surface=surface)
+    paint = obj.data.color_attributes.new("Paint", "FLOAT_COLOR", "CORNER")
+    paint.data.foreach_set("color", [0.25, 0.5, 0.75, 1] * 4)
+    texture = gather().scene.materials[0].reflectance_map
+    middle = texture.pixels[texture.pixels.shape[0] // 2, texture.pixels.shape[1] // 2]
+    assert middle == pytest.approx([0.25, 0.5, 0.75], abs=0.01)
+
+
+@pytest.mark.parametrize("broken", ["no image", "no file"])
+def test_images_that_cannot_be_read_are_magenta_and_named(broken):
+    surface, node = textured()
+    if broken == "no image":
+        node.image = None
+    else:
+        node.image.source = "FILE"
+        node.image.filepath = "//is/not/there.png"
+    square(surface=surface)
+    gathered = gather()
+    assert gathered.scene.materials[0].reflectance_map.pixels[0, 0] == pytest.approx([1, 0, 1])
+    assert "'Textured'" in gathered.notes[0] and "magenta" in gathered.notes[0]
+
+
+def test_several_materials_of_one_object():
+    obj = square(surface=material("First", (0.1, 0.1, 0.1)))
+    obj.data.materials.append(material("Second", (0.9, 0.9, 0.9)))
+    obj.data.polygons[0].material_index = 1
+    scene = gather().scene
+    chosen = [scene.materials[index].name for index in scene.meshes[0].material]
+    assert chosen == ["Second", "Second"]

@@ -1,0 +1,84 @@
+"""The surroundings: constant, an image, or what Blender makes of other nodes."""
+
+import numpy as np
+import pytest
+
+from tests.blender.things import gather, part, square
+
+
+def world(**links):
+    import bpy
+
+    result = bpy.data.worlds.new("World")
+    tree = part("operators.compat").new_node_tree(result)
+    bpy.context.scene.world = result
+    return tree, tree.nodes["Background"]
+
+
+def environment(tree, background, pixels):
+    import bpy
+
+    height, width = pixels.shape[:2]
+    image = bpy.data.images.new("Sky", width, height, alpha=True, float_buffer=True)
+    image.colorspace_settings.name = "Linear Rec.709"
+    image.pixels.foreach_set(np.ascontiguousarray(pixels, np.float32).ravel())
+    node = tree.nodes.new("ShaderNodeTexEnvironment")
+    node.image = image
+    tree.links.new(node.outputs["Color"], background.inputs["Color"])
+    return node
+
+
+def sky(height=32):
+    pixels = np.ones((height, 2 * height, 4), np.float32)
+    v, u = np.meshgrid(np.linspace(0, 1, height), np.linspace(0, 1, 2 * height), indexing="ij")
+    pixels[..., 0], pixels[..., 1], pixels[..., 2] = v, 0.5 + 0.4 * np.cos(2 * np.pi * u), 0.3
+    return pixels
+
+
+def test_an_equirectangular_image_is_read_as_it_is():
+    square()
+    tree, background = world()
+    environment(tree, background, sky())
+    background.inputs["Strength"].default_value = 2
+    assert gather().scene.world == pytest.approx(2 * sky()[..., :3], rel=1e-5)
+
+
+def test_a_turned_image_is_what_blender_renders():
+    """The way without and the way with Blender's own evaluation agree."""
+    import bpy
+
+    square()
+    tree, background = world()
+    node = environment(tree, background, sky())
+    mapping, place = tree.nodes.new("ShaderNodeMapping"), tree.nodes.new("ShaderNodeTexCoord")
+    mapping.inputs["Rotation"].default_value = (0.3, -0.4, 1.1)
+    tree.links.new(place.outputs["Generated"], mapping.inputs["Vector"])
+    tree.links.new(mapping.outputs[0], node.inputs["Vector"])
+    read = gather().scene.world
+    before = len(bpy.data.scenes), len(bpy.data.objects), len(bpy.data.cameras), len(bpy.data.images)
+    rendered = part("operators.scene.panorama").render_world(bpy.context.scene.world)
+    after = len(bpy.data.scenes), len(bpy.data.objects), len(bpy.data.cameras)
+    assert before[:3] == after
+    step = rendered.shape[0] // read.shape[0]
+    small = rendered.reshape(read.shape[0], step, read.shape[1], step, 3).mean(axis=(1, 3))
+    assert np.abs(small - read)[2:-2].mean() < 0.02
+
+
+def test_other_nodes_are_rendered():
+    square()
+    tree, background = world()
+    place, separate = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeSeparateXYZ")
+    tree.links.new(place.outputs["Generated"], separate.inputs[0])
+    tree.links.new(separate.outputs["Z"], background.inputs["Color"])
+    rendered = gather().scene.world
+    height = rendered.shape[0]
+    z = -np.cos(np.pi * (np.arange(height) + 0.5) / height)
+    assert rendered[:, 0, 0] == pytest.approx(np.maximum(z, 0), abs=0.02)
+
+
+def test_no_world_is_black():
+    import bpy
+
+    square()
+    bpy.context.scene.world = None
+    assert (gather().scene.world == 0).all()

@@ -112,10 +112,8 @@ def write_table(path: Path, rows: list[str], version: str) -> None:
     text = path.read_text(encoding="utf-8")
     head, _, rest = text.partition(_MARKS[0])
     _, _, tail = rest.partition(_MARKS[1])
-    lines = [
-        _MARKS[0], f"Blender {version}.", "", f"| {' | '.join(_TITLES)} |", "|---" * len(_TITLES) + "|", *rows,
-        _MARKS[1],
-    ]  # fmt: skip
+    head_row, rule = f"| {' | '.join(_TITLES)} |", "|---" * len(_TITLES) + "|"
+    lines = [_MARKS[0], f"Blender {version}.", "", head_row, rule, *rows, _MARKS[1]]
     path.write_text(head + "\n".join(lines) + tail, encoding="utf-8")
 
 

@@ -22,6 +22,9 @@ _ATTEMPTS = 24
 #: Mean area of a chart, texels, below which its light could not be stored.
 _LEAST_CHART = 0.01
 
+#: Corners are the same if they agree to this many parts of the mesh's size.
+_DOUBLED_STEPS = 1 << 18
+
 _UNPLACED = 0xFFFFFFFF
 
 
@@ -85,7 +88,7 @@ def _xatlas():
 def _make_charts(mesh: PolygonMesh) -> Charts:
     """Return a mesh's charts such that every loop has one UV."""
     uvs, chart = _segment(mesh)
-    torn = _torn_polygons(mesh, uvs, chart)
+    torn = np.union1d(_torn_polygons(mesh, uvs, chart), _doubled_polygons(mesh))
     loop_uvs = np.zeros((len(mesh.corners), 2))
     loop_uvs[mesh.triangles.reshape(-1)] = uvs.reshape(-1, 2)
     for number, polygon in enumerate(torn):
@@ -129,6 +132,23 @@ def _torn_polygons(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> np.
     np.maximum.at(high, loops, uvs.reshape(-1, 2))
     bad = (low != high).any(axis=1)[mesh.triangles].any(axis=1) | (chart < 0)
     return np.unique(mesh.polygon[bad])
+
+
+def _doubled_polygons(mesh: PolygonMesh) -> np.ndarray:
+    """Return the polygons that lie on an earlier one with the same corners, in any order.
+
+    Such a pair, as models have it to be seen from both sides, comes out of xatlas as one place in a chart.
+    """
+    corners = mesh.positions[mesh.corners]
+    size = np.ptp(mesh.positions, axis=0).max()
+    steps = np.round((corners - mesh.positions.min(axis=0)) / max(size, 1e-30) * _DOUBLED_STEPS)
+    starts = mesh.starts[:-1]
+    keys = np.concatenate(
+        [np.add.reduceat(steps, starts), np.add.reduceat(steps**2, starts), np.diff(mesh.starts)[:, None]],
+        axis=1,
+    )
+    _, first = np.unique(keys, axis=0, return_index=True)
+    return np.setdiff1d(np.arange(len(starts)), first)
 
 
 def _flatten(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:

@@ -66,7 +66,7 @@ def _sort_out(obj: bpy.types.Object, made: Made) -> None:
         made.skipped.append(obj)
         made.notes.append(
             f"Object '{obj.name}' has no lightmap UV layer and its mesh is linked from another file: "
-            "it is left out. Make the mesh local, or unwrap it in that file."
+            "it is seen and reflects, but gets no lightmap. Make the mesh local, or unwrap it in that file."
         )
     elif len(obj.data.uv_layers) >= _MAX_UV_LAYERS:
         raise SceneError(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.blender.things import CUBE, INWARD, loop_uvs, mesh_object, part, square
+from tests.blender.things import CUBE, INWARD, SQUARE, loop_uvs, mesh_object, part, square
 
 RESOLUTION = 128
 
@@ -209,3 +209,14 @@ def test_charts_that_cannot_fit_are_refused():
     with pytest.raises(RuntimeError, match="'Cube' do not fit.*Raise the resolution"):
         unwrap()
     assert "Lightmap" not in obj.data.uv_layers
+
+
+def test_doubled_faces_get_charts_of_their_own():
+    """A square seen from both sides: two faces over the same vertices."""
+    import bpy
+
+    obj = mesh_object("Sheet", SQUARE, [(0, 1, 2, 3), (3, 2, 1, 0)])
+    bpy.ops.hemibake.unwrap()
+    uvs = loop_uvs(obj).reshape(2, 4, 2)
+    low, high = uvs.min(axis=1), uvs.max(axis=1)
+    assert (high[0] < low[1]).any() or (high[1] < low[0]).any()

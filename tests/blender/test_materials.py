@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.blender.things import SQUARE_UVS, gather, material, snapshot, square
+from tests.blender.things import SQUARE_UVS, gather, material, part, snapshot, square
 
 
 def image(pixels, name="Picture", space="sRGB"):
@@ -85,6 +85,23 @@ def test_metal_and_glass_reflect_less_diffusely():
     node.inputs["Metallic"].default_value, node.inputs["Transmission Weight"].default_value = 0.5, 0.25
     square(surface=surface)
     assert only_material().reflectance == pytest.approx(np.array([0.8, 0.6, 0.4]) * 0.375, rel=1e-6)
+
+
+def test_metal_and_glass_are_what_cycles_bakes():
+    import bpy
+
+    baker = part("operators.scene.shader_bake")
+    surface = material("Metal", (0.8, 0.6, 0.4))
+    node = surface.node_tree.nodes["Principled BSDF"]
+    node.inputs["Metallic"].default_value, node.inputs["Transmission Weight"].default_value = 0.5, 0.25
+    obj = square(surface=surface)
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    shape = baker.copy_shape(obj.evaluated_get(depsgraph), depsgraph, [surface])
+    try:
+        pixels = baker.bake_textures(surface, [shape], "Lightmap", 512)["reflectance"]
+    finally:
+        baker.remove_shapes([shape])
+    assert pixels[256, 256] == pytest.approx(only_material().reflectance, rel=0.01)
 
 
 def test_a_mix_with_transparency_is_alpha():

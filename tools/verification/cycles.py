@@ -100,10 +100,7 @@ class RealisedScene:
             mesh.materials[index] = self._material(material, atlas)
         if atlas is None:
             return
-        layer = mesh.uv_layers[self._uv_layer]
-        uvs = np.empty(2 * len(layer.uv), np.float32)
-        layer.uv.foreach_get("vector", uvs)
-        layer.uv.foreach_set("vector", place.apply(uvs.reshape(-1, 2)).ravel())
+        _move_uvs(mesh, self._uv_layer, place)
         self._members[atlas].append(obj)
 
     def _material(self, material: bpy.types.Material | None, atlas: int | None) -> bpy.types.Material:
@@ -138,6 +135,21 @@ class RealisedScene:
         pixels = np.empty(len(image.pixels), np.float32)
         image.pixels.foreach_get(pixels)
         return pixels.reshape(*reversed(image.size), 4)
+
+
+def _move_uvs(mesh: bpy.types.Mesh, name: str, place) -> None:
+    """Put a UV layer in its place in the atlas.
+
+    The layer is made anew: a copied mesh shares its arrays with the original, and foreach_set writes to both.
+    """
+    layer = mesh.uv_layers[name]
+    uvs = np.empty(2 * len(layer.uv), np.float32)
+    layer.uv.foreach_get("vector", uvs)
+    rendered = next(other.name for other in mesh.uv_layers if other.active_render)
+    mesh.uv_layers.remove(layer)
+    layer = mesh.uv_layers.new(name=name)
+    layer.uv.foreach_set("vector", place.apply(uvs.reshape(-1, 2)).ravel())
+    mesh.uv_layers[rendered].active_render = True
 
 
 def _ignored(item) -> bool:

@@ -417,6 +417,25 @@ def collection_instances():
 
 
 @scene
+def geometry_nodes_instances():
+    floor()
+    original = box(None, (1.2, -1.2, 0.35))
+    points = add("Points", bpy.ops.mesh.primitive_plane_add, None, size=1.6, location=(0, 0, 0.5))
+    tree = bpy.data.node_groups.new("Instances", "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    names = ("NodeGroupInput", "GeometryNodeInstanceOnPoints", "GeometryNodeObjectInfo", "NodeGroupOutput")
+    source, instances, info, sink = (tree.nodes.new(name) for name in names)
+    info.inputs["Object"].default_value, info.inputs["As Instance"].default_value = original, True
+    tree.links.new(source.outputs[0], instances.inputs["Points"])
+    tree.links.new(info.outputs["Geometry"], instances.inputs["Instance"])
+    tree.links.new(instances.outputs[0], sink.inputs[0])
+    points.modifiers.new("Instances", "NODES").node_group = tree
+    lamp("AREA", energy=60, shape="SQUARE", size=0.5)
+    world(strength=0.3)
+
+
+@scene
 def scaled_and_mirrored():
     floor()
     obj = box(None, (0.4, 0.2, 0.5))

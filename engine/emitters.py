@@ -86,7 +86,8 @@ def lamp_records(light: Light, origin: np.ndarray) -> np.ndarray:
     record[0, 2, 3] = np.cos(light.half_angle) if light.kind == "spot" else -2
     record[0, 3, :3] = strength
     record[0, 3, 3] = light.soft
-    record[0, 4, 3] = light.blend
+    record[0, 4, :3], record[0, 5, :3] = light.axes[0] / light.stretch[0], light.axes[1] / light.stretch[1]
+    record[0, 4, 3], record[0, 5, 3] = light.blend, 1 / light.stretch[2]
     return record.astype(np.float32)
 
 

@@ -100,6 +100,7 @@ class Light:
     soft         point, spot: True for a disk that faces the receiver, False for a sphere
     half_angle   spot: of the cone; sun: of its disk; area: half its spread, pi/2 for none; radians
     blend        spot: share of the cone in which it fades
+    stretch      (3,) float64, spot: scale along x, y, z; unequal ones make the cone elliptical
     size         (2,) float64, area: full widths along x and y, m
     ellipse      area: True for an ellipse, False for a rectangle
     casts_shadow False lights through surfaces
@@ -114,6 +115,7 @@ class Light:
     soft: bool = True
     half_angle: float = np.pi / 2
     blend: float = 0.0
+    stretch: np.ndarray = field(default_factory=lambda: np.ones(3))
     size: np.ndarray = field(default_factory=lambda: np.zeros(2))
     ellipse: bool = False
     casts_shadow: bool = True
@@ -214,7 +216,15 @@ def check_light(light: Light) -> None:
     """Raise a SceneError if a light's numbers are none."""
     if not _is_light(light.strength):
         raise SceneError(f"Light '{light.name}' has a power that is NaN, infinite or negative. Mend it.")
-    place = (light.position, light.axes, light.size, light.radius, light.half_angle, light.blend)
+    place = (
+        light.position,
+        light.axes,
+        light.size,
+        light.radius,
+        light.half_angle,
+        light.blend,
+        light.stretch,
+    )
     if not all(np.isfinite(values).all() for values in place):
         raise SceneError(f"Light '{light.name}' has a place or size that is NaN or infinite. Mend it.")
 

@@ -39,7 +39,7 @@ class Jacobi:
         self._lights = np.zeros_like(emission) if direct is None else direct
         self._glowing = glowing
         self.direct = self._lights
-        self.irradiance = np.zeros_like(emission)
+        self.irradiance = np.zeros_like(emission) if glowing else self._lights
         self._settled = False
         self._changes: list[float] = []
         self._relative = float("nan")

@@ -94,10 +94,12 @@ float2 disk(const float2 u)
     return radius * (float2)(cospi(angle), sinpi(angle));
 }
 
-// How much of a spot's intensity goes along a direction away from it (Cycles, kernel/light/spot.h).
-float in_cone(const float3 away, const float3 axis, const float cos_half, const float blend)
+// How much of a spot's intensity goes along a direction away from it: the cone is round in the light's own,
+// perhaps unequally scaled space (Cycles, kernel/light/spot.h).
+float in_cone(__global const float4 *e, const float3 away, const float cos_half, const float blend)
 {
-    const float s = (dot(away, axis) - cos_half) / fmax((1.0f - cos_half) * blend, 1e-6f);
+    const float3 own = (float3)(dot(away, e[4].xyz), dot(away, e[5].xyz), dot(away, e[2].xyz) * e[5].w);
+    const float s = (own.z / fmax(length(own), 1e-20f) - cos_half) / fmax((1.0f - cos_half) * blend, 1e-6f);
     const float t = clamp(s, 0.0f, 1.0f);
     return t * t * (3.0f - 2.0f * t);
 }
@@ -130,7 +132,7 @@ Sample sample_point_light(__global const float4 *e, const float3 p, const float2
         share = 2.0f * one_minus_cos / (radius * radius);
     }
     if (e[2].w >= -1.0f)
-        share *= in_cone(-s.direction, e[2].xyz, e[2].w, e[4].w);
+        share *= in_cone(e, -s.direction, e[2].w, e[4].w);
     s.light = e[3].xyz * share;
     return s;
 }
@@ -290,7 +292,7 @@ float weight_of(__global const float4 *e, const Receiver *r, const float sky_tot
         if (dot(r->normal, to) < -reach || dot(r->geometric, to) < -reach)
             return 0.0f;
         const float spot = e[2].w >= -1.0f && e[1].w == 0.0f
-            ? in_cone(-to / fmax(d, 1e-20f), e[2].xyz, e[2].w - 0.05f, 1.0f) + 1e-4f : 1.0f;
+            ? in_cone(e, -to / fmax(d, 1e-20f), e[2].w - 0.05f, 1.0f) + 1e-4f : 1.0f;
         return strength * spot * fmax(dot(r->normal, to) / fmax(d, 1e-20f), 0.05f) / fmax(d2, 1e-12f);
     }
     const float3 a = e[1].xyz - r->at, b = a + e[2].xyz, c = a + e[3].xyz;

@@ -81,7 +81,8 @@ def _read_light(item: SceneItem, notes: list[str]) -> Light:
         return Light(kind="point", strength=strength, radius=radius, soft=soft, **common)
     return Light(
         kind="spot", strength=strength, radius=radius, soft=soft,
-        half_angle=lamp.spot_size / 2, blend=float(lamp.spot_blend), **common,
+        half_angle=lamp.spot_size / 2, blend=float(lamp.spot_blend),
+        stretch=np.maximum(scale / max(scale.max(), 1e-30), 1e-6), **common,
     )  # fmt: skip
 
 

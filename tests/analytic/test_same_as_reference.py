@@ -26,7 +26,7 @@ from tests.analytic import scenes
 from tests.analytic.drive import Prepared, drive, irradiance, prepare
 
 N = 32
-SETTINGS = Settings(resolution=128, hemicube=N)
+SETTINGS = Settings(resolution=128, hemicube=N, sample_emission=False)
 
 
 @dataclasses.dataclass

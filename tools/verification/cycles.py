@@ -16,6 +16,9 @@ from tools.headless import MODULE
 _SHINY = ("Specular IOR Level", "Specular", "Coat Weight", "Sheen Weight")
 
 
+#: Passes of E/pi.
+_LIGHT = {"DIRECT", "INDIRECT"}
+
 #: Inputs that hold what a shader reflects diffusely.
 _COLOURS = {"ShaderNodeBsdfPrincipled": "Base Color", "ShaderNodeBsdfDiffuse": "Color"}
 
@@ -40,6 +43,8 @@ class RealisedScene:
         self._scene.world = context.scene.world
         self._atlases = gathered.scene.atlases
         self._images = [_image(resolution) for _ in self._atlases]
+        self._anchor = bpy.data.objects.new("Anchor", None)
+        self._scene.collection.objects.link(self._anchor)
         self._members: list[list[bpy.types.Object]] = [[] for _ in self._atlases]
         self._materials: dict[tuple, bpy.types.Material] = {}
         self._made: list = []
@@ -67,6 +72,12 @@ class RealisedScene:
             ]
         )
 
+    def colour(self) -> np.ndarray:
+        """Return what the surfaces reflect, (atlases, h, w, 3); Cycles tells no light where it is 0."""
+        _set_up(self._scene, 4, 1)
+        members = zip(self._images, self._members, strict=True)
+        return np.stack([self._bake_atlas(image, objects, {"COLOR"})[..., :3] for image, objects in members])
+
     def remove(self) -> None:
         """Remove all copies."""
         for obj in list(self._scene.collection.objects):
@@ -83,7 +94,8 @@ class RealisedScene:
         obj = bpy.data.objects.new(item.source.name, data)
         self._made.append((bpy.data.lights if isinstance(data, bpy.types.Light) else bpy.data.meshes, data))
         self._scene.collection.objects.link(obj)
-        obj.matrix_world = Matrix(item.matrix.tolist())
+        obj.parent = self._anchor
+        obj.matrix_parent_inverse = Matrix(item.matrix.tolist())
         return obj
 
     def _add_mesh(self, item, place, depsgraph) -> None:
@@ -120,7 +132,9 @@ class RealisedScene:
             copy.node_tree.nodes.active = node
         return self._materials[key]
 
-    def _bake_atlas(self, image: bpy.types.Image, objects: list[bpy.types.Object]) -> np.ndarray:
+    def _bake_atlas(
+        self, image: bpy.types.Image, objects: list[bpy.types.Object], passes: set[str] = _LIGHT
+    ) -> np.ndarray:
         image.pixels.foreach_set(np.zeros(len(image.pixels), np.float32))
         layer = self._scene.view_layers[0]
         override = {
@@ -129,7 +143,7 @@ class RealisedScene:
         }  # fmt: skip
         with bpy.context.temp_override(**override):
             bpy.ops.object.bake(
-                type="DIFFUSE", pass_filter={"DIRECT", "INDIRECT"}, margin=0, use_clear=False,
+                type="DIFFUSE", pass_filter=passes, margin=0, use_clear=False,
                 uv_layer=self._uv_layer,
             )  # fmt: skip
         pixels = np.empty(len(image.pixels), np.float32)

@@ -9,6 +9,9 @@ import numpy as np
 #: A texel is on an edge of light if its 3 x 3 neighbourhood spans more than this share of the mean.
 _EDGE = 0.5
 
+#: Reflectance below which Cycles tells nothing.
+_BLACK = 0.01
+
 
 @dataclass(frozen=True)
 class Difference:
@@ -17,7 +20,7 @@ class Difference:
     rmse, bias  root of the mean squared error and mean error, relative to the reference's mean
     smooth      rmse off the edges of light
     noise       of the reference's mean, taken out of both rmse
-    texels      compared; hidden: left out, since Cycles sees no light there at all
+    texels      compared; hidden: left out, since they are inside of something or black
     edges       share of the texels that are on an edge of light
     """
 
@@ -31,33 +34,34 @@ class Difference:
 
 
 def compare(
-    ours: np.ndarray, covered: np.ndarray, bakes: tuple[np.ndarray, np.ndarray]
+    ours: np.ndarray, known: np.ndarray, colour: np.ndarray, bakes: tuple[np.ndarray, np.ndarray]
 ) -> tuple[Difference, np.ndarray]:
     """Return the figures, and the difference relative to the mean, (atlases, h, w, 3), 0 where left out.
 
-    ours     (atlases, h, w, 3) float32, E/pi; covered (atlases, h, w) bool
+    ours     (atlases, h, w, 3) float32, E/pi
+    known    (atlases, h, w) bool, covered and not hidden inside of something
+    colour   (atlases, h, w, 3) float32, what is reflected; Cycles tells no light in channels where it is 0
     bakes    two independent bakes of Cycles, (atlases, h, w, 4): the mean of (ours - first) times
              (ours - second) is the squared error without their noise
     """
     first, second = (bake[..., :3].astype(np.float64) for bake in bakes)
-    both = covered & (bakes[0][..., 3] > 0)
-    seen = (first > 0).any(axis=-1) | (second > 0).any(axis=-1)
-    used = both & seen
+    baked = bakes[0][..., 3] > 0
+    used = (known & baked)[..., None] & (colour > _BLACK)
     truth = (first + second) / 2
     mean = truth[used].mean() if used.any() else 0.0
     if mean == 0:
         raise SystemExit("Cycles sees no light in this scene: there is nothing to compare.")
-    edge = _edges(truth, used, mean)
-    difference = np.where(used[..., None], (ours - truth) / mean, 0)
+    edge = _edges(truth, used.any(axis=-1), mean)
+    difference = np.where(used, (ours - truth) / mean, 0)
     return (
         Difference(
             rmse=_root(ours, first, second, used) / mean,
             bias=float((ours[used].mean(dtype=np.float64) - mean) / mean),
-            smooth=_root(ours, first, second, used & ~edge) / mean,
+            smooth=_root(ours, first, second, used & ~edge[..., None]) / mean,
             noise=float(np.sqrt(np.mean((first[used] - second[used]) ** 2)) / 2 / mean),
-            texels=int(used.sum()),
-            hidden=int((both & ~seen).sum()),
-            edges=float(edge[used].mean()),
+            texels=int(used.any(axis=-1).sum()),
+            hidden=int((baked & ~used.any(axis=-1)).sum()),
+            edges=float(edge[used.any(axis=-1)].mean()),
         ),
         difference,
     )

@@ -138,7 +138,7 @@ def spot():
 def spot_scaled():
     stage()
     obj = lamp("SPOT", energy=120, shadow_soft_size=0.1, spot_size=math.radians(60), spot_blend=0.4)
-    obj.scale = (1.5, 1.5, 1.5)
+    obj.scale = (1.5, 0.7, 1.0)
 
 
 @scene

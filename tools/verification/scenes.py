@@ -490,7 +490,7 @@ def register_files(folder: Path) -> None:
     """Register the scenes of a folder that are there, each with its resolution and samples."""
     if (folder / "living_room.blend").exists():
         SCENES["living_room"] = lambda: _open_blend(folder / "living_room.blend")
-        ROOMS["living_room"] = (128, 128)
+        ROOMS["living_room"] = (256, 64)
     if (folder / "house.glb").exists():
         SCENES["house"] = lambda: _open_glb(folder / "house.glb", folder)
         ROOMS["house"] = (512, 64)

@@ -60,11 +60,11 @@ def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap
         gather = choose_gather(graphics, compute, scene, parts, glow, sky, settings)
         glowing = bool(glow.any() or sky.any())
         solution = Jacobi(parts.surfaces.reflectance, glow, parts.geometry.area, settings, direct, glowing)
-        outputs = Outputs(scene, settings, sampled)
+        outputs, covered = Outputs(scene, settings, sampled), sampled.covered()
         while not outputs.done(solution):
             gathered = yield from _report(gather.iteration(solution.radiance), partial(_progress, solution))
             solution.update(gathered[:, :3])
-            store.hide(gathered[:, 3])
+            store.hide(np.where(covered, 0, gathered[:, 3]))
             yield _progress(solution, 1.0, store.display(outputs.light(solution)))
         clock.lap("hemicubes")
 

@@ -6,6 +6,7 @@ from collections.abc import Generator
 
 import numpy as np
 
+from .coincident import covered_patches
 from .cutouts import gather_cutouts
 from .device.compute import Compute
 from .direct import DirectLight
@@ -30,6 +31,7 @@ class SampledLight:
         self._compute, self._scene, self._parts, self._settings = compute, scene, parts, settings
         self._lamps = shining_lights(scene)
         self._direct: DirectLight | None = None
+        self._ray_scene: Rays | None = None
         self.warnings: list[str] = []
 
         # Small bright surfaces and bright sky, unless hemicubes are to see everything as in the paper.
@@ -60,10 +62,17 @@ class SampledLight:
         """Return the open share of each patch's hemisphere, (n,) float32; yield the fraction done."""
         return (yield from self._rays().ambient_occlusion())
 
+    def covered(self) -> np.ndarray:
+        """Return which patches another face covers exactly, (n,) bool; none are known if no rays are cast."""
+        if self._ray_scene is None:
+            return np.zeros(len(self._parts.patches), bool)
+        return covered_patches(self._ray_scene, self._parts)
+
     def _rays(self) -> DirectLight:
         """Return what casts rays, made when it is first needed."""
         if self._direct is None:
             rays = Rays(self._compute, self._parts.triangles, gather_cutouts(self._scene))
+            self._ray_scene = rays
             self.warnings += note_enclosed(rays, self._scene, self._parts.triangles, self._lamps)
             self._direct = DirectLight(
                 self._compute, rays, self._parts, self._lamps, self._bright, self._sky.bright, self._settings

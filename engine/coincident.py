@@ -21,6 +21,6 @@ def covered_patches(rays: Rays, parts: Subdivision) -> np.ndarray:
     height = eye_heights(parts.triangles, geometry)[:, None]
     normal = geometry.geometric.astype(np.float64)
     origins = geometry.center + _ABOVE * height * normal
-    hit, front, distance = rays.cast(origins, -(_ABOVE + _BELOW) * height * normal, geometry.triangle)
-    covered: np.ndarray = (hit >= 0) & ~front & (distance <= 1)
+    hit, _, distance = rays.cast(origins, -(_ABOVE + _BELOW) * height * normal, backs=True)
+    covered: np.ndarray = (hit >= 0) & (distance <= 1)
     return covered

@@ -159,8 +159,8 @@ float transmittance(const Rays *rays, const float3 origin, const float3 directio
     }
 }
 
-// The nearest surface along a ray but for one triangle; holes and what is more transparent than not are passed.
-Hit nearest_hit(const Rays *rays, const float3 origin, const float3 direction, const int skipped)
+// The nearest surface along a ray, or the nearest back; holes and what is more transparent than not are passed.
+Hit nearest_hit(const Rays *rays, const float3 origin, const float3 direction, const bool backs)
 {
     const float3 inverse = 1.0f / direction;
     int stack[STACK], depth = 0, node = 0;
@@ -184,7 +184,7 @@ Hit nearest_hit(const Rays *rays, const float3 origin, const float3 direction, c
             const int count = code & ((1 << LEAF_BITS) - 1);
             for (int i = 0; i < count; ++i, triangle += 3) {
                 Hit hit;
-                if (!meets(triangle, origin, direction, nearest.distance, &hit) || hit.triangle == skipped)
+                if (!meets(triangle, origin, direction, nearest.distance, &hit) || (backs && hit.front))
                     continue;
 #ifdef CUTOUTS
                 if (opacity(rays, &hit) < 0.5f)
@@ -199,15 +199,16 @@ Hit nearest_hit(const Rays *rays, const float3 origin, const float3 direction, c
     }
 }
 
-// The nearest triangle along each ray but for one: number (-1 for none), and 1 for its front; its distance.
+// The nearest triangle along each ray, or the nearest that shows its back: number (-1 for none), and 1 for
+// its front; its distance.
 __kernel void cast(RAYS_ARGUMENTS, __global const float4 *origins, __global const float4 *directions,
-                   __global const int *skipped, __global int2 *hits, __global float *distances, const int count)
+                   const int backs, __global int2 *hits, __global float *distances, const int count)
 {
     const int i = get_global_id(0);
     if (i >= count)
         return;
     const Rays rays = RAYS;
-    const Hit hit = nearest_hit(&rays, origins[i].xyz, directions[i].xyz, skipped[i]);
+    const Hit hit = nearest_hit(&rays, origins[i].xyz, directions[i].xyz, backs != 0);
     hits[i] = (int2)(hit.triangle, hit.front);
     distances[i] = hit.distance;
 }

@@ -44,22 +44,20 @@ class Rays:
         return cl.Buffer(self._compute.context, flags, hostbuf=np.ascontiguousarray(values))
 
     def cast(
-        self, origins: np.ndarray, directions: np.ndarray, skipped: np.ndarray | None = None
+        self, origins: np.ndarray, directions: np.ndarray, backs: bool = False
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the nearest triangle along each ray, but for one that each may skip.
+        """Return the nearest triangle along each ray; of those that show their backs if `backs`.
 
-        origins, directions: (m, 3) float, world space, metres from the scene's origin; skipped: (m,) int32,
-        index into `Triangles`. Returns triangle
+        origins, directions: (m, 3) float, world space, metres from the scene's origin. Returns triangle
         (m,) int32, -1 for none; front (m,) bool; distance (m,) float32 in lengths of the direction.
         """
         count = len(origins)
-        none = np.full(count, -1, np.int32)
         hits, distances = np.empty((count, 2), np.int32), np.empty(count, np.float32)
         write = cl.mem_flags.WRITE_ONLY
         outputs = [cl.Buffer(self._compute.context, write, array.nbytes) for array in (hits, distances)]
         self._cast(
             self._queue, (count,), None, *self.arguments,
-            *self._rays(origins, directions, 0.0), self.constant(none if skipped is None else skipped),
+            *self._rays(origins, directions, 0.0), np.int32(backs),
             *outputs, np.int32(count),
         )  # fmt: skip
         for array, buffer in zip((hits, distances), outputs, strict=True):

@@ -46,6 +46,11 @@ class PolygonMesh:
     triangles: np.ndarray
     polygon: np.ndarray
 
+    @property
+    def area(self) -> float:
+        """The surface, m^2."""
+        return float(_areas(self.positions[self.corners[self.triangles]]).sum())
+
 
 @dataclass(frozen=True)
 class Charts:

@@ -49,7 +49,8 @@ class Gathered:
             for texture in (material.reflectance_map, material.emission_map, material.alpha_map)
             if texture is not None
         ]
-        return sum(array.nbytes for array in [*arrays, scene.world, *(texture.pixels for texture in maps)])
+        arrays += [scene.world, *(texture.pixels for texture in maps)]
+        return sum(array.nbytes for array in {id(array): array for array in arrays}.values())
 
     @property
     def triangles(self) -> int:

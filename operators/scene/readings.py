@@ -115,8 +115,9 @@ class ItemReader:
                 f"{_objects(names)}: faces made by modifiers have no lightmap UVs. They are seen and reflect "
                 "but get no lightmap: apply the modifiers to bake them."
             )
-        for name, count in list(self._degenerate.items())[:5]:
-            self._notes.append(f"Object '{name}': {count} zero-area triangles were left out.")
+        if self._degenerate:
+            names, count = sorted(self._degenerate), sum(self._degenerate.values())
+            self._notes.append(f"{_objects(names)}: {count} zero-area triangles were left out.")
         return self._readings
 
     def _instancer_ignored(self, item: SceneItem) -> bool:

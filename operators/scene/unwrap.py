@@ -91,10 +91,31 @@ def _unwrap_together(
     first_users = {obj.data.session_uid: obj for obj in reversed(objects)}
     users = [obj for obj in objects if first_users[obj.data.session_uid] is obj]
     users = [obj for obj in users if uv_layer not in obj.data.uv_layers]
-    if not users:
-        return
-    for obj, uvs in zip(users, make_uvs([_read(obj) for obj in users], resolution), strict=True):
-        _add_layer(obj, uv_layer, uvs, changes)
+    shared = [obj for obj in users if _is_shared(obj)]
+    alone = [obj for obj in users if obj not in shared]
+    meshes = {obj: _read(obj) for obj in users}
+    area = sum(mesh.area for mesh in meshes.values())
+    groups = [([obj], _tile_width(meshes[obj].area, area, resolution)) for obj in shared]
+    for members, width in [(alone, resolution), *groups] if alone else groups:
+        for obj, uvs in zip(members, make_uvs([meshes[obj] for obj in members], width), strict=True):
+            _add_layer(obj, uv_layer, uvs, changes)
+
+
+def _is_shared(obj: bpy.types.Object) -> bool:
+    """Return whether several objects, or instances, may show an object's mesh, which is then put on tiles."""
+    return obj.data.users > 1 or not obj.users_scene or _is_instanced(obj)
+
+
+def _is_instanced(obj: bpy.types.Object) -> bool:
+    """Return whether a collection that holds an object is instanced."""
+    instanced = {other.instance_collection for other in bpy.data.objects if other.instance_collection}
+    return any(collection in instanced for collection in obj.users_collection)
+
+
+def _tile_width(area: float, total: float, resolution: int) -> int:
+    """Return about how many texels wide the tile of a mesh will be."""
+    share = np.sqrt(area / total) if total > 0 else 1.0
+    return int(np.clip(resolution * share, min(64, resolution), resolution))
 
 
 def _read(obj: bpy.types.Object) -> PolygonMesh:

@@ -8,20 +8,21 @@ from typing import TypeVar
 
 import numpy as np
 
+from .choose import Bake, Choice, choose_solver
 from .clock import Stopwatch
 from .device.compute import Compute
 from .device.graphics import Graphics
 from .finish.store import LightmapStore
-from .gather import choose_gather
 from .lightmap import Lightmap, Report
 from .limits import check_limits
 from .occluders import place_occluders
 from .outputs import Outputs
 from .progress import Progress
+from .ray_scene import RayScene
 from .sampled import SampledLight
 from .scene import Scene, check_scene
 from .settings import Settings, check_settings
-from .solve import Jacobi
+from .solve import Solver
 from .subdivision import subdivide
 
 Made = TypeVar("Made")
@@ -51,21 +52,22 @@ def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap
         yield Progress("patches", 1.0)
 
         # Lamps, small bright surfaces and bright sky are sampled with shadow rays (direct light).
-        sampled = SampledLight(compute, scene, parts, settings)
+        rays = RayScene(compute, scene, parts)
+        sampled = SampledLight(compute, scene, parts, rays, settings)
         direct = yield from _report(sampled.gather(), partial(Progress, "direct"))
         clock.lap("direct")
 
-        # Hemicubes are drawn and integrated until the light has settled (III.B, IV.B, IV.C).
+        # What patches see is found and integrated until the light has settled (III.B, IV.B, IV.C).
         glow, sky = sampled.emission_left, sampled.sky_left
-        gather = choose_gather(graphics, compute, scene, parts, glow, sky, settings)
-        glowing = bool(glow.any() or sky.any())
-        solution = Jacobi(parts.surfaces.reflectance, glow, parts.geometry.area, settings, direct, glowing)
+        job = Bake(graphics, compute, scene, parts, rays, glow, sky, direct, settings)
+        solution, choice = choose_solver(job)
         outputs, covered = Outputs(scene, settings, sampled), sampled.covered()
         while not outputs.done(solution):
-            gathered = yield from _report(gather.iteration(solution.radiance), partial(_progress, solution))
-            solution.update(gathered[:, :3])
-            store.hide(np.where(covered, 0, gathered[:, 3]))
-            yield _progress(solution, 1.0, store.display(outputs.light(solution)))
+            yield from _report(solution.iteration(), partial(_progress, solution))
+            if solution.iterations == 1:
+                store.hide(np.where(covered, 0, solution.gathered[:, 3]))
+            image = store.display(outputs.light(solution)) if settings.partials else None
+            yield _progress(solution, 1.0, image)
         clock.lap("hemicubes")
 
         # What was asked for, as images.
@@ -74,9 +76,7 @@ def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap
         first = next(iter(made))
         clock.lap("outputs")
         warnings = (*parts.warnings, *sampled.warnings)
-        report = _summary(
-            solution, outputs, gather.method, len(parts.patches), clock, (graphics, compute), warnings
-        )
+        report = _summary(solution, outputs, choice, len(parts.patches), clock, (graphics, compute), warnings)
         return Lightmap(atlases, store.image(made[first]), passes[first], store.covered, report, passes)
     finally:
         graphics.release()
@@ -95,15 +95,15 @@ def _report(
         yield progress(fraction)
 
 
-def _progress(solution: Jacobi, fraction: float, image: np.ndarray | None = None) -> Progress:
+def _progress(solution: Solver, fraction: float, image: np.ndarray | None = None) -> Progress:
     energy = solution.energies[-1] if solution.energies else 0.0
     return Progress("hemicubes", fraction, solution.iterations, solution.residual, energy, image)
 
 
 def _summary(
-    solution: Jacobi,
+    solution: Solver,
     outputs: Outputs,
-    method: str,
+    choice: Choice,
     patches: int,
     clock: Stopwatch,
     devices: tuple[Graphics, Compute],
@@ -112,7 +112,10 @@ def _summary(
     graphics, compute = devices
     return Report(
         patches=patches,
-        method=method,
+        method=choice.method,
+        visibility=choice.visibility,
+        samples=choice.samples,
+        reasons=choice.reasons,
         iterations=solution.iterations,
         residual=solution.residual,
         converged=solution.converged or not outputs.bounces,

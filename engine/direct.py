@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Generator, Sequence
 
 import numpy as np
 import pyopencl as cl
 
 from .device.compute import Compute
+from .device.slices import sliced
 from .emitters import BrightTriangles, lamp_records, sky_record, surface_records
-from .receivers import pack_receivers
 from .scene import Light
 from .settings import Settings
 from .sky import solid_angles
 from .subdivision import Subdivision
 from .visibility.rays import Rays
-
-#: A slice of work should take about this long, s; patches of the first one.
-_SLICE = 0.04
-_FIRST_SLICE = 256
 
 #: However many lights there are, a patch samples at most as many times as for so many.
 _MOST_LIGHTS = 8
@@ -30,15 +25,17 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 class DirectLight:
     """Shadow rays from all patches to all that is sampled as a light.
 
-    lamps   every one gives light
-    bright  emissive triangles
-    sky     (h, w, 3) float32 radiance, equirectangular, or None
+    receivers  from `RayScene.receivers`
+    lamps      every one gives light
+    bright     emissive triangles
+    sky        (h, w, 3) float32 radiance, equirectangular, or None
     """
 
     def __init__(
         self,
         compute: Compute,
         rays: Rays,
+        receivers: cl.Buffer,
         parts: Subdivision,
         lamps: Sequence[Light],
         bright: BrightTriangles,
@@ -47,9 +44,8 @@ class DirectLight:
     ) -> None:
         self._queue, self._rays, self._settings = compute.queue, rays, settings
         self._count = len(parts.patches)
-        self._direct, self._occlusion = rays.kernels(("direct.cl",), "direct", "occlusion")
-        receivers = pack_receivers(parts.triangles, parts.geometry, parts.patches, rays.origin)
-        self._receivers = rays.constant(receivers)
+        self._direct, self._occlusion = rays.kernels(("receiver.cl", "direct.cl"), "direct", "occlusion")
+        self._receivers = receivers
         self._result = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * self._count)
 
         # Emitters lie one after the other: each lamp's, the surfaces', the sky's.
@@ -100,21 +96,15 @@ class DirectLight:
 
     def _sliced(self, kernel: cl.Kernel, arguments: tuple) -> Generator[float, None, np.ndarray]:
         """Run a kernel over all patches, some at a time, and return its result, (n, 4) float32."""
-        start, step = 0, _FIRST_SLICE
-        while start < self._count:
-            end, began = min(start + step, self._count), time.perf_counter()
+
+        def launch(start: int, end: int) -> None:
             kernel(
                 self._queue, (end - start,), None, *self._rays.arguments, self._receivers,
                 *arguments, self._result, np.int32(start), np.int32(end),
             )  # fmt: skip
-            self._queue.finish()
-            seconds = time.perf_counter() - began
-            if seconds < _SLICE / 2:
-                step *= 2
-            elif seconds > _SLICE * 2:
-                step = max(step // 2, _FIRST_SLICE)
-            start = end
-            yield start / self._count
+
+        for end in sliced(self._queue, 0, self._count, launch):
+            yield end / self._count
         result = np.empty((self._count, 4), np.float32)
         cl.enqueue_copy(self._queue, result, self._result)
         return result

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 
@@ -29,6 +30,23 @@ class Triangles:
     mesh: np.ndarray
     atlas: np.ndarray
 
+    @cached_property
+    def box(self) -> np.ndarray:
+        """Low and high corner of all triangles together, (2, 3) float64, metres."""
+        points = self.positions.reshape(-1, 3)
+        return np.stack([points.min(axis=0), points.max(axis=0)]).astype(np.float64)
+
+    @property
+    def middle(self) -> np.ndarray:
+        """The middle of the box, (3,) float64, metres: float32 positions relative to it are finest."""
+        middle: np.ndarray = self.box.mean(axis=0)
+        return middle
+
+    @property
+    def diagonal(self) -> float:
+        """Length of the box's diagonal, metres."""
+        return float(np.linalg.norm(self.box[1] - self.box[0]))
+
 
 @dataclass(frozen=True)
 class PatchGeometry:
@@ -52,6 +70,10 @@ class PatchGeometry:
     edge_v: np.ndarray
     area: np.ndarray
     material: np.ndarray
+
+    def part(self, first: int, last: int) -> PatchGeometry:
+        """Return the geometry of the patches first ... last."""
+        return PatchGeometry(**{field.name: getattr(self, field.name)[first:last] for field in fields(self)})
 
 
 def gather_triangles(scene: Scene) -> Triangles:

@@ -81,6 +81,20 @@ float opacity(const Rays *rays, const Hit *hit)
         return alpha < constants.y ? 0.0f : 1.0f;
     return min(alpha, 1.0f);
 }
+
+// What is more transparent than this is passed. DITHERED: partial opacity stops that share of the rays,
+// chosen by a hash of where they hit; else half of it is as good as all.
+float least_opacity(const Hit *hit)
+{
+#ifdef DITHERED
+    uint seed = as_uint(hit->weights.x) * 0x9e3779b9u ^ as_uint(hit->weights.y) * 0x85ebca6bu ^ (uint)hit->triangle;
+    seed = (seed ^ (seed >> 16)) * 0x7feb352du;
+    seed = (seed ^ (seed >> 15)) * 0x846ca68bu;
+    return ((seed >> 8) + 1) * (1.0f / 16777216.0f);
+#else
+    return 0.5f;
+#endif
+}
 #endif
 
 // Distance at which a ray enters a box, or INFINITY (slabs; Kay and Kajiya 1986).
@@ -159,7 +173,7 @@ float transmittance(const Rays *rays, const float3 origin, const float3 directio
     }
 }
 
-// The nearest surface along a ray, or the nearest back; holes and what is more transparent than not are passed.
+// The nearest surface along a ray, or the nearest back; holes are passed.
 Hit nearest_hit(const Rays *rays, const float3 origin, const float3 direction, const bool backs)
 {
     const float3 inverse = 1.0f / direction;
@@ -187,7 +201,7 @@ Hit nearest_hit(const Rays *rays, const float3 origin, const float3 direction, c
                 if (!meets(triangle, origin, direction, nearest.distance, &hit) || (backs && hit.front))
                     continue;
 #ifdef CUTOUTS
-                if (opacity(rays, &hit) < 0.5f)
+                if (opacity(rays, &hit) < least_opacity(&hit))
                     continue;
 #endif
                 nearest = hit;

@@ -59,7 +59,7 @@ bool is_hole(vec3 cutout)
         return alpha < constants.y;
     if (alpha >= 1.0)
         return false;
-    uint seed = hash(uint(gl_FragCoord.x) + 65536u * uint(gl_FragCoord.y));
+    uint seed = hash(uint(gl_FragCoord.x) + 65536u * uint(gl_FragCoord.y) ^ floatBitsToUint(gl_FragCoord.z));
     seed = hash(seed ^ floatBitsToUint(cutout.x));
     seed = hash(seed ^ floatBitsToUint(cutout.y) ^ uint(material.x));
     return float(seed >> 8) * (1.0 / 16777216.0) >= alpha;

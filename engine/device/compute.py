@@ -13,11 +13,16 @@ _REMEDY = (
     "Install the driver of your graphics card, or for computing on the processor PoCL "
     "(Debian or Ubuntu: apt install pocl-opencl-icd; Python: pip install pocl-binary-distribution)."
 )
+#: Work items of a group on a GPU.
+_GROUP = 64
+
 _PROBE = "__kernel void probe(__global float *x) { x[get_global_id(0)] = sqrt(2.0f); }"
 
 
 class Compute:
     """An OpenCL context with one in-order queue; the first GPU found, else the first device.
+
+    group  work items that share a patch: processors take a patch at a time
 
     Raises DeviceError if there is no device that can build kernels.
     """
@@ -28,6 +33,7 @@ class Compute:
         self.device = self.context.devices[0]
         self.queue = cl.CommandQueue(self.context)
         self.name = self.device.name.strip()
+        self.group = _GROUP if _rank(self.device) == 0 else 1
 
     def kernels(
         self, source: str | Sequence[str], *names: str, options: Sequence[str] = ()

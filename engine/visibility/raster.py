@@ -41,8 +41,7 @@ class HemicubeRaster:
         self._graphics, self._tiles, self._target = graphics, tiles, target
 
         # Geometry relative to the scene's middle, where float32 is finest.
-        low, high = triangles.positions.min(axis=(0, 1)), triangles.positions.max(axis=(0, 1))
-        self.origin = (low.astype(np.float64) + high) / 2
+        self.origin = triangles.middle
         features = (*target.features, *(("cutouts",) if cutouts.needed else ()))
         self._program = graphics.program("hemicube", ("vert", "geom", "frag"), features)
         vertices = context.buffer(_vertices(triangles, self.origin).tobytes())

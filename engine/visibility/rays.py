@@ -21,8 +21,7 @@ class Rays:
 
     def __init__(self, compute: Compute, triangles: Triangles, cutouts: Cutouts) -> None:
         self._compute, self._queue = compute, compute.queue
-        low, high = triangles.positions.min(axis=(0, 1)), triangles.positions.max(axis=(0, 1))
-        self.origin = (low.astype(np.float64) + high) / 2
+        self.origin = triangles.middle
         positions = (triangles.positions - self.origin).astype(np.float32)
         self.culled = cutouts.culled
         bvh = build_bvh(positions)
@@ -34,9 +33,11 @@ class Rays:
         self.arguments = tuple(self.constant(array) for array in arrays)
         self._cast, self._pass = self.kernels((), "cast", "pass")
 
-    def kernels(self, sources: tuple[str, ...], *names: str) -> list[cl.Kernel]:
+    def kernels(
+        self, sources: tuple[str, ...], *names: str, options: tuple[str, ...] = ()
+    ) -> list[cl.Kernel]:
         """Build kernels/rays.cl and more files after it; return kernels in the names' order."""
-        return self._compute.kernels(("rays.cl", *sources), *names, options=self._options)
+        return self._compute.kernels(("rays.cl", *sources), *names, options=(*self._options, *options))
 
     def constant(self, values: np.ndarray) -> cl.Buffer:
         """Return a device buffer with the bits of an array."""

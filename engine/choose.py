@@ -1,0 +1,161 @@
+"""Chooses how patches gather: by memory, and by timing what could be used on the scene itself."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pyopencl as cl
+
+from .device.compute import Compute
+from .device.graphics import Graphics
+from .gather import PaperGather
+from .host_radiosity import HostRadiosity
+from .integrate.cached import CachedSweep, RayStreamSweep, StreamSweep, cache_bytes
+from .integrate.device_radiosity import DeviceRadiosity, Sweep
+from .ray_scene import RayScene
+from .scene import Scene
+from .settings import Settings
+from .solve import Radiosity, Solver
+from .subdivision import Subdivision
+from .visibility.identity import Identity, SeenBuffers, surroundings
+from .visibility.raster_identity import RasterIdentity
+from .visibility.ray_identity import RayIdentity
+
+#: Patches that are tried first, how many times more the next try takes, and when a try is long enough, s.
+_TRIED, _MORE, _LONG_ENOUGH = 32, 8, 0.02
+
+
+@dataclass(frozen=True)
+class Choice:
+    """How patches gather.
+
+    method      "paper", "cached" or "stream"
+    visibility  "raster" or "rays"
+    samples     of each patch
+    reasons     sentences that say why
+    """
+
+    method: str
+    visibility: str
+    samples: int
+    reasons: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Bake:
+    """What a choice is made for.
+
+    emission  (n, 3) float32, radiance of each patch that the patches themselves see
+    sky       (h, w, 3) float32, radiance, equirectangular, as patches see it
+    lights    (n, 3) float32, E/pi of lights that patches do not gather
+    """
+
+    graphics: Graphics
+    compute: Compute
+    scene: Scene
+    parts: Subdivision
+    rays: RayScene
+    emission: np.ndarray
+    sky: np.ndarray
+    lights: np.ndarray
+    settings: Settings
+
+    @property
+    def glowing(self) -> bool:
+        """True if patches gather light before any is reflected."""
+        return bool(self.emission.any() or self.sky.any())
+
+
+def choose_solver(bake: Bake) -> tuple[Solver, Choice]:
+    """Return what solves a bake's light, and the way that was chosen for patches to gather."""
+    radiosity, choice = _paper(bake) if bake.settings.method == "paper" else _identities(bake)
+    accelerate = bake.settings.accelerate and choice.method != "paper"
+    return Solver(radiosity, bake.lights, bake.settings, bake.glowing, accelerate), choice
+
+
+def _identities(bake: Bake) -> tuple[Radiosity, Choice]:
+    identity, reasons = _choose_identity(bake)
+    sweep, method, reason = _choose_sweep(bake, identity)
+    surfaces, area = bake.parts.surfaces, bake.parts.geometry.area
+    radiosity = DeviceRadiosity(
+        bake.compute, sweep, surfaces.reflectance, bake.emission, area, bake.lights, bake.glowing
+    )
+    return radiosity, Choice(method, identity.name, identity.samples, (*reasons, reason))
+
+
+def _paper(bake: Bake) -> tuple[Radiosity, Choice]:
+    settings, surfaces, area = bake.settings, bake.parts.surfaces, bake.parts.geometry.area
+    gather = PaperGather(
+        bake.graphics, bake.compute, bake.scene, bake.parts, bake.emission, bake.sky, settings
+    )
+    radiosity = HostRadiosity(gather, surfaces.reflectance, bake.emission, area, bake.lights, bake.glowing)
+    reason = "Hemicubes are drawn anew in every iteration: the settings ask for the paper's method."
+    return radiosity, Choice("paper", "raster", 3 * settings.hemicube**2, (reason,))
+
+
+def _choose_identity(bake: Bake) -> tuple[Identity, list[str]]:
+    """Return the way to find what patches see, the faster one if the settings leave it open."""
+    wanted = bake.settings.visibility
+    around = surroundings(bake.compute.context, bake.emission, bake.sky)
+    makers: dict[str, Callable[[], Identity]] = {
+        "rays": lambda: RayIdentity(bake.compute, bake.rays, bake.parts, around, bake.settings),
+        "raster": lambda: RasterIdentity(
+            bake.graphics, bake.compute, bake.scene, bake.parts, around, bake.settings
+        ),
+    }
+    if wanted != "auto":
+        return makers[wanted](), [f"The settings ask for {wanted}."]
+    count = len(bake.parts.patches)
+    tried = {name: make() for name, make in makers.items()}
+    rates = {name: _patches_per_second(bake.compute, identity, count) for name, identity in tried.items()}
+    best = max(rates, key=lambda name: rates[name])
+    told = " and ".join(f"{name} {rate:,.0f} ({tried[name].samples} samples)" for name, rate in rates.items())
+    return tried[best], [f"Views of patches found in a second: {told}."]
+
+
+def _choose_sweep(bake: Bake, identity: Identity) -> tuple[Sweep, str, str]:
+    """Return how identities become light, the method's name, and why."""
+    count, settings = len(bake.parts.patches), bake.settings
+    needed, budget = cache_bytes(identity.samples, count), memory_budget(bake.compute, settings)
+    sizes = f"what patches see takes {needed / 2**20:,.0f} MiB, {budget / 2**20:,.0f} MiB may be used"
+    if settings.method != "stream" and needed <= budget:
+        return CachedSweep(bake.compute, identity, count), "cached", f"It is kept: {sizes}."
+    why = f"It is found anew in every iteration: {sizes}."
+    if settings.method == "stream":
+        why = "It is found anew in every iteration: the settings ask for it."
+    if isinstance(identity, RayIdentity):
+        return RayStreamSweep(bake.compute, identity, count), "stream", why
+    cached = max(1, min(budget, settings.batch_bytes) // cache_bytes(identity.samples, 1))
+    return StreamSweep(bake.compute, identity, count, cached), "stream", why
+
+
+def memory_budget(compute: Compute, settings: Settings) -> int:
+    """Return the device memory that the samples of patches may take, bytes: by default half of it."""
+    return settings.memory_budget or compute.device.global_mem_size // 2
+
+
+def _patches_per_second(compute: Compute, identity: Identity, count: int) -> float:
+    """Return how many patches' views an identity finds in a second, timed on more and more of them."""
+    tried = min(_TRIED, count)
+    largest = max(tried, compute.device.max_mem_alloc_size // cache_bytes(identity.samples, 1))
+    _time(compute, identity, count, tried)
+    while True:
+        seconds = _time(compute, identity, count, tried)
+        if seconds > _LONG_ENOUGH or tried == min(count, largest):
+            return tried / seconds
+        tried = min(tried * _MORE, count, largest)
+
+
+def _time(compute: Compute, identity: Identity, count: int, tried: int) -> float:
+    """Return the seconds that the views of some patches in the middle take."""
+    first = (count - tried) // 2
+    sizes = (cache_bytes(identity.samples, tried), 16 * count, 4 * count)
+    cache, constant, seen = (cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size) for size in sizes)
+    began = time.perf_counter()
+    for _ in identity.find(first, first + tried, SeenBuffers(cache, first, constant, seen)):
+        pass
+    compute.queue.finish()
+    return time.perf_counter() - began

@@ -1,0 +1,38 @@
+"""What casts rays: the scene's triangles and the patches' receivers, made once they are needed."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import pyopencl as cl
+
+from .cutouts import gather_cutouts
+from .device.compute import Compute
+from .receivers import pack_receivers
+from .scene import Scene
+from .subdivision import Subdivision
+from .visibility.rays import Rays
+
+
+class RayScene:
+    """The triangles and patches of a bake on the OpenCL device."""
+
+    def __init__(self, compute: Compute, scene: Scene, parts: Subdivision) -> None:
+        self._compute, self._scene, self._parts = compute, scene, parts
+
+    @property
+    def needed(self) -> bool:
+        """True once rays were asked for."""
+        return "rays" in self.__dict__
+
+    @cached_property
+    def rays(self) -> Rays:
+        """The triangles and their hierarchy."""
+        return Rays(self._compute, self._parts.triangles, gather_cutouts(self._scene))
+
+    @cached_property
+    def receivers(self) -> cl.Buffer:
+        """The records of all patches, see `receivers.pack_receivers`."""
+        parts = self._parts
+        records = pack_receivers(parts.triangles, parts.geometry, parts.patches, self.rays.origin)
+        return self.rays.constant(records)

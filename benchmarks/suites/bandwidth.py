@@ -44,7 +44,7 @@ def tables(records: list[dict[str, Any]], options: Options) -> str:
 
 
 def copy_bytes_per_second(compute: Compute, size: int) -> float:
-    """Return how many bytes a second a copy between two buffers of `size` bytes reads and writes, the best."""
+    """Return how many bytes a second the best copy between buffers of `size` bytes reads and writes."""
     flags = cl.mem_flags.READ_WRITE
     source, target = (cl.Buffer(compute.context, flags, size) for _ in range(2))
     cl.enqueue_fill_buffer(compute.queue, source, b"\x01", 0, size)

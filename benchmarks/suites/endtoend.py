@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import baking
-from benchmarks.configurations import configurations, finest, label, settings
+from benchmarks.configurations import configurations, fine, finest, label, settings
 from benchmarks.curves import Point, Reach, reach, told
 from benchmarks.machine import has_bpy
 from benchmarks.options import ROOT, Options
@@ -88,10 +88,7 @@ def _measure(resolution: int, samples: int, options: Options, bpy) -> dict[str, 
 
 
 def _finest(resolution: int, options: Options) -> dict[str, Any]:
-    """Return the settings of the converged bake; less fine where it would take hours."""
-    if resolution <= _SMALL[0] or options.gpu:
-        return finest()
-    return {**finest(), "samples": 4096, "hemicube": 64, "light_samples": 512}
+    return finest() if resolution <= _SMALL[0] or options.gpu else fine()
 
 
 def _rmse(image: np.ndarray, truth: np.ndarray, covered: np.ndarray) -> float:

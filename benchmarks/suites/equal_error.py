@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -118,17 +119,18 @@ def _measure(case: _Case, path: Path | None, options: Options) -> dict[str, Any]
     with quiet_stdout():
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
         _OPENERS[case.name](path)
-    settings = bpy.context.scene.hemibake
-    settings.resolution, settings.directory = case.resolution, ""
-    with quiet_stdout():
-        gathered, _ = gathered_scene(bpy.context)
-    with realised(bpy.context, gathered, case.resolution) as cycles:
-        reference = contest.Reference(cycles, gathered, case.name, case.samples, Path(options.cache))
-        ours, known = contest.hemibake_curve(bpy.context, reference, configurations(), limit)
-        theirs = {
-            device: contest.cycles_curve(cycles, reference, known, device, min(_TARGETS), limit)
-            for device in contest.cycles_devices(options.gpu)
-        }
+    with tempfile.TemporaryDirectory(prefix="hemibake-bench-") as folder:
+        settings = bpy.context.scene.hemibake
+        settings.resolution, settings.directory = case.resolution, folder
+        with quiet_stdout():
+            gathered, _ = gathered_scene(bpy.context)
+        with realised(bpy.context, gathered, case.resolution) as cycles:
+            reference = contest.Reference(cycles, gathered, case.name, case.samples, Path(options.cache))
+            ours, known = contest.hemibake_curve(bpy.context, reference, configurations(), limit)
+            theirs = {
+                device: contest.cycles_curve(cycles, reference, known, device, min(_TARGETS), limit)
+                for device in contest.cycles_devices(options.gpu)
+            }
     return {
         "scene": case.name,
         "resolution": case.resolution,

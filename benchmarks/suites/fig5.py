@@ -42,7 +42,7 @@ def tables(records: list[dict[str, Any]], options: Options) -> str:
     kind, rest = ("GPU", "CPU") if records[0]["gpu"] else ("CPU", "GPU")
     titles = (
         "hemicube", "layers", "method", "paper, CPU", "paper, GPU", f"ours, this {kind}", f"ours, {rest}",
-        "paper's GPU / this", "patches timed",
+        "paper / ours", "patches timed",
     )  # fmt: skip
     where = f"{rest} figures: {other['told']}" if other else f"No {rest} figures are stored yet."
     return f"ms per iteration. Paper: {paper['cpu']}; {paper['gpu']}.\n{where}\n\n{table(titles, rows)}"
@@ -92,14 +92,15 @@ def _record(n: int, layers: int | None, method: str, patches: int, timing) -> di
 def _rows(record: dict, records: list[dict], other: dict | None, paper: dict) -> Iterator[tuple]:
     n, layers, method = record["hemicube"], record["layers"], record["method"]
     known = next(row for row in paper["iterations"] if row["hemicube"] == n)
-    card = known["gpu"].get(str(layers), min(known["gpu"].values()))
+    theirs = known["gpu" if record["gpu"] else "cpu"]
+    theirs = theirs.get(str(layers), min(theirs.values()))
     ours = record.get("ms")
     elsewhere = next(
         (found.get("ms") for found in (other or {"records": []})["records"] if _same(found, record)), None
     )
     yield (
         n, layers, method, known["cpu"].get(str(layers)), known["gpu"].get(str(layers)),
-        ours if ours is not None else record["skipped"], elsewhere, card / ours if ours else None,
+        ours if ours is not None else record["skipped"], elsewhere, theirs / ours if ours else None,
         f"{record['share']:.0%}" if "share" in record else None,
     )  # fmt: skip
 

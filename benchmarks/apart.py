@@ -76,9 +76,11 @@ def _wait(command: list[str], limit: float | None) -> str | None:
 
 
 def _pass_on(stream: Any, lines: deque[str]) -> None:
+    """Keep the last lines, and write all but Blender's chatter to standard error."""
     for line in stream:
         lines.append(line)
-        sys.stderr.write(line)
+        if not line.startswith("Info:"):
+            sys.stderr.write(line)
 
 
 def _peak_host_bytes() -> int | None:

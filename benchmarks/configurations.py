@@ -43,8 +43,8 @@ def finest() -> dict[str, Any]:
 
 def fine() -> dict[str, Any]:
     """Return values whose error is below that of most others, for lightmaps that take too long otherwise."""
-    rays = {"samples": 4096} if "samples" in _FIELDS else {"hemicube": 64}
-    return {**finest(), **rays, "light_samples": 512}
+    rays = {"samples": 8192} if "samples" in _FIELDS else {"hemicube": 64}
+    return {**finest(), **rays, "light_samples": 1024}
 
 
 def label(values: dict[str, Any]) -> str:

@@ -83,11 +83,16 @@ class Reference:
 def hemibake_curve(
     context: bpy.types.Context, reference: Reference, configurations: list[dict[str, Any]], limit: float
 ) -> tuple[list[dict[str, Any]], np.ndarray]:
-    """Bake with every configuration, as long as a bake takes less than the limit; and the known texels."""
+    """Bake with every configuration; one above the limit in seconds ends those with its visibility.
+
+    Returns a record for each, and the known texels.
+    """
     _, lightmap = operator_bake(context, configurations[0])
     known = known_texels(lightmap)
-    records = []
+    records, too_slow = [], set()
     for values in configurations:
+        if values.get("visibility") in too_slow:
+            continue
         seconds, lightmap = best_of_two(lambda values=values: operator_bake(context, values))
         figures = reference.compare(lightmap.image, known)
         report = lightmap.report
@@ -95,7 +100,7 @@ def hemibake_curve(
         records.append({**values, "seconds": seconds, **_errors(figures), "method": report.method,
                         "patches": int(report.patches), "stages": stages})  # fmt: skip
         if seconds > limit:
-            break
+            too_slow.add(values.get("visibility"))
     return records, known
 
 

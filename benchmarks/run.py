@@ -42,10 +42,11 @@ def main() -> None:
     stored: dict[str, Any] = {"machine": machine, "options": {"gpu": options.gpu, "full": options.full}}
     stored["suites"], path = {}, arguments.out.resolve() / _name(machine)
     for name in arguments.suite:
+        print(f"\n## {name}: {SUITES[name]}\n", flush=True)
         started = time.perf_counter()
         stored["suites"][name] = run_suite(name, options, machine["opencl"]["gpu"])
-        print(f"\n## {name}: {SUITES[name]} ({time.perf_counter() - started:.0f} s)\n")
-        print(_told(name, stored["suites"][name], options), flush=True)
+        print(_told(name, stored["suites"][name], options))
+        print(f"\nMeasured in {time.perf_counter() - started:.0f} s.", flush=True)
         _write(path, stored)
     print(f"\nStored in {path}")
     if failed := [name for name, suite in stored["suites"].items() if "failed" in suite]:

@@ -61,34 +61,36 @@ def _measure(resolution: int, samples: int, options: Options, bpy) -> dict[str, 
     """Bake from coarse to fine, each a second time in this process; compare with what is converged."""
     scene = cornell_box(resolution)
     limit = 120.0 if options.full or options.gpu else 20.0
-    _, converged = baking.timed(scene, settings(_finest(resolution, options), resolution=resolution))
+    _, converged = baking.timed(scene, settings(_finest(resolution), resolution=resolution))
     truth, covered = converged.image, converged.covered
     reference = _cycles(bpy, scene, resolution, samples, options) if bpy else None
     known = covered & (converged.image == converged.display).all(axis=-1)
     baking.timed(scene, settings(configurations()[0], resolution=resolution))
-    curve = []
+    curve, too_slow = [], set()
     for values in configurations():
+        if values.get("visibility") in too_slow:
+            continue
         seconds, lightmap = baking.best_of_two(scene, settings(values, resolution=resolution))
         point = {"values": values, "seconds": seconds, "own": _rmse(lightmap.image, truth, covered)}
         if reference is not None:
             point["cycles"] = reference.compare(lightmap.image, known).rmse
         curve.append({**point, **baking.facts(lightmap)})
         if seconds > limit:
-            break
+            too_slow.add(values.get("visibility"))
     against = {"our own converged bake": _found(curve, "own")}
     if reference is not None:
         against["Cycles"] = _found(curve, "cycles")
     return {
         "resolution": resolution,
         "patches": int(covered.sum()),
-        "converged": label(_finest(resolution, options)),
+        "converged": label(_finest(resolution)),
         "curve": curve,
         "against": against,
     }
 
 
-def _finest(resolution: int, options: Options) -> dict[str, Any]:
-    return finest() if resolution <= _SMALL[0] or options.gpu else fine()
+def _finest(resolution: int) -> dict[str, Any]:
+    return finest() if resolution <= _SMALL[0] else fine()
 
 
 def _rmse(image: np.ndarray, truth: np.ndarray, covered: np.ndarray) -> float:

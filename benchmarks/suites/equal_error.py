@@ -102,8 +102,10 @@ def contests(hemibake: list[dict[str, Any]], cycles: dict[str, list[dict[str, An
 
 
 def _ratio(theirs: Reach, ours: Reach) -> float | None:
-    """Return how many times faster Hemibake is; only if both get there."""
-    return theirs.seconds / ours.seconds if theirs.seconds and ours.seconds else None
+    """Return how many times faster Hemibake is, None if nothing can be said."""
+    if not (theirs.seconds and ours.seconds) or theirs.how == ours.how == "at most":
+        return None
+    return theirs.seconds / ours.seconds
 
 
 def _measure(case: _Case, path: Path | None, options: Options) -> dict[str, Any]:
@@ -186,8 +188,16 @@ def _row(record: dict[str, Any], contest: dict[str, Any]) -> tuple:
     return (
         record["scene"], record["resolution"], _ERRORS[error], f"{contest['target']:.0%}",
         told(Reach(**contest["hemibake"])), told(Reach(**contest["cycles"])), contest["device"],
-        contest["ratio"] and f"{contest['ratio']:.1f}×", percent(least),
+        _told_ratio(contest), percent(least),
     )  # fmt: skip
+
+
+def _told_ratio(contest: dict[str, Any]) -> str | None:
+    """Return a ratio as a cell: a bound where one of both times is one."""
+    if contest["ratio"] is None:
+        return None
+    marks = {contest["hemibake"]["how"]: "≥ ", contest["cycles"]["how"]: "≤ "}
+    return f"{marks.get('at most', '')}{contest['ratio']:.2g}×"
 
 
 def _curves(record: dict[str, Any]) -> str:
@@ -206,7 +216,9 @@ def _curves(record: dict[str, Any]) -> str:
 
 def _values(point: dict[str, Any]) -> dict[str, Any]:
     return {
-        name: point[name] for name in ("samples", "hemicube", "light_samples", "tolerance") if name in point
+        name: point[name]
+        for name in ("visibility", "samples", "hemicube", "light_samples", "tolerance")
+        if name in point
     }
 
 

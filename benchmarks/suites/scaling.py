@@ -48,7 +48,7 @@ def tables(records: list[dict[str, Any]], options: Options) -> str:
 
 
 def case(kind: str, size: int, resolution: int) -> dict[str, Any]:
-    """Bake twice in this process; return the second bake's figures."""
+    """Bake a small room, so that all is built, then the case; return its figures."""
     build: Callable = cornell_box if kind == "patches" else hilly_room
     scene = build(resolution) if kind == "patches" else build(resolution, size)
     small = cornell_box(64)

@@ -215,11 +215,8 @@ def _curves(record: dict[str, Any]) -> str:
 
 
 def _values(point: dict[str, Any]) -> dict[str, Any]:
-    return {
-        name: point[name]
-        for name in ("visibility", "samples", "hemicube", "light_samples", "tolerance")
-        if name in point
-    }
+    names = ("visibility", "samples", "hemicube", "light_samples", "tolerance")
+    return {name: point[name] for name in names if name in point}
 
 
 def _percents(point: dict[str, Any]) -> list[str]:

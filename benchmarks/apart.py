@@ -10,6 +10,7 @@ import tempfile
 import time
 import traceback
 from collections import deque
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Thread
@@ -37,19 +38,24 @@ class Outcome:
     device_bytes: int | None
 
 
-def run_apart(function: str, arguments: dict[str, Any], limit: float | None = None) -> Outcome:
-    """Call "module:function" with keyword arguments that JSON can hold; `limit` is in seconds."""
+def run_apart(
+    function: str, arguments: dict[str, Any], limit: float | None = None, watched: bool = False
+) -> Outcome:
+    """Call "module:function" with keyword arguments that JSON can hold.
+
+    limit    wall time after which it is stopped, s
+    watched  True watches the graphics card's memory meanwhile
+    """
     started = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix="hemibake-bench-") as folder:
         answer = Path(folder) / "answer.json"
         command = [sys.executable, "-m", "benchmarks.apart", function, json.dumps(arguments), str(answer)]
-        with DeviceMemory() as memory:
+        with DeviceMemory() if watched else nullcontext() as memory:
             error = _wait(command, limit)
         seconds = time.perf_counter() - started
         told = json.loads(answer.read_text(encoding="utf-8")) if answer.exists() else {}
-    return Outcome(
-        told.get("value"), told.get("error") or error, seconds, told.get("host_bytes"), memory.peak
-    )
+    peak = memory.peak if memory is not None else None
+    return Outcome(told.get("value"), told.get("error") or error, seconds, told.get("host_bytes"), peak)
 
 
 def _wait(command: list[str], limit: float | None) -> str | None:

@@ -36,7 +36,8 @@ SUITES = {
 def main() -> None:
     """Run the suites, print their tables and store what they found."""
     arguments = _parse()
-    options = Options(arguments.gpu, arguments.full, str(arguments.scenes.resolve()))
+    folders = {"scenes": str(arguments.scenes.resolve()), "results": str(arguments.out.resolve())}
+    options = Options(gpu=arguments.gpu, full=arguments.full, **folders)
     machine = _machine(arguments.gpu)
     print(f"{machine['opencl']['device']}, {machine['opengl']['renderer']}, commit {machine['commit']}")
     stored: dict[str, Any] = {"machine": machine, "options": {"gpu": options.gpu, "full": options.full}}
@@ -68,7 +69,7 @@ def records(name: str, options: dict[str, Any]) -> list[dict[str, Any]]:
 
 def _parse() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    listed = "; ".join(f"{name}: {text}" for name, text in SUITES.items())
+    listed = "; ".join(f"{name}: {text}" for name, text in SUITES.items()).replace("%", "%%")
     parser.add_argument(
         "--suite", nargs="+", choices=SUITES, default=list(SUITES), metavar="NAME", help=listed
     )

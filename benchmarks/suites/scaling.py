@@ -66,7 +66,7 @@ def _grown(cases: list[dict[str, Any]], limit: float) -> list[dict[str, Any]]:
         if too_long:
             records.append({**arguments, "skipped": too_long})
             continue
-        outcome = run_apart("benchmarks.suites.scaling:case", arguments, 2 * limit)
+        outcome = run_apart("benchmarks.suites.scaling:case", arguments, 2 * limit, watched=True)
         told = outcome.value or {"failed": outcome.error}
         device = told.get("device_bytes") or outcome.device_bytes
         records.append({**arguments, **told, "host_bytes": outcome.host_bytes, "device_bytes": device})

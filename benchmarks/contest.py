@@ -124,17 +124,16 @@ def cycles_curve(
         seconds, image = best_of_two(lambda samples=samples: bake(samples, persistent))
         figures = reference.compare(image[..., :3], known)
         records.append({"samples": samples, "seconds": seconds, "persistent": persistent, **_errors(figures)})
-        if seconds > limit or figures.rmse < target:
+        if seconds > limit or 0 < figures.rmse < target:
             break
         samples *= 2
     return records
 
 
 def points(records: list[dict[str, Any]], error: str) -> list[Point]:
-    """Return records as points of a curve; error is "rmse" or "smooth"."""
-    return [
-        Point(str(index), record["seconds"], max(record[error], 1e-6)) for index, record in enumerate(records)
-    ]
+    """Return the records whose error is known as points of a curve; error is "rmse" or "smooth"."""
+    known = [record for record in records if record[error] is not None]
+    return [Point(str(index), record["seconds"], record[error]) for index, record in enumerate(known)]
 
 
 def cycles_devices(wanted: bool) -> list[str]:
@@ -161,8 +160,9 @@ def _use_cards() -> str | None:
     return None
 
 
-def _errors(figures: Difference) -> dict[str, float]:
-    return {"rmse": figures.rmse, "smooth": figures.smooth, "bias": figures.bias}
+def _errors(figures: Difference) -> dict[str, float | None]:
+    """Return the errors; None where the noise of the reference is all there is: its estimate is then 0."""
+    return {"rmse": figures.rmse or None, "smooth": figures.smooth or None, "bias": figures.bias}
 
 
 def _digest(scene, samples: int) -> str:

@@ -73,7 +73,7 @@ def _measure(resolution: int, samples: int, options: Options, bpy) -> dict[str, 
         seconds, lightmap = baking.best_of_two(scene, settings(values, resolution=resolution))
         point = {"values": values, "seconds": seconds, "own": _rmse(lightmap.image, truth, covered)}
         if reference is not None:
-            point["cycles"] = reference.compare(lightmap.image, known).rmse
+            point["cycles"] = reference.compare(lightmap.image, known).rmse or None
         curve.append({**point, **baking.facts(lightmap)})
         if seconds > limit:
             too_slow.add(values.get("visibility"))
@@ -100,8 +100,10 @@ def _rmse(image: np.ndarray, truth: np.ndarray, covered: np.ndarray) -> float:
 
 
 def _found(curve: list[dict[str, Any]], error: str) -> dict[str, Any]:
-    points = [Point(label(point["values"]), point["seconds"], max(point[error], 1e-6)) for point in curve]
-    return {"reach": vars(reach(points, _TARGET)), "least": min(point.error for point in points)}
+    known = [point for point in curve if point[error] is not None]
+    points = [Point(label(point["values"]), point["seconds"], point[error]) for point in known]
+    least = min((point.error for point in points), default=None)
+    return {"reach": vars(reach(points, _TARGET)), "least": least}
 
 
 def _cycles(bpy, scene: Scene, resolution: int, samples: int, options: Options):

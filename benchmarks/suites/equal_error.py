@@ -88,7 +88,9 @@ def contests(hemibake: list[dict[str, Any]], cycles: dict[str, list[dict[str, An
             ourselves = reach(ours, target)
             theirs = {
                 device: reach_by_sampling(
-                    [record["samples"] for record in curve], points(curve, error), target
+                    [record["samples"] for record in curve if record[error] is not None],
+                    points(curve, error),
+                    target,
                 )
                 for device, curve in cycles.items()
             }
@@ -184,7 +186,7 @@ _OPENERS: dict[str, Callable] = {
 
 def _row(record: dict[str, Any], contest: dict[str, Any]) -> tuple:
     error = contest["error"]
-    least = min(point[error] for point in record["hemibake"])
+    least = min((point[error] for point in record["hemibake"] if point[error] is not None), default=None)
     return (
         record["scene"], record["resolution"], _ERRORS[error], f"{contest['target']:.0%}",
         told(Reach(**contest["hemibake"])), told(Reach(**contest["cycles"])), contest["device"],
@@ -220,4 +222,5 @@ def _values(point: dict[str, Any]) -> dict[str, Any]:
 
 
 def _percents(point: dict[str, Any]) -> list[str]:
-    return [f"{point['rmse']:.2%}", f"{point['smooth']:.2%}", f"{point['bias']:+.2%}"]
+    known = [percent(point[error]) or "below the reference's noise" for error in _ERRORS]
+    return [*known, f"{point['bias']:+.2%}"]

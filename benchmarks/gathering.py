@@ -1,0 +1,70 @@
+"""The engine's parts that gather, put together as `engine.bake` does it: for timing them alone."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from engine import Scene, Settings
+from engine.device.compute import Compute
+from engine.device.graphics import Graphics
+from engine.gather import Gather, choose_gather
+from engine.sky import whole_sky
+from engine.subdivision import subdivide
+
+#: A first part of an iteration that is not timed: shaders and kernels are built in it, s.
+_WARM_UP = 1.0
+
+
+@contextmanager
+def gathering(scene: Scene, settings: Settings, compute: Compute | None = None) -> Iterator[tuple]:
+    """Give a Gather, and the emission of all patches, (n, 3) float32; hemicubes see all that emits."""
+    graphics = Graphics()
+    try:
+        parts = subdivide(graphics, scene, settings)
+        emission, sky = parts.surfaces.emission, whole_sky(scene.world)
+        yield choose_gather(graphics, compute or Compute(), scene, parts, emission, sky, settings), emission
+    finally:
+        graphics.release()
+
+
+@dataclass(frozen=True)
+class Timing:
+    """How long an iteration takes.
+
+    seconds     mean of the iterations
+    iterations  how many were timed
+    share       of the patches that were gathered; less than 1 if the time was up
+    """
+
+    seconds: float
+    iterations: int
+    share: float
+
+
+def warm_up(gather: Gather, radiance: np.ndarray) -> None:
+    """Gather for a moment; a kept visibility is not complete afterwards."""
+    started = time.perf_counter()
+    work = gather.iteration(radiance)
+    for _ in work:
+        if time.perf_counter() - started > _WARM_UP:
+            break
+    work.close()
+
+
+def time_iterations(gather: Gather, radiance: np.ndarray, iterations: int, budget: float) -> Timing:
+    """Time some iterations, fewer if the budget in seconds is used up; at least a part of one."""
+    started = time.perf_counter()
+    for done in range(iterations):
+        for fraction in gather.iteration(radiance):
+            passed = time.perf_counter() - started
+            if passed > budget and done == 0 and fraction < 1:
+                return Timing(passed / fraction, 1, fraction)
+        passed = time.perf_counter() - started
+        if passed * (done + 2) / (done + 1) > budget:
+            break
+    return Timing(passed / (done + 1), done + 1, 1.0)

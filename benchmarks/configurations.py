@@ -1,13 +1,10 @@
-"""Settings of Hemibake from coarse to fine, as far as the engine at hand has them."""
+"""Settings of Hemibake from coarse to fine."""
 
 from __future__ import annotations
 
-from dataclasses import fields
 from typing import Any
 
 from engine import Settings
-
-_FIELDS = {field.name for field in fields(Settings)}
 
 #: Rays a patch sends out, shadow rays a patch sends to each light, tolerance.
 _RAYS = (
@@ -23,13 +20,11 @@ _HEMICUBES = (
 
 
 def configurations() -> list[dict[str, Any]]:
-    """Return values of settings, the coarsest first; hemicubes for an engine without rays."""
+    """Return values of settings, the coarsest first: rays, then hemicubes."""
+    rays = [dict(zip(("samples", "light_samples", "tolerance"), row, strict=True)) for row in _RAYS]
     hemicubes = [
         dict(zip(("hemicube", "light_samples", "tolerance"), row, strict=True)) for row in _HEMICUBES
     ]
-    if "samples" not in _FIELDS:
-        return hemicubes
-    rays = [dict(zip(("samples", "light_samples", "tolerance"), row, strict=True)) for row in _RAYS]
     return [{"visibility": "rays", **row} for row in rays] + [
         {"visibility": "raster", **row} for row in hemicubes
     ]
@@ -37,14 +32,12 @@ def configurations() -> list[dict[str, Any]]:
 
 def finest() -> dict[str, Any]:
     """Return values whose error is far below that of all others."""
-    rays = {"visibility": "rays", "samples": 16384} if "samples" in _FIELDS else {"hemicube": 128}
-    return {**rays, "light_samples": 2048, "tolerance": 1e-4, "seed": 99}
+    return {"visibility": "rays", "samples": 16384, "light_samples": 2048, "tolerance": 1e-4, "seed": 99}
 
 
 def fine() -> dict[str, Any]:
     """Return values whose error is below that of most others, for lightmaps that take too long otherwise."""
-    rays = {"samples": 8192} if "samples" in _FIELDS else {"hemicube": 64}
-    return {**finest(), **rays, "light_samples": 1024}
+    return {**finest(), "samples": 8192, "light_samples": 1024}
 
 
 def label(values: dict[str, Any]) -> str:
@@ -53,5 +46,5 @@ def label(values: dict[str, Any]) -> str:
 
 
 def settings(values: dict[str, Any], **more: Any) -> Settings:
-    """Return settings; values that the engine does not have are left out."""
-    return Settings(**{name: value for name, value in {**values, **more}.items() if name in _FIELDS})
+    """Return settings with some values."""
+    return Settings(partials=False, **values, **more)

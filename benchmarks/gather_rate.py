@@ -9,42 +9,40 @@ from typing import Any
 import pyopencl as cl
 
 from benchmarks.configurations import settings
-from benchmarks.gathering import gathering
 from benchmarks.rooms import cornell_box
+from benchmarks.solving import solving
 from engine.device.compute import Compute
 
-#: Name of the kernel that sums kept hemicubes, and bytes it reads of each hemicube texel.
-_KERNEL, _TEXEL_BYTES = "gather", 4
+#: Name of the kernel that sums what patches see, and bytes it reads of each sample.
+_KERNEL, _SAMPLE_BYTES = "gather", 4
 
 _REPEATS = 5
 
 
-def gather_bytes_per_second(hemicube: int, resolution: int) -> dict[str, Any]:
+def gather_bytes_per_second(values: dict[str, Any], resolution: int) -> dict[str, Any]:
     """Return bytes of indices that one iteration reads, the kernel's best seconds for them, and their ratio.
 
     Radiance and weights, which caches hold, are not counted. `iteration_seconds` is the best wall time
     of an iteration with all that the host does.
     """
     compute = ProfiledCompute()
-    chosen = settings(
-        {"method": "cached", "hemicube": hemicube, "visibility": "raster", "batch_bytes": 512 << 20},
-        resolution=resolution,
-    )
-    with gathering(cornell_box(resolution), chosen, compute) as (gather, radiance):
-        if gather.method != "cached":
-            raise RuntimeError(f"hemicubes of width {hemicube} do not fit the device's memory")
-        _drain(gather.iteration(radiance))
+    chosen = settings({"method": "cached", "tolerance": 0, **values}, resolution=resolution)
+    with solving(cornell_box(resolution), chosen, compute) as (solver, choice, patches):
+        if choice.method != "cached":
+            raise RuntimeError(f"what patches see does not fit the device's memory with {values}")
+        _drain(solver.iteration())
         kernel, wall = [], []
         for _ in range(_REPEATS):
             compute.events.clear()
             started = time.perf_counter()
-            _drain(gather.iteration(radiance))
+            _drain(solver.iteration())
             wall.append(time.perf_counter() - started)
             kernel.append(compute.seconds(_KERNEL))
-    size = len(radiance) * 3 * hemicube**2 * _TEXEL_BYTES
+    size = patches * choice.samples * _SAMPLE_BYTES
     return {
-        "hemicube": hemicube,
-        "patches": len(radiance),
+        "samples": choice.samples,
+        "visibility": choice.visibility,
+        "patches": patches,
         "bytes": size,
         "seconds": min(kernel),
         "iteration_seconds": min(wall),

@@ -20,8 +20,9 @@ def run(options: Options) -> list[dict[str, Any]]:
     compute = Compute()
     copied = copy_bytes_per_second(compute, (1 << 30) if options.gpu else (256 << 20))
     records = []
-    for n in (32, 64, 128) if options.gpu else (32, 64):
-        rate = gather_bytes_per_second(n, resolution=512 if options.gpu else 128)
+    hemicubes = [{"visibility": "rays", "directions": "hemicube", "hemicube": n} for n in (32, 64)]
+    for values in [*hemicubes, *({"visibility": "rays", "samples": n} for n in (256, 1024))]:
+        rate = gather_bytes_per_second(values, resolution=512 if options.gpu else 128)
         records.append({"copy_bytes_per_second": copied, **rate, "share": rate["bytes_per_second"] / copied})
     return records
 
@@ -30,14 +31,14 @@ def tables(records: list[dict[str, Any]], options: Options) -> str:
     """Return rates in GB/s."""
     rows = [
         (
-            record["hemicube"], record["patches"], record["bytes"] / 1e9, 1e3 * record["seconds"],
+            record["samples"], record["patches"], record["bytes"] / 1e9, 1e3 * record["seconds"],
             1e3 * record["iteration_seconds"], record["bytes_per_second"] / 1e9,
             record["copy_bytes_per_second"] / 1e9, f"{record['share']:.0%}",
         )
         for record in records
     ]  # fmt: skip
     titles = (
-        "hemicube", "patches", "indices, GB", "kernel, ms", "iteration, ms", "kernel, GB/s", "copy, GB/s",
+        "samples", "patches", "indices, GB", "kernel, ms", "iteration, ms", "kernel, GB/s", "copy, GB/s",
         "kernel / copy",
     )  # fmt: skip
     return table(titles, rows)

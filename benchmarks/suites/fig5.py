@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.configurations import settings
-from benchmarks.gathering import gathering, time_iterations, warm_up
 from benchmarks.options import Options
+from benchmarks.solving import solving, time_iterations, warm_up
 from benchmarks.tables import table
 from tests.analytic.scenes import nine_quad_room
 
@@ -54,10 +54,10 @@ def _drawn(n: int, layers: int, budget: float) -> dict[str, Any]:
         {"method": "paper", "hemicube": n, "array_size": (_ARRAY, _ARRAY, layers), "visibility": "raster"},
         resolution=_RESOLUTION, sample_emission=False,
     )  # fmt: skip
-    with gathering(nine_quad_room(), chosen) as (gather, radiance):
-        warm_up(gather, radiance)
-        timing = time_iterations(gather, radiance, _ITERATIONS, budget)
-    return _record(n, layers, gather.method, len(radiance), timing)
+    with solving(nine_quad_room(), chosen) as (solver, choice, patches):
+        warm_up(solver)
+        timing = time_iterations(solver, _ITERATIONS, budget)
+    return _record(n, layers, choice.method, patches, timing)
 
 
 def _cached(n: int, budget: float, drawing_budget: float) -> dict[str, Any]:
@@ -66,15 +66,15 @@ def _cached(n: int, budget: float, drawing_budget: float) -> dict[str, Any]:
         {"method": "cached", "hemicube": n, "visibility": "raster"},
         resolution=_RESOLUTION, sample_emission=False,
     )  # fmt: skip
-    with gathering(nine_quad_room(), chosen) as (gather, radiance):
-        first = time_iterations(gather, radiance, 1, drawing_budget)
+    with solving(nine_quad_room(), chosen) as (solver, choice, patches):
+        first = time_iterations(solver, 1, drawing_budget)
         told = {"first_ms": 1000 * first.seconds, "first_share": first.share}
         if first.share < 1:
             reason = f"drawing takes more than {drawing_budget:.0f} s"
-            return {"hemicube": n, "layers": None, "method": gather.method, "skipped": reason, **told}
-        time_iterations(gather, radiance, 1, budget)
-        timing = time_iterations(gather, radiance, _ITERATIONS, budget)
-    return {**_record(n, None, gather.method, len(radiance), timing), **told}
+            return {"hemicube": n, "layers": None, "method": choice.method, "skipped": reason, **told}
+        time_iterations(solver, 1, budget)
+        timing = time_iterations(solver, _ITERATIONS, budget)
+    return {**_record(n, None, choice.method, patches, timing), **told}
 
 
 def _record(n: int, layers: int | None, method: str, patches: int, timing) -> dict[str, Any]:

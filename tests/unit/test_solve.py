@@ -145,6 +145,6 @@ def test_acceleration_needs_float32_only():
 def test_settings_name_what_is_wrong():
     from engine.settings import check_settings
 
-    for name in ("method", "visibility", "directions"):
+    for name in ("visibility", "directions"):
         with pytest.raises(Exception, match=name):
             check_settings(dataclasses.replace(Settings(), **{name: "magic"}))

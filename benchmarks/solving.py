@@ -1,4 +1,4 @@
-"""The engine's parts that gather, put together as `engine.bake` does it: for timing them alone."""
+"""The engine's parts that iterate, put together as `engine.bake` does it: for timing them alone."""
 
 from __future__ import annotations
 
@@ -10,10 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine import Scene, Settings
+from engine.choose import Bake, choose_solver
 from engine.device.compute import Compute
 from engine.device.graphics import Graphics
-from engine.gather import Gather, choose_gather
+from engine.ray_scene import RayScene
 from engine.sky import whole_sky
+from engine.solve import Solver
 from engine.subdivision import subdivide
 
 #: A first part of an iteration that is not timed: shaders and kernels are built in it, s.
@@ -21,13 +23,15 @@ _WARM_UP = 1.0
 
 
 @contextmanager
-def gathering(scene: Scene, settings: Settings, compute: Compute | None = None) -> Iterator[tuple]:
-    """Give a Gather, and the emission of all patches, (n, 3) float32; hemicubes see all that emits."""
+def solving(scene: Scene, settings: Settings, compute: Compute | None = None) -> Iterator[tuple]:
+    """Give a Solver, what was chosen for it and the number of patches; they see all that emits."""
     graphics = Graphics()
     try:
-        parts = subdivide(graphics, scene, settings)
-        emission, sky = parts.surfaces.emission, whole_sky(scene.world)
-        yield choose_gather(graphics, compute or Compute(), scene, parts, emission, sky, settings), emission
+        compute, parts = compute or Compute(), subdivide(graphics, scene, settings)
+        emission, sky, rays = parts.surfaces.emission, whole_sky(scene.world), RayScene(compute, scene, parts)
+        dark = np.zeros_like(emission)
+        job = Bake(graphics, compute, scene, parts, rays, emission, sky, dark, settings)
+        yield *choose_solver(job), len(emission)
     finally:
         graphics.release()
 
@@ -46,21 +50,21 @@ class Timing:
     share: float
 
 
-def warm_up(gather: Gather, radiance: np.ndarray) -> None:
-    """Gather for a moment; a kept visibility is not complete afterwards."""
+def warm_up(solver: Solver) -> None:
+    """Iterate for a moment; a kept visibility is not complete afterwards."""
     started = time.perf_counter()
-    work = gather.iteration(radiance)
+    work = solver.iteration()
     for _ in work:
         if time.perf_counter() - started > _WARM_UP:
             break
     work.close()
 
 
-def time_iterations(gather: Gather, radiance: np.ndarray, iterations: int, budget: float) -> Timing:
+def time_iterations(solver: Solver, iterations: int, budget: float) -> Timing:
     """Time some iterations, fewer if the budget in seconds is used up; at least a part of one."""
     started = time.perf_counter()
     for done in range(iterations):
-        for fraction in gather.iteration(radiance):
+        for fraction in solver.iteration():
             passed = time.perf_counter() - started
             if passed > budget and done == 0 and fraction < 1:
                 return Timing(passed / fraction, 1, fraction)

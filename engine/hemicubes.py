@@ -43,7 +43,7 @@ class Hemicubes:
 
     def views(self, first: int, last: int) -> Viewpoints:
         """Return where the hemicubes of patches first ... last stand."""
-        geometry, reverse = self._parts.geometry.part(first, last), self._reversed_depth
+        geometry, reverse = self._parts.geometry.part(slice(first, last)), self._reversed_depth
         return place_hemicubes(self._parts.triangles, geometry, self._settings, reverse, first)
 
     def draw(self, views: Viewpoints) -> Iterator[int]:

@@ -18,7 +18,7 @@ class RayScene:
     """The triangles and patches of a bake on the OpenCL device."""
 
     def __init__(self, compute: Compute, scene: Scene, parts: Subdivision) -> None:
-        self._compute, self._scene, self._parts = compute, scene, parts
+        self.compute, self._scene, self._parts = compute, scene, parts
 
     @property
     def needed(self) -> bool:
@@ -28,11 +28,9 @@ class RayScene:
     @cached_property
     def rays(self) -> Rays:
         """The triangles and their hierarchy."""
-        return Rays(self._compute, self._parts.triangles, gather_cutouts(self._scene))
+        return Rays(self.compute, self._parts.triangles, gather_cutouts(self._scene))
 
     @cached_property
     def receivers(self) -> cl.Buffer:
         """The records of all patches, see `receivers.pack_receivers`."""
-        parts = self._parts
-        records = pack_receivers(parts.triangles, parts.geometry, parts.patches, self.rays.origin)
-        return self.rays.constant(records)
+        return pack_receivers(self.compute, self._parts.geometry, self.rays.origin)

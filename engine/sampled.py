@@ -67,7 +67,7 @@ class SampledLight:
         """Return which patches another face covers exactly, (n,) bool; none are known if no rays are cast."""
         if not self._ray_scene.needed:
             return np.zeros(len(self._parts.patches), bool)
-        return covered_patches(self._ray_scene.rays, self._parts)
+        return covered_patches(self._ray_scene, len(self._parts.patches))
 
     def _rays(self) -> DirectLight:
         """Return what casts rays, made when it is first needed."""

@@ -12,9 +12,9 @@ from .settings import Settings
 
 #: Height of the eye above the surface: a share of a texel's width, at most a share of the scene's
 #: diagonal, and at least what float32 can tell apart at the patch's coordinates.
-_OF_TEXEL = 0.01
-_OF_DIAGONAL = 2e-5
-_OF_COORDINATE = 1e-6
+OF_TEXEL = 0.01
+OF_DIAGONAL = 2e-5
+OF_COORDINATE = 1e-6
 
 #: Least distance of the near plane, relative to the scene's diagonal: float32 must tell it apart from
 #: the corners of the largest triangles when they are clipped, and the standard depth range needs more.
@@ -45,8 +45,8 @@ class Viewpoints:
 
 def eye_heights(triangles: Triangles, geometry: PatchGeometry) -> np.ndarray:
     """Return how far above its surface each patch looks around, (n,) float64, metres."""
-    height = np.minimum(_OF_TEXEL * np.sqrt(geometry.area), _OF_DIAGONAL * triangles.diagonal)
-    heights: np.ndarray = np.maximum(height, _OF_COORDINATE * np.abs(geometry.center).max(axis=1))
+    height = np.minimum(OF_TEXEL * np.sqrt(geometry.area), OF_DIAGONAL * triangles.diagonal)
+    heights: np.ndarray = np.maximum(height, OF_COORDINATE * np.abs(geometry.center).max(axis=1))
     return heights
 
 

@@ -5,16 +5,20 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from engine import Lightmap, Scene, Settings, bake
+from engine import Lightmap, Scene, Settings
+from engine.session import Session
 
 #: A bake faster than this is timed a second time, s.
 _QUICK = 10.0
+
+#: Keeps contexts, shaders and kernels, as the worker of a windowed Blender does.
+_session = Session()
 
 
 def timed(scene: Scene, settings: Settings) -> tuple[float, Lightmap]:
     """Bake; return the wall time in seconds and the lightmap."""
     started = time.perf_counter()
-    work = bake(scene, settings)
+    work = _session.bake(scene, settings)
     while True:
         try:
             next(work)

@@ -10,8 +10,7 @@ import numpy as np
 
 from .choose import Bake, Choice, choose_solver
 from .clock import Stopwatch
-from .device.compute import Compute
-from .device.graphics import Graphics
+from .device.devices import Devices
 from .finish.store import LightmapStore
 from .lightmap import Lightmap, Report
 from .limits import check_limits
@@ -36,50 +35,60 @@ def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap
     """
     check_settings(settings)
     check_scene(scene)
-    atlases, scene = scene.atlases, place_occluders(scene, settings.resolution)
     clock = Stopwatch()
-    graphics = Graphics()
+    devices = Devices(settings.cache_dir)
     try:
-        compute = Compute(settings.cache_dir)
-        check_limits(graphics, compute, scene, settings)
         clock.lap("devices")
-        yield Progress("patches", 0.0)
-
-        # Texture space subdivision: which texels are patches, and where they are (III.A, IV.A).
-        parts = subdivide(graphics, scene, settings)
-        store = LightmapStore(parts.patches, len(atlases), settings.dilation)
-        clock.lap("patches")
-        yield Progress("patches", 1.0)
-
-        # Lamps, small bright surfaces and bright sky are sampled with shadow rays (direct light).
-        rays = RayScene(compute, scene, parts)
-        sampled = SampledLight(compute, scene, parts, rays, settings)
-        direct = yield from _report(sampled.gather(), partial(Progress, "direct"))
-        clock.lap("direct")
-
-        # What patches see is found and integrated until the light has settled (III.B, IV.B, IV.C).
-        glow, sky = sampled.emission_left, sampled.sky_left
-        job = Bake(graphics, compute, scene, parts, rays, glow, sky, direct, settings)
-        solution, choice = choose_solver(job)
-        outputs, covered = Outputs(scene, settings, sampled), sampled.covered()
-        while not outputs.done(solution):
-            yield from _report(solution.iteration(), partial(_progress, solution))
-            if solution.iterations == 1:
-                store.hide(np.where(covered, 0, solution.gathered[:, 3]))
-            image = store.display(outputs.light(solution)) if settings.partials else None
-            yield _progress(solution, 1.0, image)
-        clock.lap("hemicubes")
-
-        # What was asked for, as images.
-        made = yield from _report(outputs.make(solution), partial(Progress, "outputs"))
-        passes = {name: store.display(values) for name, values in made.items()}
-        first = next(iter(made))
-        clock.lap("outputs")
-        warnings = (*parts.warnings, *sampled.warnings)
-        report = _summary(solution, outputs, choice, len(parts.patches), clock, (graphics, compute), warnings)
-        return Lightmap(atlases, store.image(made[first]), passes[first], store.covered, report, passes)
+        return (yield from bake_with(devices, scene, settings, clock))
     finally:
-        graphics.release()
+        devices.release()
+
+
+def bake_with(
+    devices: Devices, scene: Scene, settings: Settings, clock: Stopwatch | None = None
+) -> Generator[Progress, None, Lightmap]:
+    """Bake as `bake` does, on devices that are there already and stay."""
+    check_settings(settings)
+    check_scene(scene)
+    clock = clock or Stopwatch()
+    graphics, compute = devices.graphics, devices.compute
+    atlases, scene = scene.atlases, place_occluders(scene, settings.resolution)
+    check_limits(graphics, compute, scene, settings)
+    yield Progress("patches", 0.0)
+
+    # Texture space subdivision: which texels are patches, and where they are (III.A, IV.A).
+    parts = subdivide(graphics, scene, settings)
+    store = LightmapStore(parts.patches, len(atlases), settings.dilation)
+    clock.lap("patches")
+    yield Progress("patches", 1.0)
+
+    # Lamps, small bright surfaces and bright sky are sampled with shadow rays (direct light).
+    rays = RayScene(compute, scene, parts)
+    sampled = SampledLight(compute, scene, parts, rays, settings)
+    direct = yield from _report(sampled.gather(), partial(Progress, "direct"))
+    clock.lap("direct")
+
+    # What patches see is found and integrated until the light has settled (III.B, IV.B, IV.C).
+    glow, sky = sampled.emission_left, sampled.sky_left
+    job = Bake(graphics, compute, scene, parts, rays, glow, sky, direct, settings)
+    solution, choice = choose_solver(job)
+    outputs, covered = Outputs(scene, settings, sampled), sampled.covered()
+    while not outputs.done(solution):
+        yield from _report(solution.iteration(), partial(_progress, solution))
+        if solution.iterations == 1:
+            store.hide(np.where(covered, 0, solution.gathered[:, 3]))
+        image = store.display(outputs.light(solution)) if settings.partials else None
+        yield _progress(solution, 1.0, image)
+    clock.lap("hemicubes")
+
+    # What was asked for, as images.
+    made = yield from _report(outputs.make(solution), partial(Progress, "outputs"))
+    passes = {name: store.display(values) for name, values in made.items()}
+    first = next(iter(made))
+    clock.lap("outputs")
+    warnings = (*parts.warnings, *sampled.warnings)
+    report = _summary(solution, outputs, choice, len(parts.patches), clock, devices, warnings)
+    return Lightmap(atlases, store.image(made[first]), passes[first], store.covered, report, passes)
 
 
 def _report(
@@ -106,10 +115,9 @@ def _summary(
     choice: Choice,
     patches: int,
     clock: Stopwatch,
-    devices: tuple[Graphics, Compute],
+    devices: Devices,
     warnings: tuple[str, ...],
 ) -> Report:
-    graphics, compute = devices
     return Report(
         patches=patches,
         method=choice.method,
@@ -121,6 +129,6 @@ def _summary(
         converged=solution.converged or not outputs.bounces,
         energies=tuple(solution.energies),
         seconds=clock.laps,
-        devices={"gl": graphics.name, "cl": compute.name},
+        devices={"gl": devices.graphics.name, "cl": devices.compute.name},
         warnings=warnings,
     )

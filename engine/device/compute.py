@@ -29,6 +29,7 @@ class Compute:
 
     def __init__(self, cache_dir: str | None = None) -> None:
         self._cache_dir = cache_dir
+        self._programs: dict[tuple, cl.Program] = {}
         self.context = self._first_working_context(_devices())
         self.device = self.context.devices[0]
         self.queue = cl.CommandQueue(self.context)
@@ -39,9 +40,12 @@ class Compute:
         self, source: str | Sequence[str], *names: str, options: Sequence[str] = ()
     ) -> list[cl.Kernel]:
         """Build kernels/<source>, or several files one after another; return kernels in the names' order."""
-        files = [source] if isinstance(source, str) else source
-        program = self._build(self.context, "\n".join(kernel_source(file) for file in files), options)
-        return [cl.Kernel(program, name) for name in names]
+        files = (source,) if isinstance(source, str) else tuple(source)
+        key = (files, tuple(options))
+        if key not in self._programs:
+            text = "\n".join(kernel_source(file) for file in files)
+            self._programs[key] = self._build(self.context, text, options)
+        return [cl.Kernel(self._programs[key], name) for name in names]
 
     def _first_working_context(self, devices: list[cl.Device]) -> cl.Context:
         """Return a context of the first device that builds a kernel.

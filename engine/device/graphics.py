@@ -38,6 +38,8 @@ class Graphics:
         self.raw = RawGL()
         self._parking = self.context.simple_framebuffer((1, 1))
         self.name: str = self.context.info["GL_RENDERER"]
+        self._programs: dict[tuple, moderngl.Program] = {}
+        self.context.gc_mode = "context_gc"
 
         # Reversed depth keeps its precision at every distance; it needs OpenGL 4.5.
         self.reversed_depth = self.context.version_code >= 450 and "glClipControl" in self.raw
@@ -45,10 +47,16 @@ class Graphics:
             self.raw("glClipControl", LOWER_LEFT, ZERO_TO_ONE)
 
     def program(self, name: str, stages: Sequence[str], features: Sequence[str] = ()) -> moderngl.Program:
-        """Link shaders/<name>.<stage> for each of the stages vert, geom and frag.
+        """Link shaders/<name>.<stage> for each of the stages vert, geom and frag; once for all bakes.
 
         features  defined in capitals in all stages; see `shader_source`
         """
+        key = (name, tuple(stages), tuple(features))
+        if key not in self._programs:
+            self._programs[key] = self._link(*key)
+        return self._programs[key]
+
+    def _link(self, name: str, stages: Sequence[str], features: Sequence[str]) -> moderngl.Program:
         keyword = {"vert": "vertex_shader", "geom": "geometry_shader", "frag": "fragment_shader"}
         sources = {keyword[stage]: shader_source(f"{name}.{stage}", features) for stage in stages}
         return self.context.program(**sources)
@@ -58,6 +66,15 @@ class Graphics:
         self._parking.use()
         for resource in resources:
             resource.release()
+
+    def clear(self) -> None:
+        """Release what nobody refers to any more; programs stay."""
+        self._parking.use()
+        while self.context.objects:
+            unused = self.context.objects.popleft()
+            if hasattr(unused, "release"):
+                unused.release()
+        self.raw.delete_textures()
 
     def release(self) -> None:
         """Destroy the context and everything made in it."""

@@ -30,7 +30,8 @@ def solving(scene: Scene, settings: Settings, compute: Compute | None = None) ->
         compute, parts = compute or Compute(), subdivide(graphics, scene, settings)
         emission, sky, rays = parts.surfaces.emission, whole_sky(scene.world), RayScene(compute, scene, parts)
         dark = np.zeros_like(emission)
-        job = Bake(graphics, compute, scene, parts, rays, emission, sky, dark, settings)
+        area = parts.geometry.area
+        job = Bake(graphics, compute, scene, parts, rays, emission, sky, dark, settings, area)
         yield *choose_solver(job), len(emission)
     finally:
         graphics.release()

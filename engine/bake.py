@@ -21,7 +21,7 @@ from .ray_scene import RayScene
 from .sampled import SampledLight
 from .scene import Scene, check_scene
 from .settings import Settings, check_settings
-from .solve import Solver
+from .solve import Solution
 from .subdivision import subdivide
 
 Made = TypeVar("Made")
@@ -70,12 +70,12 @@ def bake_with(
 
     # What patches see is found and integrated until the light has settled (III.B, IV.B, IV.C).
     glow, sky = sampled.emission_left, sampled.sky_left
-    job = Bake(graphics, compute, scene, parts, rays, glow, sky, direct, settings)
+    job = Bake(graphics, compute, scene, parts, rays, glow, sky, direct, settings, parts.geometry.area)
     solution, choice = choose_solver(job)
     outputs, covered = Outputs(scene, settings, sampled), sampled.covered()
     while not outputs.done(solution):
         yield from _report(solution.iteration(), partial(_progress, solution))
-        if solution.iterations == 1:
+        if solution.iterations == 1 or solution.done:
             store.hide(np.where(covered, 0, solution.gathered[:, 3]))
         image = store.display(outputs.light(solution)) if settings.partials else None
         yield _progress(solution, 1.0, image)
@@ -104,13 +104,13 @@ def _report(
         yield progress(fraction)
 
 
-def _progress(solution: Solver, fraction: float, image: np.ndarray | None = None) -> Progress:
+def _progress(solution: Solution, fraction: float, image: np.ndarray | None = None) -> Progress:
     energy = solution.energies[-1] if solution.energies else 0.0
     return Progress("hemicubes", fraction, solution.iterations, solution.residual, energy, image)
 
 
 def _summary(
-    solution: Solver,
+    solution: Solution,
     outputs: Outputs,
     choice: Choice,
     patches: int,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pyopencl as cl
@@ -15,17 +15,23 @@ from .gather import PaperGather
 from .host_radiosity import HostRadiosity
 from .integrate.cached import CachedSweep, RayStreamSweep, StreamSweep, cache_bytes
 from .integrate.device_radiosity import DeviceRadiosity, Sweep
+from .integrate.final_gather import FinalGather
 from .ray_scene import RayScene
 from .scene import Scene
 from .settings import Settings
+from .shared_bounces import SharedPatches
+from .shared_solution import SharedSolution
 from .solve import Radiosity, Solver
 from .subdivision import Subdivision
 from .visibility.identity import Identity, SeenBuffers, surroundings
 from .visibility.raster_identity import RasterIdentity
-from .visibility.ray_identity import RayIdentity
+from .visibility.ray_identity import RayIdentity, ray_count
 
 #: Patches that are tried first, how many times more the next try takes, and when a try is long enough, s.
 _TRIED, _MORE, _LONG_ENOUGH = 32, 8, 0.02
+
+#: Width of the squares of patches that share their bounces where memory is short, texels.
+_SHARED = 4
 
 
 @dataclass(frozen=True)
@@ -51,6 +57,7 @@ class Bake:
     emission  (n, 3) float32, radiance of each patch that the patches themselves see
     sky       (h, w, 3) float32, radiance, equirectangular, as patches see it
     lights    (n, 3) float32, E/pi of lights that patches do not gather
+    area      (n,) float32, m^2, of each patch
     """
 
     graphics: Graphics
@@ -62,6 +69,7 @@ class Bake:
     sky: np.ndarray
     lights: np.ndarray
     settings: Settings
+    area: np.ndarray
 
     @property
     def glowing(self) -> bool:
@@ -69,43 +77,87 @@ class Bake:
         return bool(self.emission.any() or self.sky.any())
 
 
-def choose_solver(bake: Bake) -> tuple[Solver, Choice]:
+def choose_solver(bake: Bake) -> tuple[Solver | SharedSolution, Choice]:
     """Return what solves a bake's light, and the way that was chosen for patches to gather."""
+    width, reasons = _choose_width(bake)
+    return _solver(bake) if width == 1 else _shared_solution(bake, width, reasons)
+
+
+def _solver(bake: Bake) -> tuple[Solver, Choice]:
+    """Return what solves for every patch on its own."""
     radiosity, choice = _paper(bake) if bake.settings.method == "paper" else _identities(bake)
     accelerate = bake.settings.accelerate and choice.method != "paper"
     return Solver(radiosity, bake.lights, bake.settings, bake.glowing, accelerate), choice
 
 
+def _choose_width(bake: Bake) -> tuple[int, tuple[str, ...]]:
+    """Return how wide the squares are of patches that share their bounces, texels, and why."""
+    settings, count = bake.settings, len(bake.parts.patches)
+    if settings.method == "paper" or not {"combined", "indirect"} & set(settings.outputs):
+        return 1, ()
+    if settings.shared_bounces:
+        return settings.shared_bounces, ("The settings ask for shared bounces.",)
+    raster = settings.visibility == "raster"
+    samples = 3 * settings.hemicube**2 if raster else ray_count(settings)
+    needed, budget = cache_bytes(samples, count), memory_budget(bake.compute, settings)
+    if settings.method != "auto" or needed <= budget:
+        return 1, ()
+    why = f"what all patches see takes {needed / 2**20:,.0f} MiB, {budget / 2**20:,.0f} MiB may be used"
+    return _SHARED, (f"Squares of {_SHARED} x {_SHARED} patches share their bounces: {why}.",)
+
+
+def _shared_solution(bake: Bake, width: int, reasons: tuple[str, ...]) -> tuple[SharedSolution, Choice]:
+    """Return what solves for squares of patches, then gathers for each patch."""
+    shared = SharedPatches(bake.rays, bake.parts, width)
+    emission, lights = shared.mean(bake.emission), shared.mean(bake.lights)
+    squares = replace(
+        bake, parts=shared.parts, rays=shared.rays, emission=emission, lights=lights, area=shared.area
+    )
+    solver, choice = _solver(squares)
+
+    # Every patch looks for itself, but sees the shared ones.
+    everyone = replace(squares, parts=replace(bake.parts, owners=shared.parts.owners), rays=bake.rays)
+    identity = _identity_makers(everyone)[choice.visibility]()
+    final = FinalGather(bake.compute, _stream(everyone, identity), bake.lights)
+    parted = bake.glowing and bool({"direct", "indirect"} & set(bake.settings.outputs))
+    solution = SharedSolution(solver, shared, final, bake.lights, emission, parted)
+    return solution, replace(choice, reasons=(*reasons, *choice.reasons))
+
+
 def _identities(bake: Bake) -> tuple[Radiosity, Choice]:
     identity, reasons = _choose_identity(bake)
     sweep, method, reason = _choose_sweep(bake, identity)
-    surfaces, area = bake.parts.surfaces, bake.parts.geometry.area
+    reflectance = bake.parts.surfaces.reflectance
     radiosity = DeviceRadiosity(
-        bake.compute, sweep, surfaces.reflectance, bake.emission, area, bake.lights, bake.glowing
+        bake.compute, sweep, reflectance, bake.emission, bake.area, bake.lights, bake.glowing
     )
     return radiosity, Choice(method, identity.name, identity.samples, (*reasons, reason))
 
 
 def _paper(bake: Bake) -> tuple[Radiosity, Choice]:
-    settings, surfaces, area = bake.settings, bake.parts.surfaces, bake.parts.geometry.area
+    settings, reflectance = bake.settings, bake.parts.surfaces.reflectance
     gather = PaperGather(
         bake.graphics, bake.compute, bake.scene, bake.parts, bake.emission, bake.sky, settings
     )
-    radiosity = HostRadiosity(gather, surfaces.reflectance, bake.emission, area, bake.lights, bake.glowing)
+    radiosity = HostRadiosity(gather, reflectance, bake.emission, bake.area, bake.lights, bake.glowing)
     reason = "Hemicubes are drawn anew in every iteration: the settings ask for the paper's method."
     return radiosity, Choice("paper", "raster", 3 * settings.hemicube**2, (reason,))
 
 
-def _choose_identity(bake: Bake) -> tuple[Identity, list[str]]:
-    """Return the way to find what patches see, the faster one if the settings leave it open."""
-    wanted = bake.settings.visibility
+def _identity_makers(bake: Bake) -> dict[str, Callable[[], Identity]]:
+    """Return what makes each way to find what patches see."""
     around = surroundings(bake.compute.context, bake.emission, bake.sky)
-    makers: dict[str, Callable[[], Identity]] = {
+    return {
         "rays": lambda: RayIdentity(bake.compute, bake.rays, bake.parts, around, bake.settings),
         "raster": lambda: RasterIdentity(
             bake.graphics, bake.compute, bake.scene, bake.parts, around, bake.settings
         ),
     }
+
+
+def _choose_identity(bake: Bake) -> tuple[Identity, list[str]]:
+    """Return the way to find what patches see, the faster one if the settings leave it open."""
+    wanted, makers = bake.settings.visibility, _identity_makers(bake)
     if wanted != "auto":
         return makers[wanted](), [f"The settings ask for {wanted}."]
     count = len(bake.parts.patches)
@@ -126,10 +178,16 @@ def _choose_sweep(bake: Bake, identity: Identity) -> tuple[Sweep, str, str]:
     why = f"It is found anew in every iteration: {sizes}."
     if settings.method == "stream":
         why = "It is found anew in every iteration: the settings ask for it."
+    return _stream(bake, identity), "stream", why
+
+
+def _stream(bake: Bake, identity: Identity) -> Sweep:
+    """Return how identities become light without being kept."""
+    count = len(bake.parts.patches)
     if isinstance(identity, RayIdentity):
-        return RayStreamSweep(bake.compute, identity, count), "stream", why
-    cached = max(1, min(budget, settings.batch_bytes) // cache_bytes(identity.samples, 1))
-    return StreamSweep(bake.compute, identity, count, cached), "stream", why
+        return RayStreamSweep(bake.compute, identity, count)
+    most = min(memory_budget(bake.compute, bake.settings), bake.settings.batch_bytes)
+    return StreamSweep(bake.compute, identity, count, most // cache_bytes(identity.samples, 1))
 
 
 def memory_budget(compute: Compute, settings: Settings) -> int:

@@ -25,6 +25,12 @@ class RayScene:
         """True once rays were asked for."""
         return "rays" in self.__dict__
 
+    def of(self, parts: Subdivision) -> RayScene:
+        """Return the same triangles with other patches."""
+        other = RayScene(self.compute, self._scene, parts)
+        other.rays = self.rays
+        return other
+
     @cached_property
     def rays(self) -> Rays:
         """The triangles and their hierarchy."""

@@ -13,6 +13,9 @@ METHODS = ("auto", "cached", "stream", "paper")
 VISIBILITIES = ("auto", "raster", "rays")
 DIRECTIONS = ("cosine", "hemicube")
 
+#: Widths of squares of patches.
+SHARED_BOUNCES = (0, 1, 2, 4, 8)
+
 #: What a bake can give, in the order of the user interface.
 OUTPUTS = ("combined", "direct", "indirect", "ambient_occlusion", "shadow_mask")
 
@@ -33,6 +36,8 @@ class Settings:
     visibility  one of VISIBILITIES: "auto" takes the faster one; the paper's method only draws
     samples     rays of a patch, 4 ... 65536, or 0 for as many as give the error of a hemicube
     directions  of rays, one of DIRECTIONS
+    shared_bounces  width of the squares of patches that share their bounces, one of SHARED_BOUNCES, texels:
+                each patch then gathers once more for itself; 1 for none, 0 to do so if memory is short
     accelerate  False iterates as the paper does
     memory_budget  device memory for what patches see, bytes; 0 for half of the device's
     outputs     what the bake gives, some of OUTPUTS; shadow_mask gives a map for each light
@@ -59,6 +64,7 @@ class Settings:
     visibility: str = "auto"
     samples: int = 0
     directions: str = "cosine"
+    shared_bounces: int = 0
     accelerate: bool = True
     memory_budget: int = 0
     partials: bool = True
@@ -90,9 +96,8 @@ def check_settings(settings: Settings) -> None:
     if not settings.outputs or not set(settings.outputs) <= set(OUTPUTS):
         chosen = ", ".join(settings.outputs) or "empty"
         raise SettingsError(f"outputs is {chosen}; choose at least one of {', '.join(OUTPUTS)}.")
-    if settings.hemicube not in HEMICUBES:
-        choices = ", ".join(map(str, HEMICUBES))
-        raise SettingsError(f"hemicube is {settings.hemicube}; choose one of {choices}.")
+    _check_choice("hemicube", settings.hemicube, HEMICUBES)
+    _check_choice("shared_bounces", settings.shared_bounces, SHARED_BOUNCES)
     _check_choice("method", settings.method, METHODS)
     _check_choice("visibility", settings.visibility, VISIBILITIES)
     _check_choice("directions", settings.directions, DIRECTIONS)
@@ -103,6 +108,6 @@ def _check_range(name: str, value: float, low: float, high: float, unit: str) ->
         raise SettingsError(f"{name} is {value:g}; choose {low:g} to {high:g} {unit}.")
 
 
-def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
+def _check_choice(name: str, value: str | int, choices: tuple[str, ...] | tuple[int, ...]) -> None:
     if value not in choices:
-        raise SettingsError(f"{name} is '{value}'; choose one of {', '.join(choices)}.")
+        raise SettingsError(f"{name} is {value!r}; choose one of {', '.join(map(str, choices))}.")

@@ -75,6 +75,58 @@ class Radiosity(Protocol):
         """Return E/pi and the share that is no back, (n, 4) float32, of a column."""
 
 
+class Solution(Protocol):
+    """What is known of a bake's light; see `Solver`."""
+
+    def iteration(self) -> Generator[float, None, None]:
+        """Sweep once; yield the fraction done."""
+
+    @property
+    def iterations(self) -> int:
+        """Sweeps so far."""
+        ...
+
+    @property
+    def energies(self) -> list[float]:
+        """Flux that each iteration added, W."""
+        ...
+
+    @property
+    def gathered(self) -> np.ndarray:
+        """E/pi and the share that is no back, (n, 4) float32."""
+        ...
+
+    @property
+    def irradiance(self) -> np.ndarray:
+        """E/pi of all light so far, (n, 3) float32."""
+        ...
+
+    @property
+    def direct(self) -> np.ndarray:
+        """E/pi of light that was not reflected, (n, 3) float32."""
+        ...
+
+    @property
+    def indirect(self) -> np.ndarray:
+        """E/pi of light that was, (n, 3) float32."""
+        ...
+
+    @property
+    def residual(self) -> float:
+        """Estimated remaining error; NaN while unknown."""
+        ...
+
+    @property
+    def converged(self) -> bool:
+        """True once the residual is below the tolerance."""
+        ...
+
+    @property
+    def done(self) -> bool:
+        """True once nothing is left to do."""
+        ...
+
+
 class Solver:
     """Sweeps until the light has settled.
 

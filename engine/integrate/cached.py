@@ -11,7 +11,7 @@ import pyopencl as cl
 from ..device.compute import Compute
 from ..visibility.identity import Identity, SeenBuffers
 from ..visibility.ray_identity import RayIdentity
-from .device_radiosity import DeviceRadiosity
+from .device_radiosity import Light
 
 #: The largest piece of a cache, bytes.
 _PIECE = 1 << 30
@@ -36,7 +36,7 @@ class _Gather:
         self._quads = np.int32(identity.samples // 4)
         self.constant = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count)
 
-    def gather(self, cache: cl.Buffer, first: int, last: int, light: DeviceRadiosity, column: int) -> None:
+    def gather(self, cache: cl.Buffer, first: int, last: int, light: Light, column: int) -> None:
         """Gather for the patches whose samples a cache holds."""
         group = self._compute.group
         self._gather(
@@ -45,7 +45,7 @@ class _Gather:
             self._quads, np.int32(first), cl.LocalMemory(16 * group),
         )  # fmt: skip
 
-    def take(self, light: DeviceRadiosity, column: int) -> None:
+    def take(self, light: Light, column: int) -> None:
         """Make `constant`, which holds all that was gathered, an iterate."""
         self._take(self._queue, (light.count,), None, self.constant, *light.outputs(column))
 
@@ -67,7 +67,7 @@ class CachedSweep:
         self._kernels = _Gather(compute, identity, count)
         self._pieces: list[_Piece] = []
 
-    def gather(self, light: DeviceRadiosity, column: int) -> Generator[float, None, None]:
+    def gather(self, light: Light, column: int) -> Generator[float, None, None]:
         """Gather; see `device_radiosity.Sweep.gather`."""
         if not self._pieces:
             yield from self._find(light)
@@ -75,7 +75,7 @@ class CachedSweep:
             self._kernels.gather(piece.cache, piece.first, piece.last, light, column)
         yield 1.0
 
-    def _find(self, light: DeviceRadiosity) -> Generator[float, None, None]:
+    def _find(self, light: Light) -> Generator[float, None, None]:
         """Find and keep what all patches see."""
         samples, context = self._identity.samples, self._compute.context
         largest = min(_PIECE, self._compute.device.max_mem_alloc_size)
@@ -100,7 +100,7 @@ class StreamSweep:
             compute.context, cl.mem_flags.READ_WRITE, cache_bytes(identity.samples, self._step)
         )
 
-    def gather(self, light: DeviceRadiosity, column: int) -> Generator[float, None, None]:
+    def gather(self, light: Light, column: int) -> Generator[float, None, None]:
         """Gather; see `device_radiosity.Sweep.gather`."""
         for first in range(0, self._count, self._step):
             last = min(first + self._step, self._count)
@@ -117,7 +117,7 @@ class RayStreamSweep:
         self._identity, self._count = identity, count
         self._kernels = _Gather(compute, identity, count)
 
-    def gather(self, light: DeviceRadiosity, column: int) -> Generator[float, None, None]:
+    def gather(self, light: Light, column: int) -> Generator[float, None, None]:
         """Gather; see `device_radiosity.Sweep.gather`."""
         constant = self._kernels.constant
         yield from self._identity.gather(self._count, light.radiance, constant, light.patches_seen)

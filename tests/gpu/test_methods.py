@@ -74,7 +74,7 @@ def test_rays_that_follow_the_cosine_find_the_same_light(paper):
 
 @pytest.mark.parametrize("visibility", ["raster", "rays"])
 def test_what_does_not_fit_the_memory_is_streamed(paper, visibility):
-    settings = dataclasses.replace(SETTINGS, method="auto", visibility=visibility, memory_budget=1 << 20)
+    settings = dataclasses.replace(SETTINGS, method="cached", visibility=visibility, memory_budget=1 << 20)
     report = drive(paper[0], settings).report
     assert report.method == "stream" and any("1 MiB may be used" in reason for reason in report.reasons)
 
@@ -148,3 +148,29 @@ def find(compute, identity, first, last, count):
     seen = np.empty((last - first, 96, 32), np.uint32)
     cl.enqueue_copy(compute.queue, seen, buffers[0])
     return seen
+
+
+@pytest.mark.parametrize("visibility", ["raster", "rays"])
+def test_shared_bounces_bring_the_same_light(visibility):
+    """A square of 2 x 2 patches is 0.2 m wide in this room; direct and indirect light add up."""
+    outputs = ("combined", "direct", "indirect")
+    settings = Settings(
+        resolution=128, hemicube=16, samples=512, tolerance=1e-3, visibility=visibility, outputs=outputs,
+        sample_emission=False,
+    )  # fmt: skip
+    own, shared = (
+        drive(nine_quad_room(), dataclasses.replace(settings, shared_bounces=width)) for width in (1, 2)
+    )
+    covered = own.covered
+    mean = own.image[covered].mean()
+    difference = (shared.image - own.image)[covered]
+    assert abs(difference.mean()) < 3e-3 * mean and np.sqrt((difference**2).mean()) < 0.02 * mean
+    assert shared.passes["direct"] == pytest.approx(own.passes["direct"], abs=1e-4)
+    both = shared.passes["direct"] + shared.passes["indirect"]
+    assert both[covered] == pytest.approx(shared.image[covered], abs=1e-5)
+
+
+def test_short_memory_lets_bounces_be_shared():
+    settings = Settings(resolution=128, samples=256, visibility="rays", memory_budget=4 << 20)
+    report = drive(nine_quad_room(), settings).report
+    assert report.method == "cached" and "share their bounces" in report.reasons[0]

@@ -33,13 +33,13 @@ class Triangles:
     @cached_property
     def box(self) -> np.ndarray:
         """Low and high corner of all triangles together, (2, 3) float64, metres."""
-        points = self.positions.reshape(-1, 3)
-        return np.stack([points.min(axis=0), points.max(axis=0)]).astype(np.float64)
+        axes = self.positions.reshape(-1, 3).T
+        return np.array([[axis.min() for axis in axes], [axis.max() for axis in axes]], np.float64)
 
     @property
     def middle(self) -> np.ndarray:
-        """The middle of the box, (3,) float64, metres: float32 positions relative to it are finest."""
-        middle: np.ndarray = self.box.mean(axis=0)
+        """The middle of the box, (3,) float64 that float32 holds: positions relative to it are finest."""
+        middle: np.ndarray = self.box.mean(axis=0).astype(np.float32).astype(np.float64)
         return middle
 
     @property

@@ -13,8 +13,8 @@ from ..device.compute import Compute
 from ..solve import Step, Sums
 from ..visibility.identity import with_fourth
 
-#: Work items of the kernels that add up, on a GPU.
-_ITEMS = 8192
+#: Work items of the kernels that sum over patches, and of a group that adds their sums up, on a GPU.
+_ITEMS, _ADDING = 2048, 256
 
 #: float4 sums of `products` in kernels/solve.cl.
 _PRODUCTS = COLUMNS * (COLUMNS + 1) // 2
@@ -74,7 +74,8 @@ class DeviceRadiosity:
         names = ("products", "mix_iterates", "add_up")
         options = (f"-DCOLUMNS={COLUMNS}",)
         self._products, self._mix, self._add_up = compute.kernels("solve.cl", *names, options=options)
-        self._items = _ITEMS if compute.group > 1 else compute.device.max_compute_units
+        gpu = compute.group > 1
+        self._items, self._adding = (_ITEMS, _ADDING) if gpu else (compute.device.max_compute_units, 1)
         self._sums, self._totals = self._zeros(16 * _SUMS * self._items), self._zeros(16 * _SUMS)
         self._weights = self._zeros(16 * COLUMNS)
 
@@ -121,10 +122,9 @@ class DeviceRadiosity:
 
     def _read_sums(self, numbers: int) -> np.ndarray:
         """Return the sums of all work items together, (numbers, 3) float64."""
-        group = self._compute.group
         self._add_up(
-            self._queue, (group * numbers,), (group,),
-            self._sums, np.int32(self._items), self._totals, cl.LocalMemory(16 * group),
+            self._queue, (self._adding * numbers,), (self._adding,),
+            self._sums, np.int32(self._items), self._totals, cl.LocalMemory(16 * self._adding),
         )  # fmt: skip
         totals = np.empty((numbers, 4), np.float32)
         cl.enqueue_copy(self._queue, totals, self._totals)

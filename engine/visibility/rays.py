@@ -22,15 +22,14 @@ class Rays:
     def __init__(self, compute: Compute, triangles: Triangles, cutouts: Cutouts) -> None:
         self._compute, self._queue = compute, compute.queue
         self.origin = triangles.middle
-        positions = (triangles.positions - self.origin).astype(np.float32)
         self.culled = cutouts.culled
-        bvh = build_bvh(positions)
-        arrays = [_four(bvh.boxes), bvh.children, _records(positions, bvh.order)]
-        self._options: tuple[str, ...] = ()
+        bvh = build_bvh(compute, triangles.positions, self.origin)
+        self._options = bvh.options
+        arrays: list[np.ndarray] = []
         if cutouts.needed:
-            self._options = ("-DCUTOUTS",)
-            arrays += [cutouts.alpha, cutouts.maps, _constants(cutouts), cutouts.uvs, triangles.material]
-        self.arguments = tuple(self.constant(array) for array in arrays)
+            self._options = (*bvh.options, "-DCUTOUTS")
+            arrays = [cutouts.alpha, cutouts.maps, _constants(cutouts), cutouts.uvs, triangles.material]
+        self.arguments = (bvh.nodes, bvh.triangles, *map(self.constant, arrays))
         self._cast, self._pass = self.kernels((), "cast", "pass")
 
     def kernels(
@@ -87,16 +86,6 @@ def _four(vectors: np.ndarray, last: float = 0.0) -> np.ndarray:
     padded = np.full((*vectors.shape[:-1], 4), last, np.float32)
     padded[..., :3] = vectors
     return padded
-
-
-def _records(positions: np.ndarray, order: np.ndarray) -> np.ndarray:
-    """Return (t, 3, 4) float32 in leaf order: first corner and the triangle's number, two edges."""
-    corners = positions[order]
-    records = _four(
-        np.stack([corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=1)
-    )
-    records[:, 0, 3] = order.astype(np.int32).view(np.float32)
-    return records
 
 
 def _constants(cutouts: Cutouts) -> np.ndarray:

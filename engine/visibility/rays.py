@@ -21,11 +21,10 @@ class Rays:
 
     def __init__(self, compute: Compute, triangles: Triangles, cutouts: Cutouts) -> None:
         self._compute, self._queue = compute, compute.queue
-        flat = triangles.positions.reshape(-1, 3)
-        middle = [(float(axis.min()) + float(axis.max())) / 2 for axis in flat.T]
-        self.origin = np.array(middle, np.float32).astype(np.float64)
+        low, high = np.transpose([(x.min(), x.max()) for x in triangles.positions.reshape(-1, 3).T])
+        self.origin = ((low.astype(np.float64) + high) / 2).astype(np.float32).astype(np.float64)
         self.culled = cutouts.culled
-        bvh = build_bvh(compute, triangles.positions, self.origin)
+        bvh = build_bvh(compute, triangles.positions, self.origin, float((high - self.origin).max()))
         self._options = bvh.options
         arrays: list[np.ndarray] = []
         if cutouts.needed:

@@ -103,10 +103,8 @@ class DirectLight:
         start, step = 0, _FIRST_SLICE
         while start < self._count:
             end, began = min(start + step, self._count), time.perf_counter()
-            kernel(
-                self._queue, (end - start,), None, *self._rays.arguments, self._receivers,
-                *arguments, self._result, np.int32(start), np.int32(end),
-            )  # fmt: skip
+            slice_ = np.int32(start), np.int32(end)
+            self._rays.run(kernel, end - start, self._receivers, *arguments, self._result, *slice_)
             self._queue.finish()
             seconds = time.perf_counter() - began
             if seconds < _SLICE / 2:

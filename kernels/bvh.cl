@@ -6,6 +6,7 @@
 #define FAR 8
 #define CHUNK 32  // values that one work item sums
 #define GROUP 256
+#define LEAF_BITS 3
 
 typedef struct {
     float3 low, high;
@@ -84,7 +85,7 @@ void store_node(__global float4 *boxes, __global int4 *links, const int node, co
                 const int4 link)
 {
     boxes[2 * node] = (float4)(box.low, cost);
-    boxes[2 * node + 1] = (float4)(box.high, 0.0f);
+    boxes[2 * node + 1] = (float4)(box.high, cost);
     links[node] = link;
 }
 

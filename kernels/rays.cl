@@ -1,5 +1,5 @@
 // Rays through a bounding volume hierarchy of triangles: nodes of WIDTH boxes, leaves of packets of PACKET
-// triangles, at most STACK nodes to come back to (engine/visibility/bvh.py). CUTOUTS is defined for scenes
+// triangles, RECORD floats each, at most STACK nodes to come back to (engine/visibility/bvh.py). CUTOUTS is defined for scenes
 // with see-through surfaces.
 
 #define JOIN_(a, b) a##b
@@ -17,7 +17,6 @@
 #define AS_INTS as_int16
 #endif
 #if PACKET == 1
-#define RECORD 12  // floats of each triangle
 #define PART float4
 #define PARTS 3
 #define LANES float
@@ -25,7 +24,6 @@
 #define ANY(flags) (flags)
 #define LANE(values, lane) (values)
 #else
-#define RECORD 10
 #define PART JOIN(float, PACKET)
 #define PARTS 10
 #define LANES PART

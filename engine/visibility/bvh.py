@@ -40,7 +40,7 @@ class Shape:
     cost: float
 
 
-#: A processor tests as many boxes and triangles at a time as its vectors hold; an item of a graphics card one.
+#: A processor tests as many boxes and triangles at a time as its vectors hold; a graphics card's items one.
 _PROCESSOR = Shape(8, 8, 8, 0.5)
 _GRAPHICS = Shape(2, 1, 4, 0.35)
 
@@ -90,16 +90,18 @@ class _Level:
 
 
 class _Builder:
-    def __init__(self, compute: Compute, positions: np.ndarray, origin: np.ndarray, reach: float, shape: Shape) -> None:
+    def __init__(
+        self, compute: Compute, positions: np.ndarray, origin: np.ndarray, reach: float, shape: Shape
+    ) -> None:
         self._compute, self._queue, self._shape = compute, compute.queue, shape
         self._count = len(positions)
         options = _layout(shape, _STACK)
         options += (f"-DLEAF={shape.leaf}", f"-DPACKET_COST={shape.cost}f")
         names = (
-            "places_on_curve", "single_clusters", "best_neighbours", "count_merges", "sum_chunks", "sum_totals",
-            "merge", "pick_clusters", "open_nodes", "next_roots", "store_level",
+            "places_on_curve", "single_clusters", "best_neighbours", "count_merges", "sum_chunks",
+            "sum_totals", "merge", "pick_clusters", "open_nodes", "next_roots", "store_level",
         )  # fmt: skip
-        kernels = compute.kernels(("rays.cl", "bvh.cl"), *names, options=options)
+        kernels = compute.kernels("bvh.cl", *names, options=options)
         self._kernels = dict(zip(names, kernels, strict=True))
         self._boxes, self._links = self._buffer(64 * self._count), self._buffer(32 * self._count)
         self._positions = self._upload(positions.astype(np.float32, copy=False))
@@ -179,9 +181,9 @@ class _Builder:
             cost[nodes] = np.where(leaf[nodes], whole, parted)
         if len(inner):
             left = top.left[inner]
-            none = np.zeros(len(inner), np.float32)
-            boxes = np.column_stack([top.low[inner], cost[inner], top.high[inner], none])
-            links = np.column_stack([number[left], number[left + 1], size[inner], leaf[inner]]).astype(np.int32)
+            boxes = np.column_stack([top.low[inner], cost[inner], top.high[inner], cost[inner]])
+            links = np.column_stack([number[left], number[left + 1], size[inner], leaf[inner]])
+            links = links.astype(np.int32)
             cl.enqueue_copy(self._queue, self._boxes, boxes, dst_offset=32 * made)
             cl.enqueue_copy(self._queue, self._links, links, dst_offset=16 * made)
         return int(number[0])
@@ -195,15 +197,15 @@ class _Builder:
             levels.append(level)
             if count_next:
                 following = self._buffer(4 * count_next)
+                places = level.before, level.totals
                 self._run(
-                    "next_roots", count, self._links, level.children, level.before, level.totals, following,
-                    np.int32(count),
+                    "next_roots", count, self._links, level.children, *places, following, np.int32(count)
                 )
                 roots = following
             count = count_next
 
         # How much there is is known now.
-        record, packet = 32 * self._shape.width, 48 if self._shape.packet == 1 else 40 * self._shape.packet
+        record, packet = 32 * self._shape.width, 4 * self._shape.packet * _record(self._shape)
         nodes = self._buffer(record * sum(level.count for level in levels))
         packets = self._buffer(packet * sum(level.packets for level in levels))
         first = first_packet = 0
@@ -248,4 +250,11 @@ class _Builder:
 
 
 def _layout(shape: Shape, stack: int) -> tuple[str, ...]:
-    return f"-DWIDTH={shape.width}", f"-DPACKET={shape.packet}", f"-DSTACK={stack}"
+    """Return the options of kernels for a hierarchy of a shape."""
+    sizes = {"WIDTH": shape.width, "PACKET": shape.packet, "RECORD": _record(shape), "STACK": stack}
+    return tuple(f"-D{name}={value}" for name, value in sizes.items())
+
+
+def _record(shape: Shape) -> int:
+    """Return how many floats each triangle takes: it is loaded in fours where it is alone."""
+    return 12 if shape.packet == 1 else 10

@@ -20,7 +20,7 @@ def covered_patches(scene: RayScene, count: int) -> np.ndarray:
     (kernel,) = rays.kernels(("receiver.cl", "covered.cl"), "covered")
     output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, count)
     limits = (np.float32(_ABOVE), np.float32(_BELOW))
-    kernel(compute.queue, (count,), None, *rays.arguments, scene.receivers, *limits, output, np.int32(count))
+    rays.run(kernel, count, scene.receivers, *limits, output, np.int32(count))
     covered = np.empty(count, np.uint8)
     cl.enqueue_copy(compute.queue, covered, output)
     return covered.astype(bool)

@@ -98,10 +98,8 @@ class DirectLight:
         """Run a kernel over all patches, some at a time, and return its result, (n, 4) float32."""
 
         def launch(start: int, end: int) -> None:
-            kernel(
-                self._queue, (end - start,), None, *self._rays.arguments, self._receivers,
-                *arguments, self._result, np.int32(start), np.int32(end),
-            )  # fmt: skip
+            slice_ = np.int32(start), np.int32(end)
+            self._rays.run(kernel, end - start, self._receivers, *arguments, self._result, *slice_)
 
         for end in sliced(self._queue, 0, self._count, launch):
             yield end / self._count

@@ -25,5 +25,5 @@ def pack_receivers(compute: Compute, geometry: PatchGeometry, origin: np.ndarray
     records = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * RECORD * count)
     (pack,) = compute.kernels(("receiver.cl", "pack.cl"), "pack")
     place = cl.cltypes.make_float4(*origin, 0)
-    pack(compute.queue, (count,), None, *inputs, heights, place, records, np.int32(count))
+    compute.run(pack, count, *inputs, heights, place, records, np.int32(count))
     return records

@@ -65,9 +65,9 @@ def _leaders(rays: RayScene, parts: Subdivision, width: int) -> np.ndarray:
         cl.Buffer(compute.context, flags, hostbuf=np.ascontiguousarray(array)) for array in arrays
     )
     leaders = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * len(patches))
-    squares = -(-patches.resolution // width)
+    squares = -(-patches.resolution // (8 * width)) * 8
     share(
-        compute.queue, (squares, squares, len(parts.owners)), None,
+        compute.queue, (squares, squares, len(parts.owners)), (8, 8, 1),
         owners, np.int32(patches.resolution), np.int32(width), texels, materials, rays.receivers, leaders,
     )  # fmt: skip
     result = np.empty(len(patches), np.uint32)

@@ -1,10 +1,12 @@
 // Builds the hierarchy of kernels/rays.cl: clusters of triangles along a Morton curve, each merged with its
-// best neighbour if that one wants it, too (PLOC; Meister and Bittner 2018); then binary nodes are joined to
-// nodes of WIDTH children with leaves of packets. engine/visibility/bvh.py runs the kernels.
+// best neighbour if that one wants it, too (PLOC; Meister and Bittner 2018), until few are left, which are
+// split from the top down; then binary nodes are joined to nodes of WIDTH children with leaves of packets.
+// engine/visibility/bvh.py runs the kernels.
 
-#define FAR 16    // clusters on either side among which a cluster looks for its best neighbour
+#define FAR 8
 #define CHUNK 32  // values that one work item sums
 #define GROUP 256
+#define LEAF_BITS 3
 
 typedef struct {
     float3 low, high;
@@ -83,7 +85,7 @@ void store_node(__global float4 *boxes, __global int4 *links, const int node, co
                 const int4 link)
 {
     boxes[2 * node] = (float4)(box.low, cost);
-    boxes[2 * node + 1] = (float4)(box.high, 0.0f);
+    boxes[2 * node + 1] = (float4)(box.high, cost);
     links[node] = link;
 }
 
@@ -251,6 +253,19 @@ __kernel void merge(__global const int *best, const int paired, __global const i
     new_cluster[rank.x] = node;
 }
 
+// The nodes of clusters, one after the other.
+__kernel void pick_clusters(__global const int *cluster, __global const float4 *boxes, __global const int4 *links,
+                            __global float4 *picked_boxes, __global int4 *picked_links, const int count)
+{
+    const int i = get_global_id(0);
+    if (i >= count)
+        return;
+    const int node = cluster[i];
+    picked_boxes[2 * i] = boxes[2 * node];
+    picked_boxes[2 * i + 1] = boxes[2 * node + 1];
+    picked_links[i] = (int4)(node, links[node].yzw);
+}
+
 // The children of wide nodes: the binary node's two, and of those that are no leaves the largest opened as
 // long as there is room. Of each wide node the children that are no leaves, and its packets.
 __kernel void open_nodes(__global const float4 *boxes, __global const int4 *links, __global const int *roots,
@@ -317,7 +332,7 @@ void store_packets(__global const float *positions, const float4 origin, __globa
             stack[depth++] = link.x;
             continue;
         }
-        __global float *packet = packets + lane / PACKET * PACKET * 10 + lane % PACKET;
+        __global float *packet = packets + lane / PACKET * PACKET * RECORD + lane % PACKET;
         ++lane;
         const float3 a = corner_of(positions, link.x, 0, origin);
         const float3 edge1 = corner_of(positions, link.x, 1, origin) - a;
@@ -329,7 +344,7 @@ void store_packets(__global const float *positions, const float4 origin, __globa
     }
     for (; lane % PACKET != 0; ++lane)
         for (int k = 0; k < 10; ++k)
-            packets[lane / PACKET * PACKET * 10 + k * PACKET + lane % PACKET] = 0.0f;
+            packets[lane / PACKET * PACKET * RECORD + k * PACKET + lane % PACKET] = 0.0f;
 }
 
 // Wide nodes of one level, from `first` on, and the packets of their leaves; their children are nodes from
@@ -355,7 +370,7 @@ __kernel void store_level(__global const float *positions, const float4 origin, 
             const int4 link = links[child];
             if (link.w) {
                 const int count = (link.z + PACKET - 1) / PACKET;
-                store_packets(positions, origin, links, child, packets + (size_t)10 * PACKET * packet);
+                store_packets(positions, origin, links, child, packets + (size_t)RECORD * PACKET * packet);
                 code = ~(packet << LEAF_BITS | count);
                 packet += count;
             } else {

@@ -1,5 +1,5 @@
 // Rays through a bounding volume hierarchy of triangles: nodes of WIDTH boxes, leaves of packets of PACKET
-// triangles, at most STACK nodes to come back to (engine/visibility/bvh.py). CUTOUTS is defined for scenes
+// triangles, RECORD floats each, at most STACK nodes to come back to (engine/visibility/bvh.py). CUTOUTS is defined for scenes
 // with see-through surfaces.
 
 #define JOIN_(a, b) a##b
@@ -17,12 +17,16 @@
 #define AS_INTS as_int16
 #endif
 #if PACKET == 1
+#define PART float4
+#define PARTS 3
 #define LANES float
 #define FLAGS int
 #define ANY(flags) (flags)
 #define LANE(values, lane) (values)
 #else
-#define LANES JOIN(float, PACKET)
+#define PART JOIN(float, PACKET)
+#define PARTS 10
+#define LANES PART
 #define FLAGS JOIN(int, PACKET)
 #define ANY(flags) any(flags)
 #define LANE(values, lane) values[lane]
@@ -32,7 +36,7 @@
 typedef struct {
     __global const PLANES *nodes;     // low and high x, y, z of each child; children and nothing. A child is a
                                       // node, or ~(first packet << LEAF_BITS | packets) for a leaf
-    __global const LANES *triangles;  // packets of first corner, two edges, number
+    __global const PART *triangles;  // packets of first corner, two edges, number
 #ifdef CUTOUTS
     __global const float *alpha;       // engine/cutouts.py
     __global const int4 *maps;
@@ -43,12 +47,12 @@ typedef struct {
 } Rays;
 
 #ifdef CUTOUTS
-#define RAYS_ARGUMENTS __global const PLANES *nodes, __global const LANES *triangles, \
+#define RAYS_ARGUMENTS __global const PLANES *nodes, __global const PART *triangles, \
     __global const float *alpha, __global const int4 *maps, __global const float4 *constants, \
     __global const float2 *places, __global const int *materials
 #define RAYS {nodes, triangles, alpha, maps, constants, places, materials}
 #else
-#define RAYS_ARGUMENTS __global const PLANES *nodes, __global const LANES *triangles
+#define RAYS_ARGUMENTS __global const PLANES *nodes, __global const PART *triangles
 #define RAYS {nodes, triangles}
 #endif
 
@@ -154,8 +158,14 @@ typedef struct {
 } Meeting;
 
 // Moeller and Trumbore 1997; edges are a little wider than they are, so that nothing slips between.
-void meet(__global const LANES *t, const Search *search, Meeting *meeting)
+void meet(__global const PART *packet, const Search *search, Meeting *meeting)
 {
+#if PACKET == 1
+    const float4 a = packet[0], b = packet[1], c = packet[2];
+    const float t[10] = {a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w, c.x, c.y};
+#else
+    __global const PART *t = packet;
+#endif
     const float3 d = search->direction;
     const LANES sx = search->origin.x - t[0], sy = search->origin.y - t[1], sz = search->origin.z - t[2];
     const LANES px = d.y * t[8] - d.z * t[7], py = d.z * t[6] - d.x * t[8], pz = d.x * t[7] - d.y * t[6];
@@ -178,9 +188,9 @@ void meet(__global const LANES *t, const Search *search, Meeting *meeting)
 // What is met in a leaf counts; false if nothing more can.
 bool take_leaf(const Rays *rays, const int code, Search *search)
 {
-    __global const LANES *packet = rays->triangles + 10 * (code >> LEAF_BITS);
+    __global const PART *packet = rays->triangles + PARTS * (code >> LEAF_BITS);
     const int count = code & ((1 << LEAF_BITS) - 1);
-    for (int i = 0; i < count; ++i, packet += 10) {
+    for (int i = 0; i < count; ++i, packet += PARTS) {
         Meeting meeting;
         meet(packet, search, &meeting);
         if (!ANY(meeting.met))
@@ -190,7 +200,7 @@ bool take_leaf(const Rays *rays, const int code, Search *search)
             if (!LANE(meeting.met, lane) || !(distance < search->reach))
                 continue;
             const Hit hit = {distance, (float2)(LANE(meeting.u, lane), LANE(meeting.v, lane)),
-                             as_int(((__global const float *)(packet + 9))[lane]), LANE(meeting.determinant, lane) > 0.0f};
+                             ((__global const int *)packet)[9 * PACKET + lane], LANE(meeting.determinant, lane) > 0.0f};
 #ifdef CUTOUTS
             const float stopped = opacity(rays, &hit), least = least_opacity(&hit);
 #else

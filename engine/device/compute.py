@@ -13,8 +13,8 @@ _REMEDY = (
     "Install the driver of your graphics card, or for computing on the processor PoCL "
     "(Debian or Ubuntu: apt install pocl-opencl-icd; Python: pip install pocl-binary-distribution)."
 )
-#: Work items of a group on a GPU.
-_GROUP = 64
+#: Work items of a group on a GPU, and of a group whose items have nothing to do with each other.
+_GROUP = _ITEMS = 64
 
 _PROBE = "__kernel void probe(__global float *x) { x[get_global_id(0)] = sqrt(2.0f); }"
 
@@ -46,6 +46,13 @@ class Compute:
             text = "\n".join(kernel_source(file) for file in files)
             self._programs[key] = self._build(self.context, text, options)
         return [cl.Kernel(self._programs[key], name) for name in names]
+
+    def run(self, kernel: cl.Kernel, items: int, *arguments: object) -> None:
+        """Run a kernel for at least so many items; it has to leave those alone that are too many.
+
+        Work groups have one size whatever the number of items, since PoCL compiles a kernel anew for each.
+        """
+        kernel(self.queue, (-(-items // _ITEMS) * _ITEMS,), (_ITEMS,), *arguments)
 
     def _first_working_context(self, devices: list[cl.Device]) -> cl.Context:
         """Return a context of the first device that builds a kernel.

@@ -47,7 +47,7 @@ class _Gather:
 
     def take(self, light: Light, column: int) -> None:
         """Make `constant`, which holds all that was gathered, an iterate."""
-        self._take(self._queue, (light.count,), None, self.constant, *light.outputs(column))
+        self._compute.run(self._take, light.count, self.constant, *light.outputs(column))
 
 
 @dataclass(frozen=True)

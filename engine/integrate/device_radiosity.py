@@ -75,7 +75,8 @@ class DeviceRadiosity:
         options = (f"-DCOLUMNS={COLUMNS}",)
         self._products, self._mix, self._add_up = compute.kernels("solve.cl", *names, options=options)
         gpu = compute.group > 1
-        self._items, self._adding = (_ITEMS, _ADDING) if gpu else (compute.device.max_compute_units, 1)
+        self._items: int = _ITEMS if gpu else compute.device.max_compute_units
+        self._adding = _ADDING if gpu else 1
         self._sums, self._totals = self._zeros(16 * _SUMS * self._items), self._zeros(16 * _SUMS)
         self._weights = self._zeros(16 * COLUMNS)
 

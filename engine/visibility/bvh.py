@@ -8,10 +8,14 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.compute import Compute
+from .treetop import Treetop
 
-#: Clusters beyond either end of a row, values that a work item sums, and items of the one group that sums
-#: those sums, as in kernels/bvh.cl.
-_FAR, _CHUNK, _GROUP = 16, 32, 256
+#: Clusters beyond either end of a row, values that a work item sums, and items of a work group, as in
+#: kernels/bvh.cl.
+_FAR, _CHUNK, _GROUP = 8, 32, 256
+
+#: So many clusters are split from the top down: this makes better boxes than merging, but takes longer.
+_TOP = 16384
 
 #: If a round merges less than this share of the clusters, all merge in pairs instead: this bounds the depth.
 _FEWEST = 1 / 16
@@ -36,9 +40,9 @@ class Shape:
     cost: float
 
 
-#: A processor tests as many boxes and triangles at once as its vectors hold; an item of a GPU one.
-_PROCESSOR = Shape(8, 4, 4, 0.5)
-_GRAPHICS = Shape(2, 1, 4, 0.5)
+#: A processor tests as many boxes and triangles at a time as its vectors hold; a graphics card's items one.
+_PROCESSOR = Shape(8, 8, 8, 0.5)
+_GRAPHICS = Shape(2, 1, 4, 0.35)
 
 
 @dataclass(frozen=True)
@@ -62,13 +66,16 @@ def shape_for(device: cl.Device) -> Shape:
     return _PROCESSOR if device.type & cl.device_type.CPU else _GRAPHICS
 
 
-def build_bvh(compute: Compute, positions: np.ndarray, origin: np.ndarray, shape: Shape | None = None) -> Bvh:
+def build_bvh(
+    compute: Compute, positions: np.ndarray, origin: np.ndarray, reach: float, shape: Shape | None = None
+) -> Bvh:
     """Build the hierarchy of triangles, (t, 3, 3) float32, at least one; boxes are relative to the origin.
 
-    origin: (3,), the middle of the scene. Clusters along a Morton curve are merged with their best
-    neighbours (PLOC; Meister and Bittner 2018), and binary nodes joined to wide ones.
+    origin: (3,), the middle of the scene, which reaches that far from it along any axis. Clusters along a
+    Morton curve are merged with their best neighbours (PLOC; Meister and Bittner 2018), those left are split
+    from the top down, and binary nodes joined to wide ones.
     """
-    return _Builder(compute, positions, origin, shape or shape_for(compute.device)).build()
+    return _Builder(compute, positions, origin, reach, shape or shape_for(compute.device)).build()
 
 
 @dataclass(frozen=True)
@@ -83,24 +90,27 @@ class _Level:
 
 
 class _Builder:
-    def __init__(self, compute: Compute, positions: np.ndarray, origin: np.ndarray, shape: Shape) -> None:
+    def __init__(
+        self, compute: Compute, positions: np.ndarray, origin: np.ndarray, reach: float, shape: Shape
+    ) -> None:
         self._compute, self._queue, self._shape = compute, compute.queue, shape
         self._count = len(positions)
         options = _layout(shape, _STACK)
         options += (f"-DLEAF={shape.leaf}", f"-DPACKET_COST={shape.cost}f")
         names = (
             "places_on_curve", "single_clusters", "best_neighbours", "count_merges", "sum_chunks",
-            "sum_totals", "merge", "open_nodes", "next_roots", "store_level",
+            "sum_totals", "merge", "pick_clusters", "open_nodes", "next_roots", "store_level",
         )  # fmt: skip
-        kernels = compute.kernels(("rays.cl", "bvh.cl"), *names, options=options)
+        kernels = compute.kernels("bvh.cl", *names, options=options)
         self._kernels = dict(zip(names, kernels, strict=True))
+        self._boxes, self._links = self._buffer(64 * self._count), self._buffer(32 * self._count)
         self._positions = self._upload(positions.astype(np.float32, copy=False))
         self._origin = np.append(origin, 0).astype(np.float32)
-        self._reach = max(float(np.abs(positions.min(axis=(0, 1)) - origin).max()), 1e-30)
+        self._reach = max(reach, 1e-30)
 
     def build(self) -> Bvh:
-        root = self._merge_all(*self._sorted())
-        return self._widen(root)
+        """Return the hierarchy."""
+        return self._widen(self._join(*self._merge(*self._sorted())))
 
     def _sorted(self) -> tuple[cl.Buffer, int]:
         """Return the triangles' numbers in the lowest bits of their keys in ascending order, and a mask."""
@@ -117,10 +127,9 @@ class _Builder:
         cl.enqueue_copy(self._queue, buffer, keys)
         return buffer, (1 << bits) - 1
 
-    def _merge_all(self, keys: cl.Buffer, mask: int) -> int:
-        """Merge clusters until one is left; return its node."""
+    def _merge(self, keys: cl.Buffer, mask: int) -> tuple[cl.Buffer, int, int]:
+        """Merge clusters until few are left; return their nodes, their number and the number of nodes."""
         count, made, stride = self._count, self._count, self._count + 2 * _FAR
-        self._boxes, self._links = self._buffer(32 * 2 * count), self._buffer(16 * 2 * count)
         rows, new_rows = (self._buffer(24 * stride) for _ in range(2))
         cluster, new_cluster = (self._buffer(4 * count) for _ in range(2))
         best, before = self._buffer(4 * count), self._buffer(8 * count)
@@ -130,7 +139,7 @@ class _Builder:
             "single_clusters", stride, self._positions, self._origin, keys, np.uint64(mask), rows,
             np.int32(stride), cluster, *nodes, np.int32(count),
         )  # fmt: skip
-        while count > 1:
+        while count > _TOP:
             self._run("best_neighbours", count, rows, np.int32(stride), best, np.int32(count))
             for paired in (np.int32(0), np.int32(1)):
                 chunks = -(-count // _CHUNK)
@@ -139,12 +148,45 @@ class _Builder:
                 if merged >= _FEWEST * count:
                     break
             self._run(
-                "merge", max(count, _FAR), best, paired, before, totals, rows, cluster, new_rows, new_cluster,
+                "merge", count, best, paired, before, totals, rows, cluster, new_rows, new_cluster,
                 np.int32(stride), np.int32(left), *nodes, np.int32(made), np.int32(count),
             )  # fmt: skip
             rows, new_rows, cluster, new_cluster = new_rows, rows, new_cluster, cluster
             count, made = left, made + merged
-        return made - 1
+        return cluster, count, made
+
+    def _join(self, cluster: cl.Buffer, count: int, made: int) -> int:
+        """Make the nodes above some clusters, from number `made` on; return the root."""
+        picked = self._buffer(32 * count), self._buffer(16 * count)
+        self._run("pick_clusters", count, cluster, self._boxes, self._links, *picked, np.int32(count))
+        boxes, links = np.empty((count, 8), np.float32), np.empty((count, 4), np.int32)
+        for array, buffer in zip((boxes, links), picked, strict=True):
+            cl.enqueue_copy(self._queue, array, buffer)
+        top = Treetop(boxes[:, :3], boxes[:, 4:7], links[:, 2])
+        inner = np.concatenate([*top.levels, np.zeros(0, np.int64)])
+        number = links[top.cluster, 0]
+        number[inner] = made + np.arange(len(inner))
+
+        # Numbers of triangles and costs, from the clusters up, as in kernels/bvh.cl.
+        size, cost = links[top.cluster, 2], boxes[top.cluster, 3]
+        leaf = np.zeros(len(size), bool)
+        x, y, z = (top.high - top.low).T
+        area = x * y + y * z + z * x
+        for nodes in top.levels[::-1]:
+            left = top.left[nodes]
+            size[nodes] = size[left] + size[left + 1]
+            parted = area[nodes] + cost[left] + cost[left + 1]
+            whole = area[nodes] * self._shape.cost * -(-size[nodes] // self._shape.packet)
+            leaf[nodes] = (size[nodes] <= self._shape.leaf) & ~(parted < whole)
+            cost[nodes] = np.where(leaf[nodes], whole, parted)
+        if len(inner):
+            left = top.left[inner]
+            boxes = np.column_stack([top.low[inner], cost[inner], top.high[inner], cost[inner]])
+            links = np.column_stack([number[left], number[left + 1], size[inner], leaf[inner]])
+            links = links.astype(np.int32)
+            cl.enqueue_copy(self._queue, self._boxes, boxes, dst_offset=32 * made)
+            cl.enqueue_copy(self._queue, self._links, links, dst_offset=16 * made)
+        return int(number[0])
 
     def _widen(self, root: int) -> Bvh:
         """Join binary nodes to wide ones, level by level, and store them."""
@@ -155,21 +197,15 @@ class _Builder:
             levels.append(level)
             if count_next:
                 following = self._buffer(4 * count_next)
+                places = level.before, level.totals
                 self._run(
-                    "next_roots",
-                    count,
-                    self._links,
-                    level.children,
-                    level.before,
-                    level.totals,
-                    following,
-                    np.int32(count),
+                    "next_roots", count, self._links, level.children, *places, following, np.int32(count)
                 )
                 roots = following
             count = count_next
 
         # How much there is is known now.
-        record, packet = 32 * self._shape.width, 40 * self._shape.packet
+        record, packet = 32 * self._shape.width, 4 * self._shape.packet * _record(self._shape)
         nodes = self._buffer(record * sum(level.count for level in levels))
         packets = self._buffer(packet * sum(level.packets for level in levels))
         first = first_packet = 0
@@ -214,4 +250,11 @@ class _Builder:
 
 
 def _layout(shape: Shape, stack: int) -> tuple[str, ...]:
-    return f"-DWIDTH={shape.width}", f"-DPACKET={shape.packet}", f"-DSTACK={stack}"
+    """Return the options of kernels for a hierarchy of a shape."""
+    sizes = {"WIDTH": shape.width, "PACKET": shape.packet, "RECORD": _record(shape), "STACK": stack}
+    return tuple(f"-D{name}={value}" for name, value in sizes.items())
+
+
+def _record(shape: Shape) -> int:
+    """Return how many floats each triangle takes: it is loaded in fours where it is alone."""
+    return 12 if shape.packet == 1 else 10

@@ -23,7 +23,9 @@ class Rays:
         self._compute, self._queue = compute, compute.queue
         self.origin = triangles.middle
         self.culled = cutouts.culled
-        bvh = build_bvh(compute, triangles.positions, self.origin)
+        bvh = build_bvh(
+            compute, triangles.positions, self.origin, float((triangles.box[1] - self.origin).max())
+        )
         self._options = bvh.options
         arrays: list[np.ndarray] = []
         if cutouts.needed:
@@ -55,11 +57,8 @@ class Rays:
         hits, distances = np.empty((count, 2), np.int32), np.empty(count, np.float32)
         write = cl.mem_flags.WRITE_ONLY
         outputs = [cl.Buffer(self._compute.context, write, array.nbytes) for array in (hits, distances)]
-        self._cast(
-            self._queue, (count,), None, *self.arguments,
-            *self._rays(origins, directions, 0.0), np.int32(backs),
-            *outputs, np.int32(count),
-        )  # fmt: skip
+        rays = self._rays(origins, directions, 0.0)
+        self.run(self._cast, count, *rays, np.int32(backs), *outputs, np.int32(count))
         for array, buffer in zip((hits, distances), outputs, strict=True):
             cl.enqueue_copy(self._queue, array, buffer)
         return hits[:, 0], hits[:, 1] != 0, distances
@@ -72,9 +71,13 @@ class Rays:
         through = np.empty(len(origins), np.float32)
         output = cl.Buffer(self._compute.context, cl.mem_flags.WRITE_ONLY, through.nbytes)
         rays = self._rays(origins, directions, distance)
-        self._pass(self._queue, (len(origins),), None, *self.arguments, *rays, output, np.int32(len(origins)))
+        self.run(self._pass, len(origins), *rays, output, np.int32(len(origins)))
         cl.enqueue_copy(self._queue, through, output)
         return through
+
+    def run(self, kernel: cl.Kernel, items: int, *arguments: object) -> None:
+        """Run a kernel that takes RAYS_ARGUMENTS, then `arguments`; see `Compute.run`."""
+        self._compute.run(kernel, items, *self.arguments, *arguments)
 
     def _rays(self, origins: np.ndarray, directions: np.ndarray, distance: float) -> list[cl.Buffer]:
         """Return the device buffers of some rays."""

@@ -10,6 +10,7 @@ import pyopencl as cl
 from .device.compute import Compute
 from .device.slices import sliced
 from .emitters import BrightTriangles, lamp_records, sky_record, surface_records
+from .light_tree import NODE, LightTree, build_light_tree
 from .scene import Light
 from .settings import Settings
 from .sky import solid_angles
@@ -18,6 +19,8 @@ from .visibility.rays import Rays
 
 #: However many lights there are, a patch samples at most as many times as for so many.
 _MOST_LIGHTS = 8
+
+_SOURCES = ("receiver.cl", "emitters.cl", "light_tree.cl", "direct.cl")
 
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
@@ -44,35 +47,32 @@ class DirectLight:
     ) -> None:
         self._queue, self._rays, self._settings = compute.queue, rays, settings
         self._count = len(parts.patches)
-        self._direct, self._occlusion = rays.kernels(("receiver.cl", "direct.cl"), "direct", "occlusion")
+        self._direct, self._occlusion = rays.kernels(_SOURCES, "direct", "occlusion")
         self._receivers = receivers
         self._result = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * self._count)
 
-        # Emitters lie one after the other: each lamp's, the surfaces', the sky's.
-        groups = [lamp_records(lamp, rays.origin) for lamp in lamps]
-        groups.append(surface_records(parts.triangles, bright, rays.culled, rays.origin))
+        # Emitters: each lamp's, the surfaces', the sky's.
+        self._groups = [lamp_records(lamp, rays.origin) for lamp in lamps]
+        self._groups.append(surface_records(parts.triangles, bright, rays.culled, rays.origin))
         if sky is not None:
-            groups.append(sky_record())
-        self._ends = np.cumsum([0, *(len(group) for group in groups)])
-        sources = sum(len(group) > 0 for group in groups)
-        self._budget = settings.light_samples * min(max(sources, 1), _MOST_LIGHTS)
-        self._emitters = rays.constant(np.concatenate([*groups, np.zeros((1, 6, 4), np.float32)]))
+            self._groups.append(sky_record())
         self._glow = self._glow_arguments(parts)
         self._sky = self._sky_arguments(sky)
 
     def gather(self) -> Generator[float, None, np.ndarray]:
         """Return E/pi of all emitters at every patch, (n, 3) float32; yield the fraction done."""
-        if self._ends[-1] == 0:
+        groups = [group for group in self._groups if len(group)]
+        if not groups:
             return np.zeros((self._count, 3), np.float32)
-        return (yield from self._light(0, int(self._ends[-1]), self._budget))[:, :3].copy()
+        budget = self._settings.light_samples * min(len(groups), _MOST_LIGHTS)
+        return (yield from self._light(np.concatenate(groups), budget))[:, :3].copy()
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
         """Return how much of its light a lamp brings to each patch, (n,) float32; yield the fraction done.
 
         1 where nothing casts a shadow, 0 where all is shadow or the lamp does not shine.
         """
-        first, last = int(self._ends[lamp]), int(self._ends[lamp + 1])
-        light = yield from self._light(first, last, self._settings.light_samples)
+        light = yield from self._light(self._groups[lamp], self._settings.light_samples)
         passed = light[:, :3] @ _LUMINANCE.astype(np.float32)
         mask: np.ndarray = np.where(light[:, 3] > 0, passed / np.maximum(light[:, 3], 1e-30), 0)
         return np.minimum(mask, 1).astype(np.float32)
@@ -86,10 +86,12 @@ class DirectLight:
         arguments = (np.int32(self._settings.ao_samples), reach, np.uint32(self._settings.seed))
         return (yield from self._sliced(self._occlusion, arguments))[:, 0].copy()
 
-    def _light(self, first: int, last: int, budget: int) -> Generator[float, None, np.ndarray]:
-        """Return light and unshadowed luminance of a range of emitters, (n, 4) float32."""
+    def _light(self, emitters: np.ndarray, budget: int) -> Generator[float, None, np.ndarray]:
+        """Return light and unshadowed luminance of some emitters, (n, 4) float32."""
+        tree = build_light_tree(emitters)
+        buffers = [self._rays.constant(array) for array in (emitters, *_never_empty(tree))]
         arguments = (
-            self._emitters, np.int32(first), np.int32(last), np.int32(budget),
+            *buffers, np.int32(tree.root), np.int32(budget),
             *self._glow, *self._sky, np.uint32(self._settings.seed),
         )  # fmt: skip
         return (yield from self._sliced(self._direct, arguments))
@@ -128,3 +130,10 @@ class DirectLight:
         arrays = (pixels, cumulative.astype(np.float32), listed.astype(np.int32))
         sizes = (pixels.shape[1], pixels.shape[0], len(listed))
         return (*(self._rays.constant(array) for array in arrays), *map(np.int32, sizes), np.float32(total))
+
+
+def _never_empty(tree: LightTree) -> tuple[np.ndarray, np.ndarray]:
+    """Return nodes and children of a tree, one of each at least."""
+    if len(tree.nodes):
+        return tree.nodes, tree.children
+    return np.zeros((1, NODE, 4), np.float32), np.zeros((1, 2), np.int32)

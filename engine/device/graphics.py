@@ -26,6 +26,9 @@ _WANTED, _NEEDED = 450, 410
 class Graphics:
     """A standalone OpenGL 4.1+ context and what it can do.
 
+    computes        it has compute shaders
+    indirect        it takes draw commands from a buffer
+    reversed_depth  depth runs from 1, near, to 0
     Raises DeviceError if no driver offers one.
     """
 
@@ -38,6 +41,9 @@ class Graphics:
         self.raw = RawGL()
         self._parking = self.context.simple_framebuffer((1, 1))
         self.name: str = self.context.info["GL_RENDERER"]
+
+        # Compute shaders and draws whose commands lie in a buffer came together, with OpenGL 4.3.
+        self.computes = self.indirect = self.context.version_code >= 430
 
         # Reversed depth keeps its precision at every distance; it needs OpenGL 4.5.
         self.reversed_depth = self.context.version_code >= 450 and "glClipControl" in self.raw

@@ -12,7 +12,7 @@ from .clock import Stopwatch
 from .device.compute import Compute
 from .device.graphics import Graphics
 from .finish.store import LightmapStore
-from .gather import choose_gather
+from .gather import Gather, choose_gather
 from .lightmap import Lightmap, Report
 from .limits import check_limits
 from .occluders import place_occluders
@@ -23,6 +23,7 @@ from .scene import Scene, check_scene
 from .settings import Settings, check_settings
 from .solve import Jacobi
 from .subdivision import subdivide
+from .without_opencl import open_compute
 
 Made = TypeVar("Made")
 
@@ -39,7 +40,7 @@ def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap
     clock = Stopwatch()
     graphics = Graphics()
     try:
-        compute = Compute(settings.cache_dir)
+        compute, settings, notes = open_compute(graphics, scene, settings)
         check_limits(graphics, compute, scene, settings)
         clock.lap("devices")
         yield Progress("patches", 0.0)
@@ -73,10 +74,8 @@ def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap
         passes = {name: store.display(values) for name, values in made.items()}
         first = next(iter(made))
         clock.lap("outputs")
-        warnings = (*parts.warnings, *sampled.warnings)
-        report = _summary(
-            solution, outputs, gather.method, len(parts.patches), clock, (graphics, compute), warnings
-        )
+        warnings = (*notes, *parts.warnings, *sampled.warnings)
+        report = _summary(solution, outputs, gather, len(parts.patches), clock, (graphics, compute), warnings)
         return Lightmap(atlases, store.image(made[first]), passes[first], store.covered, report, passes)
     finally:
         graphics.release()
@@ -103,21 +102,22 @@ def _progress(solution: Jacobi, fraction: float, image: np.ndarray | None = None
 def _summary(
     solution: Jacobi,
     outputs: Outputs,
-    method: str,
+    gather: Gather,
     patches: int,
     clock: Stopwatch,
-    devices: tuple[Graphics, Compute],
+    devices: tuple[Graphics, Compute | None],
     warnings: tuple[str, ...],
 ) -> Report:
     graphics, compute = devices
     return Report(
         patches=patches,
-        method=method,
+        method=gather.method,
         iterations=solution.iterations,
         residual=solution.residual,
         converged=solution.converged or not outputs.bounces,
         energies=tuple(solution.energies),
         seconds=clock.laps,
-        devices={"gl": graphics.name, "cl": compute.name},
+        devices={"gl": graphics.name} | ({"cl": compute.name} if compute else {}),
         warnings=warnings,
+        integrator=gather.integrator,
     )

@@ -11,10 +11,8 @@ import numpy as np
 from .cutouts import gather_cutouts
 from .device.compute import Compute
 from .device.graphics import Graphics
-from .device.share import HostCopy
 from .hemicube import matrices
-from .integrate.cached import CachedIntegrator, cache_bytes
-from .integrate.opencl import HemicubeIntegrator
+from .integrate.protocol import choose_cache, choose_integrator, fits_cache
 from .scene import Scene
 from .settings import Settings
 from .subdivision import Subdivision
@@ -31,9 +29,10 @@ _LOOK_UP = (0.0, 0.0, 0.0, 2.0)
 
 
 class Gather(Protocol):
-    """A way to gather; `method` is its name in the settings."""
+    """A way to gather; `method` is its name in the settings, `integrator` "glsl" or "opencl"."""
 
     method: str
+    integrator: str
 
     def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
         """Gather once from (n, 3) float32 radiance; yield the fraction done after each slice.
@@ -44,7 +43,7 @@ class Gather(Protocol):
 
 def choose_gather(
     graphics: Graphics,
-    compute: Compute,
+    compute: Compute | None,
     scene: Scene,
     parts: Subdivision,
     emission: np.ndarray,
@@ -56,8 +55,8 @@ def choose_gather(
     emission  (n, 3) float32 radiance of each patch, seen on back faces
     sky       (h, w, 3) float32, equirectangular, `Sky.rest`; a single pixel is a uniform sky
     """
-    fits = cache_bytes(plan_tiles(settings, len(parts.patches)), len(parts.patches))
-    if settings.method == "cached" and fits <= compute.device.global_mem_size // 2:
+    fits = fits_cache(graphics, compute, plan_tiles(settings, len(parts.patches)), len(parts.patches))
+    if settings.method == "cached" and fits:
         return CachedGather(graphics, compute, scene, parts, emission, sky, settings)
     return PaperGather(graphics, compute, scene, parts, emission, sky, settings)
 
@@ -115,7 +114,7 @@ class PaperGather:
     def __init__(
         self,
         graphics: Graphics,
-        compute: Compute,
+        compute: Compute | None,
         scene: Scene,
         parts: Subdivision,
         emission: np.ndarray,
@@ -128,8 +127,9 @@ class PaperGather:
         nothing = (*sky[0, 0], 1.0) if uniform else _LOOK_UP
         self._target = RadianceTarget(graphics, tiles, emission, nothing)
         self._hemicubes = _Hemicubes(graphics, scene, parts, tiles, self._target, settings)
-        self._copy = HostCopy(compute, self._target.texture)
-        self._integrator = HemicubeIntegrator(compute, tiles, None if uniform else sky)
+        looked_up = None if uniform else sky
+        self._integrator = choose_integrator(graphics, compute, tiles, self._target.texture, looked_up)
+        self.integrator = self._integrator.name
 
     def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
         """Gather once; see `Gather.iteration`."""
@@ -138,7 +138,7 @@ class PaperGather:
         for first, last in self._hemicubes.batches():
             yield from self._hemicubes.draw(first, last)
             frames = self._hemicubes.views.frames(first, last)
-            result[first:last] = self._integrator.integrate(self._copy.update(), frames)
+            result[first:last] = self._integrator.integrate(frames)
         return result
 
 
@@ -150,7 +150,7 @@ class CachedGather:
     def __init__(
         self,
         graphics: Graphics,
-        compute: Compute,
+        compute: Compute | None,
         scene: Scene,
         parts: Subdivision,
         emission: np.ndarray,
@@ -161,8 +161,8 @@ class CachedGather:
         tiles = plan_tiles(settings, len(parts.patches))
         target = IdentityTarget(graphics, tiles)
         self._hemicubes = _Hemicubes(graphics, scene, parts, tiles, target, settings)
-        self._copy = HostCopy(compute, target.texture)
-        self._integrator = CachedIntegrator(compute, tiles, emission, sky)
+        self._integrator = choose_cache(graphics, compute, tiles, target.texture, emission, sky)
+        self.integrator = self._integrator.name
 
     def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
         """Gather once; see `Gather.iteration`. The first iteration draws the hemicubes."""
@@ -173,7 +173,7 @@ class CachedGather:
             if index >= self._integrator.batches:
                 yield from self._hemicubes.draw(first, last)
                 frames = self._hemicubes.views.frames(first, last)
-                self._integrator.keep(self._copy.update(), frames)
+                self._integrator.keep(frames)
             result[first:last] = self._integrator.gather(index)
             yield last / self._hemicubes.count
         return result

@@ -12,6 +12,7 @@ from .device.compute import Compute
 from .direct import DirectLight
 from .emitters import BrightTriangles, bright_triangles
 from .enclosed import note_enclosed
+from .errors import DeviceError
 from .scene import Scene, shining_lights
 from .settings import Settings
 from .sky import Sky, split_sky, whole_sky
@@ -27,7 +28,7 @@ class SampledLight:
     warnings       sentences for the user
     """
 
-    def __init__(self, compute: Compute, scene: Scene, parts: Subdivision, settings: Settings) -> None:
+    def __init__(self, compute: Compute | None, scene: Scene, parts: Subdivision, settings: Settings) -> None:
         self._compute, self._scene, self._parts, self._settings = compute, scene, parts, settings
         self._lamps = shining_lights(scene)
         self._direct: DirectLight | None = None
@@ -70,6 +71,8 @@ class SampledLight:
 
     def _rays(self) -> DirectLight:
         """Return what casts rays, made when it is first needed."""
+        if self._compute is None:
+            raise DeviceError("Rays need OpenCL.")
         if self._direct is None:
             rays = Rays(self._compute, self._parts.triangles, gather_cutouts(self._scene))
             self._ray_scene = rays

@@ -59,6 +59,10 @@ class Graphics:
         sources = {keyword[stage]: shader_source(f"{name}.{stage}", features) for stage in stages}
         return self.context.program(**sources)
 
+    def compute_program(self, name: str, features: Sequence[str] = ()) -> moderngl.ComputeShader:
+        """Build shaders/<name>.comp; needs `computes`."""
+        return self.context.compute_shader(shader_source(f"{name}.comp", features))
+
     def discard(self, *resources: Any) -> None:
         """Release ModernGL objects; no framebuffer of theirs stays bound."""
         self._parking.use()

@@ -6,10 +6,10 @@ import pytest
 from engine.cutouts import gather_cutouts
 from engine.device.compute import Compute
 from engine.device.graphics import Graphics
-from engine.device.share import HostCopy
 from engine.geometry import gather_triangles
 from engine.hemicube import face_rows, frames, matrices, multiplier_map, rotations
-from engine.integrate.opencl import HemicubeIntegrator
+from engine.integrate.glsl import GlslIntegrator
+from engine.integrate.opencl import CopiedIntegrator
 from engine.visibility.clusters import Clusters
 from engine.visibility.draw_paths import available_paths
 from engine.visibility.raster import HemicubeRaster
@@ -128,15 +128,16 @@ def test_kernels_equal_a_sum_in_double_precision(graphics, tiles):
     target, _ = drawn(graphics, tiles, tiles.capacity)
     values = np.random.default_rng(5).random((tiles.layers, tiles.height, tiles.width, 4), np.float32)
     target.texture.write(values.tobytes())
-    result = HemicubeIntegrator(compute, tiles).integrate(
-        HostCopy(compute, target.texture).update(), np.tile(UPRIGHT, (tiles.capacity, 1, 1))
-    )
+    upright = np.tile(UPRIGHT, (tiles.capacity, 1, 1))
+    in_cl = CopiedIntegrator(compute, tiles, target.texture, None).integrate(upright)
+    in_gl = GlslIntegrator(graphics, tiles, target.texture).integrate(upright)
     weights = multiplier_map(tiles.n).astype(np.float64)
     for slot in range(tiles.capacity):
         layer, tile = divmod(slot, tiles.per_layer)
         x, y = tiles.origin(tile)
         cube = values[layer, y : y + 3 * tiles.n, x : x + tiles.n].astype(np.float64)
-        np.testing.assert_allclose(result[slot], np.einsum("yx,yxc->c", weights, cube), rtol=2e-6)
+        for result in (in_cl, in_gl):
+            np.testing.assert_allclose(result[slot], np.einsum("yx,yxc->c", weights, cube), rtol=2e-6)
 
 
 def test_layout_has_one_face_after_another():

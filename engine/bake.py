@@ -23,6 +23,7 @@ from .scene import Scene, check_scene
 from .settings import Settings, check_settings
 from .solve import Solution
 from .subdivision import subdivide
+from .without_opencl import without_opencl
 
 Made = TypeVar("Made")
 
@@ -52,6 +53,7 @@ def bake_with(
     check_scene(scene)
     clock = clock or Stopwatch()
     graphics, compute = devices.graphics, devices.compute
+    settings, notes = without_opencl(devices, scene, settings)
     atlases, scene = scene.atlases, place_occluders(scene, settings.resolution)
     check_limits(graphics, compute, scene, settings)
     yield Progress("patches", 0.0)
@@ -64,7 +66,7 @@ def bake_with(
 
     # Lamps, small bright surfaces and bright sky are sampled with shadow rays (direct light).
     rays = RayScene(compute, scene, parts)
-    sampled = SampledLight(compute, scene, parts, rays, settings)
+    sampled = SampledLight(scene, parts, rays, settings)
     direct = yield from _report(sampled.gather(), partial(Progress, "direct"))
     clock.lap("direct")
 
@@ -86,7 +88,7 @@ def bake_with(
     passes = {name: store.display(values) for name, values in made.items()}
     first = next(iter(made))
     clock.lap("outputs")
-    warnings = (*parts.warnings, *sampled.warnings)
+    warnings = (*notes, *parts.warnings, *sampled.warnings)
     report = _summary(solution, outputs, choice, len(parts.patches), clock, devices, warnings)
     return Lightmap(atlases, store.image(made[first]), passes[first], store.covered, report, passes)
 
@@ -129,6 +131,7 @@ def _summary(
         converged=solution.converged or not outputs.bounces,
         energies=tuple(solution.energies),
         seconds=clock.laps,
-        devices={"gl": devices.graphics.name, "cl": devices.compute.name},
+        devices={"gl": devices.graphics.name} | ({"cl": devices.compute.name} if devices.compute else {}),
         warnings=warnings,
+        integrator=choice.integrator,
     )

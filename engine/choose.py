@@ -11,11 +11,13 @@ import pyopencl as cl
 
 from .device.compute import Compute
 from .device.graphics import Graphics
-from .gather import PaperGather
+from .errors import DeviceError
+from .gather import GlslGather, PaperGather
 from .host_radiosity import HostRadiosity
 from .integrate.cached import CachedSweep, RayStreamSweep, StreamSweep, cache_bytes
 from .integrate.device_radiosity import DeviceRadiosity, Sweep
 from .integrate.final_gather import FinalGather
+from .integrate.glsl_cached import fits_glsl_cache
 from .ray_scene import RayScene
 from .scene import Scene
 from .settings import Settings
@@ -26,6 +28,7 @@ from .subdivision import Subdivision
 from .visibility.identity import Identity, SeenBuffers, surroundings
 from .visibility.raster_identity import RasterIdentity
 from .visibility.ray_identity import RayIdentity, ray_count
+from .visibility.tiles import plan_tiles
 
 #: Patches that are tried first, how many times more the next try takes, and when a try is long enough, s.
 _TRIED, _MORE, _LONG_ENOUGH = 32, 8, 0.02
@@ -42,12 +45,14 @@ class Choice:
     visibility  "raster" or "rays"
     samples     of each patch
     reasons     sentences that say why
+    integrator  what sums up, "opencl" or "glsl"
     """
 
     method: str
     visibility: str
     samples: int
     reasons: tuple[str, ...]
+    integrator: str = "opencl"
 
 
 @dataclass(frozen=True)
@@ -61,7 +66,7 @@ class Bake:
     """
 
     graphics: Graphics
-    compute: Compute
+    compute: Compute | None
     scene: Scene
     parts: Subdivision
     rays: RayScene
@@ -70,6 +75,13 @@ class Bake:
     lights: np.ndarray
     settings: Settings
     area: np.ndarray
+
+    @property
+    def opencl(self) -> Compute:
+        """The OpenCL device; raises DeviceError if there is none."""
+        if self.compute is None:
+            raise DeviceError("Only what OpenGL can do alone is possible without OpenCL.")
+        return self.compute
 
     @property
     def glowing(self) -> bool:
@@ -85,7 +97,11 @@ def choose_solver(bake: Bake) -> tuple[Solver | SharedSolution, Choice]:
 
 def _solver(bake: Bake) -> tuple[Solver, Choice]:
     """Return what solves for every patch on its own."""
-    radiosity, choice = _paper(bake) if bake.settings.method == "paper" else _identities(bake)
+    radiosity: Radiosity
+    if bake.settings.method == "paper":
+        radiosity, choice = _paper(bake)
+    else:
+        radiosity, choice = _without_opencl(bake) if bake.compute is None else _identities(bake)
     accelerate = bake.settings.accelerate and choice.method != "paper"
     return Solver(radiosity, bake.lights, bake.settings, bake.glowing, accelerate), choice
 
@@ -93,7 +109,11 @@ def _solver(bake: Bake) -> tuple[Solver, Choice]:
 def _choose_width(bake: Bake) -> tuple[int, tuple[str, ...]]:
     """Return how wide the squares are of patches that share their bounces, texels, and why."""
     settings, count = bake.settings, len(bake.parts.patches)
-    if settings.method == "paper" or not {"combined", "indirect"} & set(settings.outputs):
+    if (
+        bake.compute is None
+        or settings.method == "paper"
+        or not {"combined", "indirect"} & set(settings.outputs)
+    ):
         return 1, ()
     if settings.shared_bounces:
         return settings.shared_bounces, ("The settings ask for shared bounces.",)
@@ -118,7 +138,7 @@ def _shared_solution(bake: Bake, width: int, reasons: tuple[str, ...]) -> tuple[
     # Every patch looks for itself, but sees the shared ones.
     everyone = replace(squares, parts=replace(bake.parts, owners=shared.parts.owners), rays=bake.rays)
     identity = _identity_makers(everyone)[choice.visibility]()
-    final = FinalGather(bake.compute, _stream(everyone, identity), bake.lights)
+    final = FinalGather(bake.opencl, _stream(everyone, identity), bake.lights)
     parted = bake.glowing and bool({"direct", "indirect"} & set(bake.settings.outputs))
     solution = SharedSolution(solver, shared, final, bake.lights, emission, parted)
     return solution, replace(choice, reasons=(*reasons, *choice.reasons))
@@ -129,7 +149,7 @@ def _identities(bake: Bake) -> tuple[Radiosity, Choice]:
     sweep, method, reason = _choose_sweep(bake, identity)
     reflectance = bake.parts.surfaces.reflectance
     radiosity = DeviceRadiosity(
-        bake.compute, sweep, reflectance, bake.emission, bake.area, bake.lights, bake.glowing
+        bake.opencl, sweep, reflectance, bake.emission, bake.area, bake.lights, bake.glowing
     )
     return radiosity, Choice(method, identity.name, identity.samples, (*reasons, reason))
 
@@ -141,16 +161,28 @@ def _paper(bake: Bake) -> tuple[Radiosity, Choice]:
     )
     radiosity = HostRadiosity(gather, reflectance, bake.emission, bake.area, bake.lights, bake.glowing)
     reason = "Hemicubes are drawn anew in every iteration: the settings ask for the paper's method."
-    return radiosity, Choice("paper", "raster", 3 * settings.hemicube**2, (reason,))
+    choice = Choice("paper", "raster", 3 * settings.hemicube**2, (reason,), gather.integrator)
+    return radiosity, choice
+
+
+def _without_opencl(bake: Bake) -> tuple[Radiosity, Choice]:
+    settings, count = bake.settings, len(bake.parts.patches)
+    if not fits_glsl_cache(bake.graphics, plan_tiles(settings, count), count):
+        return _paper(bake)
+    gather = GlslGather(bake.graphics, bake.scene, bake.parts, bake.emission, bake.sky, settings)
+    reflectance = bake.parts.surfaces.reflectance
+    radiosity = HostRadiosity(gather, reflectance, bake.emission, bake.area, bake.lights, bake.glowing)
+    reason = "Hemicubes are drawn once and summed by OpenGL: there is no OpenCL."
+    return radiosity, Choice("cached", "raster", 3 * settings.hemicube**2, (reason,), "glsl")
 
 
 def _identity_makers(bake: Bake) -> dict[str, Callable[[], Identity]]:
     """Return what makes each way to find what patches see."""
-    around = surroundings(bake.compute.context, bake.emission, bake.sky)
+    around = surroundings(bake.opencl.context, bake.emission, bake.sky)
     return {
-        "rays": lambda: RayIdentity(bake.compute, bake.rays, bake.parts, around, bake.settings),
+        "rays": lambda: RayIdentity(bake.opencl, bake.rays, bake.parts, around, bake.settings),
         "raster": lambda: RasterIdentity(
-            bake.graphics, bake.compute, bake.scene, bake.parts, around, bake.settings
+            bake.graphics, bake.opencl, bake.scene, bake.parts, around, bake.settings
         ),
     }
 
@@ -162,7 +194,7 @@ def _choose_identity(bake: Bake) -> tuple[Identity, list[str]]:
         return makers[wanted](), [f"The settings ask for {wanted}."]
     count = len(bake.parts.patches)
     tried = {name: make() for name, make in makers.items()}
-    rates = {name: _patches_per_second(bake.compute, identity, count) for name, identity in tried.items()}
+    rates = {name: _patches_per_second(bake.opencl, identity, count) for name, identity in tried.items()}
     best = max(rates, key=lambda name: rates[name])
     told = " and ".join(f"{name} {rate:,.0f} ({tried[name].samples} samples)" for name, rate in rates.items())
     return tried[best], [f"Views of patches found in a second: {told}."]
@@ -171,10 +203,10 @@ def _choose_identity(bake: Bake) -> tuple[Identity, list[str]]:
 def _choose_sweep(bake: Bake, identity: Identity) -> tuple[Sweep, str, str]:
     """Return how identities become light, the method's name, and why."""
     count, settings = len(bake.parts.patches), bake.settings
-    needed, budget = cache_bytes(identity.samples, count), memory_budget(bake.compute, settings)
+    needed, budget = cache_bytes(identity.samples, count), memory_budget(bake.opencl, settings)
     sizes = f"what patches see takes {needed / 2**20:,.0f} MiB, {budget / 2**20:,.0f} MiB may be used"
     if settings.method != "stream" and needed <= budget:
-        return CachedSweep(bake.compute, identity, count), "cached", f"It is kept: {sizes}."
+        return CachedSweep(bake.opencl, identity, count), "cached", f"It is kept: {sizes}."
     why = f"It is found anew in every iteration: {sizes}."
     if settings.method == "stream":
         why = "It is found anew in every iteration: the settings ask for it."
@@ -185,9 +217,9 @@ def _stream(bake: Bake, identity: Identity) -> Sweep:
     """Return how identities become light without being kept."""
     count = len(bake.parts.patches)
     if isinstance(identity, RayIdentity):
-        return RayStreamSweep(bake.compute, identity, count)
-    most = min(memory_budget(bake.compute, bake.settings), bake.settings.batch_bytes)
-    return StreamSweep(bake.compute, identity, count, most // cache_bytes(identity.samples, 1))
+        return RayStreamSweep(bake.opencl, identity, count)
+    most = min(memory_budget(bake.opencl, bake.settings), bake.settings.batch_bytes)
+    return StreamSweep(bake.opencl, identity, count, most // cache_bytes(identity.samples, 1))
 
 
 def memory_budget(compute: Compute, settings: Settings) -> int:

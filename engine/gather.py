@@ -9,13 +9,13 @@ import numpy as np
 
 from .device.compute import Compute
 from .device.graphics import Graphics
-from .device.share import HostCopy
 from .hemicubes import Hemicubes
-from .integrate.opencl import HemicubeIntegrator
+from .integrate.glsl_cached import GlslCachedIntegrator
+from .integrate.protocol import choose_integrator
 from .scene import Scene
 from .settings import Settings
 from .subdivision import Subdivision
-from .visibility.targets import RadianceTarget
+from .visibility.targets import IdentityTarget, RadianceTarget
 from .visibility.tiles import plan_tiles
 
 #: Stands in hemicubes where the integrator has to look the sky up.
@@ -38,7 +38,7 @@ class PaperGather:
     def __init__(
         self,
         graphics: Graphics,
-        compute: Compute,
+        compute: Compute | None,
         scene: Scene,
         parts: Subdivision,
         emission: np.ndarray,
@@ -55,8 +55,9 @@ class PaperGather:
         nothing = (*sky[0, 0], 1.0) if uniform else _LOOK_UP
         self._target = RadianceTarget(graphics, tiles, emission, nothing)
         self._hemicubes = Hemicubes(graphics, scene, parts, tiles, self._target, settings)
-        self._copy = HostCopy(compute, self._target.texture)
-        self._integrator = HemicubeIntegrator(compute, tiles, None if uniform else sky)
+        looked_up = None if uniform else sky
+        self._integrator = choose_integrator(graphics, compute, tiles, self._target.texture, looked_up)
+        self.integrator = self._integrator.name
 
     def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
         """Gather once; see `Gather.iteration`."""
@@ -66,5 +67,38 @@ class PaperGather:
             views = self._hemicubes.views(first, last)
             for drawn in self._hemicubes.draw(views):
                 yield (first + drawn) / self._hemicubes.count
-            result[first:last] = self._integrator.integrate(self._copy.update(), views.frames)
+            result[first:last] = self._integrator.integrate(views.frames)
+        return result
+
+
+class GlslGather:
+    """Gathers with identity hemicubes that OpenGL draws once, keeps and sums: for machines without OpenCL."""
+
+    def __init__(
+        self,
+        graphics: Graphics,
+        scene: Scene,
+        parts: Subdivision,
+        emission: np.ndarray,
+        sky: np.ndarray,
+        settings: Settings,
+    ) -> None:
+        """Prepare to gather; parameters as of `PaperGather`."""
+        tiles = plan_tiles(settings, len(parts.patches))
+        target = IdentityTarget(graphics, tiles)
+        self._hemicubes = Hemicubes(graphics, scene, parts, tiles, target, settings)
+        self._integrator = GlslCachedIntegrator(graphics, tiles, target.texture, emission, sky)
+
+    def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
+        """Gather once; see `Gather.iteration`. The first iteration draws the hemicubes."""
+        self._integrator.set_radiance(radiance)
+        result = np.empty((self._hemicubes.count, 4), np.float32)
+        for index, (first, last) in enumerate(self._hemicubes.batches()):
+            if index >= self._integrator.batches:
+                views = self._hemicubes.views(first, last)
+                for drawn in self._hemicubes.draw(views):
+                    yield (first + drawn) / self._hemicubes.count
+                self._integrator.keep(views.frames)
+            result[first:last] = self._integrator.gather(index)
+            yield last / self._hemicubes.count
         return result

@@ -21,8 +21,9 @@ class Report:
     converged   True if the residual is below the tolerance
     energies    flux added by each iteration, W, sum of the channels
     seconds     wall time of each stage, s
-    devices     the GL renderer under "gl", the CL device under "cl"
+    devices     the GL renderer under "gl", the CL device under "cl" if there is one
     warnings    sentences for the user
+    integrator  what summed the hemicubes: "opencl", or "glsl" for OpenGL's compute shaders
     """
 
     patches: int
@@ -37,6 +38,7 @@ class Report:
     seconds: dict[str, float]
     devices: dict[str, str]
     warnings: tuple[str, ...] = ()
+    integrator: str = "opencl"
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ _LIST_BYTES = 2 * 16
 _OWNER_BYTES = 4
 
 
-def check_limits(graphics: Graphics, compute: Compute, scene: Scene, settings: Settings) -> None:
+def check_limits(graphics: Graphics, compute: Compute | None, scene: Scene, settings: Settings) -> None:
     """Raise SettingsError if the lightmaps are too large for the devices."""
     limits = graphics.context.info
     widest, layers = limits["GL_MAX_TEXTURE_SIZE"], limits["GL_MAX_ARRAY_TEXTURE_LAYERS"]
@@ -29,7 +29,9 @@ def check_limits(graphics: Graphics, compute: Compute, scene: Scene, settings: S
             "Let objects share lightmaps: give them the same atlas name."
         )
 
-    # Memory that grows with the lightmaps; hemicubes are drawn in batches that fit.
+    # Memory that grows with the lightmaps; hemicubes are drawn in batches that fit. OpenGL tells of none.
+    if compute is None:
+        return
     texels = settings.resolution**2
     needed = texels * (_LIST_BYTES + _OWNER_BYTES * len(scene.atlases)) + settings.batch_bytes
     available = compute.device.global_mem_size

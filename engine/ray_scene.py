@@ -8,6 +8,7 @@ import pyopencl as cl
 
 from .cutouts import gather_cutouts
 from .device.compute import Compute
+from .errors import DeviceError
 from .receivers import pack_receivers
 from .scene import Scene
 from .subdivision import Subdivision
@@ -17,8 +18,15 @@ from .visibility.rays import Rays
 class RayScene:
     """The triangles and patches of a bake on the OpenCL device."""
 
-    def __init__(self, compute: Compute, scene: Scene, parts: Subdivision) -> None:
-        self.compute, self._scene, self._parts = compute, scene, parts
+    def __init__(self, compute: Compute | None, scene: Scene, parts: Subdivision) -> None:
+        self._compute, self._scene, self._parts = compute, scene, parts
+
+    @property
+    def compute(self) -> Compute:
+        """The OpenCL device; raises DeviceError if there is none."""
+        if self._compute is None:
+            raise DeviceError("Rays need OpenCL.")
+        return self._compute
 
     @property
     def needed(self) -> bool:
@@ -27,7 +35,7 @@ class RayScene:
 
     def of(self, parts: Subdivision) -> RayScene:
         """Return the same triangles with other patches."""
-        other = RayScene(self.compute, self._scene, parts)
+        other = RayScene(self._compute, self._scene, parts)
         other.rays = self.rays
         return other
 

@@ -7,7 +7,6 @@ from collections.abc import Generator
 import numpy as np
 
 from .coincident import covered_patches
-from .device.compute import Compute
 from .direct import DirectLight
 from .emitters import BrightTriangles, bright_triangles
 from .enclosed import note_enclosed
@@ -26,10 +25,8 @@ class SampledLight:
     warnings       sentences for the user
     """
 
-    def __init__(
-        self, compute: Compute, scene: Scene, parts: Subdivision, rays: RayScene, settings: Settings
-    ) -> None:
-        self._compute, self._scene, self._parts, self._settings = compute, scene, parts, settings
+    def __init__(self, scene: Scene, parts: Subdivision, rays: RayScene, settings: Settings) -> None:
+        self._scene, self._parts, self._settings = scene, parts, settings
         self._ray_scene = rays
         self._lamps = shining_lights(scene)
         self._direct: DirectLight | None = None
@@ -75,7 +72,7 @@ class SampledLight:
             rays, receivers = self._ray_scene.rays, self._ray_scene.receivers
             self.warnings += note_enclosed(rays, self._scene, self._parts.triangles, self._lamps)
             self._direct = DirectLight(
-                self._compute, rays, receivers, self._parts,
+                self._ray_scene.compute, rays, receivers, self._parts,
                 self._lamps, self._bright, self._sky.bright, self._settings,
             )  # fmt: skip
         return self._direct

@@ -1,22 +1,59 @@
 #version 410
-// Passes the triangle on; the geometry shader places it in every face of the instance's hemicube.
+// Every instance has an item: 32 x the slot of a hemicube, its place in the texture array layer by layer
+// and in each layer tile by tile (paper, IV.B), plus a face; with GEOMETRY defined plus the bits of faces,
+// and the geometry shader places the triangle. With VIEWPORTS defined a face chooses its viewport.
 // CUTOUTS is defined for scenes with see-through surfaces.
+#ifndef GEOMETRY
+#extension GL_ARB_shader_viewport_layer_array : enable
+#extension GL_AMD_vertex_shader_layer : enable
+#extension GL_AMD_vertex_shader_viewport_index : enable
+#endif
 in vec3 in_position;
 in vec3 in_lookup;
+in uint in_item;
 #ifdef CUTOUTS
 in vec3 in_cutout;
-out vec3 cutout_corner;
 #endif
+
+#ifdef GEOMETRY
 out vec3 position;
 out vec3 lookup;
-flat out int instance;
+flat out uint item;
+#ifdef CUTOUTS
+out vec3 cutout_corner;
+#endif
 
 void main()
 {
     position = in_position;
     lookup = in_lookup;
+    item = in_item;
 #ifdef CUTOUTS
     cutout_corner = in_cutout;
 #endif
-    instance = gl_InstanceID;
 }
+#else
+#include "place.glsl"
+uniform int tiles_per_layer;
+#ifdef VIEWPORTS
+uniform int first_tile;
+#endif
+out vec3 lightmap_uv;
+#ifdef CUTOUTS
+out vec3 cutout;
+#endif
+
+void main()
+{
+    int slot = int(in_item >> 5), face = int(in_item & 31u);
+    gl_Position = place(slot, face, in_position);
+    gl_Layer = slot / tiles_per_layer;
+#ifdef VIEWPORTS
+    gl_ViewportIndex = 5 * (slot % tiles_per_layer - first_tile) + face;
+#endif
+    lightmap_uv = in_lookup;
+#ifdef CUTOUTS
+    cutout = in_cutout;
+#endif
+}
+#endif

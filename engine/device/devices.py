@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ..errors import DeviceError
 from .compute import Compute
 from .graphics import Graphics
 
@@ -10,18 +11,19 @@ class Devices:
     """Both devices, with what was built for them; they may serve several bakes, one after the other.
 
     cache_dir  see `Settings.cache_dir`
+    compute    None if there is no OpenCL; `missing` then tells why and the remedy
 
-    Raises DeviceError if there is none of either.
+    Raises DeviceError if there is no OpenGL.
     """
 
     def __init__(self, cache_dir: str | None = None) -> None:
         self.graphics = Graphics()
-        self.cache_dir = cache_dir
+        self.cache_dir, self.missing = cache_dir, ""
+        self.compute: Compute | None = None
         try:
             self.compute = Compute(cache_dir)
-        except BaseException:
-            self.graphics.release()
-            raise
+        except DeviceError as error:
+            self.missing = str(error)
 
     def clear(self) -> None:
         """Free what the last bake left on the devices, but keep contexts, shaders and kernels."""

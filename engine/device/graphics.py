@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -26,6 +26,9 @@ _WANTED, _NEEDED = 450, 410
 class Graphics:
     """A standalone OpenGL 4.1+ context and what it can do.
 
+    computes        it has compute shaders
+    indirect        it takes draw commands from a buffer
+    reversed_depth  depth runs from 1, near, to 0
     Raises DeviceError if no driver offers one.
     """
 
@@ -38,8 +41,12 @@ class Graphics:
         self.raw = RawGL()
         self._parking = self.context.simple_framebuffer((1, 1))
         self.name: str = self.context.info["GL_RENDERER"]
-        self._programs: dict[tuple, moderngl.Program] = {}
+        self._programs: dict[tuple, list] = {}
+        self._taken: dict[tuple, int] = {}
         self.context.gc_mode = "context_gc"
+
+        # Compute shaders and draws whose commands lie in a buffer came together, with OpenGL 4.3.
+        self.computes = self.indirect = self.context.version_code >= 430
 
         # Reversed depth keeps its precision at every distance; it needs OpenGL 4.5.
         self.reversed_depth = self.context.version_code >= 450 and "glClipControl" in self.raw
@@ -47,19 +54,34 @@ class Graphics:
             self.raw("glClipControl", LOWER_LEFT, ZERO_TO_ONE)
 
     def program(self, name: str, stages: Sequence[str], features: Sequence[str] = ()) -> moderngl.Program:
-        """Link shaders/<name>.<stage> for each of the stages vert, geom and frag; once for all bakes.
+        """Link shaders/<name>.<stage> of the stages vert, geom and frag, or take an unused one.
 
         features  defined in capitals in all stages; see `shader_source`
         """
         key = (name, tuple(stages), tuple(features))
-        if key not in self._programs:
-            self._programs[key] = self._link(*key)
-        return self._programs[key]
+        program: moderngl.Program = self._unused(key, lambda: self._link(*key))
+        return program
 
     def _link(self, name: str, stages: Sequence[str], features: Sequence[str]) -> moderngl.Program:
         keyword = {"vert": "vertex_shader", "geom": "geometry_shader", "frag": "fragment_shader"}
         sources = {keyword[stage]: shader_source(f"{name}.{stage}", features) for stage in stages}
         return self.context.program(**sources)
+
+    def compute_program(self, name: str, features: Sequence[str] = ()) -> moderngl.ComputeShader:
+        """Build shaders/<name>.comp, or take one that no one uses; needs `computes`."""
+        source = shader_source(f"{name}.comp", features)
+        program: moderngl.ComputeShader = self._unused(
+            (name, tuple(features)), lambda: self.context.compute_shader(source)
+        )
+        return program
+
+    def _unused(self, key: tuple, build: Callable[[], Any]) -> Any:
+        """Return a program of its own for everyone who asks; those of earlier bakes are used again."""
+        built, taken = self._programs.setdefault(key, []), self._taken.get(key, 0)
+        if taken == len(built):
+            built.append(build())
+        self._taken[key] = taken + 1
+        return built[taken]
 
     def discard(self, *resources: Any) -> None:
         """Release ModernGL objects; no framebuffer of theirs stays bound."""
@@ -75,6 +97,7 @@ class Graphics:
             if hasattr(unused, "release"):
                 unused.release()
         self.raw.delete_textures()
+        self._taken.clear()
 
     def release(self) -> None:
         """Destroy the context and everything made in it."""

@@ -11,6 +11,8 @@ FRAMEBUFFER = 0x8D40
 DEPTH_ATTACHMENT = 0x8D00
 FRAMEBUFFER_COMPLETE = 0x8CD5
 TEXTURE_2D_ARRAY = 0x8C1A
+ARRAY_BUFFER = 0x8892
+UNSIGNED_INT = 0x1405
 COLOR = 0x1800
 DEPTH = 0x1801
 DEPTH_COMPONENT = 0x1902
@@ -30,6 +32,9 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "glViewportIndexedf": (None, (_UINT, _FLOAT, _FLOAT, _FLOAT, _FLOAT)),
     "glClearBufferuiv": (None, (_UINT, _INT, ctypes.POINTER(_UINT))),
     "glClearBufferfv": (None, (_UINT, _INT, ctypes.POINTER(_FLOAT))),
+    "glBindVertexArray": (None, (_UINT,)),
+    "glBindBuffer": (None, (_UINT, _UINT)),
+    "glVertexAttribIPointer": (None, (_UINT, _INT, _UINT, _INT, _POINTER)),
     "glClipControl": (None, (_UINT, _UINT)),
 }
 
@@ -73,6 +78,12 @@ class RawGL:
         for name in self._textures:
             self("glDeleteTextures", 1, ctypes.byref(_UINT(name)))
         self._textures.clear()
+
+    def instances_from(self, vertex_array: int, location: int, buffer: int, offset: int) -> None:
+        """Let an attribute of one unsigned integer an instance start at a byte of a buffer."""
+        self("glBindVertexArray", vertex_array)
+        self("glBindBuffer", ARRAY_BUFFER, buffer)
+        self("glVertexAttribIPointer", location, 1, UNSIGNED_INT, 0, offset)
 
     def clear_integers(self, value: int, depth: float) -> None:
         """Clear all layers of the bound framebuffer, whose colours are unsigned integers."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,14 +12,20 @@ _ROOT = Path(__file__).resolve().parents[2]
 def shader_source(name: str, features: Sequence[str] = ()) -> str:
     """Return the text of shaders/<name>, with the names of features defined after its first line.
 
-    The first line is the #version. A fragment shader also gets shaders/<feature>.glsl where that exists.
+    The first line is the #version. A line `#include "other"` stands for the text of shaders/other.
+    A fragment shader also gets shaders/<feature>.glsl where that exists.
     """
-    text = (_ROOT / "shaders" / name).read_text(encoding="utf-8")
-    version, _, rest = text.partition("\n")
+    version, _, rest = _included(name).partition("\n")
     lines = [version, *(f"#define {feature.upper()}" for feature in features)]
     shared = [_ROOT / "shaders" / f"{feature}.glsl" for feature in features if name.endswith(".frag")]
     lines += [path.read_text(encoding="utf-8") for path in shared if path.exists()]
     return "\n".join([*lines, rest])
+
+
+def _included(name: str) -> str:
+    """Return the text of shaders/<name> with other files in the places of #include lines."""
+    text = (_ROOT / "shaders" / name).read_text(encoding="utf-8")
+    return re.sub(r'^#include "(.+)"$', lambda found: _included(found[1]), text, flags=re.MULTILINE)
 
 
 def kernel_source(name: str) -> str:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import moderngl
 import numpy as np
 import pyopencl as cl
 
 from ..device.compute import Compute
+from ..device.share import HostCopy
 from ..hemicube import multiplier_map
 from ..visibility.tiles import Tiles
 
@@ -76,6 +78,22 @@ class HemicubeIntegrator:
         result = np.empty((count, 4), np.float32)
         cl.enqueue_copy(self._queue, result, self._irradiance)
         return result
+
+
+class CopiedIntegrator:
+    """Integrates a texture array of hemicubes that are copied to OpenCL; see `protocol.Integrator`."""
+
+    name = "opencl"
+
+    def __init__(
+        self, compute: Compute, tiles: Tiles, texture: moderngl.TextureArray, sky: np.ndarray | None
+    ) -> None:
+        self._copy = HostCopy(compute, texture)
+        self._integrator = HemicubeIntegrator(compute, tiles, sky)
+
+    def integrate(self, frames: np.ndarray) -> np.ndarray:
+        """Return E/pi and the share of front faces; see `Integrator.integrate`."""
+        return self._integrator.integrate(self._copy.update(), frames)
 
 
 def _rounded_up(size: tuple[int, ...], group: tuple[int, ...]) -> tuple[int, ...]:

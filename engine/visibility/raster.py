@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
-from typing import Any
 
 import moderngl
 import numpy as np
@@ -12,20 +12,29 @@ from ..cutouts import Cutouts
 from ..device.graphics import Graphics
 from ..errors import DeviceError
 from ..geometry import Triangles
-from ..hemicube import FACES, face_rows
+from ..hemicube import FACES
+from .clusters import Clusters
+from .draw_paths import DrawPath, MeshBuffers, available_paths
+from .mesh import indexed_mesh
 from .targets import Target
-from .tiles import TILES_PER_DRAW, Tiles
+from .tiles import Tiles
 
 #: Texels in a row of the texture with all alpha maps.
 _ROW = 4096
 
+#: Clusters times hemicubes that are tested at once, and how long a path is tried at least, s.
+_TESTS = 1 << 20
+_TRIAL = 0.005
+
 
 class HemicubeRaster:
-    """What every patch of a batch sees, drawn by a geometry shader, instancing and viewports.
+    """What every patch of a batch sees.
 
     cutouts  which surfaces are see-through
     owners   (atlases, r, r) uint32 index map: patch + 1, or 0
     target   what is drawn; in the layout of `tiles`
+    path     one of `draw_paths.available_paths`, None for the fastest, found out with the first hemicubes
+    culling  False draws all triangles into all faces
     """
 
     def __init__(
@@ -36,20 +45,20 @@ class HemicubeRaster:
         cutouts: Cutouts,
         owners: np.ndarray,
         target: Target,
+        path: str | None = None,
+        culling: bool = True,
     ) -> None:
         context = graphics.context
         self._graphics, self._tiles, self._target = graphics, tiles, target
 
         # Geometry relative to the scene's middle, where float32 is finest.
         self.origin = triangles.middle
+        positions = (triangles.positions - self.origin).astype(np.float32)
+        self._clusters = Clusters(positions, culling)
+        mesh = MeshBuffers(graphics, indexed_mesh(triangles, positions, cutouts, self._clusters.order))
         features = (*target.features, *(("cutouts",) if cutouts.needed else ()))
-        self._program = graphics.program("hemicube", ("vert", "geom", "frag"), features)
-        vertices = context.buffer(_vertices(triangles, self.origin).tobytes())
-        content: list[tuple[Any, ...]] = [(vertices, "3f 3f", "in_position", "in_lookup")]
-        if cutouts.needed:
-            places = context.buffer(_cutout_vertices(triangles, cutouts).tobytes())
-            content.append((places, "3f", "in_cutout"))
-        self._triangles = context.vertex_array(self._program, content)
+        names = available_paths(graphics) if path is None else (path,)
+        self._paths = [DrawPath(graphics, name, tiles, mesh, features) for name in names]
 
         # What the shaders look up: hemicubes' matrices, the owners of lightmap texels, the target's own.
         atlases, height, width = owners.shape
@@ -60,6 +69,9 @@ class HemicubeRaster:
             self._lookups.update(_cutout_textures(context, cutouts))
         for texture in self._lookups.values():
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        for drawing in self._paths:
+            for unit, name in enumerate(self._lookups):
+                drawing.program[name] = unit
 
         # Where hemicubes are drawn: the target and a depth array.
         self._framebuffer = context.framebuffer([target.texture])
@@ -71,6 +83,11 @@ class HemicubeRaster:
             )
         self._framebuffer.depth_mask = True
 
+    @property
+    def path(self) -> str:
+        """The name of the path that draws; the first one that could until hemicubes have been drawn."""
+        return self._paths[0].name
+
     def draw(self, matrices: np.ndarray, layers_per_slice: int) -> Iterator[int]:
         """Draw hemicubes into the first slots of the array, a few layers at a time.
 
@@ -78,23 +95,49 @@ class HemicubeRaster:
         capacity. Yields the number of hemicubes finished after each slice.
         """
         count = len(matrices)
-        self._matrices.write(_padded(matrices.reshape(count, 4 * FACES, 4), self._tiles.capacity))
-        self._begin(count)
-        layers = -(-count // self._tiles.per_layer)
-        for first in range(0, layers, layers_per_slice):
-            self._bind()
-            self._draw_layers(first, min(layers_per_slice, layers - first))
-            self._graphics.context.finish()
-            yield min(count, (first + layers_per_slice) * self._tiles.per_layer)
-
-    def _begin(self, count: int) -> None:
-        """Clear all layers and set what stays the same for a batch."""
+        rows = np.ascontiguousarray(matrices.reshape(count, 4 * FACES, 4))
+        self._matrices.write(rows, viewport=(0, 0, 4 * FACES, count))
         self._bind()
         self._target.clear(self._framebuffer, 0.0 if self._graphics.reversed_depth else 1.0)
-        self._program["hemicubes"] = count
-        self._program["tiles_per_layer"] = self._tiles.per_layer
-        for unit, name in enumerate(self._lookups):
-            self._program[name] = unit
+        if len(self._paths) > 1:
+            self._keep_fastest(matrices)
+        slots = layers_per_slice * self._tiles.per_layer
+        for first in range(0, count, slots):
+            self._bind()
+            self._draw_slots(self._paths[0], matrices, first, min(first + slots, count))
+            self._graphics.context.finish()
+            yield min(count, first + slots)
+
+    def _draw_slots(self, path: DrawPath, matrices: np.ndarray, first: int, last: int) -> None:
+        """Draw some hemicubes, as many at a time as visibility is tested for at once."""
+        per_layer = self._tiles.per_layer
+        step = max(1, _TESTS // (len(self._clusters) * per_layer)) * per_layer
+        for start in range(first, last, step):
+            end = min(start + step, last)
+            path.draw(self._clusters, self._clusters.visible(matrices[start:end]), np.arange(start, end))
+
+    def _keep_fastest(self, matrices: np.ndarray) -> None:
+        """Time all paths with ever more hemicubes until that takes long enough; keep the fastest one.
+
+        What they draw into the array is what is drawn there again.
+        """
+        count, drawn = len(matrices), self._tiles.per_layer
+        for path in self._paths:
+            self._seconds(path, matrices, min(drawn, count))
+        while True:
+            seconds = [self._seconds(path, matrices, min(drawn, count)) for path in self._paths]
+            if min(seconds) > _TRIAL or drawn >= count:
+                break
+            drawn *= 4
+        self._paths = [self._paths[int(np.argmin(seconds))]]
+
+    def _seconds(self, path: DrawPath, matrices: np.ndarray, count: int) -> float:
+        """Return how long a path takes to draw so many hemicubes."""
+        self._graphics.context.finish()
+        started = time.perf_counter()
+        self._draw_slots(path, matrices, 0, count)
+        self._graphics.context.finish()
+        return time.perf_counter() - started
 
     def _bind(self) -> None:
         """Make this raster's state current; the caller may have used the context between slices."""
@@ -105,41 +148,6 @@ class HemicubeRaster:
         context.front_face = "cw"
         for unit, texture in enumerate(self._lookups.values()):
             texture.use(unit)
-
-    def _draw_layers(self, first: int, layers: int) -> None:
-        """Draw the hemicubes of some layers: one draw call for every three tiles of a layer."""
-        self._program["first_layer"] = first
-        for first_tile in range(0, self._tiles.per_layer, TILES_PER_DRAW):
-            drawn = min(TILES_PER_DRAW, self._tiles.per_layer - first_tile)
-            self._set_viewports(first_tile, drawn)
-            self._program["first_tile"] = first_tile
-            self._program["tiles_drawn"] = drawn
-            self._triangles.render(moderngl.TRIANGLES, instances=layers * drawn)
-
-    def _set_viewports(self, first_tile: int, tiles: int) -> None:
-        """One viewport for each face of each tile, in the stacked layout."""
-        for tile in range(tiles):
-            x, y = self._tiles.origin(first_tile + tile)
-            for face, (row, rows) in enumerate(face_rows(self._tiles.n)):
-                index = FACES * tile + face
-                self._graphics.raw("glViewportIndexedf", index, x, y + row, self._tiles.n, rows)
-
-
-def _vertices(triangles: Triangles, origin: np.ndarray) -> np.ndarray:
-    """Return (3 t, 6) float32: position relative to the origin, lightmap uv, atlas."""
-    data = np.empty((len(triangles.positions), 3, 6), np.float32)
-    data[:, :, 0:3] = triangles.positions - origin
-    data[:, :, 3:5] = triangles.uvs
-    data[:, :, 5] = triangles.atlas[:, None]
-    return data.reshape(-1, 6)
-
-
-def _cutout_vertices(triangles: Triangles, cutouts: Cutouts) -> np.ndarray:
-    """Return (3 t, 3) float32: place on the alpha map, material."""
-    data = np.empty((len(triangles.positions), 3, 3), np.float32)
-    data[:, :, 0:2] = cutouts.uvs
-    data[:, :, 2] = triangles.material[:, None]
-    return data.reshape(-1, 3)
 
 
 def _cutout_textures(context: moderngl.Context, cutouts: Cutouts) -> dict[str, moderngl.Texture]:

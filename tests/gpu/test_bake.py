@@ -124,7 +124,7 @@ def test_a_missing_driver_is_a_clear_error(variables, message):
     code = (
         "from engine import bake, Settings, DeviceError\n"
         "from tests.analytic.scenes import furnace\n"
-        "try: next(bake(furnace(0.5, 1.0), Settings()))\n"
+        "try: next(bake(furnace(0.5, 1.0), Settings(outputs=('ambient_occlusion',))))\n"
         "except DeviceError as error: print(error)\n"
     )
     environment = {**os.environ, **variables}

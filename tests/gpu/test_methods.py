@@ -1,4 +1,4 @@
-"""All methods and both visibilities give the light of radiance hemicubes drawn anew."""
+"""All methods, visibilities and devices give the light of radiance hemicubes drawn anew."""
 
 import dataclasses
 import re
@@ -7,14 +7,18 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from engine import Settings
+from engine import DeviceError, Light, Settings
+from engine.device import devices
 from engine.device.compute import Compute
 from engine.device.graphics import Graphics
+from engine.integrate.glsl_cached import GlslCachedIntegrator
 from engine.ray_scene import RayScene
 from engine.subdivision import subdivide
 from engine.visibility.identity import SeenBuffers, surroundings
 from engine.visibility.raster_identity import RasterIdentity
 from engine.visibility.ray_identity import RayIdentity
+from engine.visibility.targets import IdentityTarget
+from engine.visibility.tiles import Tiles
 from tests.analytic.drive import drive
 from tests.analytic.scenes import nine_quad_room
 from tests.analytic.test_sky_and_cutouts import sky
@@ -45,6 +49,21 @@ def paper(request):
     assert (lightmap.report.method, lightmap.report.visibility) == ("paper", "raster")
     assert lightmap.image.mean() > 0.5
     return scene(world), lightmap
+
+
+class NoCompute:
+    """Stands in for OpenCL on a machine that has none."""
+
+    def __init__(self, cache_dir=None):
+        raise DeviceError("There is no OpenCL device. Install one.")
+
+
+class OldGraphics(Graphics):
+    """OpenGL 4.1: no compute shaders, no draw commands in buffers."""
+
+    def __init__(self):
+        super().__init__()
+        self.computes = self.indirect = False
 
 
 @pytest.mark.parametrize("method", ["cached", "stream"])
@@ -174,3 +193,53 @@ def test_short_memory_lets_bounces_be_shared():
     settings = Settings(resolution=128, samples=256, visibility="rays", memory_budget=4 << 20)
     report = drive(nine_quad_room(), settings).report
     assert report.method == "cached" and "share their bounces" in report.reasons[0]
+
+
+def test_opengl_and_opencl_sum_alike(paper, monkeypatch):
+    monkeypatch.setattr(devices, "Graphics", OldGraphics)
+    in_cl = drive(paper[0], dataclasses.replace(SETTINGS, method="paper"))
+    assert (paper[1].report.integrator, in_cl.report.integrator) == ("glsl", "opencl")
+    assert paper[1].image == pytest.approx(in_cl.image, rel=2e-5, abs=1e-6)
+    assert paper[1].display == pytest.approx(in_cl.display, rel=2e-5, abs=1e-6)
+
+
+def test_a_machine_without_opencl_gives_the_same_light(paper, monkeypatch):
+    monkeypatch.setattr(devices, "Compute", NoCompute)
+    alone = drive(paper[0], dataclasses.replace(SETTINGS, visibility="auto", sample_emission=True))
+    assert (alone.report.method, alone.report.integrator) == ("cached", "glsl")
+    assert set(alone.report.devices) == {"gl"} and "without OpenCL" in alone.report.warnings[0]
+    assert alone.image == pytest.approx(paper[1].image, rel=2e-5, abs=1e-6)
+
+
+def test_what_takes_rays_takes_opencl(monkeypatch):
+    monkeypatch.setattr(devices, "Compute", NoCompute)
+    room = scene(np.float32([1, 2, 3]))
+    lamp = Light("Lamp", "point", np.ones(3), np.eye(3), np.ones(3, np.float32))
+    with pytest.raises(DeviceError, match="needed for the light of lamps.*Install"):
+        drive(dataclasses.replace(room, lights=(lamp,)), SETTINGS)
+    with pytest.raises(DeviceError, match="needed for ambient occlusion.*Install"):
+        drive(room, dataclasses.replace(SETTINGS, outputs=("ambient_occlusion",)))
+    with pytest.raises(DeviceError, match="needed for rays.*Install"):
+        drive(room, dataclasses.replace(SETTINGS, visibility="rays"))
+
+
+def test_neither_opencl_nor_compute_shaders_is_a_clear_error(monkeypatch):
+    monkeypatch.setattr(devices, "Compute", NoCompute)
+    monkeypatch.setattr(devices, "Graphics", OldGraphics)
+    with pytest.raises(DeviceError, match="no OpenGL 4.3, so OpenCL is needed.*Install"):
+        drive(scene(np.float32([1, 2, 3])), SETTINGS)
+
+
+def test_a_batch_larger_than_a_storage_block_is_kept_in_parts(graphics, monkeypatch):
+    """Hemicubes whose texels all see one patch gather just its radiance."""
+    tiles, count = Tiles(8, 3, 1, 4), 11
+    target = IdentityTarget(graphics, tiles)
+    seen = np.ones((tiles.layers, tiles.height, tiles.width), np.uint32)
+    target.texture.write(seen.tobytes())
+    monkeypatch.setitem(graphics.context.info, "GL_MAX_SHADER_STORAGE_BLOCK_SIZE", 4 * 4 * 192)
+    dark = np.zeros((1, 3), np.float32)
+    cache = GlslCachedIntegrator(graphics, tiles, target.texture, dark, dark[None])
+    cache.keep(np.tile(np.float32([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 1]]), (count, 1, 1)))
+    cache.set_radiance(np.float32([[1, 2, 3]]))
+    assert cache.gather(0) == pytest.approx(np.tile([1, 2, 3, 1], (count, 1)), rel=1e-6)
+    assert cache.batches == 1

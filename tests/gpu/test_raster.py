@@ -1,17 +1,21 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from engine.cutouts import gather_cutouts
 from engine.device.compute import Compute
 from engine.device.graphics import Graphics
-from engine.device.share import HostCopy
 from engine.geometry import gather_triangles
 from engine.hemicube import face_rows, frames, matrices, multiplier_map, rotations
-from engine.integrate.opencl import HemicubeIntegrator
+from engine.integrate.glsl import GlslIntegrator
+from engine.integrate.opencl import CopiedIntegrator
+from engine.visibility.clusters import Clusters
+from engine.visibility.draw_paths import available_paths
 from engine.visibility.raster import HemicubeRaster
 from engine.visibility.targets import RadianceTarget
 from engine.visibility.tiles import Tiles
-from tests.analytic.scenes import furnace
+from tests.analytic.scenes import furnace, sphere
 
 #: Frame along the axes, nothing below the horizon.
 UPRIGHT = np.float32([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 1]])
@@ -57,21 +61,83 @@ def test_back_faces_show_emission_and_are_counted(graphics):
     assert (image[0, :32, :, :3][seen == 1] == WORLD).all() and (seen == 1).any()
 
 
+def pictures(graphics, tiles, path=None, culling=True, see_through=False):
+    """Draw what patches on a sphere of 768 triangles see; every texel of the lightmap is a patch."""
+    scene = sphere()
+    if see_through:
+        scene = replace(scene, materials=tuple(replace(m, alpha=0.6) for m in scene.materials))
+    triangles = gather_triangles(scene)
+    target = RadianceTarget(graphics, tiles, np.zeros((64 * 64, 3), np.float32), (*WORLD, 1.0))
+    target.set_radiance(np.random.default_rng(4).random((64 * 64, 3), np.float32))
+    owners = np.arange(64 * 64, dtype=np.uint32).reshape(1, 64, 64)
+    arguments = (graphics, tiles, triangles, gather_cutouts(scene), owners, target, path, culling)
+    raster = HemicubeRaster(*arguments)
+    count = tiles.capacity - 1
+    chosen = np.linspace(0, len(triangles.positions) - 1, count).astype(int)
+    normal = triangles.normals[chosen, 0].astype(np.float64)
+    eyes = triangles.positions[chosen].mean(axis=1) + 1e-3 * normal - raster.origin
+    frame = frames(normal, rotations(1, np.arange(count)))
+    list(raster.draw(matrices(frame, eyes, np.full(count, 1e-4), graphics.reversed_depth), 2))
+    return target.texture.read(), raster.path
+
+
+@pytest.mark.parametrize("see_through", [False, True], ids=["opaque", "see-through"])
+@pytest.mark.parametrize("tiles", [Tiles(16, 3, 1, 5), Tiles(8, 4, 2, 3)])
+def test_all_ways_to_draw_give_the_same_bits(graphics, tiles, see_through):
+    reference, _ = pictures(graphics, tiles, "geometry", culling=False, see_through=see_through)
+    assert len(set(np.frombuffer(reference, np.float32))) > 100
+    for path in available_paths(graphics):
+        for culling in (True, False):
+            assert pictures(graphics, tiles, path, culling, see_through) == (reference, path)
+
+
+def test_the_fastest_way_is_kept_and_draws_the_same(graphics):
+    tiles = Tiles(16, 3, 1, 5)
+    picture, path = pictures(graphics, tiles)
+    assert path in available_paths(graphics)
+    assert picture == pictures(graphics, tiles, "geometry", culling=False)[0]
+
+
+def test_drivers_without_draw_commands_in_buffers_draw_the_same(graphics, monkeypatch):
+    tiles = Tiles(16, 3, 1, 3)
+    pictures_indirect = [pictures(graphics, tiles, path)[0] for path in available_paths(graphics)]
+    monkeypatch.setattr(graphics, "indirect", False)
+    assert pictures_indirect == [pictures(graphics, tiles, path)[0] for path in available_paths(graphics)]
+
+
+def test_no_cluster_that_a_face_sees_is_left_out():
+    """A triangle with a corner within a face's frustum belongs to a cluster that the face sees."""
+    random = np.random.default_rng(3)
+    corners = random.normal(size=(5000, 1, 3)) + random.normal(size=(5000, 3, 3)) * 0.1
+    clusters = Clusters(corners.astype(np.float32))
+    frame = frames(np.float64([[0.6, 0, 0.8], [0, -1, 0]]), np.float64([0.3, 2.0]))
+    matrix = matrices(frame, np.float64([[1, 0.5, 1], [-1, 1, 0]]), np.full(2, 1e-4), True)
+    seen = clusters.visible(matrix)
+    homogeneous = np.append(corners, np.ones((5000, 3, 1)), axis=2)
+    clip = np.einsum("mfij,tkj->mftki", matrix.astype(np.float64), homogeneous)
+    inside = (np.abs(clip[..., :2]) < clip[..., 3:]).all(axis=-1).any(axis=-1)
+    cluster = np.empty(5000, int)
+    cluster[clusters.order] = np.repeat(np.arange(len(clusters)), np.diff(clusters.first))
+    assert (seen[cluster].transpose(1, 2, 0) | ~inside).all()
+    assert len(clusters) > 50 and seen.mean() < 0.5
+
+
 @pytest.mark.parametrize("tiles", [Tiles(16, 3, 1, 3), Tiles(8, 4, 2, 2), Tiles(128, 1, 1, 1)])
 def test_kernels_equal_a_sum_in_double_precision(graphics, tiles):
     compute = Compute()
     target, _ = drawn(graphics, tiles, tiles.capacity)
     values = np.random.default_rng(5).random((tiles.layers, tiles.height, tiles.width, 4), np.float32)
     target.texture.write(values.tobytes())
-    result = HemicubeIntegrator(compute, tiles).integrate(
-        HostCopy(compute, target.texture).update(), np.tile(UPRIGHT, (tiles.capacity, 1, 1))
-    )
+    upright = np.tile(UPRIGHT, (tiles.capacity, 1, 1))
+    in_cl = CopiedIntegrator(compute, tiles, target.texture, None).integrate(upright)
+    in_gl = GlslIntegrator(graphics, tiles, target.texture).integrate(upright)
     weights = multiplier_map(tiles.n).astype(np.float64)
     for slot in range(tiles.capacity):
         layer, tile = divmod(slot, tiles.per_layer)
         x, y = tiles.origin(tile)
         cube = values[layer, y : y + 3 * tiles.n, x : x + tiles.n].astype(np.float64)
-        np.testing.assert_allclose(result[slot], np.einsum("yx,yxc->c", weights, cube), rtol=2e-6)
+        for result in (in_cl, in_gl):
+            np.testing.assert_allclose(result[slot], np.einsum("yx,yxc->c", weights, cube), rtol=2e-6)
 
 
 def test_layout_has_one_face_after_another():

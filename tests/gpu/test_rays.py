@@ -7,12 +7,18 @@ import pyopencl as cl
 import pytest
 
 from engine.device.compute import Compute
+from engine.geometry import Triangles
 from engine.visibility import bvh
 from engine.visibility.bvh import Shape
 from engine.visibility.rays import Rays
 
 SOLID = SimpleNamespace(needed=False, culled=np.zeros(1, bool))
 SHAPES = [Shape(8, 8, 8, 0.5), Shape(2, 1, 4, 0.35), Shape(4, 4, 8, 0.5)]
+
+
+def alone(positions):
+    """Return triangles of which only positions matter."""
+    return Triangles(positions, *[np.empty(0)] * 5)
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +104,7 @@ def test_the_nearest_triangle_is_found(compute, monkeypatch, soup, shape):
     """Neither farther than triangles a little smaller are, nor nearer than ones a little larger."""
     monkeypatch.setattr(bvh, "shape_for", lambda device: shape)
     triangles = SOUPS[soup]().astype(np.float32)
-    rays = Rays(compute, SimpleNamespace(positions=triangles), SOLID)
+    rays = Rays(compute, alone(triangles), SOLID)
     origins, directions = rays_for(triangles.astype(np.float64), 150)
     hit, _, distance = rays.cast(origins, directions)
     through = rays.transmittance(origins, directions, 0.5)
@@ -156,7 +162,7 @@ def test_nothing_slips_between_triangles(compute):
     flat = (corner[:, None, None] + square).reshape(-1, 3, 2)
     walls = [np.insert(flat, axis, side, axis=2) for axis in range(3) for side in (-1.0, 1.0)]
     triangles = (np.concatenate(walls) @ np.linalg.qr(random(1)[0])[0]).astype(np.float32)
-    rays = Rays(compute, SimpleNamespace(positions=triangles), SOLID)
+    rays = Rays(compute, alone(triangles), SOLID)
     weights = np.array([(0.5, 0.5, 0), (0, 0.3, 0.7), (0.9, 0, 0.1), (1, 0, 0)])
     targets = np.einsum("wk,tkd->wtd", weights, triangles).reshape(-1, 3)
     for origin in ((0, 0, 0), (0.3, -0.2, 0.4)):

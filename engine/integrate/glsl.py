@@ -1,0 +1,38 @@
+"""Integrates hemicubes with an OpenGL compute shader, where they were drawn."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+
+from ..device.graphics import Graphics
+from ..visibility.tiles import Tiles
+from .compute_shader import ComputeShader, HemicubeTables, Textures, sky_texture
+
+
+class GlslIntegrator:
+    """Sums a texture array of radiance hemicubes; needs `Graphics.computes`.
+
+    texture  (layers, height, width, 4) float, see `visibility.targets`
+    sky      (h, w, 3) float32 radiance, equirectangular as `Scene.world`, seen where a is 2; or None
+    """
+
+    name = "glsl"
+
+    def __init__(
+        self, graphics: Graphics, tiles: Tiles, texture: moderngl.TextureArray, sky: np.ndarray | None = None
+    ) -> None:
+        self._tables = HemicubeTables(graphics, tiles)
+        features = () if sky is None else ("sky",)
+        self._shader = ComputeShader(graphics, "integrate", tiles, self._tables, features)
+        self._textures: Textures = {"hemicubes": texture}
+        if sky is not None:
+            self._textures = {"hemicubes": texture, "sky": sky_texture(graphics, sky)}
+        self._irradiance = graphics.context.buffer(reserve=16 * tiles.capacity)
+
+    def integrate(self, frames: np.ndarray) -> np.ndarray:
+        """Return E/pi and the share of front faces; see `Integrator.integrate`."""
+        self._tables.set_frames(frames)
+        self._shader.run(len(frames), {2: self._irradiance}, self._textures)
+        irradiance = self._irradiance.read(16 * len(frames))
+        return np.frombuffer(irradiance, np.float32).reshape(-1, 4)

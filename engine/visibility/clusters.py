@@ -1,0 +1,96 @@
+"""Triangles in clusters, and which clusters a hemicube face may see (frustum culling)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+#: Triangles of a cluster.
+_SIZE = 64
+
+#: Scenes with fewer triangles are one cluster: testing would cost more than drawing.
+_WORTHWHILE = 192
+
+#: Slack of the tests, relative to the scene's diagonal: float32 clipping must not see more than they do.
+_SLACK = 4e-6
+
+#: Planes between the faces, along right, up and normal; the last is the patch's own.
+_PLANES = np.array(
+    [[1, 1, 0], [1, -1, 0], [1, 0, 1], [-1, 0, 1], [0, 1, 1], [0, -1, 1], [0, 0, 1]], np.float32
+)
+
+#: Planes that a cluster must reach over to be seen on each face, and the sign of the side it must reach.
+_SIDES = (
+    ((2, 1), (3, 1), (4, 1), (5, 1)),
+    ((0, 1), (1, 1), (6, 1), (3, -1)),
+    ((0, -1), (1, -1), (6, 1), (2, -1)),
+    ((0, 1), (1, -1), (6, 1), (5, -1)),
+    ((0, -1), (1, 1), (6, 1), (4, -1)),
+)
+
+
+class Clusters:
+    """Triangles in the order of a Morton curve, cut into clusters of neighbours.
+
+    order   (t,) int64, the triangles in drawing order
+    first   (c + 1,) int64, where each cluster starts in `order`, and the end of the last
+    """
+
+    def __init__(self, positions: np.ndarray, culling: bool = True) -> None:
+        """positions: (t, 3, 3) float32, relative to the scene's middle; one cluster without culling."""
+        count = len(positions)
+        size = _SIZE if culling and count >= _WORTHWHILE else count
+        self.order = np.argsort(_morton_codes(positions.mean(axis=1)), kind="stable")
+        self.first = np.append(np.arange(0, count, size), count)
+        low = np.minimum.reduceat(positions[self.order].min(axis=1), self.first[:-1], axis=0)
+        high = np.maximum.reduceat(positions[self.order].max(axis=1), self.first[:-1], axis=0)
+        self._center, self._half = (low + high) / 2, (high - low) / 2
+        self._slack = _SLACK * float(np.linalg.norm(high.max(axis=0) - low.min(axis=0)))
+
+    def __len__(self) -> int:
+        return len(self.first) - 1
+
+    def visible(self, matrices: np.ndarray) -> np.ndarray:
+        """Return which clusters may be seen on which faces, (c, m, 5) bool; never too few.
+
+        matrices: (m, 5, 4, 4) float32 from `hemicube.matrices`. A face sees a box unless it lies wholly
+        behind one of the face's four side planes. Occlusion is left to the depth test.
+        """
+        count = len(matrices)
+        if len(self) == 1:
+            return np.ones((1, count, 5), bool)
+
+        # Rows x, y and w of the first face are distances along right, up and normal.
+        planes = _PLANES @ matrices[:, 0, [0, 1, 3]]
+        reach = np.abs(planes[..., :3]) @ self._half.T + self._slack
+        distance = planes[..., :3] @ self._center.T + planes[..., 3:]
+        beyond = {1: distance > -reach, -1: distance < reach}
+
+        seen = np.empty((len(self), count, 5), bool)
+        for face, sides in enumerate(_SIDES):
+            tests = [beyond[sign][:, plane] for plane, sign in sides]
+            seen[:, :, face] = np.logical_and.reduce(tests).T
+        return seen
+
+
+def _morton_codes(points: np.ndarray) -> np.ndarray:
+    """Return the place of points on a Morton curve through their box, (n,) uint64 of 3 x 20 bits."""
+    low = points.min(axis=0)
+    extent = max(float((points.max(axis=0) - low).max()), 1e-30)
+    cells = ((points - low) / extent * (2**20 - 1)).astype(np.uint64)
+    code = np.zeros(len(points), np.uint64)
+    for axis in range(3):
+        code |= _spread(cells[:, axis]) << np.uint64(axis)
+    return code
+
+
+def _spread(bits: np.ndarray) -> np.ndarray:
+    """Return numbers of 20 bits with two zeros after each bit."""
+    for shift, mask in (
+        (32, 0x1F00000000FFFF),
+        (16, 0x1F0000FF0000FF),
+        (8, 0x100F00F00F00F00F),
+        (4, 0x10C30C30C30C30C3),
+        (2, 0x1249249249249249),
+    ):
+        bits = (bits | (bits << np.uint64(shift))) & np.uint64(mask)
+    return bits

@@ -1,0 +1,40 @@
+#version 430
+// Identity hemicubes: each texel names the patch that is seen, plus 1 (0: none), with the highest bit set
+// for its back; or the surroundings. This sums what stays the same: rgb of the surroundings and of the
+// backs' emission, and in a the share of the hemisphere that is no back. In `cache` only the fronts are
+// left; everything else becomes 0, no patch.
+#include "hemicube.glsl"
+const uint BACK = 0x80000000u, SURROUNDINGS = 0x7FFFFFFFu;
+uniform usampler2DArray hemicubes;
+uniform int first_slot;
+layout(std430, binding = 2) writeonly buffer FixedLight { vec4 fixed_light[]; };
+layout(std430, binding = 3) writeonly buffer Cache { uint cache[]; };
+layout(std430, binding = 4) readonly buffer Emission { vec4 emission[]; };
+
+void main()
+{
+    int hemicube = int(gl_WorkGroupID.x), slot = first_slot + hemicube;
+    ivec3 first = origin(slot);
+    Frame frame = frames[slot];
+    vec4 sum = vec4(0.0);
+    for (int i = int(gl_LocalInvocationIndex); i < 3 * n * n; i += int(GROUP)) {
+        ivec2 at = texel_at(i);
+        vec3 direction = texel_direction(at);
+        uint seen = texelFetch(hemicubes, first + ivec3(at, 0), 0).r, front = 0u;
+        if (dot(direction, frame.horizon.xyz) > 0.0) {
+            vec4 value = vec4(0.0, 0.0, 0.0, 1.0);
+            uint owner = seen & ~BACK;
+            if (seen == SURROUNDINGS)
+                value.rgb = surroundings(frame, direction);
+            else if (owner == seen)
+                front = seen;
+            else
+                value = vec4(emission[owner].rgb, owner == 0u ? 1.0 : 0.0);
+            sum += multiplier[i] * value;
+        }
+        cache[3 * n * n * hemicube + i] = front;
+    }
+    sum = sum_of_group(sum);
+    if (gl_LocalInvocationIndex == 0u)
+        fixed_light[hemicube] = sum;
+}

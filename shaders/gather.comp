@@ -1,0 +1,18 @@
+#version 430
+// One iteration over kept identity hemicubes: the fronts' radiance, weighted and added to what stays the same.
+#include "hemicube.glsl"
+layout(std430, binding = 2) writeonly buffer Irradiance { vec4 irradiance[]; };
+layout(std430, binding = 3) readonly buffer Cache { uint cache[]; };
+layout(std430, binding = 4) readonly buffer Radiance { vec4 radiance[]; };
+layout(std430, binding = 5) readonly buffer FixedLight { vec4 fixed_light[]; };
+
+void main()
+{
+    int hemicube = int(gl_WorkGroupID.x);
+    vec4 sum = vec4(0.0);
+    for (int i = int(gl_LocalInvocationIndex); i < 3 * n * n; i += int(GROUP))
+        sum += multiplier[i] * radiance[cache[3 * n * n * hemicube + i]];
+    sum = sum_of_group(sum);
+    if (gl_LocalInvocationIndex == 0u)
+        irradiance[hemicube] = sum + fixed_light[hemicube];
+}

@@ -19,7 +19,7 @@ from .subdivision import Subdivision
 from .viewpoints import place_hemicubes
 from .visibility.raster import HemicubeRaster
 from .visibility.targets import IdentityTarget, RadianceTarget, Target
-from .visibility.tiles import Tiles, plan_tiles
+from .visibility.tiles import COPIED_RADIANCE_BYTES, IDENTITY_BYTES, RADIANCE_BYTES, Tiles, plan_tiles
 
 #: A slice of work should take about this long, s.
 _SLICE = 0.04
@@ -55,8 +55,8 @@ def choose_gather(
     emission  (n, 3) float32 radiance of each patch, seen on back faces
     sky       (h, w, 3) float32, equirectangular, `Sky.rest`; a single pixel is a uniform sky
     """
-    fits = fits_cache(graphics, compute, plan_tiles(settings, len(parts.patches)), len(parts.patches))
-    if settings.method == "cached" and fits:
+    tiles = plan_tiles(settings, len(parts.patches), IDENTITY_BYTES)
+    if settings.method == "cached" and fits_cache(graphics, compute, tiles, len(parts.patches)):
         return CachedGather(graphics, compute, scene, parts, emission, sky, settings)
     return PaperGather(graphics, compute, scene, parts, emission, sky, settings)
 
@@ -122,7 +122,8 @@ class PaperGather:
         settings: Settings,
     ) -> None:
         """Prepare to gather; see `choose_gather`."""
-        tiles = plan_tiles(settings, len(parts.patches))
+        texel_bytes = RADIANCE_BYTES if graphics.computes else COPIED_RADIANCE_BYTES
+        tiles = plan_tiles(settings, len(parts.patches), texel_bytes)
         uniform = sky.shape[:2] == (1, 1)
         nothing = (*sky[0, 0], 1.0) if uniform else _LOOK_UP
         self._target = RadianceTarget(graphics, tiles, emission, nothing)
@@ -158,7 +159,7 @@ class CachedGather:
         settings: Settings,
     ) -> None:
         """Prepare to gather; see `choose_gather`."""
-        tiles = plan_tiles(settings, len(parts.patches))
+        tiles = plan_tiles(settings, len(parts.patches), IDENTITY_BYTES)
         target = IdentityTarget(graphics, tiles)
         self._hemicubes = _Hemicubes(graphics, scene, parts, tiles, target, settings)
         self._integrator = choose_cache(graphics, compute, tiles, target.texture, emission, sky)

@@ -70,7 +70,7 @@ def test_cached_bakes_are_repeatable():
 
 @WORLDS
 def test_opengl_and_opencl_sum_alike(world, monkeypatch):
-    settings = dataclasses.replace(SETTINGS, method="paper", iterations=2)
+    settings = dataclasses.replace(SETTINGS, method="paper", iterations=1)
     in_gl = drive(scene(world), settings)
     monkeypatch.setattr(import_module("engine.bake"), "Graphics", OldGraphics)
     in_cl = drive(scene(world), settings)

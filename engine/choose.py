@@ -28,7 +28,7 @@ from .subdivision import Subdivision
 from .visibility.identity import Identity, SeenBuffers, surroundings
 from .visibility.raster_identity import RasterIdentity
 from .visibility.ray_identity import RayIdentity, ray_count
-from .visibility.tiles import plan_tiles
+from .visibility.tiles import IDENTITY_BYTES, plan_tiles
 
 #: Patches that are tried first, how many times more the next try takes, and when a try is long enough, s.
 _TRIED, _MORE, _LONG_ENOUGH = 32, 8, 0.02
@@ -167,7 +167,7 @@ def _paper(bake: Bake) -> tuple[Radiosity, Choice]:
 
 def _without_opencl(bake: Bake) -> tuple[Radiosity, Choice]:
     settings, count = bake.settings, len(bake.parts.patches)
-    if not fits_glsl_cache(bake.graphics, plan_tiles(settings, count), count):
+    if not fits_glsl_cache(bake.graphics, plan_tiles(settings, count, IDENTITY_BYTES), count):
         return _paper(bake)
     gather = GlslGather(bake.graphics, bake.scene, bake.parts, bake.emission, bake.sky, settings)
     reflectance = bake.parts.surfaces.reflectance

@@ -16,7 +16,7 @@ from .scene import Scene
 from .settings import Settings
 from .subdivision import Subdivision
 from .visibility.targets import IdentityTarget, RadianceTarget
-from .visibility.tiles import plan_tiles
+from .visibility.tiles import COPIED_RADIANCE_BYTES, IDENTITY_BYTES, RADIANCE_BYTES, plan_tiles
 
 #: Stands in hemicubes where the integrator has to look the sky up.
 _LOOK_UP = (0.0, 0.0, 0.0, 2.0)
@@ -50,7 +50,8 @@ class PaperGather:
         emission  (n, 3) float32 radiance of each patch, seen on back faces
         sky       (h, w, 3) float32, equirectangular, `Sky.rest`; a single pixel is a uniform sky
         """
-        tiles = plan_tiles(settings, len(parts.patches))
+        texel_bytes = RADIANCE_BYTES if graphics.computes else COPIED_RADIANCE_BYTES
+        tiles = plan_tiles(settings, len(parts.patches), texel_bytes)
         uniform = sky.shape[:2] == (1, 1)
         nothing = (*sky[0, 0], 1.0) if uniform else _LOOK_UP
         self._target = RadianceTarget(graphics, tiles, emission, nothing)
@@ -84,7 +85,7 @@ class GlslGather:
         settings: Settings,
     ) -> None:
         """Prepare to gather; parameters as of `PaperGather`."""
-        tiles = plan_tiles(settings, len(parts.patches))
+        tiles = plan_tiles(settings, len(parts.patches), IDENTITY_BYTES)
         target = IdentityTarget(graphics, tiles)
         self._hemicubes = Hemicubes(graphics, scene, parts, tiles, target, settings)
         self._integrator = GlslCachedIntegrator(graphics, tiles, target.texture, emission, sky)

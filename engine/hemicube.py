@@ -99,9 +99,13 @@ def face_axes(frame: np.ndarray) -> np.ndarray:
 
     frame: (n, 3, 3) from `frames`. Returns (n, 5, 3, 3) float64; on every face right x up = forward.
     """
-    right, up, normal = frame[:, 0], frame[:, 1], frame[:, 2]
-    sides = [np.stack([np.cross(normal, d), normal, d], axis=1) for d in (right, -right, up, -up)]
-    return np.stack([frame, *sides], axis=1)
+    axes = np.empty((len(frame), FACES, 3, 3))
+    axes[:, 0] = frame
+    axes[:, 1:, 1] = frame[:, None, 2]
+    right, up = frame[:, 0], frame[:, 1]
+    for face, across, forward in ((1, up, right), (2, -up, -right), (3, -right, up), (4, right, -up)):
+        axes[:, face, 0], axes[:, face, 2] = across, forward
+    return axes
 
 
 def matrices(frame: np.ndarray, eye: np.ndarray, near: np.ndarray, reversed_depth: bool) -> np.ndarray:
@@ -113,9 +117,12 @@ def matrices(frame: np.ndarray, eye: np.ndarray, near: np.ndarray, reversed_dept
     keeps its upper half only: y = 2 v - w for height v and distance w.
     """
     axes = face_axes(frame)
-    view = np.concatenate([axes, -np.einsum("nfij,nj->nfi", axes, eye.astype(np.float64))[..., None]], axis=3)
-    x, y, w = view[:, :, 0], view[:, :, 1].copy(), view[:, :, 2]
+    clip = np.empty((len(frame), FACES, 4, 4))
+    x, y, z, w = np.moveaxis(clip, 2, 0)
+    for row, axis in ((x, 0), (y, 1), (w, 2)):
+        row[..., :3] = axes[:, :, axis]
+        row[..., 3] = -(axes[:, :, axis] @ eye.astype(np.float64)[:, :, None])[..., 0]
     y[:, 1:] = 2 * y[:, 1:] - w[:, 1:]
-    z = np.zeros_like(w) if reversed_depth else w.copy()
+    z[...] = 0 if reversed_depth else w
     z[..., 3] += (near if reversed_depth else -2 * near)[:, None]
-    return np.stack([x, y, z, w], axis=2).astype(np.float32)
+    return clip.astype(np.float32)

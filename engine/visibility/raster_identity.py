@@ -17,7 +17,7 @@ from ..settings import Settings
 from ..subdivision import Subdivision
 from .identity import SeenBuffers, Surroundings, with_fourth
 from .targets import IdentityTarget
-from .tiles import plan_tiles
+from .tiles import IDENTITY_BYTES, plan_tiles
 
 
 class RasterIdentity:
@@ -35,7 +35,7 @@ class RasterIdentity:
         settings: Settings,
     ) -> None:
         self._compute, self._queue, self._around = compute, compute.queue, around
-        self._tiles = plan_tiles(settings, len(parts.patches))
+        self._tiles = plan_tiles(settings, len(parts.patches), IDENTITY_BYTES)
         target = IdentityTarget(graphics, self._tiles)
         self._hemicubes = Hemicubes(graphics, scene, parts, self._tiles, target, settings)
         self._copy = HostCopy(compute, target.texture)

@@ -43,16 +43,25 @@ class RadianceTarget:
 
     emission  (n, 3) float32 radiance, seen on back faces
     nothing   4 numbers that stand where no surface is seen
+    half      True for float16: radiance up to 65504 with 11 bits; for `GlslIntegrator` alone
     """
 
     features: tuple[str, ...] = ()
 
     def __init__(
-        self, graphics: Graphics, tiles: Tiles, emission: np.ndarray, nothing: Sequence[float]
+        self,
+        graphics: Graphics,
+        tiles: Tiles,
+        emission: np.ndarray,
+        nothing: Sequence[float],
+        half: bool = False,
     ) -> None:
         context = graphics.context
-        self._nothing = tuple(float(channel) for channel in nothing)
-        self.texture = context.texture_array((tiles.width, tiles.height, tiles.layers), 4, dtype="f4")
+        self._largest = float(np.finfo(np.float16 if half else np.float32).max)
+        self._nothing = tuple(min(float(channel), self._largest) for channel in nothing)
+        size = (tiles.width, tiles.height, tiles.layers)
+        self.texture = context.texture_array(size, 4, dtype="f2" if half else "f4")
+        self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._radiosity = context.texture((_ROW, 2 * -(-(len(emission) + 1) // _ROW)), 4, dtype="f4")
         self._radiosity.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._write_side(emission, front=False)
@@ -70,7 +79,7 @@ class RadianceTarget:
         """Write (n, 3) float32 into one half of the radiosity texture; entry 0 stands for nothing."""
         width, height = self._radiosity.size[0], self._radiosity.size[1] // 2
         values = np.zeros((width * height, 4), np.float32)
-        values[1 : len(radiance) + 1, :3] = radiance
+        values[1 : len(radiance) + 1, :3] = np.minimum(radiance, self._largest)
         values[:, 3] = front
         values[0, 3] = 1
         self._radiosity.write(values.tobytes(), viewport=(0, 0 if front else height, width, height))

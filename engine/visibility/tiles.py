@@ -15,8 +15,11 @@ _TEXTURE_SIZE = 16384
 #: A hemicube face needs a viewport, so this many hemicubes fit into one draw call.
 TILES_PER_DRAW = _VIEWPORTS // 5
 
-#: Bytes per hemicube texel: RGBA32F colour, its copy, the workspace, and depth.
-_TEXEL_BYTES = 16 + 16 + 16 + 4
+#: Bytes per hemicube texel: RGBA32F colour and depth; besides these a copy and the workspace in OpenCL;
+#: or an identity, its copy, what is kept, and depth.
+RADIANCE_BYTES = 16 + 4
+COPIED_RADIANCE_BYTES = 16 + 16 + 16 + 4
+IDENTITY_BYTES = 4 + 4 + 4 + 4
 
 
 @dataclass(frozen=True)
@@ -57,15 +60,15 @@ class Tiles:
         return column * self.n, row * 3 * self.n
 
 
-def plan_tiles(settings: Settings, patches: int) -> Tiles:
-    """Choose the texture array for a bake of so many patches.
+def plan_tiles(settings: Settings, patches: int, texel_bytes: int = COPIED_RADIANCE_BYTES) -> Tiles:
+    """Choose the texture array for a bake of so many patches, whose texels take so many bytes.
 
     Without `settings.array_size`, a layer holds as many hemicubes as one draw call can fill, so that
     a batch takes a single draw. Raises SettingsError if array_size holds no hemicube.
     """
     n = settings.hemicube
     if settings.array_size is None:
-        layer_bytes = TILES_PER_DRAW * 3 * n * n * _TEXEL_BYTES
+        layer_bytes = TILES_PER_DRAW * 3 * n * n * texel_bytes
         layers = max(1, settings.batch_bytes // layer_bytes)
         needed = -(-patches // TILES_PER_DRAW)
         return Tiles(n, TILES_PER_DRAW, 1, min(layers, needed, _LAYERS))

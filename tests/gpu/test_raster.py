@@ -145,6 +145,22 @@ def test_layout_has_one_face_after_another():
     assert rows == [(0, 16), (16, 8), (24, 8), (32, 8), (40, 8)]
 
 
+def test_half_floats_are_rounded_and_never_infinite(graphics):
+    """Patches of every brightness fill hemicubes; float16 holds up to 65504."""
+    tiles, radiance = Tiles(8, 3, 1, 1), np.float32([[1e6, 0.123456, 3e-5]])
+    dark = np.zeros((1, 3), np.float32)
+    target = RadianceTarget(graphics, tiles, dark, (1e9, 0, 0, 1), half=True)
+    target.set_radiance(radiance)
+    scene = furnace(0.5, 1.0)
+    owners = np.ones((1, 32, 32), np.uint32)
+    arguments = (graphics, tiles, gather_triangles(scene), gather_cutouts(scene), owners, target)
+    raster = HemicubeRaster(*arguments)
+    frame = frames(np.tile([0.0, 0.0, 1.0], (3, 1)), np.zeros(3))
+    list(raster.draw(matrices(frame, np.zeros((3, 3)), np.full(3, 1e-4), graphics.reversed_depth), 1))
+    light = GlslIntegrator(graphics, tiles, target.texture).integrate(np.tile(UPRIGHT, (3, 1, 1)))
+    assert light == pytest.approx(np.tile([65504, 0.123456, 3e-5, 1], (3, 1)), rel=1e-3)
+
+
 def test_standard_depth_draws_the_same_picture(graphics):
     """A driver without clip control (OpenGL 4.1) uses the usual depth range."""
     tiles = Tiles(32, 3, 1, 1)

@@ -19,6 +19,8 @@ def test_origins_tile_the_layer():
 def test_automatic_layout_fits_the_batch_memory_and_the_patches():
     tiles = plan_tiles(Settings(hemicube=64, batch_bytes=64 << 20), 10**6)
     assert tiles.columns == 3 and tiles.capacity * 3 * 64 * 64 * 52 <= 64 << 20
+    denser = plan_tiles(Settings(hemicube=64, batch_bytes=64 << 20), 10**6, texel_bytes=20)
+    assert tiles.capacity < denser.capacity <= (64 << 20) / (3 * 64 * 64 * 20)
     assert plan_tiles(Settings(hemicube=8), 5).capacity == 6
 
 

@@ -1,10 +1,10 @@
 // A tree over emitters (engine/light_tree.py), and the way of a patch's samples down to emitters.
 
 #define NODE 5
-#define TREE_STACK 64
+#define TREE_STACK 32  // the tree is balanced: enough for 2^31 emitters
 
 // A node is taken as one light if its radius is less than so many distances (Barnes and Hut 1986).
-#define OPENING 0.3f
+#define OPENING 0.4f
 
 typedef struct {
     __global const float4 *emitters;
@@ -27,8 +27,11 @@ float emitter_weight(__global const float4 *e, const Receiver *r, const float sk
         const float d2 = dot(to, to), d = sqrt(d2), reach = e[1].w + r->size;
         if (dot(r->normal, to) < -reach || dot(r->geometric, to) < -reach)
             return 0.0f;
-        const float spot = e[2].w >= -1.0f && e[1].w == 0.0f
-            ? in_cone(e, -to / fmax(d, 1e-20f), e[2].w - 0.05f, 1.0f) + 1e-4f : 1.0f;
+
+        // A spot's cone is wider by what the texel spans.
+        const float widest = e[2].w - 0.05f - r->size / fmax(d, 1e-20f);
+        const float spot = e[2].w >= -1.0f && e[1].w == 0.0f && widest > -1.0f
+            ? in_cone(e, -to / fmax(d, 1e-20f), widest, 1.0f) + 1e-4f : 1.0f;
         return strength * spot * fmax(dot(r->normal, to) / fmax(d, 1e-20f), 0.05f) / fmax(d2, 1e-12f);
     }
     const float3 a = e[1].xyz - r->at, b = a + e[2].xyz, c = a + e[3].xyz;
@@ -36,11 +39,11 @@ float emitter_weight(__global const float4 *e, const Receiver *r, const float sk
     if (top <= 1e-5f * length(a))
         return 0.0f;
     const float3 normal = cross(e[2].xyz, e[3].xyz);
-    const float facing = -dot(normal, a);
-    if (e[5].w < 0.0f && facing <= 0.0f)
+    const float facing = -dot(normal, a), twice = length(normal);
+    if ((e[5].w < 0.0f || e[5].z > 0.0f) && facing <= -r->size * twice)
         return 0.0f;
     const float3 middle = (a + b + c) / 3.0f;
-    const float d2 = dot(middle, middle), d = sqrt(d2), twice = length(normal);
+    const float d2 = dot(middle, middle), d = sqrt(d2);
     const float angle = fmin(0.5f * twice * fmax(fabs(facing) / (twice * d), 0.02f) / d2, 6.2831853f);
     return strength * angle * fmax(dot(middle, r->normal) / d, 0.1f);
 }
@@ -88,7 +91,7 @@ float total_weight(const Lights *lights, const int root, const Receiver *r)
     for (;;) {
         bool open;
         const float weight = weight_of(lights, code, r, &open);
-        if (open && depth < TREE_STACK) {
+        if (open) {
             const int2 halves = lights->branches[code];
             stack[depth++] = halves.y;
             code = halves.x;

@@ -1,0 +1,130 @@
+"""How patches find emitters in the tree: as often as they should, and without looking at all of them."""
+
+import numpy as np
+import pyopencl as cl
+import pytest
+
+from engine.device.compute import Compute
+from engine.device.source import kernel_source
+from engine.emitters import POINT, RECORD
+from engine.light_tree import build_light_tree
+
+#: Counts what patches look at, and how often emitters are chosen; the widths are summed up, too.
+COUNTING = """
+__kernel void looked_at(__global const float4 *receivers, __global const float4 *emitters,
+                        __global const float4 *nodes, __global const int2 *branches, const int root,
+                        __global int *counts)
+{
+    const Receiver r = load_receiver(receivers + RECEIVER * get_global_id(0));
+    const Lights lights = {emitters, nodes, branches, 0.0f};
+    int stack[TREE_STACK], depth = 0, code = root, count = 0;
+    for (;;) {
+        bool open;
+        weight_of(&lights, code, &r, &open);
+        ++count;
+        if (open) {
+            stack[depth++] = branches[code].y;
+            code = branches[code].x;
+        } else if (depth > 0) {
+            code = stack[--depth];
+        } else {
+            break;
+        }
+    }
+    counts[get_global_id(0)] = count;
+}
+
+__kernel void chosen(__global const float4 *receivers, __global const float4 *emitters,
+                     __global const float4 *nodes, __global const int2 *branches, const int root,
+                     const int budget, const int seeds, __global float2 *shares)
+{
+    const Receiver r = load_receiver(receivers);
+    const Lights lights = {emitters, nodes, branches, 0.0f};
+    const float total = total_weight(&lights, root, &r);
+    for (int seed = 0; seed < seeds; ++seed) {
+        Walk walk;
+        walk.codes[0] = root;
+        walk.spans[0] = (float2)(0.0f, -1.0f);
+        walk.depth = 1;
+        walk.scale = budget / total;
+        walk.passed = 0.0f;
+        float2 span = (float2)(0.0f);
+        int emitter = -1;
+        for (int index = 0; index < budget; ++index) {
+            const float sample = index + (seed + 0.5f) / seeds;
+            if (sample >= span.x)
+                emitter = next_emitter(&walk, &lights, &r, sample, &span);
+            if (emitter >= 0)
+                shares[emitter] += (float2)(1.0f / seeds, 1.0f / (span.y * seeds));
+        }
+    }
+}
+"""
+
+
+@pytest.fixture(scope="module")
+def device():
+    return Compute()
+
+
+@pytest.fixture(scope="module")
+def counting(device):
+    files = ("rays.cl", "emitters.cl", "light_tree.cl")
+    return cl.Program(device.context, "\n".join([*map(kernel_source, files), COUNTING])).build()
+
+
+def lamps(count, seed=0):
+    """Return points near the ceiling of a hall 40 x 40 x 4 m, (count, RECORD, 4) float32."""
+    rng = np.random.default_rng(seed)
+    records = np.zeros((count, RECORD, 4), np.float32)
+    records[:, 0, :3] = np.stack([np.full(count, POINT), rng.uniform(1, 3, count), np.ones(count)], axis=1)
+    records[:, 1, :3] = rng.uniform((0, 0, 3), (40, 40, 3.9), (count, 3))
+    records[:, 2, 3] = -2
+    return records
+
+
+def receivers(count, seed=1):
+    """Return texels of the floor, 2 cm wide, (count, 7, 4) float32."""
+    records = np.zeros((count, 7, 4), np.float32)
+    records[:, 0, :2] = np.random.default_rng(seed).uniform(0, 40, (count, 2))
+    records[:, 1:3, 2] = 1
+    records[:, 3, 0] = records[:, 4, 1] = 0.02
+    return records
+
+
+def buffers(device, *arrays):
+    flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
+    return [cl.Buffer(device.context, flags, hostbuf=np.ascontiguousarray(array)) for array in arrays]
+
+
+def looked_at(device, counting, count):
+    """Return at how many nodes and emitters patches look to weigh all of `count` lamps, mean."""
+    records, patches = lamps(count), receivers(256)
+    tree, counts = build_light_tree(records), np.zeros(256, np.int32)
+    arguments = buffers(device, patches, records, tree.nodes, tree.children)
+    out = cl.Buffer(device.context, cl.mem_flags.WRITE_ONLY, counts.nbytes)
+    cl.Kernel(counting, "looked_at")(device.queue, (256,), None, *arguments, np.int32(tree.root), out)
+    cl.enqueue_copy(device.queue, counts, out)
+    return counts.mean()
+
+
+def test_work_grows_as_the_logarithm_of_the_number_of_lamps(device, counting):
+    work = {count: looked_at(device, counting, count) for count in (10, 1000, 10_000, 100_000)}
+    assert work[1000] < 500
+    assert work[100_000] < 2.5 * work[1000]
+
+
+@pytest.mark.parametrize("budget", [1, 8, 512])
+def test_emitters_are_chosen_as_often_as_their_interval_is_wide(device, counting, budget):
+    """So the mean of 1 / width over all seeds is 1 for each emitter: what it brings is counted once."""
+    records, seeds = lamps(300), 200_000 // budget
+    tree, shares = build_light_tree(records), np.zeros((300, 2), np.float32)
+    arguments = buffers(device, receivers(1), records, tree.nodes, tree.children)
+    out = cl.Buffer(device.context, cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR, hostbuf=shares)
+    sizes = map(np.int32, (tree.root, budget, seeds))
+    cl.Kernel(counting, "chosen")(device.queue, (1,), None, *arguments, *sizes, out)
+    cl.enqueue_copy(device.queue, shares, out)
+    assert shares[:, 0].sum() == pytest.approx(budget, rel=1e-3)
+    chosen = shares[:, 0] * seeds > 50
+    assert chosen.mean() > 0.5
+    assert shares[chosen, 1] == pytest.approx(1, rel=0.05)

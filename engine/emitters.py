@@ -15,9 +15,15 @@ _BRIGHT = 10.0
 #: Sides of the polygon that stands for an ellipse; it has the ellipse's area.
 _SIDES = 24
 
+#: Half the spread of an area light, rad, from which on it shines in all directions alike.
+_WIDEST = 1.57
+
 #: Kinds, as in kernels/direct.cl, and float4 a record.
 POINT, SUN, TRIANGLE, SKY_MAP = range(4)
 RECORD = 6
+
+#: Emission that differs by less from its mean, relative, is even.
+_EVEN = 1e-4
 
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
@@ -28,11 +34,13 @@ class BrightTriangles:
 
     triangles      (k,) int, index into `Triangles`
     radiance       (k, 3) float32, mean of each
+    even           (k,) bool, it is the same all over the triangle
     emission_left  (n, 3) float32, radiance of each patch that is left to the hemicubes
     """
 
     triangles: np.ndarray
     radiance: np.ndarray
+    even: np.ndarray
     emission_left: np.ndarray
 
 
@@ -51,7 +59,16 @@ def bright_triangles(
     chosen = (luminance > 0) & (luminance >= _BRIGHT * mean)
     left = np.where(chosen[geometry.triangle][:, None], np.float32(0), emission)
     index = np.flatnonzero(chosen)
-    return BrightTriangles(index, radiance[index].astype(np.float32), left)
+    even = _is_even(geometry.triangle, emission, radiance)[index]
+    return BrightTriangles(index, radiance[index].astype(np.float32), even, left)
+
+
+def _is_even(triangle: np.ndarray, emission: np.ndarray, mean: np.ndarray) -> np.ndarray:
+    """Return which triangles emit the same everywhere, (t,) bool."""
+    differs = (np.abs(emission - mean[triangle]) > _EVEN * mean[triangle].max(axis=1, keepdims=True)).any(
+        axis=1
+    )
+    return np.bincount(triangle[differs], minlength=len(mean)) == 0
 
 
 def _mean_radiance(
@@ -108,6 +125,7 @@ def _area_records(light: Light, origin: np.ndarray) -> np.ndarray:
         corners = corners[:, [0, 2, 1]]
     records = _triangle_records(corners, np.tile(light.strength, (len(corners), 1)))
     records[:, 0, 2] = light.casts_shadow
+    records[:, 0, 3] = light.half_angle >= _WIDEST
     records[:, 4, 3] = light.half_angle
     records[:, 5, 3] = -1
     return records
@@ -121,7 +139,7 @@ def surface_records(
     culled: (m,) bool of each material; the back of a culled one is not there and does not shine.
     """
     records = _triangle_records(triangles.positions[bright.triangles] - origin, bright.radiance)
-    records[:, 0, 2] = 1
+    records[:, 0, 2], records[:, 0, 3] = 1, bright.even
     records[:, 4, 3] = triangles.atlas[bright.triangles]
     records[:, 5, 2] = culled[triangles.material[bright.triangles]]
     records[:, 5, 3] = bright.triangles

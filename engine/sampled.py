@@ -38,7 +38,9 @@ class SampledLight:
             self._bright = bright_triangles(parts.triangles, parts.geometry, parts.owners, emission)
             self._sky = split_sky(scene.world)
         else:
-            self._bright = BrightTriangles(np.zeros(0, int), np.zeros((0, 3), np.float32), emission)
+            self._bright = BrightTriangles(
+                np.zeros(0, int), np.zeros((0, 3), np.float32), np.zeros(0, bool), emission
+            )
             self._sky = Sky(whole_sky(scene.world), None)
         self.emission_left, self.sky_left = self._bright.emission_left, self._sky.rest
         if not (self._lamps or emission.any() or scene.world.any()):

@@ -10,6 +10,43 @@ float seen(const Rays *rays, const Receiver *r, const float3 p, const Sample *s)
     return transmittance(rays, p + start, s->distance * s->direction - start, 0.9998f);
 }
 
+typedef struct {
+    float3 light;
+    float unshadowed;  // its luminance if nothing cast a shadow
+} Sum;
+
+// Consecutive samples of one emitter of one radiance. Its light is known but for the shadows: samples only
+// tell what share of it comes through.
+typedef struct {
+    float expected;    // samples
+    float shadowed, unshadowed;
+    float3 open;       // its whole light, mean over the texel
+} Run;
+
+// Points of a texel along u and v where light that changes over it is computed.
+#define PLACES 4
+
+float3 open_over_texel(__global const float4 *e, const Receiver *r)
+{
+    if (is_far(e, r))
+        return open_light(e, r->at, r->normal, r->geometric);
+    float3 sum = (float3)(0.0f);
+    for (int i = 0; i < PLACES * PLACES; ++i) {
+        const float2 place = (float2)(i % PLACES + 0.5f, i / PLACES + 0.5f) / PLACES;
+        sum += open_light(e, point_of_texel(r, place), r->normal, r->geometric);
+    }
+    return sum / (PLACES * PLACES);
+}
+
+void finish_run(const Run *run, Sum *sum)
+{
+    if (!(run->unshadowed > 0.0f))
+        return;
+    const float3 open = run->open / fmin(run->expected, 1.0f);
+    sum->light += open * (run->shadowed / run->unshadowed);
+    sum->unshadowed += luminance(open);
+}
+
 // E/pi of emitters at each patch. Samples go to emitters by systematic resampling: in proportion to what
 // they may bring, so that many emitters cost little more than one. rgb of the result is the light; a its
 // luminance if nothing cast a shadow.
@@ -40,12 +77,18 @@ __kernel void direct(RAYS_ARGUMENTS, __global const float4 *receivers, __global 
     walk.scale = budget / total;
     walk.passed = 0.0f;
     float2 span = (float2)(0.0f);
-    float3 light = (float3)(0.0f);
-    float unshadowed = 0.0f;
+    Sum sum = {(float3)(0.0f), 0.0f};
+    Run run = {0.0f, 0.0f, 0.0f, (float3)(0.0f)};
     int emitter = -1;
     for (int index = 0; index < budget && total > 0.0f; ++index) {
-        if (index + offset >= span.x)
+        if (index + offset >= span.x) {
+            finish_run(&run, &sum);
             emitter = next_emitter(&walk, &lights, &r, index + offset, &span);
+            run.expected = span.y;
+            run.shadowed = run.unshadowed = 0.0f;
+            if (emitter >= 0 && emitters[EMITTER * emitter].w > 0.0f)
+                run.open = open_over_texel(emitters + EMITTER * emitter, &r);
+        }
         if (emitter < 0)
             continue;
         __global const float4 *e = emitters + EMITTER * emitter;
@@ -56,10 +99,17 @@ __kernel void direct(RAYS_ARGUMENTS, __global const float4 *receivers, __global 
         if (!(cosine > 0.0f && dot(s.direction, r.geometric) > 0.0f && luminance(s.light) > 0.0f))
             continue;
         const float3 brought = s.light * (cosine / span.y);
-        unshadowed += luminance(brought);
-        light += brought * (e[0].z > 0.0f ? seen(&rays, &r, p, &s) : 1.0f);
+        const float share = e[0].z > 0.0f ? seen(&rays, &r, p, &s) : 1.0f;
+        if (e[0].w > 0.0f) {
+            run.unshadowed += luminance(brought);
+            run.shadowed += luminance(brought) * share;
+        } else {
+            sum.unshadowed += luminance(brought);
+            sum.light += brought * share;
+        }
     }
-    result[patch] = (float4)(light, unshadowed);
+    finish_run(&run, &sum);
+    result[patch] = (float4)(sum.light, sum.unshadowed);
 }
 
 // The share of each patch's hemisphere, weighted by the cosine, in which nothing is nearer than `reach`.

@@ -247,3 +247,57 @@ Sample sample_emitter(__global const float4 *e, const Glow *glow, const Bright *
         : kind == SUN ? sample_sun(e, u)
         : kind == TRIANGLE ? sample_triangle(e, glow, p, up, u) : sample_sky(sky, u);
 }
+
+// Clip a polygon to what is in front of a plane through the origin (Sutherland and Hodgman 1974); return its
+// number of corners, at most one more.
+int clip(const float3 *corners, const int count, const float3 normal, float3 *clipped)
+{
+    int kept = 0;
+    float3 before = corners[count - 1];
+    float height = dot(before, normal);
+    for (int i = 0; i < count; ++i) {
+        const float3 here = corners[i];
+        const float now = dot(here, normal);
+        if ((now > 0.0f) != (height > 0.0f))
+            clipped[kept++] = mix(before, here, height / (height - now));
+        if (now > 0.0f)
+            clipped[kept++] = here;
+        before = here;
+        height = now;
+    }
+    return kept;
+}
+
+// E/pi at a point from all of a triangle of one radiance, if nothing is in between: the form factor of its
+// part above both horizons, the smooth and the flat (Lambert 1760; Arvo 1995).
+float3 open_light(__global const float4 *e, const float3 p, const float3 normal, const float3 geometric)
+{
+    const float3 a = e[1].xyz - p, facing = cross(e[2].xyz, e[3].xyz);
+    const bool front = dot(facing, a) < 0.0f;
+    if (!front && (e[5].w < 0.0f || e[5].z > 0.0f))
+        return (float3)(0.0f);
+    const float3 triangle[3] = {a, a + e[2].xyz, a + e[3].xyz};
+    float3 above[4], corners[5];
+    const int kept = clip(triangle, 3, geometric, above);
+    const int count = kept > 2 ? clip(above, kept, normal, corners) : 0;
+    if (count < 3)
+        return (float3)(0.0f);
+    float sum = 0.0f;
+    float3 from = normalize(corners[count - 1]);
+    for (int i = 0; i < count; ++i) {
+        const float3 to = normalize(corners[i]), side = cross(from, to);
+        const float sine = length(side);
+        sum += sine > 1e-12f ? atan2(sine, dot(from, to)) / sine * dot(side, normal) : 0.0f;
+        from = to;
+    }
+    return e[4].xyz * (fabs(sum) * 0.5f * M_1_PI_F);
+}
+
+// True if the light of a triangle changes little over a texel.
+bool is_far(__global const float4 *e, const Receiver *r)
+{
+    const float3 a = e[1].xyz - r->at, middle = a + (e[2].xyz + e[3].xyz) / 3.0f, normal = cross(e[2].xyz, e[3].xyz);
+    const float radius = sqrt(fmax(dot(e[2].xyz, e[2].xyz), dot(e[3].xyz, e[3].xyz)));
+    const float distance = fmax(fabs(dot(normal, a)) / fmax(length(normal), 1e-20f), length(middle) - radius);
+    return r->size < 0.05f * distance;
+}

@@ -45,7 +45,12 @@ float emitter_weight(__global const float4 *e, const Receiver *r, const float sk
     const float3 middle = (a + b + c) / 3.0f;
     const float d2 = dot(middle, middle), d = sqrt(d2);
     const float angle = fmin(0.5f * twice * fmax(fabs(facing) / (twice * d), 0.02f) / d2, 6.2831853f);
-    return strength * angle * fmax(dot(middle, r->normal) / d, 0.1f);
+    const float about = strength * angle * fmax(dot(middle, r->normal) / d, 0.1f);
+    if (e[0].w <= 0.0f)
+        return about;
+
+    // Of one radiance: exactly, but what the middle of the texel does not see may be seen beside it.
+    return fmax(luminance(open_light(e, r->at, r->normal, r->geometric)), 0.02f * about);
 }
 
 // About how much light all emitters of an inner node bring without shadow; 0 only if they bring none.

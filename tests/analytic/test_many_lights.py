@@ -8,6 +8,7 @@ import pytest
 from engine import Light, Material, Scene, Settings
 from engine.device.compute import Compute
 from engine.device.graphics import Graphics
+from engine.ray_scene import RayScene
 from engine.reference.analytic import polygon
 from engine.sampled import SampledLight
 from engine.subdivision import Subdivision, subdivide
@@ -30,7 +31,8 @@ class Bench:
     def light(self, scene: Scene, parts: Subdivision, **settings: int) -> np.ndarray:
         """Return E/pi of the green channel at each patch."""
         chosen = dataclasses.replace(SETTINGS, **settings)
-        gather = SampledLight(self.compute, scene, parts, chosen).gather()
+        rays = RayScene(self.compute, scene, parts)
+        gather = SampledLight(scene, parts, rays, chosen).gather()
         while True:
             try:
                 next(gather)

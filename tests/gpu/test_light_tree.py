@@ -69,7 +69,7 @@ def device():
 
 @pytest.fixture(scope="module")
 def counting(device):
-    files = ("rays.cl", "emitters.cl", "light_tree.cl")
+    files = ("receiver.cl", "emitters.cl", "light_tree.cl")
     return cl.Program(device.context, "\n".join([*map(kernel_source, files), COUNTING])).build()
 
 

@@ -12,9 +12,13 @@
 #elif WIDTH == 4
 #define PLANES float8
 #define AS_INTS as_int8
+#define LANE_BITS (int4)(1, 2, 4, 8)
+#define JOINED(i) (i.s0 | i.s1 | i.s2 | i.s3)
 #else
 #define PLANES float16
 #define AS_INTS as_int16
+#define LANE_BITS (int8)(1, 2, 4, 8, 16, 32, 64, 128)
+#define JOINED(i) (i.s0 | i.s1 | i.s2 | i.s3 | i.s4 | i.s5 | i.s6 | i.s7)
 #endif
 #if PACKET == 1
 #define PART float4
@@ -205,56 +209,97 @@ bool take_leaf(const Rays *rays, const int code, Search *search)
     return true;
 }
 
+// What a ray has yet to visit. A ray enters few of the children of wide nodes, and passes many of them
+// before their turn comes, so how far away they begin is kept, too.
+typedef struct {
+    int depth, node[STACK];
+#if WIDTH > 2
+    float begin[STACK];
+#endif
+} Stack;
+
+// `go_down` leads to the nearest child that a ray enters, with the others on the stack, the farthest first;
+// `go_back` to what is on the stack. False if there is nothing.
+#if WIDTH == 2
+bool go_down(Stack *stack, const FLOATS in, const INTS children, int *node)
+{
+    if (!(in.x < INFINITY || in.y < INFINITY))
+        return false;
+    const bool swap = in.y < in.x;
+    if (in.x < INFINITY && in.y < INFINITY)
+        stack->node[stack->depth++] = swap ? children.x : children.y;
+    *node = swap ? children.y : children.x;
+    return true;
+}
+
+bool go_back(Stack *stack, const float reach, int *node)
+{
+    if (stack->depth == 0)
+        return false;
+    *node = stack->node[--stack->depth];
+    return true;
+}
+#else
+bool go_down(Stack *stack, const FLOATS in, const INTS children, int *node)
+{
+    const INTS flags = (in < INFINITY) & LANE_BITS;
+    int entered = JOINED(flags);
+    if (entered == 0)
+        return false;
+    const int first = stack->depth, lane = 31 - clz(entered);
+    float nearest = ((const float *)&in)[lane];
+    *node = ((const int *)&children)[lane];
+    while (entered ^= 1 << (31 - clz(entered))) {
+        const int other = 31 - clz(entered);
+        float begin = ((const float *)&in)[other];
+        int child = ((const int *)&children)[other];
+        if (begin < nearest) {
+            const float swapped = nearest;
+            const int node_swapped = *node;
+            nearest = begin;
+            *node = child;
+            begin = swapped;
+            child = node_swapped;
+        }
+        int place = stack->depth++;
+        for (; place > first && stack->begin[place - 1] < begin; --place) {
+            stack->node[place] = stack->node[place - 1];
+            stack->begin[place] = stack->begin[place - 1];
+        }
+        stack->node[place] = child;
+        stack->begin[place] = begin;
+    }
+    return true;
+}
+
+bool go_back(Stack *stack, const float reach, int *node)
+{
+    do {
+        if (stack->depth == 0)
+            return false;
+        *node = stack->node[--stack->depth];
+    } while (stack->begin[stack->depth] > reach);
+    return true;
+}
+#endif
+
 // Visit what a ray may meet, near before far.
 void descend(const Rays *rays, Search *search)
 {
-    int stack[STACK], depth = 0, node = 0;
-#if WIDTH > 2
-    float waits[STACK];  // how far away they begin
-#endif
+    Stack stack;
+    stack.depth = 0;
+    int node = 0;
     for (;;) {
         if (node >= 0) {
             __global const PLANES *box = rays->nodes + 4 * node;
-            const FLOATS in = entries(box, search);
-            const INTS children = AS_INTS(box[3]).lo;
-#if WIDTH == 2
-            if (in.x < INFINITY || in.y < INFINITY) {
-                const bool swap = in.y < in.x;
-                if (in.x < INFINITY && in.y < INFINITY)
-                    stack[depth++] = swap ? children.x : children.y;
-                node = swap ? children.y : children.x;
+            if (go_down(&stack, entries(box, search), AS_INTS(box[3]).lo, &node))
                 continue;
-            }
-#else
-            const int first = depth;
-            for (int i = 0; i < WIDTH; ++i) {
-                const float at = ((const float *)&in)[i];
-                if (!(at < INFINITY))
-                    continue;
-                int place = depth++;
-                for (; place > first && waits[place - 1] < at; --place) {
-                    stack[place] = stack[place - 1];
-                    waits[place] = waits[place - 1];
-                }
-                stack[place] = ((const int *)&children)[i];
-                waits[place] = at;
-            }
-#endif
         } else if (!take_leaf(rays, ~node, search)) {
             search->through = 0.0f;
             return;
         }
-#if WIDTH == 2
-        if (depth == 0)
+        if (!go_back(&stack, search->reach, &node))
             return;
-        node = stack[--depth];
-#else
-        do {
-            if (depth == 0)
-                return;
-            node = stack[--depth];
-        } while (waits[depth] > search->reach);
-#endif
     }
 }
 

@@ -40,7 +40,7 @@
 typedef struct {
     __global const PLANES *nodes;     // low and high x, y, z of each child; children and nothing. A child is a
                                       // node, or ~(first packet << LEAF_BITS | packets) for a leaf
-    __global const PART *triangles;  // packets of first corner, two edges, number
+    __global const PART *triangles;   // packets of first corner, two edges, number
 #ifdef CUTOUTS
     __global const float *alpha;       // engine/cutouts.py
     __global const int4 *maps;

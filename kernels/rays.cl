@@ -1,6 +1,6 @@
 // Rays through a bounding volume hierarchy of triangles: nodes of WIDTH boxes, leaves of packets of PACKET
-// triangles, RECORD floats each, at most STACK nodes to come back to (engine/visibility/bvh.py). CUTOUTS is defined for scenes
-// with see-through surfaces.
+// triangles, RECORD floats each, at most STACK nodes to come back to (engine/visibility/bvh.py). CUTOUTS is
+// defined for scenes with see-through surfaces.
 
 #define JOIN_(a, b) a##b
 #define JOIN(a, b) JOIN_(a, b)
@@ -27,13 +27,15 @@
 #define FLAGS int
 #define ANY(flags) (flags)
 #define LANE(values, lane) (values)
+#define FLAG(flags, lane) (flags)
 #else
 #define PART JOIN(float, PACKET)
 #define PARTS 10
 #define LANES PART
 #define FLAGS JOIN(int, PACKET)
 #define ANY(flags) any(flags)
-#define LANE(values, lane) values[lane]
+#define LANE(values, lane) ((const float *)&(values))[lane]
+#define FLAG(flags, lane) ((const int *)&(flags))[lane]
 #endif
 #define LEAF_BITS 3
 
@@ -187,7 +189,7 @@ bool take_leaf(const Rays *rays, const int code, Search *search)
             continue;
         for (int lane = 0; lane < PACKET; ++lane) {
             const float distance = LANE(meeting.distance, lane);
-            if (!LANE(meeting.met, lane) || !(distance < search->reach))
+            if (!FLAG(meeting.met, lane) || !(distance < search->reach))
                 continue;
             const Hit hit = {distance, (float2)(LANE(meeting.u, lane), LANE(meeting.v, lane)),
                              ((__global const int *)packet)[9 * PACKET + lane], LANE(meeting.determinant, lane) > 0.0f};
@@ -209,44 +211,37 @@ bool take_leaf(const Rays *rays, const int code, Search *search)
     return true;
 }
 
-// What a ray has yet to visit. A ray enters few of the children of wide nodes, and passes many of them
-// before their turn comes, so how far away they begin is kept, too.
-typedef struct {
-    int depth, node[STACK];
-#if WIDTH > 2
-    float begin[STACK];
-#endif
-} Stack;
-
-// `go_down` leads to the nearest child that a ray enters, with the others on the stack, the farthest first;
-// `go_back` to what is on the stack. False if there is nothing.
+// What a ray has yet to visit is on a stack, `depth` high. A ray enters few of the children of a wide node, and
+// passes many of them before their turn comes, so where they begin is kept beside. `go_down` leads to the
+// nearest child, with the others on the stack, the farthest first; `go_back` to what is on the stack. False if
+// there is nothing. (The depth is apart from the stack, so that it can stay in a register.)
 #if WIDTH == 2
-bool go_down(Stack *stack, const FLOATS in, const INTS children, int *node)
+bool go_down(int *stack, float *begins, int *depth, const FLOATS in, const INTS children, int *node)
 {
     if (!(in.x < INFINITY || in.y < INFINITY))
         return false;
     const bool swap = in.y < in.x;
     if (in.x < INFINITY && in.y < INFINITY)
-        stack->node[stack->depth++] = swap ? children.x : children.y;
+        stack[(*depth)++] = swap ? children.x : children.y;
     *node = swap ? children.y : children.x;
     return true;
 }
 
-bool go_back(Stack *stack, const float reach, int *node)
+bool go_back(const int *stack, const float *begins, int *depth, const float reach, int *node)
 {
-    if (stack->depth == 0)
+    if (*depth == 0)
         return false;
-    *node = stack->node[--stack->depth];
+    *node = stack[--*depth];
     return true;
 }
 #else
-bool go_down(Stack *stack, const FLOATS in, const INTS children, int *node)
+bool go_down(int *stack, float *begins, int *depth, const FLOATS in, const INTS children, int *node)
 {
     const INTS flags = (in < INFINITY) & LANE_BITS;
     int entered = JOINED(flags);
     if (entered == 0)
         return false;
-    const int first = stack->depth, lane = 31 - clz(entered);
+    const int first = *depth, lane = 31 - clz(entered);
     float nearest = ((const float *)&in)[lane];
     *node = ((const int *)&children)[lane];
     while (entered ^= 1 << (31 - clz(entered))) {
@@ -254,31 +249,31 @@ bool go_down(Stack *stack, const FLOATS in, const INTS children, int *node)
         float begin = ((const float *)&in)[other];
         int child = ((const int *)&children)[other];
         if (begin < nearest) {
-            const float swapped = nearest;
-            const int node_swapped = *node;
+            const float nearest_before = nearest;
+            const int node_before = *node;
             nearest = begin;
             *node = child;
-            begin = swapped;
-            child = node_swapped;
+            begin = nearest_before;
+            child = node_before;
         }
-        int place = stack->depth++;
-        for (; place > first && stack->begin[place - 1] < begin; --place) {
-            stack->node[place] = stack->node[place - 1];
-            stack->begin[place] = stack->begin[place - 1];
+        int place = (*depth)++;
+        for (; place > first && begins[place - 1] < begin; --place) {
+            stack[place] = stack[place - 1];
+            begins[place] = begins[place - 1];
         }
-        stack->node[place] = child;
-        stack->begin[place] = begin;
+        stack[place] = child;
+        begins[place] = begin;
     }
     return true;
 }
 
-bool go_back(Stack *stack, const float reach, int *node)
+bool go_back(const int *stack, const float *begins, int *depth, const float reach, int *node)
 {
     do {
-        if (stack->depth == 0)
+        if (*depth == 0)
             return false;
-        *node = stack->node[--stack->depth];
-    } while (stack->begin[stack->depth] > reach);
+        *node = stack[--*depth];
+    } while (begins[*depth] > reach);
     return true;
 }
 #endif
@@ -286,19 +281,18 @@ bool go_back(Stack *stack, const float reach, int *node)
 // Visit what a ray may meet, near before far.
 void descend(const Rays *rays, Search *search)
 {
-    Stack stack;
-    stack.depth = 0;
-    int node = 0;
+    int stack[STACK], depth = 0, node = 0;
+    float begins[WIDTH == 2 ? 1 : STACK];
     for (;;) {
         if (node >= 0) {
             __global const PLANES *box = rays->nodes + 4 * node;
-            if (go_down(&stack, entries(box, search), AS_INTS(box[3]).lo, &node))
+            if (go_down(stack, begins, &depth, entries(box, search), AS_INTS(box[3]).lo, &node))
                 continue;
         } else if (!take_leaf(rays, ~node, search)) {
             search->through = 0.0f;
             return;
         }
-        if (!go_back(&stack, search->reach, &node))
+        if (!go_back(stack, begins, &depth, search->reach, &node))
             return;
     }
 }

@@ -10,7 +10,6 @@ of the surfaces, the same into the hemisphere of each.
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 
 import numpy as np
@@ -33,17 +32,15 @@ def main() -> None:
     parser.add_argument("--rays", type=int, default=1_000_000)
     options = parser.parse_args()
     compute = Compute()
-    sys.stdout.write(f"{compute.name}, {compute.device.platform.version.strip()}\n")
-    sys.stdout.write("triangles  build s  coherent  incoherent  million nearest hits a second\n")
+    print(f"{compute.name}, {compute.device.platform.version.strip()}")
+    print("triangles  build s  coherent  incoherent  million nearest hits a second")
     _rays(compute, room(24))
     for count in options.triangles:
         positions = room(count)
         seconds, rays = min((_rays(compute, positions) for _ in range(3)), key=lambda made: made[0])
         batches = (coherent(positions, options.rays), incoherent(positions, options.rays))
         near, far = (_speed(compute, rays, *batch) for batch in batches)
-        line = f"{len(positions):9}  {seconds:7.3f}  {near:8.2f}  {far:10.2f}\n"
-        sys.stdout.write(line)
-        sys.stdout.flush()
+        print(f"{len(positions):9}  {seconds:7.3f}  {near:8.2f}  {far:10.2f}", flush=True)
 
 
 def room(count: int) -> np.ndarray:

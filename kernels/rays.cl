@@ -1,6 +1,6 @@
 // Rays through a bounding volume hierarchy of triangles: nodes of WIDTH boxes, leaves of packets of PACKET
-// triangles, RECORD floats each, at most STACK nodes to come back to (engine/visibility/bvh.py). CUTOUTS is defined for scenes
-// with see-through surfaces.
+// triangles, RECORD floats each, at most STACK nodes to come back to (engine/visibility/bvh.py). CUTOUTS is
+// defined for scenes with see-through surfaces.
 
 #define JOIN_(a, b) a##b
 #define JOIN(a, b) JOIN_(a, b)
@@ -12,9 +12,13 @@
 #elif WIDTH == 4
 #define PLANES float8
 #define AS_INTS as_int8
+#define LANE_BITS (int4)(1, 2, 4, 8)
+#define JOINED(i) (i.s0 | i.s1 | i.s2 | i.s3)
 #else
 #define PLANES float16
 #define AS_INTS as_int16
+#define LANE_BITS (int8)(1, 2, 4, 8, 16, 32, 64, 128)
+#define JOINED(i) (i.s0 | i.s1 | i.s2 | i.s3 | i.s4 | i.s5 | i.s6 | i.s7)
 #endif
 #if PACKET == 1
 #define PART float4
@@ -23,20 +27,22 @@
 #define FLAGS int
 #define ANY(flags) (flags)
 #define LANE(values, lane) (values)
+#define FLAG(flags, lane) (flags)
 #else
 #define PART JOIN(float, PACKET)
 #define PARTS 10
 #define LANES PART
 #define FLAGS JOIN(int, PACKET)
 #define ANY(flags) any(flags)
-#define LANE(values, lane) values[lane]
+#define LANE(values, lane) ((const float *)&(values))[lane]
+#define FLAG(flags, lane) ((const int *)&(flags))[lane]
 #endif
 #define LEAF_BITS 3
 
 typedef struct {
     __global const PLANES *nodes;     // low and high x, y, z of each child; children and nothing. A child is a
                                       // node, or ~(first packet << LEAF_BITS | packets) for a leaf
-    __global const PART *triangles;  // packets of first corner, two edges, number
+    __global const PART *triangles;   // packets of first corner, two edges, number
 #ifdef CUTOUTS
     __global const float *alpha;       // engine/cutouts.py
     __global const int4 *maps;
@@ -197,7 +203,7 @@ bool take_leaf(const Rays *rays, const int code, Search *search)
             continue;
         for (int lane = 0; lane < PACKET; ++lane) {
             const float distance = LANE(meeting.distance, lane);
-            if (!LANE(meeting.met, lane) || !(distance < search->reach))
+            if (!FLAG(meeting.met, lane) || !(distance < search->reach))
                 continue;
             const Hit hit = {distance, (float2)(LANE(meeting.u, lane), LANE(meeting.v, lane)),
                              ((__global const int *)packet)[9 * PACKET + lane], LANE(meeting.determinant, lane) > 0.0f};
@@ -219,56 +225,89 @@ bool take_leaf(const Rays *rays, const int code, Search *search)
     return true;
 }
 
+// What a ray has yet to visit is on a stack, `depth` high. A ray enters few of the children of a wide node, and
+// passes many of them before their turn comes, so where they begin is kept beside. `go_down` leads to the
+// nearest child, with the others on the stack, the farthest first; `go_back` to what is on the stack. False if
+// there is nothing. (The depth is apart from the stack, so that it can stay in a register.)
+#if WIDTH == 2
+bool go_down(int *stack, float *begins, int *depth, const FLOATS in, const INTS children, int *node)
+{
+    if (!(in.x < INFINITY || in.y < INFINITY))
+        return false;
+    const bool swap = in.y < in.x;
+    if (in.x < INFINITY && in.y < INFINITY)
+        stack[(*depth)++] = swap ? children.x : children.y;
+    *node = swap ? children.y : children.x;
+    return true;
+}
+
+bool go_back(const int *stack, const float *begins, int *depth, const float reach, int *node)
+{
+    if (*depth == 0)
+        return false;
+    *node = stack[--*depth];
+    return true;
+}
+#else
+bool go_down(int *stack, float *begins, int *depth, const FLOATS in, const INTS children, int *node)
+{
+    const INTS flags = (in < INFINITY) & LANE_BITS;
+    int entered = JOINED(flags);
+    if (entered == 0)
+        return false;
+    const int first = *depth, lane = 31 - clz(entered);
+    float nearest = ((const float *)&in)[lane];
+    *node = ((const int *)&children)[lane];
+    while (entered ^= 1 << (31 - clz(entered))) {
+        const int other = 31 - clz(entered);
+        float begin = ((const float *)&in)[other];
+        int child = ((const int *)&children)[other];
+        if (begin < nearest) {
+            const float nearest_before = nearest;
+            const int node_before = *node;
+            nearest = begin;
+            *node = child;
+            begin = nearest_before;
+            child = node_before;
+        }
+        int place = (*depth)++;
+        for (; place > first && begins[place - 1] < begin; --place) {
+            stack[place] = stack[place - 1];
+            begins[place] = begins[place - 1];
+        }
+        stack[place] = child;
+        begins[place] = begin;
+    }
+    return true;
+}
+
+bool go_back(const int *stack, const float *begins, int *depth, const float reach, int *node)
+{
+    do {
+        if (*depth == 0)
+            return false;
+        *node = stack[--*depth];
+    } while (begins[*depth] > reach);
+    return true;
+}
+#endif
+
 // Visit what a ray may meet, near before far.
 void descend(const Rays *rays, Search *search)
 {
     int stack[STACK], depth = 0, node = 0;
-#if WIDTH > 2
-    float waits[STACK];  // how far away they begin
-#endif
+    float begins[WIDTH == 2 ? 1 : STACK];
     for (;;) {
         if (node >= 0) {
             __global const PLANES *box = rays->nodes + 4 * node;
-            const FLOATS in = entries(box, search);
-            const INTS children = AS_INTS(box[3]).lo;
-#if WIDTH == 2
-            if (in.x < INFINITY || in.y < INFINITY) {
-                const bool swap = in.y < in.x;
-                if (in.x < INFINITY && in.y < INFINITY)
-                    stack[depth++] = swap ? children.x : children.y;
-                node = swap ? children.y : children.x;
+            if (go_down(stack, begins, &depth, entries(box, search), AS_INTS(box[3]).lo, &node))
                 continue;
-            }
-#else
-            const int first = depth;
-            for (int i = 0; i < WIDTH; ++i) {
-                const float at = ((const float *)&in)[i];
-                if (!(at < INFINITY))
-                    continue;
-                int place = depth++;
-                for (; place > first && waits[place - 1] < at; --place) {
-                    stack[place] = stack[place - 1];
-                    waits[place] = waits[place - 1];
-                }
-                stack[place] = ((const int *)&children)[i];
-                waits[place] = at;
-            }
-#endif
         } else if (!take_leaf(rays, ~node, search)) {
             search->through = 0.0f;
             return;
         }
-#if WIDTH == 2
-        if (depth == 0)
+        if (!go_back(stack, begins, &depth, search->reach, &node))
             return;
-        node = stack[--depth];
-#else
-        do {
-            if (depth == 0)
-                return;
-            node = stack[--depth];
-        } while (waits[depth] > search->reach);
-#endif
     }
 }
 

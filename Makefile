@@ -7,7 +7,7 @@ READY50 := .venv/.ready
 READY45 := .venv-bpy45/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-long verify lint setup locks clean
+.PHONY: help demo test test-long verify bench bench-gpu lint setup locks clean
 
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | expand -t 14
@@ -26,6 +26,14 @@ test-long: setup ## the tests that take minutes
 verify: $(READY50) ## bake a suite of scenes with Hemibake and Cycles; the table goes to docs/accuracy.md
 	@tools/system_packages.sh .venv/bin/python
 	.venv/bin/python tools/verify.py --table docs/accuracy.md
+
+bench: $(READY50) ## measure speed on this machine, about 15 minutes; tables, and JSON in benchmarks/results
+	@tools/system_packages.sh .venv/bin/python
+	.venv/bin/python benchmarks/run.py
+
+bench-gpu: $(READY50) ## the same in sizes for a graphics card, which has to be there
+	@tools/system_packages.sh .venv/bin/python
+	.venv/bin/python benchmarks/run.py --gpu
 
 lint: setup ## ruff, and mypy for the engine
 	.venv/bin/ruff check .

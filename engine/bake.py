@@ -8,22 +8,22 @@ from typing import TypeVar
 
 import numpy as np
 
+from .choose import Bake, Choice, choose_solver
 from .clock import Stopwatch
-from .device.compute import Compute
-from .device.graphics import Graphics
+from .device.devices import Devices
 from .finish.store import LightmapStore
-from .gather import Gather, choose_gather
 from .lightmap import Lightmap, Report
 from .limits import check_limits
 from .occluders import place_occluders
 from .outputs import Outputs
 from .progress import Progress
+from .ray_scene import RayScene
 from .sampled import SampledLight
 from .scene import Scene, check_scene
 from .settings import Settings, check_settings
-from .solve import Jacobi
+from .solve import Solution
 from .subdivision import subdivide
-from .without_opencl import open_compute
+from .without_opencl import without_opencl
 
 Made = TypeVar("Made")
 
@@ -36,49 +36,61 @@ def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap
     """
     check_settings(settings)
     check_scene(scene)
-    atlases, scene = scene.atlases, place_occluders(scene, settings.resolution)
     clock = Stopwatch()
-    graphics = Graphics()
+    devices = Devices(settings.cache_dir)
     try:
-        compute, settings, notes = open_compute(graphics, scene, settings)
-        check_limits(graphics, compute, scene, settings)
         clock.lap("devices")
-        yield Progress("patches", 0.0)
-
-        # Texture space subdivision: which texels are patches, and where they are (III.A, IV.A).
-        parts = subdivide(graphics, scene, settings)
-        store = LightmapStore(parts.patches, len(atlases), settings.dilation)
-        clock.lap("patches")
-        yield Progress("patches", 1.0)
-
-        # Lamps, small bright surfaces and bright sky are sampled with shadow rays (direct light).
-        sampled = SampledLight(compute, scene, parts, settings)
-        direct = yield from _report(sampled.gather(), partial(Progress, "direct"))
-        clock.lap("direct")
-
-        # Hemicubes are drawn and integrated until the light has settled (III.B, IV.B, IV.C).
-        glow, sky = sampled.emission_left, sampled.sky_left
-        gather = choose_gather(graphics, compute, scene, parts, glow, sky, settings)
-        glowing = bool(glow.any() or sky.any())
-        solution = Jacobi(parts.surfaces.reflectance, glow, parts.geometry.area, settings, direct, glowing)
-        outputs, covered = Outputs(scene, settings, sampled), sampled.covered()
-        while not outputs.done(solution):
-            gathered = yield from _report(gather.iteration(solution.radiance), partial(_progress, solution))
-            solution.update(gathered[:, :3])
-            store.hide(np.where(covered, 0, gathered[:, 3]))
-            yield _progress(solution, 1.0, store.display(outputs.light(solution)))
-        clock.lap("hemicubes")
-
-        # What was asked for, as images.
-        made = yield from _report(outputs.make(solution), partial(Progress, "outputs"))
-        passes = {name: store.display(values) for name, values in made.items()}
-        first = next(iter(made))
-        clock.lap("outputs")
-        warnings = (*notes, *parts.warnings, *sampled.warnings)
-        report = _summary(solution, outputs, gather, len(parts.patches), clock, (graphics, compute), warnings)
-        return Lightmap(atlases, store.image(made[first]), passes[first], store.covered, report, passes)
+        return (yield from bake_with(devices, scene, settings, clock))
     finally:
-        graphics.release()
+        devices.release()
+
+
+def bake_with(
+    devices: Devices, scene: Scene, settings: Settings, clock: Stopwatch | None = None
+) -> Generator[Progress, None, Lightmap]:
+    """Bake as `bake` does, on devices that are there already and stay."""
+    check_settings(settings)
+    check_scene(scene)
+    clock = clock or Stopwatch()
+    graphics, compute = devices.graphics, devices.compute
+    settings, notes = without_opencl(devices, scene, settings)
+    atlases, scene = scene.atlases, place_occluders(scene, settings.resolution)
+    check_limits(graphics, compute, scene, settings)
+    yield Progress("patches", 0.0)
+
+    # Texture space subdivision: which texels are patches, and where they are (III.A, IV.A).
+    parts = subdivide(graphics, scene, settings)
+    store = LightmapStore(parts.patches, len(atlases), settings.dilation)
+    clock.lap("patches")
+    yield Progress("patches", 1.0)
+
+    # Lamps, small bright surfaces and bright sky are sampled with shadow rays (direct light).
+    rays = RayScene(compute, scene, parts)
+    sampled = SampledLight(scene, parts, rays, settings)
+    direct = yield from _report(sampled.gather(), partial(Progress, "direct"))
+    clock.lap("direct")
+
+    # What patches see is found and integrated until the light has settled (III.B, IV.B, IV.C).
+    glow, sky = sampled.emission_left, sampled.sky_left
+    job = Bake(graphics, compute, scene, parts, rays, glow, sky, direct, settings, parts.geometry.area)
+    solution, choice = choose_solver(job)
+    outputs, covered = Outputs(scene, settings, sampled), sampled.covered()
+    while not outputs.done(solution):
+        yield from _report(solution.iteration(), partial(_progress, solution))
+        if solution.iterations == 1 or solution.done:
+            store.hide(np.where(covered, 0, solution.gathered[:, 3]))
+        image = store.display(outputs.light(solution)) if settings.partials else None
+        yield _progress(solution, 1.0, image)
+    clock.lap("hemicubes")
+
+    # What was asked for, as images.
+    made = yield from _report(outputs.make(solution), partial(Progress, "outputs"))
+    passes = {name: store.display(values) for name, values in made.items()}
+    first = next(iter(made))
+    clock.lap("outputs")
+    warnings = (*notes, *parts.warnings, *sampled.warnings)
+    report = _summary(solution, outputs, choice, len(parts.patches), clock, devices, warnings)
+    return Lightmap(atlases, store.image(made[first]), passes[first], store.covered, report, passes)
 
 
 def _report(
@@ -94,30 +106,32 @@ def _report(
         yield progress(fraction)
 
 
-def _progress(solution: Jacobi, fraction: float, image: np.ndarray | None = None) -> Progress:
+def _progress(solution: Solution, fraction: float, image: np.ndarray | None = None) -> Progress:
     energy = solution.energies[-1] if solution.energies else 0.0
     return Progress("hemicubes", fraction, solution.iterations, solution.residual, energy, image)
 
 
 def _summary(
-    solution: Jacobi,
+    solution: Solution,
     outputs: Outputs,
-    gather: Gather,
+    choice: Choice,
     patches: int,
     clock: Stopwatch,
-    devices: tuple[Graphics, Compute | None],
+    devices: Devices,
     warnings: tuple[str, ...],
 ) -> Report:
-    graphics, compute = devices
     return Report(
         patches=patches,
-        method=gather.method,
+        method=choice.method,
+        visibility=choice.visibility,
+        samples=choice.samples,
+        reasons=choice.reasons,
         iterations=solution.iterations,
         residual=solution.residual,
         converged=solution.converged or not outputs.bounces,
         energies=tuple(solution.energies),
         seconds=clock.laps,
-        devices={"gl": graphics.name} | ({"cl": compute.name} if compute else {}),
+        devices={"gl": devices.graphics.name} | ({"cl": devices.compute.name} if devices.compute else {}),
         warnings=warnings,
-        integrator=gather.integrator,
+        integrator=choice.integrator,
     )

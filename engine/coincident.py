@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import numpy as np
+import pyopencl as cl
 
-from .subdivision import Subdivision
-from .viewpoints import eye_heights
-from .visibility.rays import Rays
+from .ray_scene import RayScene
 
 #: How far around its surface a patch looks for the other face, in heights of its eye.
 _ABOVE, _BELOW = 2.0, 1.0
 
 
-def covered_patches(rays: Rays, parts: Subdivision) -> np.ndarray:
+def covered_patches(scene: RayScene, count: int) -> np.ndarray:
     """Return which patches, (n,) bool, lie in the plane of another face that shows them its back.
 
     Nobody sees such a patch, but its hemicube starts beyond the other face and sees what is there.
     """
-    geometry = parts.geometry
-    height = eye_heights(parts.triangles, geometry)[:, None]
-    normal = geometry.geometric.astype(np.float64)
-    origins = geometry.center + _ABOVE * height * normal
-    hit, _, distance = rays.cast(origins, -(_ABOVE + _BELOW) * height * normal, backs=True)
-    covered: np.ndarray = (hit >= 0) & (distance <= 1)
-    return covered
+    rays, compute = scene.rays, scene.compute
+    (kernel,) = rays.kernels(("receiver.cl", "covered.cl"), "covered")
+    output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, count)
+    limits = (np.float32(_ABOVE), np.float32(_BELOW))
+    rays.run(kernel, count, scene.receivers, *limits, output, np.int32(count))
+    covered = np.empty(count, np.uint8)
+    cl.enqueue_copy(compute.queue, covered, output)
+    return covered.astype(bool)

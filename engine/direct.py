@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Generator, Sequence
 
 import numpy as np
 import pyopencl as cl
 
 from .device.compute import Compute
+from .device.slices import sliced
 from .emitters import BrightTriangles, lamp_records, sky_record, surface_records
-from .receivers import pack_receivers
+from .light_tree import NODE, LightTree, build_light_tree
 from .scene import Light
 from .settings import Settings
 from .sky import solid_angles
 from .subdivision import Subdivision
 from .visibility.rays import Rays
 
-#: A slice of work should take about this long, s; patches of the first one.
-_SLICE = 0.04
-_FIRST_SLICE = 256
-
 #: However many lights there are, a patch samples at most as many times as for so many.
 _MOST_LIGHTS = 8
+
+_SOURCES = ("receiver.cl", "emitters.cl", "light_tree.cl", "direct.cl")
 
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
@@ -30,15 +28,17 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 class DirectLight:
     """Shadow rays from all patches to all that is sampled as a light.
 
-    lamps   every one gives light
-    bright  emissive triangles
-    sky     (h, w, 3) float32 radiance, equirectangular, or None
+    receivers  from `RayScene.receivers`
+    lamps      every one gives light
+    bright     emissive triangles
+    sky        (h, w, 3) float32 radiance, equirectangular, or None
     """
 
     def __init__(
         self,
         compute: Compute,
         rays: Rays,
+        receivers: cl.Buffer,
         parts: Subdivision,
         lamps: Sequence[Light],
         bright: BrightTriangles,
@@ -47,36 +47,32 @@ class DirectLight:
     ) -> None:
         self._queue, self._rays, self._settings = compute.queue, rays, settings
         self._count = len(parts.patches)
-        self._direct, self._occlusion = rays.kernels(("direct.cl",), "direct", "occlusion")
-        receivers = pack_receivers(parts.triangles, parts.geometry, parts.patches, rays.origin)
-        self._receivers = rays.constant(receivers)
+        self._direct, self._occlusion = rays.kernels(_SOURCES, "direct", "occlusion")
+        self._receivers = receivers
         self._result = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * self._count)
 
-        # Emitters lie one after the other: each lamp's, the surfaces', the sky's.
-        groups = [lamp_records(lamp, rays.origin) for lamp in lamps]
-        groups.append(surface_records(parts.triangles, bright, rays.culled, rays.origin))
+        # Emitters: each lamp's, the surfaces', the sky's.
+        self._groups = [lamp_records(lamp, rays.origin) for lamp in lamps]
+        self._groups.append(surface_records(parts.triangles, bright, rays.culled, rays.origin))
         if sky is not None:
-            groups.append(sky_record())
-        self._ends = np.cumsum([0, *(len(group) for group in groups)])
-        sources = sum(len(group) > 0 for group in groups)
-        self._budget = settings.light_samples * min(max(sources, 1), _MOST_LIGHTS)
-        self._emitters = rays.constant(np.concatenate([*groups, np.zeros((1, 6, 4), np.float32)]))
+            self._groups.append(sky_record())
         self._glow = self._glow_arguments(parts)
         self._sky = self._sky_arguments(sky)
 
     def gather(self) -> Generator[float, None, np.ndarray]:
         """Return E/pi of all emitters at every patch, (n, 3) float32; yield the fraction done."""
-        if self._ends[-1] == 0:
+        groups = [group for group in self._groups if len(group)]
+        if not groups:
             return np.zeros((self._count, 3), np.float32)
-        return (yield from self._light(0, int(self._ends[-1]), self._budget))[:, :3].copy()
+        budget = self._settings.light_samples * min(len(groups), _MOST_LIGHTS)
+        return (yield from self._light(np.concatenate(groups), budget))[:, :3].copy()
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
         """Return how much of its light a lamp brings to each patch, (n,) float32; yield the fraction done.
 
         1 where nothing casts a shadow, 0 where all is shadow or the lamp does not shine.
         """
-        first, last = int(self._ends[lamp]), int(self._ends[lamp + 1])
-        light = yield from self._light(first, last, self._settings.light_samples)
+        light = yield from self._light(self._groups[lamp], self._settings.light_samples)
         passed = light[:, :3] @ _LUMINANCE.astype(np.float32)
         mask: np.ndarray = np.where(light[:, 3] > 0, passed / np.maximum(light[:, 3], 1e-30), 0)
         return np.minimum(mask, 1).astype(np.float32)
@@ -90,31 +86,25 @@ class DirectLight:
         arguments = (np.int32(self._settings.ao_samples), reach, np.uint32(self._settings.seed))
         return (yield from self._sliced(self._occlusion, arguments))[:, 0].copy()
 
-    def _light(self, first: int, last: int, budget: int) -> Generator[float, None, np.ndarray]:
-        """Return light and unshadowed luminance of a range of emitters, (n, 4) float32."""
+    def _light(self, emitters: np.ndarray, budget: int) -> Generator[float, None, np.ndarray]:
+        """Return light and unshadowed luminance of some emitters, (n, 4) float32."""
+        tree = build_light_tree(emitters)
+        buffers = [self._rays.constant(array) for array in (emitters, *_never_empty(tree))]
         arguments = (
-            self._emitters, np.int32(first), np.int32(last), np.int32(budget),
+            *buffers, np.int32(tree.root), np.int32(budget),
             *self._glow, *self._sky, np.uint32(self._settings.seed),
         )  # fmt: skip
         return (yield from self._sliced(self._direct, arguments))
 
     def _sliced(self, kernel: cl.Kernel, arguments: tuple) -> Generator[float, None, np.ndarray]:
         """Run a kernel over all patches, some at a time, and return its result, (n, 4) float32."""
-        start, step = 0, _FIRST_SLICE
-        while start < self._count:
-            end, began = min(start + step, self._count), time.perf_counter()
-            kernel(
-                self._queue, (end - start,), None, *self._rays.arguments, self._receivers,
-                *arguments, self._result, np.int32(start), np.int32(end),
-            )  # fmt: skip
-            self._queue.finish()
-            seconds = time.perf_counter() - began
-            if seconds < _SLICE / 2:
-                step *= 2
-            elif seconds > _SLICE * 2:
-                step = max(step // 2, _FIRST_SLICE)
-            start = end
-            yield start / self._count
+
+        def launch(start: int, end: int) -> None:
+            slice_ = np.int32(start), np.int32(end)
+            self._rays.run(kernel, end - start, self._receivers, *arguments, self._result, *slice_)
+
+        for end in sliced(self._queue, 0, self._count, launch):
+            yield end / self._count
         result = np.empty((self._count, 4), np.float32)
         cl.enqueue_copy(self._queue, result, self._result)
         return result
@@ -140,3 +130,10 @@ class DirectLight:
         arrays = (pixels, cumulative.astype(np.float32), listed.astype(np.int32))
         sizes = (pixels.shape[1], pixels.shape[0], len(listed))
         return (*(self._rays.constant(array) for array in arrays), *map(np.int32, sizes), np.float32(total))
+
+
+def _never_empty(tree: LightTree) -> tuple[np.ndarray, np.ndarray]:
+    """Return nodes and children of a tree, one of each at least."""
+    if len(tree.nodes):
+        return tree.nodes, tree.children
+    return np.zeros((1, NODE, 4), np.float32), np.zeros((1, 2), np.int32)

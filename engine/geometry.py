@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -29,29 +30,102 @@ class Triangles:
     mesh: np.ndarray
     atlas: np.ndarray
 
+    @cached_property
+    def box(self) -> np.ndarray:
+        """Low and high corner of all triangles together, (2, 3) float64, metres."""
+        axes = self.positions.reshape(-1, 3).T
+        return np.array([[axis.min() for axis in axes], [axis.max() for axis in axes]], np.float64)
+
+    @property
+    def middle(self) -> np.ndarray:
+        """The middle of the box, (3,) float64 that float32 holds: positions relative to it are finest."""
+        middle: np.ndarray = self.box.mean(axis=0).astype(np.float32).astype(np.float64)
+        return middle
+
+    @property
+    def diagonal(self) -> float:
+        """Length of the box's diagonal, metres."""
+        return float(np.linalg.norm(self.box[1] - self.box[0]))
+
 
 @dataclass(frozen=True)
-class PatchGeometry:
-    """World-space geometry of each patch.
+class TexelSteps:
+    """What a texel of each triangle's chart is in the world.
 
-    triangle   (n,) int32, index into `Triangles`
-    center     (n, 3) float32, metres
-    normal     (n, 3) float32, unit shading normal
-    geometric  (n, 3) float32, unit geometric normal
-    edge_u     (n, 3) float32, metres, step of one texel along u
-    edge_v     (n, 3) float32, metres, step of one texel along v
-    area       (n,) float32, m^2, of one texel
-    material   (n,) int32
+    edge_u     (t, 3) float32, metres, step of one texel along u
+    edge_v     (t, 3) float32, metres, step of one texel along v
+    geometric  (t, 3) float32, unit geometric normal
+    area       (t,) float32, m^2, of one texel
     """
 
-    triangle: np.ndarray
-    center: np.ndarray
-    normal: np.ndarray
-    geometric: np.ndarray
     edge_u: np.ndarray
     edge_v: np.ndarray
+    geometric: np.ndarray
     area: np.ndarray
-    material: np.ndarray
+
+
+class PatchGeometry:
+    """World-space geometry of each patch, computed when it is first asked for.
+
+    triangles    of the scene
+    steps        of its texels
+    triangle     (n,) int32, index into `triangles`
+    barycentric  (n, 3) float32, where the patch is on its triangle
+    """
+
+    def __init__(
+        self, triangles: Triangles, steps: TexelSteps, triangle: np.ndarray, barycentric: np.ndarray
+    ) -> None:
+        self.triangles, self.steps = triangles, steps
+        self.triangle, self.barycentric = triangle, barycentric
+
+    def part(self, chosen: slice | np.ndarray) -> PatchGeometry:
+        """Return the geometry of some patches."""
+        return PatchGeometry(self.triangles, self.steps, self.triangle[chosen], self.barycentric[chosen])
+
+    @cached_property
+    def center(self) -> np.ndarray:
+        """Centre, (n, 3) float32, metres (paper, III.A: positions weighed by barycentrics)."""
+        center: np.ndarray = np.einsum(
+            "nk,nkd->nd", self.barycentric, self.triangles.positions[self.triangle]
+        )
+        return center
+
+    @cached_property
+    def normal(self) -> np.ndarray:
+        """Unit shading normal, (n, 3) float32 (paper, III.A)."""
+        normal = np.einsum("nk,nkd->nd", self.barycentric, self.triangles.normals[self.triangle])
+        return _unit(normal, self.geometric)
+
+    @cached_property
+    def geometric(self) -> np.ndarray:
+        """Unit geometric normal, (n, 3) float32."""
+        geometric: np.ndarray = self.steps.geometric[self.triangle]
+        return geometric
+
+    @cached_property
+    def edge_u(self) -> np.ndarray:
+        """Step of one texel along u, (n, 3) float32, metres."""
+        edge: np.ndarray = self.steps.edge_u[self.triangle]
+        return edge
+
+    @cached_property
+    def edge_v(self) -> np.ndarray:
+        """Step of one texel along v, (n, 3) float32, metres."""
+        edge: np.ndarray = self.steps.edge_v[self.triangle]
+        return edge
+
+    @cached_property
+    def area(self) -> np.ndarray:
+        """Area of one texel, (n,) float32, m^2."""
+        area: np.ndarray = self.steps.area[self.triangle]
+        return area
+
+    @cached_property
+    def material(self) -> np.ndarray:
+        """Material, (n,) int32."""
+        material: np.ndarray = self.triangles.material[self.triangle]
+        return material
 
 
 def gather_triangles(scene: Scene) -> Triangles:
@@ -68,21 +142,9 @@ def gather_triangles(scene: Scene) -> Triangles:
 
 
 def patch_geometry(scene: Scene, triangles: Triangles, patches: PatchList) -> PatchGeometry:
-    """Place every patch in the world (paper, III.A: positions and normals weighed by barycentrics)."""
-    triangle = patch_triangles(scene, patches)
-    positions, weights = triangles.positions[triangle], patches.barycentric
-    normal = np.einsum("nk,nkd->nd", weights, triangles.normals[triangle])
-    edge_u, edge_v, geometric = texel_steps(positions, triangles.uvs[triangle], patches.resolution)
-    return PatchGeometry(
-        triangle,
-        np.einsum("nk,nkd->nd", weights, positions),
-        _unit(normal, geometric),
-        geometric,
-        edge_u,
-        edge_v,
-        np.linalg.norm(np.cross(edge_u, edge_v), axis=1),
-        triangles.material[triangle],
-    )
+    """Place every patch in the world."""
+    steps = texel_steps(triangles, patches.resolution)
+    return PatchGeometry(triangles, steps, patch_triangles(scene, patches), patches.barycentric)
 
 
 def patch_triangles(scene: Scene, patches: PatchList) -> np.ndarray:
@@ -107,27 +169,20 @@ def _triangle_keys(face: np.ndarray, subface: np.ndarray) -> np.ndarray:
     return keys
 
 
-def texel_steps(
-    positions: np.ndarray, uvs: np.ndarray, resolution: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the world-space steps of one texel along u and v, and the unit geometric normal.
-
-    positions: (n, 3, 3) world space; uvs: (n, 3, 2). Returns three (n, 3) float32 arrays.
-    """
+def texel_steps(triangles: Triangles, resolution: int) -> TexelSteps:
+    """Return what a texel of each triangle's chart is in the world."""
+    positions, uvs = triangles.positions, triangles.uvs
     first, second = (positions[:, 1] - positions[:, 0]), (positions[:, 2] - positions[:, 0])
     (u1, v1), (u2, v2) = (uvs[:, 1] - uvs[:, 0]).T * resolution, (uvs[:, 2] - uvs[:, 0]).T * resolution
     determinant = u1 * v2 - u2 * v1
     scale = np.where(np.abs(determinant) > 1e-12, 1.0 / np.where(determinant == 0, 1, determinant), 0.0)[
         :, None
     ]
-    edge_u = (v2[:, None] * first - v1[:, None] * second) * scale
-    edge_v = (u1[:, None] * second - u2[:, None] * first) * scale
-    normal = np.cross(first, second)
-    return (
-        edge_u.astype(np.float32),
-        edge_v.astype(np.float32),
-        _unit(normal, np.array([[0.0, 0.0, 1.0]])).astype(np.float32),
-    )
+    edge_u = ((v2[:, None] * first - v1[:, None] * second) * scale).astype(np.float32)
+    edge_v = ((u1[:, None] * second - u2[:, None] * first) * scale).astype(np.float32)
+    geometric = _unit(np.cross(first, second), np.array([[0.0, 0.0, 1.0]]))
+    area = np.linalg.norm(np.cross(edge_u, edge_v), axis=1)
+    return TexelSteps(edge_u, edge_v, geometric, area)
 
 
 def _unit(vectors: np.ndarray, fallback: np.ndarray) -> np.ndarray:

@@ -60,9 +60,14 @@ def rotations(seed: int, ids: np.ndarray) -> np.ndarray:
     ids: (n,) integer patch identities. Returns (n,) float64, radians in [-pi, pi) (paper, IV.B).
     The integer hash is lowbias32 (Wellons 2018), applied to the identity and the seed.
     """
-    salt = _hash32(np.array([(seed + 1) & 0xFFFFFFFF], np.uint32))
-    mixed = _hash32(ids.astype(np.uint32) ^ salt)
+    mixed = _hash32(ids.astype(np.uint32) ^ rotation_salt(seed))
     return (mixed / 2.0**32 * 2.0 - 1.0) * np.pi
+
+
+def rotation_salt(seed: int) -> np.uint32:
+    """Return what patch identities are mixed with, so that each seed gives other angles."""
+    salt: np.uint32 = _hash32(np.array([(seed + 1) & 0xFFFFFFFF], np.uint32))[0]
+    return salt
 
 
 def _hash32(x: np.ndarray) -> np.ndarray:

@@ -110,14 +110,11 @@ def _owning_neighbour(
         inside = (result == 0) & (y >= 0) & (y < height) & (x >= 0) & (x < width)
         candidate = np.where(inside, owners[texels[:, 0], y % height, x % width], 0)
         chosen = np.flatnonzero(candidate)
-        patch = candidate[chosen].astype(np.int64) - 1
-        texel_size = np.maximum(
-            np.linalg.norm(geometry.edge_u[patch], axis=1), np.linalg.norm(geometry.edge_v[patch], axis=1)
-        )
-        near = np.linalg.norm(geometry.center[patch] - point[chosen], axis=1) <= 2 * texel_size * np.hypot(
-            dy, dx
-        )
-        same = triangles.mesh[geometry.triangle[patch]] == triangles.mesh[triangle[chosen]]
+        nearby = geometry.part(candidate[chosen].astype(np.int64) - 1)
+        texel_size = np.maximum(np.linalg.norm(nearby.edge_u, axis=1), np.linalg.norm(nearby.edge_v, axis=1))
+        distance = np.linalg.norm(nearby.center - point[chosen], axis=1)
+        near = distance <= 2 * texel_size * np.hypot(dy, dx)
+        same = triangles.mesh[nearby.triangle] == triangles.mesh[triangle[chosen]]
         accepted = near & same
         result[chosen[accepted]] = candidate[chosen[accepted]]
     return result

@@ -12,7 +12,10 @@ class Report:
     """The facts of a bake.
 
     patches     number of patches
-    method      how they gathered, one of METHODS: not always what the settings wanted
+    method      how they gathered, "paper", "cached" or "stream"
+    visibility  how it was found what they see, "raster" or "rays"
+    samples     of what each patch sees
+    reasons     why, in sentences
     iterations  iterations run
     residual    estimated remaining error, relative to each patch's light, on average
     converged   True if the residual is below the tolerance
@@ -25,6 +28,9 @@ class Report:
 
     patches: int
     method: str
+    visibility: str
+    samples: int
+    reasons: tuple[str, ...]
     iterations: int
     residual: float
     converged: bool

@@ -10,7 +10,7 @@ from .errors import SceneError
 from .sampled import SampledLight
 from .scene import Scene, shining_lights
 from .settings import Settings
-from .solve import Jacobi
+from .solve import Solution
 
 #: Outputs that hold light, and those of them that need more than the first iteration.
 _LIGHT = ("combined", "direct", "indirect")
@@ -46,19 +46,19 @@ class Outputs:
         self._names, self._settings, self._sampled = output_names(scene, settings), settings, sampled
         self.bounces = any(name in _BOUNCES for name in settings.outputs)
 
-    def done(self, solution: Jacobi) -> bool:
+    def done(self, solution: Solution) -> bool:
         """True once a solution is good enough for the outputs.
 
         One iteration is needed by all of them: it tells which patches are hidden inside objects.
         """
         return solution.done if self.bounces else solution.iterations > 0
 
-    def light(self, solution: Jacobi) -> np.ndarray:
+    def light(self, solution: Solution) -> np.ndarray:
         """Return the first output that is light, so far, (n, 3) float32; direct light if none is."""
         name = next((name for name in self._settings.outputs if name in _LIGHT), "direct")
         return _light(name, solution)
 
-    def make(self, solution: Jacobi) -> Generator[float, None, dict[str, np.ndarray]]:
+    def make(self, solution: Solution) -> Generator[float, None, dict[str, np.ndarray]]:
         """Make every output, (n, 3) or (n,) float32, by name; yield the fraction done of each."""
         made: dict[str, np.ndarray] = {}
         masks = iter(range(len(self._names)))
@@ -72,10 +72,11 @@ class Outputs:
         return made
 
 
-def _light(name: str, solution: Jacobi) -> np.ndarray:
+def _light(name: str, solution: Solution) -> np.ndarray:
     """Return E/pi of all light, or of a part of it, (n, 3) float32."""
-    parts = {"combined": solution.irradiance, "direct": solution.direct, "indirect": solution.indirect}
-    return parts[name]
+    if name == "combined":
+        return solution.irradiance
+    return solution.direct if name == "direct" else solution.indirect
 
 
 def _unused(name: str, taken: set[str]) -> str:

@@ -89,7 +89,7 @@ def _rasterise_atlas(
     images = [
         np.frombuffer(target.read(), np.float32).reshape(resolution, resolution, 4) for target in targets
     ]
-    graphics.discard(vertices, buffer, program, framebuffer, *targets)
+    graphics.discard(vertices, buffer, framebuffer, *targets)
     return images[0], images[1]
 
 

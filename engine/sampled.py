@@ -7,17 +7,14 @@ from collections.abc import Generator
 import numpy as np
 
 from .coincident import covered_patches
-from .cutouts import gather_cutouts
-from .device.compute import Compute
 from .direct import DirectLight
 from .emitters import BrightTriangles, bright_triangles
 from .enclosed import note_enclosed
-from .errors import DeviceError
+from .ray_scene import RayScene
 from .scene import Scene, shining_lights
 from .settings import Settings
 from .sky import Sky, split_sky, whole_sky
 from .subdivision import Subdivision
-from .visibility.rays import Rays
 
 
 class SampledLight:
@@ -28,11 +25,11 @@ class SampledLight:
     warnings       sentences for the user
     """
 
-    def __init__(self, compute: Compute | None, scene: Scene, parts: Subdivision, settings: Settings) -> None:
-        self._compute, self._scene, self._parts, self._settings = compute, scene, parts, settings
+    def __init__(self, scene: Scene, parts: Subdivision, rays: RayScene, settings: Settings) -> None:
+        self._scene, self._parts, self._settings = scene, parts, settings
+        self._ray_scene = rays
         self._lamps = shining_lights(scene)
         self._direct: DirectLight | None = None
-        self._ray_scene: Rays | None = None
         self.warnings: list[str] = []
 
         # Small bright surfaces and bright sky, unless hemicubes are to see everything as in the paper.
@@ -65,19 +62,17 @@ class SampledLight:
 
     def covered(self) -> np.ndarray:
         """Return which patches another face covers exactly, (n,) bool; none are known if no rays are cast."""
-        if self._ray_scene is None:
+        if not self._ray_scene.needed:
             return np.zeros(len(self._parts.patches), bool)
-        return covered_patches(self._ray_scene, self._parts)
+        return covered_patches(self._ray_scene, len(self._parts.patches))
 
     def _rays(self) -> DirectLight:
         """Return what casts rays, made when it is first needed."""
-        if self._compute is None:
-            raise DeviceError("Rays need OpenCL.")
         if self._direct is None:
-            rays = Rays(self._compute, self._parts.triangles, gather_cutouts(self._scene))
-            self._ray_scene = rays
+            rays, receivers = self._ray_scene.rays, self._ray_scene.receivers
             self.warnings += note_enclosed(rays, self._scene, self._parts.triangles, self._lamps)
             self._direct = DirectLight(
-                self._compute, rays, self._parts, self._lamps, self._bright, self._sky.bright, self._settings
-            )
+                self._ray_scene.compute, rays, receivers, self._parts,
+                self._lamps, self._bright, self._sky.bright, self._settings,
+            )  # fmt: skip
         return self._direct

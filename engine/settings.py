@@ -7,7 +7,14 @@ from dataclasses import dataclass
 from .errors import SettingsError
 
 #: Methods in the order of the user interface.
-METHODS = ("cached", "paper")
+METHODS = ("auto", "cached", "stream", "paper")
+
+#: Ways to find what patches see, and what directions rays may take, in the order of the user interface.
+VISIBILITIES = ("auto", "raster", "rays")
+DIRECTIONS = ("cosine", "hemicube")
+
+#: Widths of squares of patches.
+SHARED_BOUNCES = (0, 1, 2, 4, 8)
 
 #: What a bake can give, in the order of the user interface.
 OUTPUTS = ("combined", "direct", "indirect", "ambient_occlusion", "shadow_mask")
@@ -25,7 +32,14 @@ class Settings:
     iterations  largest number of iterations (bounces), 1 ... 1000
     tolerance   stop once the estimated remaining error of the patches, each relative to its own
                 light, is below this on average; 0 never stops early
-    method      one of METHODS
+    method      one of METHODS: "auto" is "cached" if that fits into memory, else "stream"
+    visibility  one of VISIBILITIES: "auto" takes the faster one; the paper's method only draws
+    samples     rays of a patch, 4 ... 65536, or 0 for as many as give the error of a hemicube
+    directions  of rays, one of DIRECTIONS
+    shared_bounces  width of the squares of patches that share their bounces, one of SHARED_BOUNCES, texels:
+                each patch then gathers once more for itself; 1 for none, 0 to do so if memory is short
+    accelerate  False iterates as the paper does
+    memory_budget  device memory for what patches see, bytes; 0 for half of the device's
     outputs     what the bake gives, some of OUTPUTS; shadow_mask gives a map for each light
     light_samples  shadow rays a patch sends to each light, 1 ... 4096
     sample_emission  False leaves emissive surfaces and the sky to the hemicubes, as in the paper
@@ -36,16 +50,24 @@ class Settings:
     array_size  (width, height, layers) of the hemicube texture array in texels, or None to
                 size it from batch_bytes
     batch_bytes memory for one batch of hemicubes, bytes
+    partials    False yields no partial lightmaps: nobody looks at them
     dilation    how far charts are dilated for display, texels
     patch_file  file that the patch list is loaded from, or stored in if it does not exist; or None
     cache_dir   folder for compiled kernels, or None for PyOpenCL's own
     """
 
     resolution: int = 256
-    hemicube: int = 64
+    hemicube: int = 32
     iterations: int = 50
     tolerance: float = 0.002
-    method: str = "cached"
+    method: str = "auto"
+    visibility: str = "auto"
+    samples: int = 0
+    directions: str = "cosine"
+    shared_bounces: int = 0
+    accelerate: bool = True
+    memory_budget: int = 0
+    partials: bool = True
     outputs: tuple[str, ...] = ("combined",)
     light_samples: int = 64
     sample_emission: bool = True
@@ -67,18 +89,25 @@ def check_settings(settings: Settings) -> None:
     _check_range("tolerance", settings.tolerance, 0, 1, "of the mean")
     _check_range("dilation", settings.dilation, 0, 256, "texels")
     _check_range("light_samples", settings.light_samples, 1, 4096, "rays")
+    _check_range("samples", settings.samples, 0, 65536, "rays")
+    _check_range("memory_budget", settings.memory_budget, 0, 1 << 50, "bytes")
     _check_range("ao_samples", settings.ao_samples, 1, 65536, "rays")
     _check_range("ao_distance", settings.ao_distance, 0, 1e9, "m")
     if not settings.outputs or not set(settings.outputs) <= set(OUTPUTS):
         chosen = ", ".join(settings.outputs) or "empty"
         raise SettingsError(f"outputs is {chosen}; choose at least one of {', '.join(OUTPUTS)}.")
-    if settings.hemicube not in HEMICUBES:
-        choices = ", ".join(map(str, HEMICUBES))
-        raise SettingsError(f"hemicube is {settings.hemicube}; choose one of {choices}.")
-    if settings.method not in METHODS:
-        raise SettingsError(f"method is '{settings.method}'; choose one of {', '.join(METHODS)}.")
+    _check_choice("hemicube", settings.hemicube, HEMICUBES)
+    _check_choice("shared_bounces", settings.shared_bounces, SHARED_BOUNCES)
+    _check_choice("method", settings.method, METHODS)
+    _check_choice("visibility", settings.visibility, VISIBILITIES)
+    _check_choice("directions", settings.directions, DIRECTIONS)
 
 
 def _check_range(name: str, value: float, low: float, high: float, unit: str) -> None:
     if not low <= value <= high:
         raise SettingsError(f"{name} is {value:g}; choose {low:g} to {high:g} {unit}.")
+
+
+def _check_choice(name: str, value: str | int, choices: tuple[str, ...] | tuple[int, ...]) -> None:
+    if value not in choices:
+        raise SettingsError(f"{name} is {value!r}; choose one of {', '.join(map(str, choices))}.")

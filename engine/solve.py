@@ -2,54 +2,184 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
+from dataclasses import dataclass
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 
+from .anderson import COLUMNS, Anderson
 from .settings import Settings
 
 #: Patches darker than this share of the mean count as if they had it.
 _DARK = 1e-4
 
+#: One accelerated sweep is not believed to cut the error by more than this factor.
+_MOST_GAIN = 4.0
 
-class Jacobi:
-    """The paper's iteration: every patch gathers the radiance of the one before (paper, IV.C).
 
-    Light of lamps and small bright sources comes from elsewhere (`direct`) and is added to what is gathered.
+@dataclass(frozen=True)
+class Sums:
+    """Sums over all patches after a sweep; see kernels/solve.cl.
 
-    reflectance  (n, 3) float32
-    emission     (n, 3) float32, radiance that the patches themselves see as they gather
-    area         (n,) float32, m^2
-    direct       (n, 3) float32, E/pi of lights that patches do not gather, None for none
-    glowing      True if the patches gather light at first: the first iteration then gives the direct
-                 light of emission and surroundings; False starts with what `direct` makes them reflect
+    products   (COLUMNS, COLUMNS, 3) float64, see `Anderson.weights`
+    reflected  (3,) float64, m^2: what the patches reflect of the newest defect, times their area
+    seen       (3,) float64, m^2: the same of light 1 wherever they see others
+    total      mean of E/pi of all channels together
+    """
+
+    products: np.ndarray
+    reflected: np.ndarray
+    seen: np.ndarray
+    total: float
+
+
+@dataclass(frozen=True)
+class Step:
+    """What the next irradiance differs by, mean over the patches.
+
+    change    of E/pi, sum of the channels
+    relative  to each patch's own light
+    flux      added to what leaves the patches, W, sum of all patches and channels
+    """
+
+    change: float
+    relative: float
+    flux: float
+
+
+class Radiosity(Protocol):
+    """The light of all patches and what a sweep does to it.
+
+    count  patches
+    area   sum over all patches, m^2
+
+    An iterate is what all patches gathered from the radiance of the irradiance before; its defect is
+    the difference to that irradiance. COLUMNS of them are kept in a ring.
+    """
+
+    count: int
+    area: float
+
+    def sweep(self, column: int) -> Generator[float, None, None]:
+        """Gather from the current radiance into a column of the ring; yield the fraction done."""
+
+    def sums(self, newest: int, least: float) -> Sums:
+        """Return the sums after a sweep; patches weigh 1 / light^2, but have at least the light `least`."""
+
+    def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> Step:
+        """Make the next irradiance: iterates times (COLUMNS, 3), and (3,) wherever patches are seen."""
+
+    def iterate(self, column: int) -> np.ndarray:
+        """Return E/pi and the share that is no back, (n, 4) float32, of a column."""
+
+
+class Solution(Protocol):
+    """What is known of a bake's light; see `Solver`."""
+
+    def iteration(self) -> Generator[float, None, None]:
+        """Sweep once; yield the fraction done."""
+
+    @property
+    def iterations(self) -> int:
+        """Sweeps so far."""
+        ...
+
+    @property
+    def energies(self) -> list[float]:
+        """Flux that each iteration added, W."""
+        ...
+
+    @property
+    def gathered(self) -> np.ndarray:
+        """E/pi and the share that is no back, (n, 4) float32."""
+        ...
+
+    @property
+    def irradiance(self) -> np.ndarray:
+        """E/pi of all light so far, (n, 3) float32."""
+        ...
+
+    @property
+    def direct(self) -> np.ndarray:
+        """E/pi of light that was not reflected, (n, 3) float32."""
+        ...
+
+    @property
+    def indirect(self) -> np.ndarray:
+        """E/pi of light that was, (n, 3) float32."""
+        ...
+
+    @property
+    def residual(self) -> float:
+        """Estimated remaining error; NaN while unknown."""
+        ...
+
+    @property
+    def converged(self) -> bool:
+        """True once the residual is below the tolerance."""
+        ...
+
+    @property
+    def done(self) -> bool:
+        """True once nothing is left to do."""
+        ...
+
+
+class Solver:
+    """Sweeps until the light has settled.
+
+    Without acceleration this is the paper's iteration: every patch gathers the radiance of the one
+    before (paper, IV.C). With it the first step adds the ambient light that energy balance demands
+    (Cohen et al. 1988), all later ones mix iterates as Anderson does.
+
+    radiosity   holds the light; its first radiance is emission, or that with the direct light reflected
+    lights      (n, 3) float32, E/pi of lights that patches do not gather
+    glowing     True if the patches gather light at first: the first sweep then gives the direct light
+                of emission and surroundings
     """
 
     def __init__(
         self,
-        reflectance: np.ndarray,
-        emission: np.ndarray,
-        area: np.ndarray,
+        radiosity: Radiosity,
+        lights: np.ndarray,
         settings: Settings,
-        direct: np.ndarray | None = None,
         glowing: bool = True,
+        accelerate: bool = False,
     ) -> None:
-        self._reflectance, self._emission, self._area = reflectance, emission, area.astype(np.float64)
+        self._radiosity, self._lights, self._glowing = radiosity, lights, glowing
         self._limit, self._tolerance = settings.iterations, settings.tolerance
-        self._lights = np.zeros_like(emission) if direct is None else direct
-        self._glowing = glowing
-        self.direct = self._lights
-        self.irradiance = np.zeros_like(emission) if glowing else self._lights
-        self._settled = False
-        self._changes: list[float] = []
-        self._relative = float("nan")
-        self.radiance = emission.copy() if glowing else emission + reflectance * self._lights
-        self.energies: list[float] = []
+        self._anderson = Anderson() if accelerate else None
+        self._newest = -1
+        self._direct = lights
+        self._steps: list[Step] = []
+        self._total = 0.0
 
     @property
     def iterations(self) -> int:
-        """Iterations so far."""
-        return len(self._changes)
+        """Sweeps so far."""
+        return len(self._steps)
+
+    @property
+    def energies(self) -> list[float]:
+        """Flux that each iteration added, W, sum of the channels."""
+        return [step.flux for step in self._steps]
+
+    @property
+    def irradiance(self) -> np.ndarray:
+        """E/pi of all light so far, (n, 3) float32."""
+        return self.gathered[:, :3] if self._steps else self._lights
+
+    @property
+    def gathered(self) -> np.ndarray:
+        """What the last sweep gathered, (n, 4) float32: E/pi, and the share that is no back."""
+        return self._radiosity.iterate(self._newest)
+
+    @property
+    def direct(self) -> np.ndarray:
+        """E/pi of light that was not reflected, (n, 3) float32."""
+        return self._direct
 
     @property
     def indirect(self) -> np.ndarray:
@@ -57,38 +187,43 @@ class Jacobi:
         indirect: np.ndarray = np.maximum(self.irradiance - self.direct, 0)
         return indirect
 
-    def update(self, gathered: np.ndarray) -> None:
-        """Take the E/pi (n, 3) that one iteration gathered; make the radiance for the next.
+    def iteration(self) -> Generator[float, None, None]:
+        """Sweep once; yield the fraction done."""
+        self._newest = (self._newest + 1) % COLUMNS
+        yield from self._radiosity.sweep(self._newest)
+        sums = self._radiosity.sums(self._newest, max(self._total, 1e-30))
+        if self._glowing and not self._steps:
+            self._direct = self._radiosity.iterate(self._newest)[:, :3]
+        self._total = sums.total
+        weights, ambient = self._mixture(sums)
+        self._steps.append(self._radiosity.mix(weights, ambient, max(_DARK * sums.total, 1e-30)))
 
-        Afterwards `irradiance` is E/pi of all light so far, and `direct` of that without reflection.
-        """
-        irradiance = gathered + self._lights
-        if self._glowing and not self._changes:
-            self.direct = irradiance
-        radiance = self._emission + self._reflectance * irradiance
-        added: np.ndarray = (radiance - self.radiance).astype(np.float64).sum(axis=1)
-        self.energies.append(float(np.pi * (self._area * added).sum()))
-        self._settled = bool((radiance == self.radiance).all())
-        change = np.abs(irradiance - self.irradiance)
-        self._changes.append(float(change.mean(dtype=np.float64)))
-        self._relative = _relative(change, irradiance)
-        self.radiance, self.irradiance = radiance, irradiance
+    def _mixture(self, sums: Sums) -> tuple[np.ndarray, np.ndarray]:
+        """Return weights of the columns, (COLUMNS, 3), and the ambient light, (3,)."""
+        weights, ambient = np.zeros((COLUMNS, 3)), np.zeros(3)
+        weights[self._newest] = 1
+        if self._anderson is not None:
+            weights = self._anderson.weights(self._newest, sums.products)
+            if not self._steps:
+                lost = np.maximum(self._radiosity.area - sums.seen, 1e-3 * self._radiosity.area)
+                ambient = np.maximum(sums.reflected, 0) / lost
+        return weights, ambient
 
     @property
     def residual(self) -> float:
         """Estimated remaining error of E, relative to E of each patch, mean over all; NaN while unknown.
 
-        Relative to its own: in a room beside a sunlit square, the mean of both says nothing. Changes that
-        shrink by a factor r leave change * r / (1 - r) to come: the rest of a geometric series. The larger
-        of the last two factors counts, since early bounces may meet dark surfaces.
+        Relative to its own: in a room beside a sunlit square, the mean of both says nothing. The next
+        accelerated step is what acceleration believes to be missing.
         """
-        if self._settled:
+        if self._steps and self._steps[-1].change == 0:
             return 0.0
-        if len(self._changes) < 2:
+        if len(self._steps) < 2:
             return float("nan")
-        recent = self._changes[-3:]
-        factor = max(after / before for before, after in pairwise(recent) if before > 0)
-        return self._relative * factor / (1 - factor) if factor < 1 else float("inf")
+        if self._anderson is None:
+            return _geometric_rest(self._steps)
+        before, last = self._steps[-2:]
+        return max(last.relative, before.relative / _MOST_GAIN)
 
     @property
     def converged(self) -> bool:
@@ -101,8 +236,11 @@ class Jacobi:
         return self.iterations >= self._limit or (self._tolerance > 0 and self.converged)
 
 
-def _relative(change: np.ndarray, irradiance: np.ndarray) -> float:
-    """Return the mean over the patches of the change of E relative to E; dark ones count less."""
-    total = irradiance.sum(axis=1, dtype=np.float64)
-    least = _DARK * max(float(total.mean()), 1e-30)
-    return float((change.sum(axis=1, dtype=np.float64) / np.maximum(total, least)).mean())
+def _geometric_rest(steps: list[Step]) -> float:
+    """Return the sum of all steps to come if they go on shrinking by the same factor.
+
+    The larger of the last two factors counts, since early bounces may meet dark surfaces.
+    """
+    recent = [step.change for step in steps[-3:]]
+    factor = max(after / before for before, after in pairwise(recent) if before > 0)
+    return steps[-1].relative * factor / (1 - factor) if factor < 1 else float("inf")

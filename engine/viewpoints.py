@@ -12,9 +12,9 @@ from .settings import Settings
 
 #: Height of the eye above the surface: a share of a texel's width, at most a share of the scene's
 #: diagonal, and at least what float32 can tell apart at the patch's coordinates.
-_OF_TEXEL = 0.01
-_OF_DIAGONAL = 2e-5
-_OF_COORDINATE = 1e-6
+OF_TEXEL = 0.01
+OF_DIAGONAL = 2e-5
+OF_COORDINATE = 1e-6
 
 #: Least distance of the near plane, relative to the scene's diagonal: float32 must tell it apart from
 #: the corners of the largest triangles when they are clipped, and the standard depth range needs more.
@@ -24,7 +24,7 @@ _NEAR_STANDARD_DEPTH = 1e-5
 
 @dataclass(frozen=True)
 class Viewpoints:
-    """The hemicubes of all patches.
+    """The hemicubes of some patches.
 
     eye      (n, 3) float64, world space, metres
     frame    (n, 3, 3) float64, rows right, up, normal, from `hemicube.frames`
@@ -37,35 +37,36 @@ class Viewpoints:
     near: np.ndarray
     horizon: np.ndarray
 
-    def frames(self, first: int, last: int) -> np.ndarray:
-        """Return frame and horizon of some hemicubes, (m, 4, 3) float32, as the integrator takes them."""
-        return np.concatenate(
-            [self.frame[first:last], self.horizon[first:last, None]], axis=1, dtype=np.float32
-        )
+    @property
+    def frames(self) -> np.ndarray:
+        """Frame and horizon, (n, 4, 3) float32, as the integrators take them."""
+        return np.concatenate([self.frame, self.horizon[:, None]], axis=1, dtype=np.float32)
 
 
 def eye_heights(triangles: Triangles, geometry: PatchGeometry) -> np.ndarray:
     """Return how far above its surface each patch looks around, (n,) float64, metres."""
-    height = np.minimum(_OF_TEXEL * np.sqrt(geometry.area), _OF_DIAGONAL * _diagonal(triangles))
-    heights: np.ndarray = np.maximum(height, _OF_COORDINATE * np.abs(geometry.center).max(axis=1))
+    height = np.minimum(OF_TEXEL * np.sqrt(geometry.area), OF_DIAGONAL * triangles.diagonal)
+    heights: np.ndarray = np.maximum(height, OF_COORDINATE * np.abs(geometry.center).max(axis=1))
     return heights
 
 
-def _diagonal(triangles: Triangles) -> float:
-    """Return the diagonal of the scene's box, metres."""
-    return float(np.linalg.norm(np.ptp(triangles.positions.reshape(-1, 3), axis=0)))
-
-
 def place_hemicubes(
-    triangles: Triangles, geometry: PatchGeometry, settings: Settings, reversed_depth: bool = True
+    triangles: Triangles,
+    geometry: PatchGeometry,
+    settings: Settings,
+    reversed_depth: bool = True,
+    first: int = 0,
 ) -> Viewpoints:
-    """Place a hemicube on each patch, with a rotation about the normal for life (paper, IV.B)."""
-    diagonal = _diagonal(triangles)
+    """Place a hemicube on each patch, with a rotation about the normal for life (paper, IV.B).
+
+    geometry may be that of some patches, of which `first` is the first.
+    """
+    diagonal = triangles.diagonal
     center = geometry.center.astype(np.float64)
     height = eye_heights(triangles, geometry)
     near = np.maximum(height / 2, (_NEAR if reversed_depth else _NEAR_STANDARD_DEPTH) * diagonal)
 
-    angle = rotations(settings.seed, np.arange(len(center)))
+    angle = rotations(settings.seed, first + np.arange(len(center)))
     frame = frames(geometry.normal, angle if settings.rotate else np.zeros(len(center)))
     return Viewpoints(
         eye=center + height[:, None] * geometry.geometric,

@@ -29,7 +29,7 @@ class Worker:
         self,
         executable: str = sys.executable,
         search_path: Sequence[str] | None = None,
-        bake: str = "engine:bake",
+        bake: str = "engine.session:bake",
         start_limit: float = 60,
     ) -> None:
         """Prepare a worker; nothing is started yet.

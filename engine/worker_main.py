@@ -138,7 +138,9 @@ def main() -> None:
     """Serve one parent until it closes the connection or dies."""
     parser = argparse.ArgumentParser(prog="engine.worker_main", description=__doc__)
     parser.add_argument("address", help="where to listen: a socket's path, or a pipe's name on Windows")
-    parser.add_argument("--bake", default="engine:bake", help="module:function of the generator to run")
+    parser.add_argument(
+        "--bake", default="engine.session:bake", help="module:function of the generator to run"
+    )
     arguments = parser.parse_args()
 
     # Ctrl-C in a terminal is for the parent, which then says what to do here.

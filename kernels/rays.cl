@@ -1,13 +1,42 @@
-// Rays through a bounding volume hierarchy of triangles. CUTOUTS is defined for scenes with see-through
-// surfaces.
+// Rays through a bounding volume hierarchy of triangles: nodes of WIDTH boxes, leaves of packets of PACKET
+// triangles, RECORD floats each, at most STACK nodes to come back to (engine/visibility/bvh.py). CUTOUTS is defined for scenes
+// with see-through surfaces.
 
-#define STACK 64
+#define JOIN_(a, b) a##b
+#define JOIN(a, b) JOIN_(a, b)
+#define FLOATS JOIN(float, WIDTH)
+#define INTS JOIN(int, WIDTH)
+#if WIDTH == 2
+#define PLANES float4
+#define AS_INTS as_int4
+#elif WIDTH == 4
+#define PLANES float8
+#define AS_INTS as_int8
+#else
+#define PLANES float16
+#define AS_INTS as_int16
+#endif
+#if PACKET == 1
+#define PART float4
+#define PARTS 3
+#define LANES float
+#define FLAGS int
+#define ANY(flags) (flags)
+#define LANE(values, lane) (values)
+#else
+#define PART JOIN(float, PACKET)
+#define PARTS 10
+#define LANES PART
+#define FLAGS JOIN(int, PACKET)
+#define ANY(flags) any(flags)
+#define LANE(values, lane) values[lane]
+#endif
 #define LEAF_BITS 3
 
 typedef struct {
-    __global const float4 *boxes;      // of each inner node: low and high corner of both children
-    __global const int2 *children;     // node, or ~(first << LEAF_BITS | count) for a leaf
-    __global const float4 *triangles;  // first corner (w: number of the triangle), two edges; in leaf order
+    __global const PLANES *nodes;     // low and high x, y, z of each child; children and nothing. A child is a
+                                      // node, or ~(first packet << LEAF_BITS | packets) for a leaf
+    __global const PART *triangles;  // packets of first corner, two edges, number
 #ifdef CUTOUTS
     __global const float *alpha;       // engine/cutouts.py
     __global const int4 *maps;
@@ -18,13 +47,13 @@ typedef struct {
 } Rays;
 
 #ifdef CUTOUTS
-#define RAYS_ARGUMENTS __global const float4 *boxes, __global const int2 *children, \
-    __global const float4 *triangles, __global const float *alpha, __global const int4 *maps, \
-    __global const float4 *constants, __global const float2 *places, __global const int *materials
-#define RAYS {boxes, children, triangles, alpha, maps, constants, places, materials}
+#define RAYS_ARGUMENTS __global const PLANES *nodes, __global const PART *triangles, \
+    __global const float *alpha, __global const int4 *maps, __global const float4 *constants, \
+    __global const float2 *places, __global const int *materials
+#define RAYS {nodes, triangles, alpha, maps, constants, places, materials}
 #else
-#define RAYS_ARGUMENTS __global const float4 *boxes, __global const int2 *children, __global const float4 *triangles
-#define RAYS {boxes, children, triangles}
+#define RAYS_ARGUMENTS __global const PLANES *nodes, __global const PART *triangles
+#define RAYS {nodes, triangles}
 #endif
 
 typedef struct {
@@ -81,124 +110,190 @@ float opacity(const Rays *rays, const Hit *hit)
         return alpha < constants.y ? 0.0f : 1.0f;
     return min(alpha, 1.0f);
 }
+
+// What is more transparent than this is passed. DITHERED: partial opacity stops that share of the rays,
+// chosen by a hash of where they hit; else half of it is as good as all.
+float least_opacity(const Hit *hit)
+{
+#ifdef DITHERED
+    uint seed = as_uint(hit->weights.x) * 0x9e3779b9u ^ as_uint(hit->weights.y) * 0x85ebca6bu ^ (uint)hit->triangle;
+    seed = (seed ^ (seed >> 16)) * 0x7feb352du;
+    seed = (seed ^ (seed >> 15)) * 0x846ca68bu;
+    return ((seed >> 8) + 1) * (1.0f / 16777216.0f);
+#else
+    return 0.5f;
+#endif
+}
 #endif
 
-// Distance at which a ray enters a box, or INFINITY (slabs; Kay and Kajiya 1986).
-float enters(const float4 low, const float4 high, const float3 origin, const float3 inverse, const float nearest)
+// What a descent looks for: everything in the way, the nearest surface, or the nearest back.
+#define ALL 0
+#define NEAREST 1
+#define NEAREST_BACK 2
+
+typedef struct {
+    float3 origin, direction, inverse;
+    int sought;
+    float reach;    // what is farther does not count, in lengths of the direction
+    float through;  // share of light that has come so far
+    Hit nearest;
+} Search;
+
+// Distances at which a ray enters the boxes of a node, INFINITY for those it misses (slabs; Kay and Kajiya
+// 1986, with room for rounding; Ize 2013). The inverse of the direction is finite, so nothing is NaN.
+FLOATS entries(__global const PLANES *node, const Search *search)
 {
-    const float3 a = (low.xyz - origin) * inverse, b = (high.xyz - origin) * inverse;
-    const float3 first = fmin(a, b), last = fmax(a, b);
-    const float in = fmax(fmax(first.x, first.y), fmax(first.z, 0.0f));
-    const float out = fmin(fmin(last.x, last.y), fmin(last.z, nearest));
-    return in <= out * 1.0000004f ? in : INFINITY;
+    const PLANES x = (node[0] - search->origin.x) * search->inverse.x;
+    const PLANES y = (node[1] - search->origin.y) * search->inverse.y;
+    const PLANES z = (node[2] - search->origin.z) * search->inverse.z;
+    const FLOATS in = max(max(min(x.lo, x.hi), min(y.lo, y.hi)), max(min(z.lo, z.hi), 0.0f));
+    const FLOATS out = min(min(max(x.lo, x.hi), max(y.lo, y.hi)), min(max(z.lo, z.hi), search->reach));
+    return select((FLOATS)(INFINITY), in, in <= out * 1.0000004f);
 }
 
+// What a ray meets in a packet.
+typedef struct {
+    LANES distance, u, v, determinant;
+    FLAGS met;
+} Meeting;
+
 // Moeller and Trumbore 1997; edges are a little wider than they are, so that nothing slips between.
-bool meets(__global const float4 *triangle, const float3 origin, const float3 direction, const float nearest, Hit *hit)
+void meet(__global const PART *packet, const Search *search, Meeting *meeting)
 {
-    const float3 edge1 = triangle[1].xyz, edge2 = triangle[2].xyz;
-    const float3 p = cross(direction, edge2);
-    const float determinant = dot(edge1, p);
-    if (determinant == 0.0f)
-        return false;
-    const float inverse = 1.0f / determinant;
-    const float3 s = origin - triangle[0].xyz;
-    const float u = dot(s, p) * inverse;
-    const float3 q = cross(s, edge1);
-    const float v = dot(direction, q) * inverse;
-    const float distance = dot(edge2, q) * inverse;
+#if PACKET == 1
+    const float4 a = packet[0], b = packet[1], c = packet[2];
+    const float t[10] = {a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w, c.x, c.y};
+#else
+    __global const PART *t = packet;
+#endif
+    const float3 d = search->direction;
+    const LANES sx = search->origin.x - t[0], sy = search->origin.y - t[1], sz = search->origin.z - t[2];
+    const LANES px = d.y * t[8] - d.z * t[7], py = d.z * t[6] - d.x * t[8], pz = d.x * t[7] - d.y * t[6];
+    const LANES qx = sy * t[5] - sz * t[4], qy = sz * t[3] - sx * t[5], qz = sx * t[4] - sy * t[3];
+    const LANES determinant = t[3] * px + t[4] * py + t[5] * pz, inverse = 1.0f / determinant;
+    const LANES u = (sx * px + sy * py + sz * pz) * inverse;
+    const LANES v = (d.x * qx + d.y * qy + d.z * qz) * inverse;
+    const LANES distance = (t[6] * qx + t[7] * qy + t[8] * qz) * inverse;
     const float rim = 1e-6f;
-    if (!(u >= -rim && v >= -rim && u + v <= 1.0f + rim && distance > 0.0f && distance < nearest))
-        return false;
-    hit->distance = distance;
-    hit->weights = (float2)(u, v);
-    hit->triangle = as_int(triangle[0].w);
-    hit->front = determinant > 0.0f;
+    meeting->met = (determinant != 0.0f) & (u >= -rim) & (v >= -rim) & (u + v <= 1.0f + rim)
+        & (distance > 0.0f) & (distance < search->reach);
+    if (search->sought == NEAREST_BACK)
+        meeting->met &= determinant < 0.0f;
+    meeting->determinant = determinant;
+    meeting->distance = distance;
+    meeting->u = u;
+    meeting->v = v;
+}
+
+// What is met in a leaf counts; false if nothing more can.
+bool take_leaf(const Rays *rays, const int code, Search *search)
+{
+    __global const PART *packet = rays->triangles + PARTS * (code >> LEAF_BITS);
+    const int count = code & ((1 << LEAF_BITS) - 1);
+    for (int i = 0; i < count; ++i, packet += PARTS) {
+        Meeting meeting;
+        meet(packet, search, &meeting);
+        if (!ANY(meeting.met))
+            continue;
+        for (int lane = 0; lane < PACKET; ++lane) {
+            const float distance = LANE(meeting.distance, lane);
+            if (!LANE(meeting.met, lane) || !(distance < search->reach))
+                continue;
+            const Hit hit = {distance, (float2)(LANE(meeting.u, lane), LANE(meeting.v, lane)),
+                             ((__global const int *)packet)[9 * PACKET + lane], LANE(meeting.determinant, lane) > 0.0f};
+#ifdef CUTOUTS
+            const float stopped = opacity(rays, &hit), least = least_opacity(&hit);
+#else
+            const float stopped = 1.0f, least = 0.5f;
+#endif
+            if (search->sought == ALL) {
+                search->through *= 1.0f - stopped;
+                if (search->through < 1e-4f)
+                    return false;
+            } else if (stopped >= least) {
+                search->nearest = hit;
+                search->reach = distance;
+            }
+        }
+    }
     return true;
+}
+
+// Visit what a ray may meet, near before far.
+void descend(const Rays *rays, Search *search)
+{
+    int stack[STACK], depth = 0, node = 0;
+#if WIDTH > 2
+    float waits[STACK];  // how far away they begin
+#endif
+    for (;;) {
+        if (node >= 0) {
+            __global const PLANES *box = rays->nodes + 4 * node;
+            const FLOATS in = entries(box, search);
+            const INTS children = AS_INTS(box[3]).lo;
+#if WIDTH == 2
+            if (in.x < INFINITY || in.y < INFINITY) {
+                const bool swap = in.y < in.x;
+                if (in.x < INFINITY && in.y < INFINITY)
+                    stack[depth++] = swap ? children.x : children.y;
+                node = swap ? children.y : children.x;
+                continue;
+            }
+#else
+            const int first = depth;
+            for (int i = 0; i < WIDTH; ++i) {
+                const float at = ((const float *)&in)[i];
+                if (!(at < INFINITY))
+                    continue;
+                int place = depth++;
+                for (; place > first && waits[place - 1] < at; --place) {
+                    stack[place] = stack[place - 1];
+                    waits[place] = waits[place - 1];
+                }
+                stack[place] = ((const int *)&children)[i];
+                waits[place] = at;
+            }
+#endif
+        } else if (!take_leaf(rays, ~node, search)) {
+            search->through = 0.0f;
+            return;
+        }
+#if WIDTH == 2
+        if (depth == 0)
+            return;
+        node = stack[--depth];
+#else
+        do {
+            if (depth == 0)
+                return;
+            node = stack[--depth];
+        } while (waits[depth] > search->reach);
+#endif
+    }
+}
+
+Search search_for(const int sought, const float3 origin, const float3 direction, const float reach)
+{
+    const Search search = {origin, direction, clamp(1.0f / direction, -1e30f, 1e30f), sought, reach, 1.0f,
+                           {INFINITY, (float2)(0.0f), -1, false}};
+    return search;
 }
 
 // The share of light that comes through along a ray up to a distance: 1 if nothing is in its way.
 float transmittance(const Rays *rays, const float3 origin, const float3 direction, const float distance)
 {
-    const float3 inverse = 1.0f / direction;
-    int stack[STACK], depth = 0, node = 0;
-    float through = 1.0f;
-    for (;;) {
-        if (node >= 0) {
-            __global const float4 *box = rays->boxes + 4 * node;
-            const float first = enters(box[0], box[1], origin, inverse, distance);
-            const float second = enters(box[2], box[3], origin, inverse, distance);
-            const int2 children = rays->children[node];
-            if (first < INFINITY || second < INFINITY) {
-                const bool swap = second < first;
-                if (first < INFINITY && second < INFINITY && depth < STACK)
-                    stack[depth++] = swap ? children.x : children.y;
-                node = swap ? children.y : children.x;
-                continue;
-            }
-        } else {
-            const int code = ~node;
-            __global const float4 *triangle = rays->triangles + 3 * (code >> LEAF_BITS);
-            const int count = code & ((1 << LEAF_BITS) - 1);
-            for (int i = 0; i < count; ++i, triangle += 3) {
-                Hit hit;
-                if (!meets(triangle, origin, direction, distance, &hit))
-                    continue;
-#ifdef CUTOUTS
-                through *= 1.0f - opacity(rays, &hit);
-                if (through < 1e-4f)
-                    return 0.0f;
-#else
-                return 0.0f;
-#endif
-            }
-        }
-        if (depth == 0)
-            return through;
-        node = stack[--depth];
-    }
+    Search search = search_for(ALL, origin, direction, distance);
+    descend(rays, &search);
+    return search.through;
 }
 
-// The nearest surface along a ray, or the nearest back; holes and what is more transparent than not are passed.
+// The nearest surface along a ray, or the nearest back; holes are passed.
 Hit nearest_hit(const Rays *rays, const float3 origin, const float3 direction, const bool backs)
 {
-    const float3 inverse = 1.0f / direction;
-    int stack[STACK], depth = 0, node = 0;
-    Hit nearest = {INFINITY, (float2)(0.0f), -1, false};
-    for (;;) {
-        if (node >= 0) {
-            __global const float4 *box = rays->boxes + 4 * node;
-            const float first = enters(box[0], box[1], origin, inverse, nearest.distance);
-            const float second = enters(box[2], box[3], origin, inverse, nearest.distance);
-            const int2 children = rays->children[node];
-            if (first < INFINITY || second < INFINITY) {
-                const bool swap = second < first;
-                if (first < INFINITY && second < INFINITY && depth < STACK)
-                    stack[depth++] = swap ? children.x : children.y;
-                node = swap ? children.y : children.x;
-                continue;
-            }
-        } else {
-            const int code = ~node;
-            __global const float4 *triangle = rays->triangles + 3 * (code >> LEAF_BITS);
-            const int count = code & ((1 << LEAF_BITS) - 1);
-            for (int i = 0; i < count; ++i, triangle += 3) {
-                Hit hit;
-                if (!meets(triangle, origin, direction, nearest.distance, &hit) || (backs && hit.front))
-                    continue;
-#ifdef CUTOUTS
-                if (opacity(rays, &hit) < 0.5f)
-                    continue;
-#endif
-                nearest = hit;
-            }
-        }
-        if (depth == 0)
-            return nearest;
-        node = stack[--depth];
-    }
+    Search search = search_for(backs ? NEAREST_BACK : NEAREST, origin, direction, INFINITY);
+    descend(rays, &search);
+    return search.nearest;
 }
-
 // The nearest triangle along each ray, or the nearest that shows its back: number (-1 for none), and 1 for
 // its front; its distance.
 __kernel void cast(RAYS_ARGUMENTS, __global const float4 *origins, __global const float4 *directions,

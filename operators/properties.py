@@ -17,16 +17,26 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..engine.settings import HEMICUBES, METHODS, Settings
+from ..engine.settings import HEMICUBES, METHODS, VISIBILITIES, Settings
 from .compat import PATH_OPTIONS
 
 _METHOD_NAMES = {
+    "auto": ("Automatic", "Cached if there is memory for it, else Stream"),
     "cached": (
         "Cached",
-        "Draw once which patch each hemicube texel sees; iterations only look radiance up. "
-        "Needs memory: where it is not enough, as Paper",
+        "Find once what each patch sees; iterations only look radiance up. "
+        "Needs memory: where it is not enough, as Stream",
     ),
+    "stream": ("Stream", "Find anew in every iteration what each patch sees: slow, but needs no memory"),
     "paper": ("Paper", "Draw radiance hemicubes anew in every iteration, as in the paper"),
+}
+_VISIBILITY_NAMES = {
+    "auto": (
+        "Automatic",
+        "Try both on the scene and take the faster one; bakes are repeatable with the others",
+    ),
+    "raster": ("Raster", "Draw hemicubes with OpenGL"),
+    "rays": ("Rays", "Cast rays with OpenCL"),
 }
 _OUTPUTS = [
     ("combined", "Combined", "All light that a surface receives"),
@@ -36,7 +46,8 @@ _OUTPUTS = [
     ("shadow_mask", "Shadow Masks", "A map for each light: 1 where it is seen whole, 0 in its shadow"),
 ]
 _HEMICUBES = [(str(n), str(n), f"{n} texels wide: {3 * n * n} samples per patch") for n in HEMICUBES]
-_METHODS = [(name, *_METHOD_NAMES.get(name, (name.capitalize(), ""))) for name in METHODS]
+_METHODS = [(name, *_METHOD_NAMES[name]) for name in METHODS]
+_VISIBILITIES = [(name, *_VISIBILITY_NAMES[name]) for name in VISIBILITIES]
 
 
 class HemibakeLightmapProperties(bpy.types.PropertyGroup):
@@ -118,6 +129,19 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
         description="How the light that a patch receives is computed",
         items=_METHODS,
         default=Settings.method,
+    )
+    visibility: EnumProperty(
+        name="Visibility",
+        description="How it is found what a patch sees",
+        items=_VISIBILITIES,
+        default=Settings.visibility,
+    )
+    samples: IntProperty(
+        name="Samples",
+        description="Rays of each patch, where rays are cast; 0 for as many as give the error of a hemicube",
+        default=Settings.samples,
+        soft_min=0,
+        soft_max=65536,
     )
     seed: IntProperty(
         name="Seed",

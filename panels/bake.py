@@ -51,7 +51,8 @@ class HEMIBAKE_PT_outputs(_Sidebar, bpy.types.Panel):
 
 
 _ADVANCED = (
-    "method", "light_samples", "sample_emission", "seed", "dilation", "uv_layer", "directory", "patch_file",
+    "method", "visibility", "samples", "light_samples", "sample_emission", "seed", "dilation", "uv_layer",
+    "directory", "patch_file",
 )  # fmt: skip
 
 
@@ -110,6 +111,10 @@ class HEMIBAKE_PT_report(_Sidebar, bpy.types.Panel):
         column = self.layout.column()
         column.label(text=f"{report['objects']} objects, {report['patches']} patches")
         column.label(text=f"{report['iterations']} iterations")
+        if "visibility" in report:
+            column.label(
+                text=f"{report['method'].title()}, {report['visibility']}, {report['samples']} samples"
+            )
         if report["residual"] is not None:
             column.label(text=f"Remaining error {report['residual']:.2%}")
         column.label(text=f"{report['seconds']['total']:.1f} s")

@@ -1,5 +1,5 @@
 // Whether a fragment is a hole: the back of a culled material, or see-through by its alpha. Partial
-// alpha keeps that share of the fragments, chosen by a hash of where they are.
+// alpha keeps that share of the fragments, chosen by a hash of their place on the lightmap.
 uniform sampler2D cutout_alpha;
 uniform isampler2D cutout_maps;
 uniform sampler2D cutout_constants;
@@ -48,7 +48,7 @@ uint hash(uint x)
     return x ^ (x >> 16);
 }
 
-bool is_hole(vec3 cutout)
+bool is_hole(vec3 cutout, vec2 place)
 {
     ivec2 material = ivec2(int(cutout.z + 0.5), 0);
     vec4 constants = texelFetch(cutout_constants, material, 0);
@@ -59,8 +59,7 @@ bool is_hole(vec3 cutout)
         return alpha < constants.y;
     if (alpha >= 1.0)
         return false;
-    uint seed = hash(uint(gl_FragCoord.x) + 65536u * uint(gl_FragCoord.y));
-    seed = hash(seed ^ floatBitsToUint(cutout.x));
-    seed = hash(seed ^ floatBitsToUint(cutout.y) ^ uint(material.x));
+    uint seed = hash(floatBitsToUint(place.x) ^ uint(material.x));
+    seed = hash(seed ^ floatBitsToUint(place.y));
     return float(seed >> 8) * (1.0 / 16777216.0) >= alpha;
 }

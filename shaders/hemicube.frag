@@ -19,7 +19,7 @@ in vec3 cutout;
 void main()
 {
 #ifdef CUTOUTS
-    if (is_hole(cutout))
+    if (is_hole(cutout, lightmap_uv.xy))
         discard;
 #endif
     ivec2 size = textureSize(owners, 0).xy;

@@ -30,6 +30,8 @@ _SETTINGS = {
     "tolerance": (float, "stop below this remaining error of the texels, relative to each one's light"),
     "light_samples": (int, "shadow rays from each texel to each light"),
     "method": (str, "how the received light is computed"),
+    "visibility": (str, "how it is found what texels see: AUTO, RASTER or RAYS"),
+    "samples": (int, "rays of each texel; 0 for as many as give the error of a hemicube"),
     "ao_samples": (int, "rays of each texel for ambient occlusion"),
     "ao_distance": (float, "how far ambient occlusion reaches, m; 0 for any distance"),
     "seed": (int, "seed of the hemicubes' random rotations"),

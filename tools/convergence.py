@@ -12,7 +12,7 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -24,11 +24,12 @@ from engine import Settings
 from engine.device.compute import Compute
 from engine.device.graphics import Graphics
 from engine.gather import PaperGather
+from engine.host_radiosity import HostRadiosity
 from engine.reference.cpu_patches import owner_map
 from engine.reference.form_factors import form_factors
 from engine.reference.gauss_seidel import gather, gauss_seidel
 from engine.sky import whole_sky
-from engine.solve import Jacobi
+from engine.solve import Solver
 from engine.subdivision import Subdivision
 from engine.surfaces import PatchSurfaces
 from tests.analytic.drive import Prepared, prepare
@@ -95,23 +96,14 @@ def _iterations(prepared: Prepared, settings: Settings) -> Iterator[np.ndarray]:
         parts = Subdivision(prepared.triangles, prepared.patches, prepared.geometry, surfaces, owners, ())
         sky = whole_sky(prepared.scene.world)
         paper = PaperGather(graphics, Compute(), prepared.scene, parts, prepared.emission, sky, settings)
-        solution = Jacobi(prepared.reflectance, prepared.emission, prepared.geometry.area, settings)
+        radiosity = HostRadiosity(paper, prepared.reflectance, prepared.emission, prepared.geometry.area)
+        solution = Solver(radiosity, np.zeros_like(prepared.emission), settings)
         while not solution.done:
-            slices = paper.iteration(solution.radiance)
-            irradiance = _result(slices)[:, :3]
-            solution.update(irradiance)
-            yield irradiance
+            for _ in solution.iteration():
+                pass
+            yield solution.irradiance.copy()
     finally:
         graphics.release()
-
-
-def _result(slices: Generator[float, None, np.ndarray]) -> np.ndarray:
-    """Run a generator to its end; return its value."""
-    while True:
-        try:
-            next(slices)
-        except StopIteration as stop:
-            return stop.value
 
 
 def _write(curves: list[Curve], sweeps: int, patches: int, picture: Path) -> None:

@@ -13,29 +13,46 @@ _REMEDY = (
     "Install the driver of your graphics card, or for computing on the processor PoCL "
     "(Debian or Ubuntu: apt install pocl-opencl-icd; Python: pip install pocl-binary-distribution)."
 )
+#: Work items of a group on a GPU, and of a group whose items have nothing to do with each other.
+_GROUP = _ITEMS = 64
+
 _PROBE = "__kernel void probe(__global float *x) { x[get_global_id(0)] = sqrt(2.0f); }"
 
 
 class Compute:
     """An OpenCL context with one in-order queue; the first GPU found, else the first device.
 
+    group  work items that share a patch: processors take a patch at a time
+
     Raises DeviceError if there is no device that can build kernels.
     """
 
     def __init__(self, cache_dir: str | None = None) -> None:
         self._cache_dir = cache_dir
+        self._programs: dict[tuple, cl.Program] = {}
         self.context = self._first_working_context(_devices())
         self.device = self.context.devices[0]
         self.queue = cl.CommandQueue(self.context)
         self.name = self.device.name.strip()
+        self.group = _GROUP if _rank(self.device) == 0 else 1
 
     def kernels(
         self, source: str | Sequence[str], *names: str, options: Sequence[str] = ()
     ) -> list[cl.Kernel]:
         """Build kernels/<source>, or several files one after another; return kernels in the names' order."""
-        files = [source] if isinstance(source, str) else source
-        program = self._build(self.context, "\n".join(kernel_source(file) for file in files), options)
-        return [cl.Kernel(program, name) for name in names]
+        files = (source,) if isinstance(source, str) else tuple(source)
+        key = (files, tuple(options))
+        if key not in self._programs:
+            text = "\n".join(kernel_source(file) for file in files)
+            self._programs[key] = self._build(self.context, text, options)
+        return [cl.Kernel(self._programs[key], name) for name in names]
+
+    def run(self, kernel: cl.Kernel, items: int, *arguments: object) -> None:
+        """Run a kernel for at least so many items; it has to leave those alone that are too many.
+
+        Work groups have one size whatever the number of items, since PoCL compiles a kernel anew for each.
+        """
+        kernel(self.queue, (-(-items // _ITEMS) * _ITEMS,), (_ITEMS,), *arguments)
 
     def _first_working_context(self, devices: list[cl.Device]) -> cl.Context:
         """Return a context of the first device that builds a kernel.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -41,6 +41,9 @@ class Graphics:
         self.raw = RawGL()
         self._parking = self.context.simple_framebuffer((1, 1))
         self.name: str = self.context.info["GL_RENDERER"]
+        self._programs: dict[tuple, list] = {}
+        self._taken: dict[tuple, int] = {}
+        self.context.gc_mode = "context_gc"
 
         # Compute shaders and draws whose commands lie in a buffer came together, with OpenGL 4.3.
         self.computes = self.indirect = self.context.version_code >= 430
@@ -51,23 +54,50 @@ class Graphics:
             self.raw("glClipControl", LOWER_LEFT, ZERO_TO_ONE)
 
     def program(self, name: str, stages: Sequence[str], features: Sequence[str] = ()) -> moderngl.Program:
-        """Link shaders/<name>.<stage> for each of the stages vert, geom and frag.
+        """Link shaders/<name>.<stage> of the stages vert, geom and frag, or take an unused one.
 
         features  defined in capitals in all stages; see `shader_source`
         """
+        key = (name, tuple(stages), tuple(features))
+        program: moderngl.Program = self._unused(key, lambda: self._link(*key))
+        return program
+
+    def _link(self, name: str, stages: Sequence[str], features: Sequence[str]) -> moderngl.Program:
         keyword = {"vert": "vertex_shader", "geom": "geometry_shader", "frag": "fragment_shader"}
         sources = {keyword[stage]: shader_source(f"{name}.{stage}", features) for stage in stages}
         return self.context.program(**sources)
 
     def compute_program(self, name: str, features: Sequence[str] = ()) -> moderngl.ComputeShader:
-        """Build shaders/<name>.comp; needs `computes`."""
-        return self.context.compute_shader(shader_source(f"{name}.comp", features))
+        """Build shaders/<name>.comp, or take one that no one uses; needs `computes`."""
+        source = shader_source(f"{name}.comp", features)
+        program: moderngl.ComputeShader = self._unused(
+            (name, tuple(features)), lambda: self.context.compute_shader(source)
+        )
+        return program
+
+    def _unused(self, key: tuple, build: Callable[[], Any]) -> Any:
+        """Return a program of its own for everyone who asks; those of earlier bakes are used again."""
+        built, taken = self._programs.setdefault(key, []), self._taken.get(key, 0)
+        if taken == len(built):
+            built.append(build())
+        self._taken[key] = taken + 1
+        return built[taken]
 
     def discard(self, *resources: Any) -> None:
         """Release ModernGL objects; no framebuffer of theirs stays bound."""
         self._parking.use()
         for resource in resources:
             resource.release()
+
+    def clear(self) -> None:
+        """Release what nobody refers to any more; programs stay."""
+        self._parking.use()
+        while self.context.objects:
+            unused = self.context.objects.popleft()
+            if hasattr(unused, "release"):
+                unused.release()
+        self.raw.delete_textures()
+        self._taken.clear()
 
     def release(self) -> None:
         """Destroy the context and everything made in it."""

@@ -24,6 +24,7 @@ ZERO_TO_ONE = 0x935F
 _UINT, _INT, _FLOAT, _POINTER = ctypes.c_uint, ctypes.c_int, ctypes.c_float, ctypes.c_void_p
 _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "glGenTextures": (None, (_INT, ctypes.POINTER(_UINT))),
+    "glDeleteTextures": (None, (_INT, ctypes.POINTER(_UINT))),
     "glBindTexture": (None, (_UINT, _UINT)),
     "glTexImage3D": (None, (_UINT, _INT, _INT, _INT, _INT, _INT, _INT, _UINT, _UINT, _POINTER)),
     "glFramebufferTexture": (None, (_UINT, _UINT, _UINT, _INT)),
@@ -47,6 +48,7 @@ class RawGL:
         if sys.platform == "win32":
             prototype = ctypes.WINFUNCTYPE
         self._functions: dict[str, Callable[..., Any]] = {}
+        self._textures: list[int] = []
         for name, (result, arguments) in _SIGNATURES.items():
             address = address_of(name)
             if address:
@@ -68,7 +70,14 @@ class RawGL:
             "glTexImage3D", TEXTURE_2D_ARRAY, 0, DEPTH_COMPONENT32F, width, height, layers, 0,
             DEPTH_COMPONENT, FLOAT, None,
         )  # fmt: skip
+        self._textures.append(name.value)
         return name.value
+
+    def delete_textures(self) -> None:
+        """Delete all textures made here."""
+        for name in self._textures:
+            self("glDeleteTextures", 1, ctypes.byref(_UINT(name)))
+        self._textures.clear()
 
     def instances_from(self, vertex_array: int, location: int, buffer: int, offset: int) -> None:
         """Let an attribute of one unsigned integer an instance start at a byte of a buffer."""

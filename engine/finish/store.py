@@ -29,12 +29,13 @@ class LightmapStore:
         self.covered.ravel()[self._place] = True
 
     def hide(self, front: np.ndarray) -> None:
-        """Take the share of front faces that each patch sees, (n,) float32: visibility never changes.
+        """Take the share of front faces that each patch sees, (n,) float32.
 
         Patches inside closed objects see backs only and are unknown for display.
         """
-        if not self._dilations:
-            self._hidden = front[self._chosen] < 1 - _HIDDEN
+        hidden = front[self._chosen] < 1 - _HIDDEN
+        if not np.array_equal(hidden, self._hidden):
+            self._hidden, self._dilations = hidden, []
 
     def image(self, values: np.ndarray) -> np.ndarray:
         """Return the patches' values, (n, 3) or (n,), as (atlases, r, r, 3) float32, 0 elsewhere."""

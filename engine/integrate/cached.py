@@ -1,101 +1,124 @@
-"""Integrates identity hemicubes that are kept: every iteration is one streaming kernel."""
+"""Sweeps over identities: kept from the first iteration on, or found anew in every one."""
 
 from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
 
 import numpy as np
 import pyopencl as cl
 
 from ..device.compute import Compute
-from ..hemicube import multiplier_map
-from ..visibility.tiles import Tiles
+from ..visibility.identity import Identity, SeenBuffers
+from ..visibility.ray_identity import RayIdentity
+from .device_radiosity import Light
 
-#: Work items that add up one hemicube.
-_GROUP = 64
-
-
-def cache_bytes(tiles: Tiles, patches: int) -> int:
-    """Return the memory that the identity hemicubes of so many patches take, bytes."""
-    batches = -(-patches // tiles.capacity)
-    return batches * tiles.width * tiles.height * tiles.layers * 4
+#: The largest piece of a cache, bytes.
+_PIECE = 1 << 30
 
 
-class CachedIntegrator:
-    """Keeps batches of identity hemicubes and sums what they see.
+def cache_bytes(samples: int, patches: int) -> int:
+    """Return the memory that what so many patches see takes, bytes."""
+    return 4 * samples * patches
 
-    emission  (n, 3) float32 radiance of each patch, seen on back faces
-    sky       (h, w, 3) float32 radiance, equirectangular as `Scene.world`
 
-    What does not depend on the patches' radiance, sky and backs, is summed only once.
-    """
+class _Gather:
+    """The gather kernel, for an identity's samples."""
 
-    def __init__(self, compute: Compute, tiles: Tiles, emission: np.ndarray, sky: np.ndarray) -> None:
-        self._compute, self._queue, self._tiles = compute, compute.queue, tiles
-        self._fixed, self._gather = compute.kernels(("hemicube.cl", "cached.cl"), "fixed", "gather")
-        self._multiplier = self._constant(multiplier_map(tiles.n))
-        self._sky = self._constant(_padded(sky.reshape(-1, 3)))
-        self._sky_size = np.int32(sky.shape[1]), np.int32(sky.shape[0])
-        self._emission = self._constant(_padded(emission, first=1))
-        self._radiance = cl.Buffer(compute.context, cl.mem_flags.READ_ONLY, 16 * (len(emission) + 1))
-        self._result = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 16 * tiles.capacity)
-        self._frames = cl.Buffer(compute.context, cl.mem_flags.READ_ONLY, 4 * 16 * tiles.capacity)
-        self._kept: list[tuple[cl.Buffer, cl.Buffer, int]] = []
-
-    @property
-    def batches(self) -> int:
-        """Batches kept so far."""
-        return len(self._kept)
-
-    def set_radiance(self, radiance: np.ndarray) -> None:
-        """Replace what the fronts of the patches send out: (n, 3) float32 radiance."""
-        cl.enqueue_copy(self._queue, self._radiance, _padded(radiance, first=1))
-
-    def keep(self, hemicubes: cl.Buffer, frames: np.ndarray) -> None:
-        """Keep the identity hemicubes of a batch.
-
-        hemicubes  (layers, height, width) uint32, see `visibility.targets`
-        frames     (m, 4, 3) float32, from `Viewpoints.frames`
-        """
-        count = len(frames)
-        padded = np.zeros((self._tiles.capacity, 4, 4), np.float32)
-        padded[:count, :, :3] = frames
-        cl.enqueue_copy(self._queue, self._frames, padded)
-        cache = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, hemicubes.size)
-        fixed = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, 16 * count)
-        self._fixed(
-            self._queue,
-            (_GROUP * count,),
-            (_GROUP,),
-            hemicubes, cache, self._multiplier, self._frames, self._emission, self._sky, *self._sky_size,
-            fixed, *self._layout(), cl.LocalMemory(16 * _GROUP),
-        )  # fmt: skip
-        self._kept.append((cache, fixed, count))
-
-    def gather(self, batch: int) -> np.ndarray:
-        """Return E/pi and the share of front faces of a batch's patches, (m, 4) float32."""
-        cache, fixed, count = self._kept[batch]
-        self._gather(
-            self._queue,
-            (_GROUP * count,),
-            (_GROUP,),
-            cache, self._multiplier, self._radiance, fixed, self._result, *self._layout(),
-            cl.LocalMemory(16 * _GROUP),
-        )  # fmt: skip
-        result = np.empty((count, 4), np.float32)
-        cl.enqueue_copy(self._queue, result, self._result)
-        return result
-
-    def _layout(self) -> tuple[np.int32, np.int32, np.int32]:
-        """Return columns and rows of tiles in a layer, and the width of a hemicube."""
-        tiles = self._tiles
-        return np.int32(tiles.columns), np.int32(tiles.rows), np.int32(tiles.n)
-
-    def _constant(self, values: np.ndarray) -> cl.Buffer:
+    def __init__(self, compute: Compute, identity: Identity, count: int) -> None:
+        self._compute, self._queue = compute, compute.queue
+        options = ("-DEVEN",) if identity.multiplier is None else ()
+        files = ("hemicube.cl", "identity.cl", "gather.cl")
+        self._gather, self._take = compute.kernels(files, "gather", "take", options=options)
+        multiplier = np.zeros(4, np.float32) if identity.multiplier is None else identity.multiplier
         flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-        return cl.Buffer(self._compute.context, flags, hostbuf=np.ascontiguousarray(values))
+        self._multiplier = cl.Buffer(compute.context, flags, hostbuf=np.ascontiguousarray(multiplier))
+        self._quads = np.int32(identity.samples // 4)
+        self.constant = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count)
+
+    def gather(self, cache: cl.Buffer, first: int, last: int, light: Light, column: int) -> None:
+        """Gather for the patches whose samples a cache holds."""
+        group = self._compute.group
+        self._gather(
+            self._queue, (group * (last - first),), (group,),
+            cache, self._multiplier, light.radiance, self.constant, *light.outputs(column),
+            self._quads, np.int32(first), cl.LocalMemory(16 * group),
+        )  # fmt: skip
+
+    def take(self, light: Light, column: int) -> None:
+        """Make `constant`, which holds all that was gathered, an iterate."""
+        self._compute.run(self._take, light.count, self.constant, *light.outputs(column))
 
 
-def _padded(values: np.ndarray, first: int = 0) -> np.ndarray:
-    """Return (n, 3) float32 as (first + n, 4) float32, zeros around it."""
-    padded = np.zeros((first + len(values), 4), np.float32)
-    padded[first:, :3] = values
-    return padded
+@dataclass(frozen=True)
+class _Piece:
+    """The samples of the patches first ... last."""
+
+    cache: cl.Buffer
+    first: int
+    last: int
+
+
+class CachedSweep:
+    """The first sweep finds what patches see and keeps it; what it costs later is memory speed."""
+
+    def __init__(self, compute: Compute, identity: Identity, count: int) -> None:
+        self._compute, self._identity, self._count = compute, identity, count
+        self._kernels = _Gather(compute, identity, count)
+        self._pieces: list[_Piece] = []
+
+    def gather(self, light: Light, column: int) -> Generator[float, None, None]:
+        """Gather; see `device_radiosity.Sweep.gather`."""
+        if not self._pieces:
+            yield from self._find(light)
+        for piece in self._pieces:
+            self._kernels.gather(piece.cache, piece.first, piece.last, light, column)
+        yield 1.0
+
+    def _find(self, light: Light) -> Generator[float, None, None]:
+        """Find and keep what all patches see."""
+        samples, context = self._identity.samples, self._compute.context
+        largest = min(_PIECE, self._compute.device.max_mem_alloc_size)
+        step = max(1, largest // cache_bytes(samples, 1))
+        for first in range(0, self._count, step):
+            last = min(first + step, self._count)
+            cache = cl.Buffer(context, cl.mem_flags.READ_WRITE, cache_bytes(samples, last - first))
+            seen = SeenBuffers(cache, first, self._kernels.constant, light.patches_seen)
+            for done in self._identity.find(first, last, seen):
+                yield (first + done * (last - first)) / self._count
+            self._pieces.append(_Piece(cache, first, last))
+
+
+class StreamSweep:
+    """Every sweep finds anew what patches see, some of them at a time: for what no cache can hold."""
+
+    def __init__(self, compute: Compute, identity: Identity, count: int, cached: int) -> None:
+        """Keep the samples of at most `cached` patches at a time."""
+        self._identity, self._count, self._step = identity, count, max(1, min(cached, count))
+        self._kernels = _Gather(compute, identity, count)
+        self._cache = cl.Buffer(
+            compute.context, cl.mem_flags.READ_WRITE, cache_bytes(identity.samples, self._step)
+        )
+
+    def gather(self, light: Light, column: int) -> Generator[float, None, None]:
+        """Gather; see `device_radiosity.Sweep.gather`."""
+        for first in range(0, self._count, self._step):
+            last = min(first + self._step, self._count)
+            seen = SeenBuffers(self._cache, first, self._kernels.constant, light.patches_seen)
+            for done in self._identity.find(first, last, seen):
+                yield (first + done * (last - first)) / self._count
+            self._kernels.gather(self._cache, first, last, light, column)
+
+
+class RayStreamSweep:
+    """Every sweep casts all rays anew and keeps nothing."""
+
+    def __init__(self, compute: Compute, identity: RayIdentity, count: int) -> None:
+        self._identity, self._count = identity, count
+        self._kernels = _Gather(compute, identity, count)
+
+    def gather(self, light: Light, column: int) -> Generator[float, None, None]:
+        """Gather; see `device_radiosity.Sweep.gather`."""
+        constant = self._kernels.constant
+        yield from self._identity.gather(self._count, light.radiance, constant, light.patches_seen)
+        self._kernels.take(light, column)

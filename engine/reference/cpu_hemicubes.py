@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,6 @@ from ..geometry import PatchGeometry, Triangles
 from ..hemicube import face_axes, face_rows, multiplier_map
 from ..scene import Scene
 from ..settings import Settings
-from ..solve import Jacobi
 from ..viewpoints import place_hemicubes
 
 
@@ -95,14 +95,11 @@ class CpuHemicubes:
             [integrate(self.image(view, radiance), self._multiplier * view.above) for view in views]
         )
 
-    def solve(self, solution: Jacobi) -> np.ndarray:
-        """Iterate until the solution is done; return the last E/pi gathered, (n, 3) float32."""
+    def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
+        """Gather once for all patches; see `gather.Gather.iteration`."""
         views = [self.view(patch) for patch in range(len(self._eye))]
-        irradiance = np.zeros_like(self._emission)
-        while not solution.done:
-            irradiance = self.gather(views, solution.radiance)[:, :3]
-            solution.update(irradiance)
-        return irradiance
+        yield 0.0
+        return self.gather(views, radiance)
 
 
 def integrate(image: np.ndarray, multiplier: np.ndarray) -> np.ndarray:

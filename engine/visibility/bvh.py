@@ -1,162 +1,260 @@
-"""A bounding volume hierarchy over triangles, built level by level with whole-array operations."""
+"""A bounding volume hierarchy over triangles, built by OpenCL."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+import pyopencl as cl
 
-#: A node with at most so many triangles is a leaf; three bits of a leaf's code hold the number.
-_LEAF = 4
+from ..device.compute import Compute
+from .treetop import Treetop
 
-#: Bins in which the surface area heuristic looks for a split (Wald 2007).
-_BINS = 16
+#: Clusters beyond either end of a row, values that a work item sums, and items of a work group, as in
+#: kernels/bvh.cl.
+_FAR, _CHUNK, _GROUP = 8, 32, 256
+
+#: So many clusters are split from the top down: this makes better boxes than merging, but takes longer.
+_TOP = 16384
+
+#: If a round merges less than this share of the clusters, all merge in pairs instead: this bounds the depth.
+_FEWEST = 1 / 16
+
+#: A traversal stack is a multiple of so many nodes, so that few programs are built.
+_STACK = 64
+
+
+@dataclass(frozen=True)
+class Shape:
+    """How a hierarchy is laid out.
+
+    width   children of a node: 2, 4 or 8
+    packet  triangles of a leaf that are tested at a time: 1, 2, 4 or 8
+    leaf    most triangles of a leaf, at most 7 packets
+    cost    of a packet's test relative to a node's
+    """
+
+    width: int
+    packet: int
+    leaf: int
+    cost: float
+
+
+#: A processor tests as many boxes and triangles at a time as its vectors hold; a graphics card's items one.
+_PROCESSOR = Shape(8, 8, 8, 0.5)
+_GRAPHICS = Shape(2, 1, 4, 0.35)
 
 
 @dataclass(frozen=True)
 class Bvh:
-    """Inner nodes, each with the boxes of its two children.
+    """Nodes and packets of triangles on the device, as kernels/rays.cl takes them.
 
-    boxes     (m, 2, 2, 3) float32: child, low and high corner
-    children  (m, 2) int32: index of an inner node, or the complement of first << 3 | count for a leaf
-    order     (t,) int32: the triangles in the order in which leaves name them
+    nodes      w boxes and children each
+    triangles  packets
+    options    the layout, for the build of kernels/rays.cl
+    levels     of nodes
     """
 
-    boxes: np.ndarray
-    children: np.ndarray
-    order: np.ndarray
+    nodes: cl.Buffer
+    triangles: cl.Buffer
+    options: tuple[str, ...]
+    levels: int
 
 
-def build_bvh(positions: np.ndarray) -> Bvh:
-    """Build the hierarchy of triangles, (t, 3, 3) float32, at least one, with the surface area heuristic."""
-    builder = _Builder(positions.min(axis=1), positions.max(axis=1))
-    while len(builder.nodes):
-        builder.split_level()
-    return builder.finish()
+def shape_for(device: cl.Device) -> Shape:
+    """Return the shape that a device traverses fastest."""
+    return _PROCESSOR if device.type & cl.device_type.CPU else _GRAPHICS
+
+
+def build_bvh(
+    compute: Compute, positions: np.ndarray, origin: np.ndarray, reach: float, shape: Shape | None = None
+) -> Bvh:
+    """Build the hierarchy of triangles, (t, 3, 3) float32, at least one; boxes are relative to the origin.
+
+    origin: (3,), the middle of the scene, which reaches that far from it along any axis. Clusters along a
+    Morton curve are merged with their best neighbours (PLOC; Meister and Bittner 2018), those left are split
+    from the top down, and binary nodes joined to wide ones.
+    """
+    return _Builder(compute, positions, origin, reach, shape or shape_for(compute.device)).build()
+
+
+@dataclass(frozen=True)
+class _Level:
+    """Wide nodes of one level: binary nodes that are their children, and places among the next."""
+
+    children: cl.Buffer
+    before: cl.Buffer
+    totals: cl.Buffer
+    count: int
+    packets: int
 
 
 class _Builder:
-    """Nodes are ranges of `order`; every level splits all ranges that are too long.
+    def __init__(
+        self, compute: Compute, positions: np.ndarray, origin: np.ndarray, reach: float, shape: Shape
+    ) -> None:
+        self._compute, self._queue, self._shape = compute, compute.queue, shape
+        self._count = len(positions)
+        options = _layout(shape, _STACK)
+        options += (f"-DLEAF={shape.leaf}", f"-DPACKET_COST={shape.cost}f")
+        names = (
+            "places_on_curve", "single_clusters", "best_neighbours", "count_merges", "sum_chunks",
+            "sum_totals", "merge", "pick_clusters", "open_nodes", "next_roots", "store_level",
+        )  # fmt: skip
+        kernels = compute.kernels("bvh.cl", *names, options=options)
+        self._kernels = dict(zip(names, kernels, strict=True))
+        self._boxes, self._links = self._buffer(64 * self._count), self._buffer(32 * self._count)
+        self._positions = self._upload(positions.astype(np.float32, copy=False))
+        self._origin = np.append(origin, 0).astype(np.float32)
+        self._reach = max(reach, 1e-30)
 
-    nodes  (k,) int64, the nodes of this level
-    """
+    def build(self) -> Bvh:
+        """Return the hierarchy."""
+        return self._widen(self._join(*self._merge(*self._sorted())))
 
-    def __init__(self, low: np.ndarray, high: np.ndarray) -> None:
-        count = len(low)
-        self._low, self._high = low, high
-        self._center = (low + high) / 2
-        self._order = np.arange(count)
-        size = max(2 * count, 2)
-        self._first, self._count = np.zeros(size, np.int64), np.zeros(size, np.int64)
-        self._left = np.full(size, -1, np.int64)
-        self._count[0], self._made = count, 1
-        self.nodes = np.flatnonzero(self._count[:1] > _LEAF)
+    def _sorted(self) -> tuple[cl.Buffer, int]:
+        """Return the triangles' numbers in the lowest bits of their keys in ascending order, and a mask."""
+        bits = max(int(self._count - 1).bit_length(), 1)
+        keys = np.empty(self._count, np.uint64)
+        buffer = self._buffer(keys.nbytes)
+        scale = np.float32(1 / self._reach)
+        self._run(
+            "places_on_curve", self._count, self._positions, self._origin, scale, np.int32(bits), buffer,
+            np.int32(self._count),
+        )  # fmt: skip
+        cl.enqueue_copy(self._queue, keys, buffer)
+        keys.sort()
+        cl.enqueue_copy(self._queue, buffer, keys)
+        return buffer, (1 << bits) - 1
 
-    def split_level(self) -> None:
-        """Split every node of this level in two; the halves that are too long are the next level."""
-        nodes, first, count = self.nodes, self._first[self.nodes], self._count[self.nodes]
-        starts = np.cumsum(count) - count
-        owner = np.repeat(np.arange(len(nodes)), count)
-        place = np.arange(len(owner)) - starts[owner] + first[owner]
-        members = self._order[place]
+    def _merge(self, keys: cl.Buffer, mask: int) -> tuple[cl.Buffer, int, int]:
+        """Merge clusters until few are left; return their nodes, their number and the number of nodes."""
+        count, made, stride = self._count, self._count, self._count + 2 * _FAR
+        rows, new_rows = (self._buffer(24 * stride) for _ in range(2))
+        cluster, new_cluster = (self._buffer(4 * count) for _ in range(2))
+        best, before = self._buffer(4 * count), self._buffer(8 * count)
+        totals = self._buffer(8 * (-(-count // _CHUNK) + 1))
+        nodes = self._boxes, self._links
+        self._run(
+            "single_clusters", stride, self._positions, self._origin, keys, np.uint64(mask), rows,
+            np.int32(stride), cluster, *nodes, np.int32(count),
+        )  # fmt: skip
+        while count > _TOP:
+            self._run("best_neighbours", count, rows, np.int32(stride), best, np.int32(count))
+            for paired in (np.int32(0), np.int32(1)):
+                chunks = -(-count // _CHUNK)
+                self._run("count_merges", chunks, best, paired, before, totals, np.int32(count))
+                left, merged = self._sum_totals(totals, chunks)
+                if merged >= _FEWEST * count:
+                    break
+            self._run(
+                "merge", count, best, paired, before, totals, rows, cluster, new_rows, new_cluster,
+                np.int32(stride), np.int32(left), *nodes, np.int32(made), np.int32(count),
+            )  # fmt: skip
+            rows, new_rows, cluster, new_cluster = new_rows, rows, new_cluster, cluster
+            count, made = left, made + merged
+        return cluster, count, made
 
-        # Bin the triangles' centres along the widest axis, and order each node's triangles by bin.
-        bins = self._bins(self._center[members], starts, owner)
-        by_bin = np.argsort(owner * _BINS + bins, kind="stable")
-        members, bins = members[by_bin], bins[by_bin]
-        self._order[place] = members
-        left = self._left_counts(members, owner, bins, count)
+    def _join(self, cluster: cl.Buffer, count: int, made: int) -> int:
+        """Make the nodes above some clusters, from number `made` on; return the root."""
+        picked = self._buffer(32 * count), self._buffer(16 * count)
+        self._run("pick_clusters", count, cluster, self._boxes, self._links, *picked, np.int32(count))
+        boxes, links = np.empty((count, 8), np.float32), np.empty((count, 4), np.int32)
+        for array, buffer in zip((boxes, links), picked, strict=True):
+            cl.enqueue_copy(self._queue, array, buffer)
+        top = Treetop(boxes[:, :3], boxes[:, 4:7], links[:, 2])
+        inner = np.concatenate([*top.levels, np.zeros(0, np.int64)])
+        number = links[top.cluster, 0]
+        number[inner] = made + np.arange(len(inner))
 
-        # The halves take the next numbers.
-        children = self._made + 2 * np.arange(len(nodes))
-        self._left[nodes] = children
-        self._first[children], self._first[children + 1] = first, first + left
-        self._count[children], self._count[children + 1] = left, count - left
-        self._made += 2 * len(nodes)
-        both = np.concatenate([children, children + 1])
-        self.nodes = both[self._count[both] > _LEAF]
+        # Numbers of triangles and costs, from the clusters up, as in kernels/bvh.cl.
+        size, cost = links[top.cluster, 2], boxes[top.cluster, 3]
+        leaf = np.zeros(len(size), bool)
+        x, y, z = (top.high - top.low).T
+        area = x * y + y * z + z * x
+        for nodes in top.levels[::-1]:
+            left = top.left[nodes]
+            size[nodes] = size[left] + size[left + 1]
+            parted = area[nodes] + cost[left] + cost[left + 1]
+            whole = area[nodes] * self._shape.cost * -(-size[nodes] // self._shape.packet)
+            leaf[nodes] = (size[nodes] <= self._shape.leaf) & ~(parted < whole)
+            cost[nodes] = np.where(leaf[nodes], whole, parted)
+        if len(inner):
+            left = top.left[inner]
+            boxes = np.column_stack([top.low[inner], cost[inner], top.high[inner], cost[inner]])
+            links = np.column_stack([number[left], number[left + 1], size[inner], leaf[inner]])
+            links = links.astype(np.int32)
+            cl.enqueue_copy(self._queue, self._boxes, boxes, dst_offset=32 * made)
+            cl.enqueue_copy(self._queue, self._links, links, dst_offset=16 * made)
+        return int(number[0])
 
-    def _bins(self, centers: np.ndarray, starts: np.ndarray, owner: np.ndarray) -> np.ndarray:
-        """Return the bin of each triangle within its node's centres, along their widest axis."""
-        low = np.minimum.reduceat(centers, starts)
-        extent = np.maximum.reduceat(centers, starts) - low
-        axis = extent.argmax(axis=1)
-        row = np.arange(len(low))
-        width = np.maximum(extent[row, axis], 1e-30)
-        along = centers[np.arange(len(owner)), axis[owner]] - low[row, axis][owner]
-        bins: np.ndarray = np.minimum((along / width[owner] * _BINS).astype(np.int64), _BINS - 1)
-        return bins
+    def _widen(self, root: int) -> Bvh:
+        """Join binary nodes to wide ones, level by level, and store them."""
+        levels, roots = [], self._upload(np.array([root], np.int32))
+        count = 1
+        while count:
+            level, count_next = self._level(roots, count)
+            levels.append(level)
+            if count_next:
+                following = self._buffer(4 * count_next)
+                places = level.before, level.totals
+                self._run(
+                    "next_roots", count, self._links, level.children, *places, following, np.int32(count)
+                )
+                roots = following
+            count = count_next
 
-    def _left_counts(
-        self, members: np.ndarray, owner: np.ndarray, bins: np.ndarray, count: np.ndarray
-    ) -> np.ndarray:
-        """Return how many triangles the cheapest split puts left; half of them where no split parts any."""
-        nodes = len(count)
-        key = owner * _BINS + bins
-        low = np.full((nodes * _BINS, 3), np.inf, np.float32)
-        high = np.full((nodes * _BINS, 3), -np.inf, np.float32)
-        starts = np.flatnonzero(np.r_[True, key[1:] != key[:-1]])
-        low[key[starts]] = np.minimum.reduceat(self._low[members], starts)
-        high[key[starts]] = np.maximum.reduceat(self._high[members], starts)
-        inside = np.bincount(key, minlength=nodes * _BINS).reshape(nodes, _BINS)
+        # How much there is is known now.
+        record, packet = 32 * self._shape.width, 4 * self._shape.packet * _record(self._shape)
+        nodes = self._buffer(record * sum(level.count for level in levels))
+        packets = self._buffer(packet * sum(level.packets for level in levels))
+        first = first_packet = 0
+        for level in levels:
+            self._run(
+                "store_level", level.count, self._positions, self._origin, self._boxes, self._links,
+                level.children, level.before, level.totals, np.int32(first), np.int32(first + level.count),
+                np.int32(first_packet), nodes, packets, np.int32(level.count),
+            )  # fmt: skip
+            first, first_packet = first + level.count, first_packet + level.packets
+        need = len(levels) * (self._shape.width - 1) + 1
+        stack = -(-need // _STACK) * _STACK
+        return Bvh(nodes, packets, _layout(self._shape, stack), len(levels))
 
-        # Boxes and numbers on both sides of each border between bins.
-        low, high = low.reshape(nodes, _BINS, 3), high.reshape(nodes, _BINS, 3)
-        left = np.cumsum(inside, axis=1)[:, :-1]
-        left_area = _areas(np.minimum.accumulate(low, axis=1), np.maximum.accumulate(high, axis=1))[:, :-1]
-        right_area = _areas(
-            np.minimum.accumulate(low[:, ::-1], axis=1)[:, ::-1],
-            np.maximum.accumulate(high[:, ::-1], axis=1)[:, ::-1],
-        )[:, 1:]
-        right = count[:, None] - left
-        cost = np.where((left > 0) & (right > 0), left * left_area + right * right_area, np.inf)
-        best = cost.argmin(axis=1)
-        row = np.arange(nodes)
-        return np.where(np.isfinite(cost[row, best]), left[row, best], count // 2)
+    def _level(self, roots: cl.Buffer, count: int) -> tuple[_Level, int]:
+        """Return the wide nodes of some binary nodes, and how many wide nodes are their children."""
+        chunks = -(-count // _CHUNK)
+        children = self._buffer(4 * self._shape.width * count)
+        before, totals = self._buffer(8 * count), self._buffer(8 * (chunks + 1))
+        self._run("open_nodes", count, self._boxes, self._links, roots, children, before, np.int32(count))
+        self._run("sum_chunks", chunks, before, totals, np.int32(count))
+        count_next, packets = self._sum_totals(totals, chunks)
+        return _Level(children, before, totals, count, packets), count_next
 
-    def finish(self) -> Bvh:
-        """Return the inner nodes; a lone leaf gets an inner node above it and an empty sibling."""
-        low, high = self._node_boxes()
-        codes = ~(self._first[: self._made] << 3 | self._count[: self._made])
-        inner = np.flatnonzero(self._left[: self._made] >= 0)
-        number = np.full(self._made, -1, np.int64)
-        number[inner] = np.arange(len(inner))
-        codes = np.where(number >= 0, number, codes)
-        order = self._order.astype(np.int32)
-        if not len(inner):
-            empty = np.full((1, 3), np.inf, np.float32)
-            boxes = np.stack([np.stack([low[0], high[0]]), np.concatenate([empty, -empty])])[None]
-            return Bvh(boxes.astype(np.float32), np.array([[codes[0], ~0]], np.int32), order)
-        pairs = np.stack([self._left[inner], self._left[inner] + 1], axis=1)
-        boxes = np.stack([low[pairs], high[pairs]], axis=2)
-        return Bvh(boxes.astype(np.float32), codes[pairs].astype(np.int32), order)
+    def _sum_totals(self, totals: cl.Buffer, chunks: int) -> tuple[int, int]:
+        """Sum up the sums of chunks; return the sum of all."""
+        self._run("sum_totals", _GROUP, totals, np.int32(chunks))
+        sums = np.empty(2, np.int32)
+        cl.enqueue_copy(self._queue, sums, totals, src_offset=8 * chunks)
+        return int(sums[0]), int(sums[1])
 
-    def _node_boxes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return low and high corner of every node, from the leaves up: children follow their parents."""
-        made = self._made
-        low, high = np.empty((made, 3), np.float32), np.empty((made, 3), np.float32)
-        leaves = np.flatnonzero(self._left[:made] < 0)
-        leaves = leaves[np.argsort(self._first[leaves])]
-        low[leaves] = np.minimum.reduceat(self._low[self._order], self._first[leaves])
-        high[leaves] = np.maximum.reduceat(self._high[self._order], self._first[leaves])
-        for nodes in self._levels_upwards():
-            left = self._left[nodes]
-            low[nodes] = np.minimum(low[left], low[left + 1])
-            high[nodes] = np.maximum(high[left], high[left + 1])
-        return low, high
+    def _run(self, name: str, items: int, *arguments: object) -> None:
+        """Run a kernel in whole groups, of one size, since PoCL compiles it anew for each."""
+        self._kernels[name](self._queue, (-(-items // _GROUP) * _GROUP,), (_GROUP,), *arguments)
 
-    def _levels_upwards(self) -> list[np.ndarray]:
-        """Return the inner nodes level by level, the deepest first."""
-        levels, nodes = [], np.zeros(1, np.int64)
-        while len(nodes := nodes[self._left[nodes] >= 0]):
-            levels.append(nodes)
-            nodes = np.concatenate([self._left[nodes], self._left[nodes] + 1])
-        return levels[::-1]
+    def _buffer(self, size: int) -> cl.Buffer:
+        return cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, size)
+
+    def _upload(self, values: np.ndarray) -> cl.Buffer:
+        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
+        return cl.Buffer(self._compute.context, flags, hostbuf=np.ascontiguousarray(values))
 
 
-def _areas(low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Return half the surface of boxes, (..., 3) -> (...), 0 for empty ones."""
-    size = np.maximum(high - low, 0)
-    x, y, z = np.moveaxis(np.where(np.isfinite(size), size, 0), -1, 0)
-    areas: np.ndarray = x * y + y * z + z * x
-    return areas
+def _layout(shape: Shape, stack: int) -> tuple[str, ...]:
+    """Return the options of kernels for a hierarchy of a shape."""
+    sizes = {"WIDTH": shape.width, "PACKET": shape.packet, "RECORD": _record(shape), "STACK": stack}
+    return tuple(f"-D{name}={value}" for name, value in sizes.items())
+
+
+def _record(shape: Shape) -> int:
+    """Return how many floats each triangle takes: it is loaded in fours where it is alone."""
+    return 12 if shape.packet == 1 else 10

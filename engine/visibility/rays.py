@@ -21,22 +21,24 @@ class Rays:
 
     def __init__(self, compute: Compute, triangles: Triangles, cutouts: Cutouts) -> None:
         self._compute, self._queue = compute, compute.queue
-        low, high = triangles.positions.min(axis=(0, 1)), triangles.positions.max(axis=(0, 1))
-        self.origin = (low.astype(np.float64) + high) / 2
-        positions = (triangles.positions - self.origin).astype(np.float32)
+        self.origin = triangles.middle
         self.culled = cutouts.culled
-        bvh = build_bvh(positions)
-        arrays = [_four(bvh.boxes), bvh.children, _records(positions, bvh.order)]
-        self._options: tuple[str, ...] = ()
+        bvh = build_bvh(
+            compute, triangles.positions, self.origin, float((triangles.box[1] - self.origin).max())
+        )
+        self._options = bvh.options
+        arrays: list[np.ndarray] = []
         if cutouts.needed:
-            self._options = ("-DCUTOUTS",)
-            arrays += [cutouts.alpha, cutouts.maps, _constants(cutouts), cutouts.uvs, triangles.material]
-        self.arguments = tuple(self.constant(array) for array in arrays)
+            self._options = (*bvh.options, "-DCUTOUTS")
+            arrays = [cutouts.alpha, cutouts.maps, _constants(cutouts), cutouts.uvs, triangles.material]
+        self.arguments = (bvh.nodes, bvh.triangles, *map(self.constant, arrays))
         self._cast, self._pass = self.kernels((), "cast", "pass")
 
-    def kernels(self, sources: tuple[str, ...], *names: str) -> list[cl.Kernel]:
+    def kernels(
+        self, sources: tuple[str, ...], *names: str, options: tuple[str, ...] = ()
+    ) -> list[cl.Kernel]:
         """Build kernels/rays.cl and more files after it; return kernels in the names' order."""
-        return self._compute.kernels(("rays.cl", *sources), *names, options=self._options)
+        return self._compute.kernels(("rays.cl", *sources), *names, options=(*self._options, *options))
 
     def constant(self, values: np.ndarray) -> cl.Buffer:
         """Return a device buffer with the bits of an array."""
@@ -55,11 +57,8 @@ class Rays:
         hits, distances = np.empty((count, 2), np.int32), np.empty(count, np.float32)
         write = cl.mem_flags.WRITE_ONLY
         outputs = [cl.Buffer(self._compute.context, write, array.nbytes) for array in (hits, distances)]
-        self._cast(
-            self._queue, (count,), None, *self.arguments,
-            *self._rays(origins, directions, 0.0), np.int32(backs),
-            *outputs, np.int32(count),
-        )  # fmt: skip
+        rays = self._rays(origins, directions, 0.0)
+        self.run(self._cast, count, *rays, np.int32(backs), *outputs, np.int32(count))
         for array, buffer in zip((hits, distances), outputs, strict=True):
             cl.enqueue_copy(self._queue, array, buffer)
         return hits[:, 0], hits[:, 1] != 0, distances
@@ -72,9 +71,13 @@ class Rays:
         through = np.empty(len(origins), np.float32)
         output = cl.Buffer(self._compute.context, cl.mem_flags.WRITE_ONLY, through.nbytes)
         rays = self._rays(origins, directions, distance)
-        self._pass(self._queue, (len(origins),), None, *self.arguments, *rays, output, np.int32(len(origins)))
+        self.run(self._pass, len(origins), *rays, output, np.int32(len(origins)))
         cl.enqueue_copy(self._queue, through, output)
         return through
+
+    def run(self, kernel: cl.Kernel, items: int, *arguments: object) -> None:
+        """Run a kernel that takes RAYS_ARGUMENTS, then `arguments`; see `Compute.run`."""
+        self._compute.run(kernel, items, *self.arguments, *arguments)
 
     def _rays(self, origins: np.ndarray, directions: np.ndarray, distance: float) -> list[cl.Buffer]:
         """Return the device buffers of some rays."""
@@ -86,16 +89,6 @@ def _four(vectors: np.ndarray, last: float = 0.0) -> np.ndarray:
     padded = np.full((*vectors.shape[:-1], 4), last, np.float32)
     padded[..., :3] = vectors
     return padded
-
-
-def _records(positions: np.ndarray, order: np.ndarray) -> np.ndarray:
-    """Return (t, 3, 4) float32 in leaf order: first corner and the triangle's number, two edges."""
-    corners = positions[order]
-    records = _four(
-        np.stack([corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=1)
-    )
-    records[:, 0, 3] = order.astype(np.int32).view(np.float32)
-    return records
 
 
 def _constants(cutouts: Cutouts) -> np.ndarray:

@@ -7,10 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine import Lightmap, Progress, Scene, Settings, bake
+from engine.gather import Gather
 from engine.geometry import PatchGeometry, Triangles, gather_triangles, patch_geometry
+from engine.host_radiosity import HostRadiosity
 from engine.patches import PatchList
 from engine.reference.cpu_hemicubes import CpuHemicubes
 from engine.reference.cpu_patches import list_patches, owner_map
+from engine.solve import Solver
 
 
 def drive(scene: Scene, settings: Settings) -> Lightmap:
@@ -48,6 +51,16 @@ class Prepared:
         """Return the scene's hemicubes on the processor."""
         owners = owner_map(self.scene, self.patches)
         return CpuHemicubes(self.scene, self.triangles, self.geometry, owners, self.emission, settings)
+
+    def solution(self, gather: Gather, settings: Settings) -> Solver:
+        """Return the light after the paper's iterations with a way to gather."""
+        dark = np.zeros_like(self.emission)
+        radiosity = HostRadiosity(gather, self.reflectance, self.emission, self.geometry.area)
+        solution = Solver(radiosity, dark, settings)
+        while not solution.done:
+            for _ in solution.iteration():
+                pass
+        return solution
 
 
 def prepare(scene: Scene, resolution: int) -> Prepared:

@@ -12,7 +12,7 @@ from engine import Lightmap, PatchFileError, SceneError, Settings, SettingsError
 from tests.analytic.scenes import furnace, quads, rectangle, room_walls
 
 ROOT = Path(__file__).resolve().parents[2]
-QUICK = Settings(resolution=32, hemicube=8, iterations=3, tolerance=0)
+QUICK = Settings(resolution=32, hemicube=8, iterations=3, tolerance=0, visibility="raster", accelerate=False)
 
 
 def finished(scene, settings) -> Lightmap:

@@ -4,7 +4,7 @@ from engine import Settings, bake
 from engine.worker import Worker
 from tests.analytic.scenes import furnace
 
-QUICK = Settings(resolution=32, hemicube=8, iterations=3, tolerance=0)
+QUICK = Settings(resolution=32, hemicube=8, iterations=3, tolerance=0, visibility="rays")
 
 
 def _lightmap(job):

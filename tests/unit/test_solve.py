@@ -1,52 +1,150 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
+from engine.anderson import COLUMNS, Anderson
+from engine.host_radiosity import HostRadiosity
 from engine.settings import Settings
-from engine.solve import Jacobi
+from engine.solve import Solver
 
 
-def furnace(rho, **settings):
-    ones = np.ones((4, 3), np.float32)
-    solution = Jacobi(rho * ones, ones, np.full(4, 0.25, np.float32), Settings(**settings))
+class Views:
+    """Gathers with a matrix of view shares, (n, n)."""
+
+    def __init__(self, shares):
+        self._shares = np.asarray(shares)
+
+    def iteration(self, radiance):
+        yield 0.5
+        seen = self._shares.sum(axis=1, keepdims=True)
+        return np.concatenate([self._shares @ radiance, seen], axis=1).astype(np.float32)
+
+
+def solve(shares, reflectance, emission, settings, accelerate=False, area=None, lights=None, glowing=True):
+    count = len(shares)
+    colours = [np.broadcast_to(np.float32(x).reshape(-1, 1), (count, 3)) for x in (reflectance, emission)]
+    lights = np.zeros((count, 3), np.float32) if lights is None else lights
+    area = np.full(count, 1 / count, np.float32) if area is None else area
+    radiosity = HostRadiosity(Views(shares), *colours, area, lights, glowing)
+    solution = Solver(radiosity, lights, settings, glowing, accelerate)
     while not solution.done:
-        solution.update(solution.radiance)
-    return solution
+        for _ in solution.iteration():
+            pass
+    return solution, radiosity
+
+
+def furnace(rho, accelerate=False, **settings):
+    return solve(np.full((4, 4), 0.25), rho, 1.0, Settings(**settings), accelerate)
+
+
+def chain(count=8):
+    """Return view shares of rooms in a row, each open to its neighbours: light spreads slowly."""
+    shares = np.eye(count) * 0.6 + np.eye(count, k=1) * 0.2 + np.eye(count, k=-1) * 0.2
+    shares[0, 0] = shares[-1, -1] = 0.8
+    return shares
 
 
 @pytest.mark.parametrize("rho", [0.6, 0.9])
 def test_estimated_residual_is_the_true_remaining_error(rho):
-    solution = furnace(rho, iterations=12, tolerance=0)
-    gathered = (solution.radiance.mean() - 1) / rho
-    true = (1 / (1 - rho) - gathered) / gathered
+    solution, _ = furnace(rho, iterations=12, tolerance=0)
+    true = (1 / (1 - rho) - solution.irradiance.mean()) / solution.irradiance.mean()
     assert solution.iterations == 12
     assert solution.residual == pytest.approx(true, rel=0.02)
 
 
 def test_stops_at_the_tolerance_and_sums_the_energy():
-    solution = furnace(0.5, iterations=100, tolerance=0.001)
+    solution, radiosity = furnace(0.5, iterations=100, tolerance=0.001)
     assert solution.converged and solution.iterations < 14
     assert solution.residual <= 0.001
     # Flux beyond the emission: pi * (B - e) * area, summed over the channels.
-    assert sum(solution.energies) == pytest.approx(np.pi * 3 * (solution.radiance.mean() - 1), rel=1e-6)
+    assert sum(solution.energies) == pytest.approx(np.pi * 3 * (radiosity.radiance.mean() - 1), rel=1e-6)
     assert (np.diff(solution.energies) < 0).all()
 
 
 def test_limit_counts_and_black_scene_converges():
-    assert furnace(0.9, iterations=3, tolerance=1e-9).iterations == 3
-    dark = Jacobi(np.ones((2, 3), np.float32), np.zeros((2, 3), np.float32), np.ones(2), Settings())
-    dark.update(np.zeros((2, 3), np.float32))
-    assert dark.residual == 0 and dark.converged
+    assert furnace(0.9, iterations=3, tolerance=1e-9)[0].iterations == 3
+    for accelerate in (False, True):
+        dark, _ = solve(np.full((2, 2), 0.5), 1.0, 0.0, Settings(), accelerate)
+        assert dark.residual == 0 and dark.converged and dark.iterations == 1
 
 
-def test_a_bright_lamp_does_not_hide_the_error_of_what_it_lights():
+@pytest.mark.parametrize("accelerate", [False, True])
+def test_a_bright_lamp_does_not_hide_the_error_of_what_it_lights(accelerate):
     """Two patches that light each other beside a lamp that is a million times brighter."""
-    emission = np.float32([[1], [1], [1e6]]) * np.ones(3, np.float32)
-    solution = Jacobi(np.full((3, 3), 0.9, np.float32), emission, np.ones(3), Settings(tolerance=0.01))
-    while not solution.done:
-        solution.update(solution.radiance[[1, 0, 0]])
-    assert solution.radiance[0, 0] == pytest.approx(10, rel=0.02)
+    _, radiosity = solve(
+        np.eye(3)[[1, 0, 0]], 0.9, [1, 1, 1e6], Settings(tolerance=0.01), accelerate, np.ones(3)
+    )
+    assert radiosity.radiance[0, 0] == pytest.approx(10, rel=0.02)
 
 
 def test_residual_is_unknown_after_one_iteration():
-    solution = furnace(0.5, iterations=1, tolerance=0.5)
+    solution, _ = furnace(0.5, iterations=1, tolerance=0.5)
     assert np.isnan(solution.residual) and not solution.converged
+
+
+@pytest.mark.parametrize("glowing", [True, False])
+def test_acceleration_finds_the_same_light_in_far_fewer_sweeps(glowing):
+    """Rooms in a row of reflectance 0.9, lit at one end by emission or by a lamp."""
+    shares, rho = chain(), 0.9
+    emission, lights = np.zeros(8), np.zeros((8, 3), np.float32)
+    (emission if glowing else lights)[0] = 1
+    settings = Settings(iterations=400, tolerance=1e-4)
+    source = shares @ emission + lights[:, 0]
+    true = np.linalg.solve(np.eye(8) - rho * shares, source)
+    sweeps = {}
+    for accelerate in (False, True):
+        solution, _ = solve(shares, rho, emission, settings, accelerate, lights=lights, glowing=glowing)
+        error = np.abs(solution.irradiance[:, 0] - true) / true
+        assert error.mean() < 3e-4
+        sweeps[accelerate] = solution.iterations
+    assert sweeps[True] < sweeps[False] / 5
+
+
+def test_the_estimate_of_accelerated_sweeps_bounds_their_error():
+    shares, rho, emission = chain(), 0.8, np.linspace(1, 2, 8)
+    true = np.linalg.solve(np.eye(8) - rho * shares, shares @ emission)
+    for sweeps in range(3, 9):
+        settings = Settings(iterations=sweeps, tolerance=0)
+        solution, _ = solve(shares, rho, emission, settings, accelerate=True)
+        error = (np.abs(solution.irradiance[:, 0] - true) / true).mean()
+        assert error < 4 * solution.residual + 1e-6
+
+
+def test_direct_light_is_what_the_first_sweep_gathers():
+    solution, _ = furnace(0.5, accelerate=True, iterations=20)
+    assert solution.direct == pytest.approx(np.ones((4, 3)))
+    assert solution.indirect == pytest.approx(np.ones((4, 3)), rel=1e-3)
+
+
+def test_weights_sum_to_one_and_a_grown_defect_starts_afresh():
+    anderson, random = Anderson(), np.random.default_rng(0)
+    defects = random.normal(size=(COLUMNS, 50, 3))
+
+    def weights(newest, size=1.0):
+        differences = size * (defects - defects[newest])
+        differences[newest] = size * defects[newest]
+        return anderson.weights(newest, np.einsum("inc,jnc->ijc", differences, differences))
+
+    for column in range(COLUMNS):
+        mixed = weights(column)
+        assert mixed.sum(axis=0) == pytest.approx(np.ones(3))
+        assert (np.abs(mixed) > 0).any(axis=1).sum() == column + 1
+    assert (weights(0, size=100.0)[1:] == 0).all()
+
+
+def test_acceleration_needs_float32_only():
+    """Dependent iterates, and channels without light, leave finite weights."""
+    products = np.zeros((COLUMNS, COLUMNS, 3))
+    products[..., 0] = 1.0
+    anderson = Anderson()
+    for column in range(COLUMNS):
+        assert np.isfinite(anderson.weights(column, products)).all()
+
+
+def test_settings_name_what_is_wrong():
+    from engine.settings import check_settings
+
+    for name in ("visibility", "directions"):
+        with pytest.raises(Exception, match=name):
+            check_settings(dataclasses.replace(Settings(), **{name: "magic"}))

@@ -20,6 +20,9 @@ def _lightmap(scene, settings):
     image = np.resize(np.concatenate([mesh.positions.ravel() for mesh in scene.meshes]), (1, size, size, 3))
     report = Report(
         method="paper",
+        visibility="raster",
+        samples=768,
+        reasons=("Asked for.",),
         patches=len(scene.meshes),
         iterations=settings.iterations,
         residual=float("inf"),

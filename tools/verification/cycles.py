@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -34,7 +35,10 @@ def realised(context: bpy.types.Context, gathered, resolution: int) -> Iterator[
 
 
 class RealisedScene:
-    """Copies of what a bake saw, which Cycles can bake without touching the user's objects."""
+    """Copies of what a bake saw, which Cycles can bake without touching the user's objects.
+
+    seconds  wall time of Blender's bake operator in the last bake, s
+    """
 
     def __init__(self, context: bpy.types.Context, gathered, resolution: int) -> None:
         self._items = importlib.import_module(f"{MODULE}.operators.scene.items")
@@ -48,6 +52,7 @@ class RealisedScene:
         self._members: list[list[bpy.types.Object]] = [[] for _ in self._atlases]
         self._materials: dict[tuple, bpy.types.Material] = {}
         self._made: list = []
+        self.seconds = 0.0
         places = dict(gathered.objects)
         places |= {(uid, number): place for uid, _, number, place in gathered.instances}
         depsgraph = context.evaluated_depsgraph_get()
@@ -62,9 +67,15 @@ class RealisedScene:
                 )
                 self._add_mesh(item, places.get(key), depsgraph)
 
-    def bake(self, samples: int, seed: int) -> np.ndarray:
-        """Return E/pi of every atlas, (atlases, h, w, 4) float32; alpha is 0 where nothing is baked."""
+    def bake(self, samples: int, seed: int, device: str = "CPU", persistent: bool = False) -> np.ndarray:
+        """Return E/pi of every atlas, (atlases, h, w, 4) float32; alpha is 0 where nothing is baked.
+
+        device      "CPU" or "GPU", as in Cycles
+        persistent  True lets Cycles keep its scene between bakes
+        """
         _set_up(self._scene, samples, seed)
+        self._scene.cycles.device, self._scene.render.use_persistent_data = device, persistent
+        self.seconds = 0.0
         return np.stack(
             [
                 self._bake_atlas(image, objects)
@@ -141,11 +152,13 @@ class RealisedScene:
             "scene": self._scene, "view_layer": layer, "active_object": objects[0], "object": objects[0],
             "selected_objects": objects, "selected_editable_objects": objects,
         }  # fmt: skip
+        started = time.perf_counter()
         with bpy.context.temp_override(**override):
             bpy.ops.object.bake(
                 type="DIFFUSE", pass_filter=passes, margin=0, use_clear=False,
                 uv_layer=self._uv_layer,
             )  # fmt: skip
+        self.seconds += time.perf_counter() - started
         pixels = np.empty(len(image.pixels), np.float32)
         image.pixels.foreach_get(pixels)
         return pixels.reshape(*reversed(image.size), 4)

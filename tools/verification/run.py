@@ -19,26 +19,34 @@ def verify(context, samples: int) -> tuple[Difference, np.ndarray, list[str]]:
     The settings are the scene's. Objects without lightmap UVs get some, as in every bake.
     """
     engine = importlib.import_module(f"{MODULE}.engine")
+    with quiet_stdout():
+        gathered, settings = gathered_scene(context)
+        lightmap = _result(engine.bake(gathered.scene, settings))
+        with realised(context, gathered, settings.resolution) as reference:
+            bakes = reference.bake(samples, 1), reference.bake(samples, 2)
+            colour = reference.colour()
+
+    figures, difference = compare(lightmap.image, known_texels(lightmap), colour, bakes)
+    return figures, difference, [*gathered.notes, *lightmap.report.warnings]
+
+
+def known_texels(lightmap) -> np.ndarray:
+    """Return the texels, (atlases, h, w) bool, that are covered and not filled as inside of something."""
+    return lightmap.covered & (lightmap.image == lightmap.display).all(axis=-1)
+
+
+def gathered_scene(context):
+    """Return what a bake of the context's scene gathers, and its settings; missing lightmap UVs are made."""
     scene = importlib.import_module(f"{MODULE}.operators.scene")
     unwrap = importlib.import_module(f"{MODULE}.operators.scene.unwrap")
     changes = importlib.import_module(f"{MODULE}.operators.changes").Changes()
     settings = importlib.import_module(f"{MODULE}.operators.bake_settings").read_settings(
         context.scene.hemibake
     )
-    with quiet_stdout():
-        objects, layer = scene.visible_meshes(context), context.scene.hemibake.uv_layer
-        made = unwrap.unwrap_missing(context, objects, layer, settings.resolution, changes)
-        usable = [obj for obj in objects if obj not in made.skipped]
-        gathered = scene.gather(context, usable, layer, settings.resolution, made.notes)
-        lightmap = _result(engine.bake(gathered.scene, settings))
-        with realised(context, gathered, settings.resolution) as reference:
-            bakes = reference.bake(samples, 1), reference.bake(samples, 2)
-            colour = reference.colour()
-
-    # Texels inside of something are filled for display.
-    known = lightmap.covered & (lightmap.image == lightmap.display).all(axis=-1)
-    figures, difference = compare(lightmap.image, known, colour, bakes)
-    return figures, difference, [*gathered.notes, *lightmap.report.warnings]
+    objects, layer = scene.visible_meshes(context), context.scene.hemibake.uv_layer
+    made = unwrap.unwrap_missing(context, objects, layer, settings.resolution, changes)
+    usable = [obj for obj in objects if obj not in made.skipped]
+    return scene.gather(context, usable, layer, settings.resolution, made.notes), settings
 
 
 def write_difference(difference: np.ndarray, path: Path) -> None:

@@ -1,0 +1,50 @@
+"""Settings of Hemibake from coarse to fine."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from engine import Settings
+
+#: Rays a patch sends out, shadow rays a patch sends to each light, tolerance.
+_RAYS = (
+    (32, 4, 0.02), (64, 8, 0.01), (128, 16, 0.005), (256, 32, 0.005), (512, 64, 0.002), (1024, 128, 0.002),
+    (2048, 256, 0.001), (4096, 512, 0.001),
+)  # fmt: skip
+
+#: Width of the hemicubes, shadow rays a patch sends to each light, tolerance.
+_HEMICUBES = (
+    (8, 4, 0.02), (16, 8, 0.01), (16, 32, 0.01), (32, 32, 0.005), (32, 128, 0.005), (32, 512, 0.005),
+    (64, 128, 0.002), (64, 512, 0.001),
+)  # fmt: skip
+
+
+def configurations() -> list[dict[str, Any]]:
+    """Return values of settings, the coarsest first: rays, then hemicubes."""
+    rays = [dict(zip(("samples", "light_samples", "tolerance"), row, strict=True)) for row in _RAYS]
+    hemicubes = [
+        dict(zip(("hemicube", "light_samples", "tolerance"), row, strict=True)) for row in _HEMICUBES
+    ]
+    return [{"visibility": "rays", **row} for row in rays] + [
+        {"visibility": "raster", **row} for row in hemicubes
+    ]
+
+
+def finest() -> dict[str, Any]:
+    """Return values whose error is far below that of all others."""
+    return {"visibility": "rays", "samples": 16384, "light_samples": 2048, "tolerance": 1e-4, "seed": 99}
+
+
+def fine() -> dict[str, Any]:
+    """Return values whose error is below that of most others, for lightmaps that take too long otherwise."""
+    return {**finest(), "samples": 8192, "light_samples": 1024}
+
+
+def label(values: dict[str, Any]) -> str:
+    """Return values in a few words."""
+    return ", ".join(f"{name} {value}" for name, value in values.items())
+
+
+def settings(values: dict[str, Any], **more: Any) -> Settings:
+    """Return settings with some values."""
+    return Settings(partials=False, **values, **more)

@@ -1,0 +1,179 @@
+"""Hemibake against Cycles in the scene that is open in Blender, on the same lightmap UVs.
+
+Only to be imported within `tools.headless.blender()`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from benchmarks.curves import Point
+from tools.headless import MODULE, quiet_stdout
+from tools.verification.cycles import RealisedScene
+from tools.verification.difference import Difference, compare
+from tools.verification.run import known_texels
+
+#: Seeds of the two halves of the reference, and of what is measured against them.
+_HALVES, _SEED = (1, 2), 3
+
+#: A bake faster than this is timed a second time, s.
+_QUICK = 10.0
+
+#: Samples of the first bake of Cycles that is measured, and of the last.
+_FIRST, _LAST = 16, 4096
+
+
+def operator_bake(context: bpy.types.Context, values: dict[str, Any]) -> tuple[float, Any]:
+    """Bake as the Bake operator does: gather, engine, store; return seconds and the engine's Lightmap."""
+    engine = importlib.import_module(f"{MODULE}.engine")
+    runs = importlib.import_module(f"{MODULE}.operators.run")
+    for name, value in values.items():
+        setattr(context.scene.hemibake, name, str(value) if name == "hemicube" else value)
+    started = time.perf_counter()
+    with quiet_stdout():
+        run = runs.Run(context, engine.bake)
+        lightmap = run.drain()
+        run.finish(lightmap)
+    return time.perf_counter() - started, lightmap
+
+
+def best_of_two(work: Callable[[], tuple[float, Any]]) -> tuple[float, Any]:
+    """Do something once, or twice if it is quick; return the best time and what it made then."""
+    first = work()
+    return min(first, work(), key=lambda pair: pair[0]) if first[0] < _QUICK else first
+
+
+class Reference:
+    """Two independent bakes of Cycles, kept in a folder.
+
+    samples  of each half
+    seconds  of both when they were made
+    """
+
+    def __init__(self, cycles: RealisedScene, gathered, name: str, samples: int, cache: Path) -> None:
+        key = _digest(gathered.scene, samples)
+        path = cache / f"reference-{name}-{samples}-{key}.npz"
+        if not path.exists():
+            with quiet_stdout():
+                halves, seconds = [], 0.0
+                for seed in _HALVES:
+                    halves.append(cycles.bake(samples, seed))
+                    seconds += cycles.seconds
+                colour = cycles.colour()
+            cache.mkdir(parents=True, exist_ok=True)
+            np.savez_compressed(path, first=halves[0], second=halves[1], colour=colour, seconds=seconds)
+        with np.load(path) as kept:
+            self._halves, self._colour = (kept["first"], kept["second"]), kept["colour"]
+            self.seconds = float(kept["seconds"])
+        self.samples = samples
+
+    def compare(self, image: np.ndarray, known: np.ndarray) -> Difference:
+        """Return how far an image, (atlases, h, w, 3), is from Cycles on the known texels."""
+        return compare(image, known, self._colour, self._halves)[0]
+
+
+def hemibake_curve(
+    context: bpy.types.Context, reference: Reference, configurations: list[dict[str, Any]], limit: float
+) -> tuple[list[dict[str, Any]], np.ndarray]:
+    """Bake with every configuration; one above the limit in seconds ends those with its visibility.
+
+    Returns a record for each, and the known texels.
+    """
+    _, lightmap = operator_bake(context, configurations[0])
+    known = known_texels(lightmap)
+    records, too_slow = [], set()
+    for values in configurations:
+        if values.get("visibility") in too_slow:
+            continue
+        seconds, lightmap = best_of_two(lambda values=values: operator_bake(context, values))
+        figures = reference.compare(lightmap.image, known)
+        report = lightmap.report
+        stages = {stage: float(passed) for stage, passed in report.seconds.items()}
+        records.append({**values, "seconds": seconds, **_errors(figures), "method": report.method,
+                        "patches": int(report.patches), "stages": stages})  # fmt: skip
+        if seconds > limit:
+            too_slow.add(values.get("visibility"))
+    return records, known
+
+
+def cycles_curve(
+    cycles: RealisedScene, reference: Reference, known: np.ndarray, device: str, target: float, limit: float
+) -> list[dict[str, Any]]:
+    """Bake with twice the samples each time until the error is below the target or a bake above the limit."""
+
+    def bake(samples: int, persistent: bool) -> tuple[float, np.ndarray]:
+        with quiet_stdout():
+            image = cycles.bake(samples, _SEED, device, persistent)
+        return cycles.seconds, image
+
+    # Kernels are loaded first; then whatever is faster, with data kept between bakes or without.
+    bake(1, False)
+    fresh = min(bake(_FIRST, False)[0] for _ in range(2))
+    bake(1, True)
+    persistent = min(bake(_FIRST, True)[0] for _ in range(2)) < fresh
+    records, samples = [], _FIRST
+    while samples <= _LAST:
+        seconds, image = best_of_two(lambda samples=samples: bake(samples, persistent))
+        figures = reference.compare(image[..., :3], known)
+        records.append({"samples": samples, "seconds": seconds, "persistent": persistent, **_errors(figures)})
+        if seconds > limit or 0 < figures.rmse < target:
+            break
+        samples *= 2
+    return records
+
+
+def points(records: list[dict[str, Any]], error: str) -> list[Point]:
+    """Return the records whose error is known as points of a curve; error is "rmse" or "smooth"."""
+    known = [record for record in records if record[error] is not None]
+    return [Point(str(index), record["seconds"], record[error]) for index, record in enumerate(known)]
+
+
+def cycles_devices(wanted: bool) -> list[str]:
+    """Return the devices that Cycles can bake with: the processor, and a graphics card if one is wanted."""
+    return ["CPU", "GPU"] if wanted and _use_cards() else ["CPU"]
+
+
+def _use_cards() -> str | None:
+    """Let Cycles use the first kind of graphics card that is there; return the kind."""
+    addon = bpy.context.preferences.addons.get("cycles")
+    if addon is None:
+        return None
+    for kind in ("OPTIX", "CUDA", "HIP", "ONEAPI", "METAL"):
+        try:
+            addon.preferences.compute_device_type = kind
+            addon.preferences.refresh_devices()
+        except (TypeError, RuntimeError, ValueError):
+            continue
+        cards = [device for device in addon.preferences.devices if device.type == kind]
+        if cards:
+            for device in addon.preferences.devices:
+                device.use = device.type == kind
+            return kind
+    return None
+
+
+def _errors(figures: Difference) -> dict[str, float | None]:
+    """Return the errors; None where the noise of the reference is all there is: its estimate is then 0."""
+    return {"rmse": figures.rmse or None, "smooth": figures.smooth or None, "bias": figures.bias}
+
+
+def _digest(scene, samples: int) -> str:
+    """Return a digest of what a reference depends on: triangles, charts, lights and Blender's version."""
+    digest = hashlib.sha256(f"{bpy.app.version_string} {samples}".encode())
+    for mesh in scene.meshes:
+        for array in (mesh.positions, mesh.uvs):
+            digest.update(np.ascontiguousarray(array).tobytes())
+    for material in scene.materials:
+        digest.update(np.concatenate([material.reflectance, material.emission]).tobytes())
+    for light in scene.lights:
+        digest.update(np.concatenate([light.position, light.strength]).tobytes())
+    digest.update(np.ascontiguousarray(scene.world).tobytes())
+    return digest.hexdigest()[:12]

@@ -1,0 +1,26 @@
+"""What a run of the benchmarks is told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@dataclass(frozen=True)
+class Options:
+    """The same for every suite.
+
+    gpu      True chooses sizes for a graphics card
+    full     True measures everything, False what takes minutes
+    scenes   folder of scene files
+    cache    folder of references that are kept between runs
+    results  folder of the stored results
+    """
+
+    gpu: bool = False
+    full: bool = False
+    scenes: str = str(ROOT.parent / "shared" / "scenes")
+    cache: str = str(ROOT / "out" / "benchmarks")
+    results: str = str(ROOT / "benchmarks" / "results")

@@ -1,0 +1,75 @@
+"""The engine's parts that iterate, put together as `engine.bake` does it: for timing them alone."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from engine import Scene, Settings
+from engine.choose import Bake, choose_solver
+from engine.device.compute import Compute
+from engine.device.graphics import Graphics
+from engine.ray_scene import RayScene
+from engine.sky import whole_sky
+from engine.solve import Solver
+from engine.subdivision import subdivide
+
+#: A first part of an iteration that is not timed: shaders and kernels are built in it, s.
+_WARM_UP = 1.0
+
+
+@contextmanager
+def solving(scene: Scene, settings: Settings, compute: Compute | None = None) -> Iterator[tuple]:
+    """Give a Solver, what was chosen for it and the number of patches; they see all that emits."""
+    graphics = Graphics()
+    try:
+        compute, parts = compute or Compute(), subdivide(graphics, scene, settings)
+        emission, sky, rays = parts.surfaces.emission, whole_sky(scene.world), RayScene(compute, scene, parts)
+        dark = np.zeros_like(emission)
+        area = parts.geometry.area
+        job = Bake(graphics, compute, scene, parts, rays, emission, sky, dark, settings, area)
+        yield *choose_solver(job), len(emission)
+    finally:
+        graphics.release()
+
+
+@dataclass(frozen=True)
+class Timing:
+    """How long an iteration takes.
+
+    seconds     mean of the iterations
+    iterations  how many were timed
+    share       of the patches that were gathered; less than 1 if the time was up
+    """
+
+    seconds: float
+    iterations: int
+    share: float
+
+
+def warm_up(solver: Solver) -> None:
+    """Iterate for a moment; a kept visibility is not complete afterwards."""
+    started = time.perf_counter()
+    work = solver.iteration()
+    for _ in work:
+        if time.perf_counter() - started > _WARM_UP:
+            break
+    work.close()
+
+
+def time_iterations(solver: Solver, iterations: int, budget: float) -> Timing:
+    """Time some iterations, fewer if the budget in seconds is used up; at least a part of one."""
+    started = time.perf_counter()
+    for done in range(iterations):
+        for fraction in solver.iteration():
+            passed = time.perf_counter() - started
+            if passed > budget and done == 0 and fraction < 1:
+                return Timing(passed / fraction, 1, fraction)
+        passed = time.perf_counter() - started
+        if passed * (done + 2) / (done + 1) > budget:
+            break
+    return Timing(passed / (done + 1), done + 1, 1.0)

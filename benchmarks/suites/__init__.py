@@ -1,0 +1,1 @@
+"""One suite a module: `run(options)` returns records, `tables(records)` shows them."""

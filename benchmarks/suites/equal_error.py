@@ -1,0 +1,226 @@
+"""Seconds that Hemibake and Cycles need to the same error, in whole scenes of Blender."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmarks.configurations import configurations, label
+from benchmarks.curves import Reach, reach, reach_by_sampling, told
+from benchmarks.machine import has_bpy
+from benchmarks.options import ROOT, Options
+from benchmarks.tables import percent, table
+
+#: Relative errors to reach.
+_TARGETS = (0.05, 0.02)
+
+#: Over all texels, and off the edges of light.
+_ERRORS = {"rmse": "all texels", "smooth": "off edges"}
+
+
+@dataclass(frozen=True)
+class _Case:
+    """A scene, the width of its lightmaps and the samples of each half of its reference."""
+
+    name: str
+    file: str | None
+    resolution: int
+    samples: int
+
+
+_SMALL = (_Case("demo", None, 96, 1024), _Case("living_room", "living_room.blend", 128, 128))
+_ALL = (
+    _Case("demo", None, 192, 4096),
+    _Case("living_room", "living_room.blend", 256, 1024),
+    _Case("house", "house.glb", 512, 1024),
+    _Case("complex", "complex.obj", 512, 1024),
+)
+
+
+def run(options: Options) -> list[dict[str, Any]]:
+    """Measure the curves of all scenes; those whose files are absent are told."""
+    if not has_bpy():
+        return [{"scene": "all", "skipped": "Blender is not there as a Python module (bpy)"}]
+    sys.path.insert(0, str(ROOT / "tools"))
+    from tools.headless import blender
+
+    records = []
+    with blender():
+        for case in _ALL if options.full or options.gpu else _SMALL:
+            path = case.file and Path(options.scenes) / case.file
+            if path and not path.exists():
+                records.append({"scene": case.name, "skipped": f"{case.file} is not in the folder of scenes"})
+                continue
+            try:
+                records.append(_measure(case, path, options))
+            except (Exception, SystemExit) as error:  # noqa: BLE001
+                records.append({"scene": case.name, "failed": f"{type(error).__name__}: {error}"})
+    return records
+
+
+def tables(records: list[dict[str, Any]], options: Options) -> str:
+    """Return the seconds to each error and their ratio, then the curves."""
+    titles = ("scene", "width", "error of", "below", "Hemibake, s", "Cycles, s", "Cycles on", "ratio",
+              "least error of Hemibake")  # fmt: skip
+    rows: list[tuple] = []
+    for record in records:
+        if "contests" not in record:
+            said = record.get("skipped") or record.get("failed")
+            rows.append((record["scene"], None, None, None, said, *[None] * 4))
+            continue
+        rows += [_row(record, contest) for contest in record["contests"]]
+    curves = [_curves(record) for record in records if "contests" in record]
+    return "\n\n".join([table(titles, rows), *curves])
+
+
+def contests(hemibake: list[dict[str, Any]], cycles: dict[str, list[dict[str, Any]]]) -> list[dict[str, Any]]:
+    """Return when both reach each error, Cycles on the device that is faster."""
+    from benchmarks.contest import points
+
+    results = []
+    for error in _ERRORS:
+        ours = points(hemibake, error)
+        for target in _TARGETS:
+            ourselves = reach(ours, target)
+            theirs = {
+                device: reach_by_sampling(
+                    [record["samples"] for record in curve if record[error] is not None],
+                    points(curve, error),
+                    target,
+                )
+                for device, curve in cycles.items()
+            }
+            device = min(theirs, key=lambda device: theirs[device].seconds or float("inf"))
+            results.append({
+                "error": error, "target": target, "device": device,
+                "hemibake": vars(ourselves), "cycles": vars(theirs[device]),
+                "ratio": _ratio(theirs[device], ourselves),
+            })  # fmt: skip
+    return results
+
+
+def _ratio(theirs: Reach, ours: Reach) -> float | None:
+    """Return how many times faster Hemibake is, None if nothing can be said."""
+    if not (theirs.seconds and ours.seconds) or theirs.how == ours.how == "at most":
+        return None
+    return theirs.seconds / ours.seconds
+
+
+def _measure(case: _Case, path: Path | None, options: Options) -> dict[str, Any]:
+    """Open a scene and measure both curves."""
+    import bpy
+
+    from benchmarks import contest
+    from tools.headless import quiet_stdout
+    from tools.verification.cycles import realised
+    from tools.verification.run import gathered_scene
+
+    limit = 120.0 if options.full or options.gpu else 25.0
+    with quiet_stdout():
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        _OPENERS[case.name](path)
+    with tempfile.TemporaryDirectory(prefix="hemibake-bench-") as folder:
+        settings = bpy.context.scene.hemibake
+        settings.resolution, settings.directory = case.resolution, folder
+        with quiet_stdout():
+            gathered, _ = gathered_scene(bpy.context)
+        with realised(bpy.context, gathered, case.resolution) as cycles:
+            reference = contest.Reference(cycles, gathered, case.name, case.samples, Path(options.cache))
+            ours, known = contest.hemibake_curve(bpy.context, reference, configurations(), limit)
+            theirs = {
+                device: contest.cycles_curve(cycles, reference, known, device, min(_TARGETS), limit)
+                for device in contest.cycles_devices(options.gpu)
+            }
+    return {
+        "scene": case.name,
+        "resolution": case.resolution,
+        "triangles": gathered.triangles,
+        "reference_samples": 2 * reference.samples,
+        "hemibake": ours,
+        "cycles": theirs,
+        "contests": contests(ours, theirs),
+    }
+
+
+def _open_demo(path: Path | None) -> None:
+    sys.path.insert(0, str(ROOT / "examples"))
+    import cornell_box
+
+    cornell_box.build()
+
+
+def _open_living_room(path: Path) -> None:
+    import bpy
+
+    from tools.bake import replace_world
+
+    bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False)
+    replace_world((1.0, 1.0, 1.0))
+
+
+def _open_house(path: Path) -> None:
+    from tools.verification import scenes
+
+    scenes.register_files(path.parent)
+    scenes.SCENES["house"]()
+
+
+def _open_complex(path: Path) -> None:
+    from tools.bake import import_obj, replace_world
+
+    import_obj(str(path))
+    replace_world((1.0, 1.0, 1.0))
+
+
+_OPENERS: dict[str, Callable] = {
+    "demo": _open_demo,
+    "living_room": _open_living_room,
+    "house": _open_house,
+    "complex": _open_complex,
+}
+
+
+def _row(record: dict[str, Any], contest: dict[str, Any]) -> tuple:
+    error = contest["error"]
+    least = min((point[error] for point in record["hemibake"] if point[error] is not None), default=None)
+    return (
+        record["scene"], record["resolution"], _ERRORS[error], f"{contest['target']:.0%}",
+        told(Reach(**contest["hemibake"])), told(Reach(**contest["cycles"])), contest["device"],
+        _told_ratio(contest), percent(least),
+    )  # fmt: skip
+
+
+def _told_ratio(contest: dict[str, Any]) -> str | None:
+    """Return a ratio as a cell: a bound where one of both times is one."""
+    if contest["ratio"] is None:
+        return None
+    marks = {contest["hemibake"]["how"]: "≥ ", contest["cycles"]["how"]: "≤ "}
+    return f"{marks.get('at most', '')}{contest['ratio']:.2g}×"
+
+
+def _curves(record: dict[str, Any]) -> str:
+    """Return all that was measured in a scene."""
+    rows = [
+        ("Hemibake", label(_values(point)), point["seconds"], *_percents(point))
+        for point in record["hemibake"]
+    ]
+    for device, curve in record["cycles"].items():
+        rows += [
+            (f"Cycles, {device}", f"{point['samples']} samples", point["seconds"], *_percents(point))
+            for point in curve
+        ]
+    return f"{record['scene']}\n\n" + table(("baker", "settings", "s", "RMSE", "off edges", "bias"), rows)
+
+
+def _values(point: dict[str, Any]) -> dict[str, Any]:
+    names = ("visibility", "samples", "hemicube", "light_samples", "tolerance")
+    return {name: point[name] for name in names if name in point}
+
+
+def _percents(point: dict[str, Any]) -> list[str]:
+    known = [percent(point[error]) or "below the reference's noise" for error in _ERRORS]
+    return [*known, f"{point['bias']:+.2%}"]

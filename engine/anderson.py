@@ -1,0 +1,57 @@
+"""Anderson's acceleration: the mixture of iterates whose defects cancel best (Anderson 1965).
+
+For a linear operator this is a Krylov method: few sweeps where plain iteration needs many.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+#: Iterates that are mixed.
+COLUMNS = 6
+
+#: Relative to the mean product: what float32 sums cannot tell from linear dependence.
+_RIDGE = 1e-9
+
+#: Iterates are forgotten if the newest defect is larger than the one before by this factor, squared.
+_GROWN = 16.0
+
+
+class Anderson:
+    """Weights of the iterates in a ring of COLUMNS, for each colour channel on its own."""
+
+    def __init__(self) -> None:
+        self._valid: list[int] = []
+        self._last_size = np.inf
+
+    def weights(self, newest: int, products: np.ndarray) -> np.ndarray:
+        """Return the weights of all columns, (COLUMNS, 3) float64, sum 1.
+
+        newest    the column that was written last
+        products  (COLUMNS, COLUMNS, 3) float64, inner products: of the newest defect in its own row and
+                  column, of the differences to it in all others
+
+        Minimises |f + sum t_j (f_j - f)| over t, with safeguards: a ridge against dependence, and a
+        fresh start where the defect has grown (Walker and Ni 2011).
+        """
+        size = float(products[newest, newest].sum())
+        if size > _GROWN * self._last_size:
+            self._valid = []
+        self._last_size = size
+        older = [column for column in self._valid if column != newest]
+        weights = np.zeros((COLUMNS, 3))
+        for channel in range(3):
+            gram = products[np.ix_(older, older)][..., channel]
+            moment = products[older, newest, channel]
+            weights[older, channel] = _least_squares(gram, moment)
+        weights[newest] = 1 - weights.sum(axis=0)
+        self._valid = [*older, newest][-(COLUMNS - 1) :]
+        return weights
+
+
+def _least_squares(gram: np.ndarray, moment: np.ndarray) -> np.ndarray:
+    """Return t with gram t = -moment, columns scaled alike; zero where they vanish."""
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-60))
+    scaled = gram / np.outer(scale, scale) + _RIDGE * np.eye(len(gram))
+    solution: np.ndarray = np.linalg.solve(scaled, -moment / scale) / scale
+    return np.where(scale > 1e-25, solution, 0)

@@ -1,0 +1,251 @@
+"""Chooses how patches gather: by memory, and by timing what could be used on the scene itself."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pyopencl as cl
+
+from .device.compute import Compute
+from .device.graphics import Graphics
+from .errors import DeviceError
+from .gather import GlslGather, PaperGather
+from .host_radiosity import HostRadiosity
+from .integrate.cached import CachedSweep, RayStreamSweep, StreamSweep, cache_bytes
+from .integrate.device_radiosity import DeviceRadiosity, Sweep
+from .integrate.final_gather import FinalGather
+from .integrate.glsl_cached import fits_glsl_cache
+from .ray_scene import RayScene
+from .scene import Scene
+from .settings import Settings
+from .shared_bounces import SharedPatches
+from .shared_solution import SharedSolution
+from .solve import Radiosity, Solver
+from .subdivision import Subdivision
+from .visibility.identity import Identity, SeenBuffers, surroundings
+from .visibility.raster_identity import RasterIdentity
+from .visibility.ray_identity import RayIdentity, ray_count
+from .visibility.tiles import IDENTITY_BYTES, plan_tiles
+
+#: Patches that are tried first, how many times more the next try takes, and when a try is long enough, s.
+_TRIED, _MORE, _LONG_ENOUGH = 32, 8, 0.02
+
+#: Width of the squares of patches that share their bounces where memory is short, texels.
+_SHARED = 4
+
+
+@dataclass(frozen=True)
+class Choice:
+    """How patches gather.
+
+    method      "paper", "cached" or "stream"
+    visibility  "raster" or "rays"
+    samples     of each patch
+    reasons     sentences that say why
+    integrator  what sums up, "opencl" or "glsl"
+    """
+
+    method: str
+    visibility: str
+    samples: int
+    reasons: tuple[str, ...]
+    integrator: str = "opencl"
+
+
+@dataclass(frozen=True)
+class Bake:
+    """What a choice is made for.
+
+    emission  (n, 3) float32, radiance of each patch that the patches themselves see
+    sky       (h, w, 3) float32, radiance, equirectangular, as patches see it
+    lights    (n, 3) float32, E/pi of lights that patches do not gather
+    area      (n,) float32, m^2, of each patch
+    """
+
+    graphics: Graphics
+    compute: Compute | None
+    scene: Scene
+    parts: Subdivision
+    rays: RayScene
+    emission: np.ndarray
+    sky: np.ndarray
+    lights: np.ndarray
+    settings: Settings
+    area: np.ndarray
+
+    @property
+    def opencl(self) -> Compute:
+        """The OpenCL device; raises DeviceError if there is none."""
+        if self.compute is None:
+            raise DeviceError("Only what OpenGL can do alone is possible without OpenCL.")
+        return self.compute
+
+    @property
+    def glowing(self) -> bool:
+        """True if patches gather light before any is reflected."""
+        return bool(self.emission.any() or self.sky.any())
+
+
+def choose_solver(bake: Bake) -> tuple[Solver | SharedSolution, Choice]:
+    """Return what solves a bake's light, and the way that was chosen for patches to gather."""
+    width, reasons = _choose_width(bake)
+    return _solver(bake) if width == 1 else _shared_solution(bake, width, reasons)
+
+
+def _solver(bake: Bake) -> tuple[Solver, Choice]:
+    """Return what solves for every patch on its own."""
+    radiosity: Radiosity
+    if bake.settings.method == "paper":
+        radiosity, choice = _paper(bake)
+    else:
+        radiosity, choice = _without_opencl(bake) if bake.compute is None else _identities(bake)
+    accelerate = bake.settings.accelerate and choice.method != "paper"
+    return Solver(radiosity, bake.lights, bake.settings, bake.glowing, accelerate), choice
+
+
+def _choose_width(bake: Bake) -> tuple[int, tuple[str, ...]]:
+    """Return how wide the squares are of patches that share their bounces, texels, and why."""
+    settings, count = bake.settings, len(bake.parts.patches)
+    if (
+        bake.compute is None
+        or settings.method == "paper"
+        or not {"combined", "indirect"} & set(settings.outputs)
+    ):
+        return 1, ()
+    if settings.shared_bounces:
+        return settings.shared_bounces, ("The settings ask for shared bounces.",)
+    raster = settings.visibility == "raster"
+    samples = 3 * settings.hemicube**2 if raster else ray_count(settings)
+    needed, budget = cache_bytes(samples, count), memory_budget(bake.compute, settings)
+    if settings.method != "auto" or needed <= budget:
+        return 1, ()
+    why = f"what all patches see takes {needed / 2**20:,.0f} MiB, {budget / 2**20:,.0f} MiB may be used"
+    return _SHARED, (f"Squares of {_SHARED} x {_SHARED} patches share their bounces: {why}.",)
+
+
+def _shared_solution(bake: Bake, width: int, reasons: tuple[str, ...]) -> tuple[SharedSolution, Choice]:
+    """Return what solves for squares of patches, then gathers for each patch."""
+    shared = SharedPatches(bake.rays, bake.parts, width)
+    emission, lights = shared.mean(bake.emission), shared.mean(bake.lights)
+    squares = replace(
+        bake, parts=shared.parts, rays=shared.rays, emission=emission, lights=lights, area=shared.area
+    )
+    solver, choice = _solver(squares)
+
+    # Every patch looks for itself, but sees the shared ones.
+    everyone = replace(squares, parts=replace(bake.parts, owners=shared.parts.owners), rays=bake.rays)
+    identity = _identity_makers(everyone)[choice.visibility]()
+    final = FinalGather(bake.opencl, _stream(everyone, identity), bake.lights)
+    parted = bake.glowing and bool({"direct", "indirect"} & set(bake.settings.outputs))
+    solution = SharedSolution(solver, shared, final, bake.lights, emission, parted)
+    return solution, replace(choice, reasons=(*reasons, *choice.reasons))
+
+
+def _identities(bake: Bake) -> tuple[Radiosity, Choice]:
+    identity, reasons = _choose_identity(bake)
+    sweep, method, reason = _choose_sweep(bake, identity)
+    reflectance = bake.parts.surfaces.reflectance
+    radiosity = DeviceRadiosity(
+        bake.opencl, sweep, reflectance, bake.emission, bake.area, bake.lights, bake.glowing
+    )
+    return radiosity, Choice(method, identity.name, identity.samples, (*reasons, reason))
+
+
+def _paper(bake: Bake) -> tuple[Radiosity, Choice]:
+    settings, reflectance = bake.settings, bake.parts.surfaces.reflectance
+    gather = PaperGather(
+        bake.graphics, bake.compute, bake.scene, bake.parts, bake.emission, bake.sky, settings
+    )
+    radiosity = HostRadiosity(gather, reflectance, bake.emission, bake.area, bake.lights, bake.glowing)
+    reason = "Hemicubes are drawn anew in every iteration: the settings ask for the paper's method."
+    choice = Choice("paper", "raster", 3 * settings.hemicube**2, (reason,), gather.integrator)
+    return radiosity, choice
+
+
+def _without_opencl(bake: Bake) -> tuple[Radiosity, Choice]:
+    settings, count = bake.settings, len(bake.parts.patches)
+    if not fits_glsl_cache(bake.graphics, plan_tiles(settings, count, IDENTITY_BYTES), count):
+        return _paper(bake)
+    gather = GlslGather(bake.graphics, bake.scene, bake.parts, bake.emission, bake.sky, settings)
+    reflectance = bake.parts.surfaces.reflectance
+    radiosity = HostRadiosity(gather, reflectance, bake.emission, bake.area, bake.lights, bake.glowing)
+    reason = "Hemicubes are drawn once and summed by OpenGL: there is no OpenCL."
+    return radiosity, Choice("cached", "raster", 3 * settings.hemicube**2, (reason,), "glsl")
+
+
+def _identity_makers(bake: Bake) -> dict[str, Callable[[], Identity]]:
+    """Return what makes each way to find what patches see."""
+    around = surroundings(bake.opencl.context, bake.emission, bake.sky)
+    return {
+        "rays": lambda: RayIdentity(bake.opencl, bake.rays, bake.parts, around, bake.settings),
+        "raster": lambda: RasterIdentity(
+            bake.graphics, bake.opencl, bake.scene, bake.parts, around, bake.settings
+        ),
+    }
+
+
+def _choose_identity(bake: Bake) -> tuple[Identity, list[str]]:
+    """Return the way to find what patches see, the faster one if the settings leave it open."""
+    wanted, makers = bake.settings.visibility, _identity_makers(bake)
+    if wanted != "auto":
+        return makers[wanted](), [f"The settings ask for {wanted}."]
+    count = len(bake.parts.patches)
+    tried = {name: make() for name, make in makers.items()}
+    rates = {name: _patches_per_second(bake.opencl, identity, count) for name, identity in tried.items()}
+    best = max(rates, key=lambda name: rates[name])
+    told = " and ".join(f"{name} {rate:,.0f} ({tried[name].samples} samples)" for name, rate in rates.items())
+    return tried[best], [f"Views of patches found in a second: {told}."]
+
+
+def _choose_sweep(bake: Bake, identity: Identity) -> tuple[Sweep, str, str]:
+    """Return how identities become light, the method's name, and why."""
+    count, settings = len(bake.parts.patches), bake.settings
+    needed, budget = cache_bytes(identity.samples, count), memory_budget(bake.opencl, settings)
+    sizes = f"what patches see takes {needed / 2**20:,.0f} MiB, {budget / 2**20:,.0f} MiB may be used"
+    if settings.method != "stream" and needed <= budget:
+        return CachedSweep(bake.opencl, identity, count), "cached", f"It is kept: {sizes}."
+    why = f"It is found anew in every iteration: {sizes}."
+    if settings.method == "stream":
+        why = "It is found anew in every iteration: the settings ask for it."
+    return _stream(bake, identity), "stream", why
+
+
+def _stream(bake: Bake, identity: Identity) -> Sweep:
+    """Return how identities become light without being kept."""
+    count = len(bake.parts.patches)
+    if isinstance(identity, RayIdentity):
+        return RayStreamSweep(bake.opencl, identity, count)
+    most = min(memory_budget(bake.opencl, bake.settings), bake.settings.batch_bytes)
+    return StreamSweep(bake.opencl, identity, count, most // cache_bytes(identity.samples, 1))
+
+
+def memory_budget(compute: Compute, settings: Settings) -> int:
+    """Return the device memory that the samples of patches may take, bytes: by default half of it."""
+    return settings.memory_budget or compute.device.global_mem_size // 2
+
+
+def _patches_per_second(compute: Compute, identity: Identity, count: int) -> float:
+    """Return how many patches' views an identity finds in a second, timed on more and more of them."""
+    tried = min(_TRIED, count)
+    largest = max(tried, compute.device.max_mem_alloc_size // cache_bytes(identity.samples, 1))
+    _time(compute, identity, count, tried)
+    while True:
+        seconds = _time(compute, identity, count, tried)
+        if seconds > _LONG_ENOUGH or tried == min(count, largest):
+            return tried / seconds
+        tried = min(tried * _MORE, count, largest)
+
+
+def _time(compute: Compute, identity: Identity, count: int, tried: int) -> float:
+    """Return the seconds that the views of some patches in the middle take."""
+    first = (count - tried) // 2
+    sizes = (cache_bytes(identity.samples, tried), 16 * count, 4 * count)
+    cache, constant, seen = (cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size) for size in sizes)
+    began = time.perf_counter()
+    for _ in identity.find(first, first + tried, SeenBuffers(cache, first, constant, seen)):
+        pass
+    compute.queue.finish()
+    return time.perf_counter() - began

@@ -1,0 +1,54 @@
+"""Bakes that keep their devices: contexts, shaders and kernels of the first one serve the next."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+from .bake import bake_with
+from .device.devices import Devices
+from .lightmap import Lightmap
+from .progress import Progress
+from .scene import Scene
+from .settings import Settings
+
+
+class Session:
+    """Bakes one scene after the other; `close` frees the devices."""
+
+    def __init__(self) -> None:
+        self._devices: Devices | None = None
+
+    def bake(self, scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap]:
+        """Bake; see `engine.bake`. After an error or a cancel the next bake gets new devices."""
+        devices = self._take(settings)
+        try:
+            lightmap = yield from bake_with(devices, scene, settings)
+        except BaseException:
+            devices.release()
+            raise
+        devices.clear()
+        self._devices = devices
+        return lightmap
+
+    def close(self) -> None:
+        """Free the devices."""
+        if self._devices is not None:
+            self._devices.release()
+            self._devices = None
+
+    def _take(self, settings: Settings) -> Devices:
+        """Return the devices of the last bake, or new ones; until the bake has ended well nobody has them."""
+        devices, self._devices = self._devices, None
+        if devices is not None and devices.cache_dir == settings.cache_dir:
+            return devices
+        if devices is not None:
+            devices.release()
+        return Devices(settings.cache_dir)
+
+
+_session = Session()
+
+
+def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap]:
+    """Bake in the one session of this process: what the worker process runs."""
+    return (yield from _session.bake(scene, settings))

@@ -1,0 +1,72 @@
+"""Which patch each sample of every patch's view meets: found once, or anew in every iteration."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import pyopencl as cl
+
+
+@dataclass(frozen=True)
+class SeenBuffers:
+    """Where an Identity writes on the OpenCL device.
+
+    cache         uint32, a row of samples for each patch from `cached_from` on: patch + 1, or 0
+    cached_from   the first patch of the cache
+    constant      float4 of each patch: E/pi of sky and backs, and the share that is no back
+    patches_seen  float of each patch: the share of its view that other patches take
+    """
+
+    cache: cl.Buffer
+    cached_from: int
+    constant: cl.Buffer
+    patches_seen: cl.Buffer
+
+
+class Identity(Protocol):
+    """A way to find what patches see.
+
+    name        "raster" or "rays"
+    samples     of each patch, a multiple of 4
+    multiplier  (samples,) float32, sum 1, or None if all weigh the same
+    """
+
+    name: str
+    samples: int
+    multiplier: np.ndarray | None
+
+    def find(self, first: int, last: int, seen: SeenBuffers) -> Generator[float, None, None]:
+        """Find what the patches first ... last see; yield the fraction done."""
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What is seen beside the fronts of patches, on the OpenCL device.
+
+    emission  float4 of each patch + 1, radiance of backs; entry 0 is black
+    sky       float4 of each pixel, radiance, equirectangular; row 0 below
+    width, height  of the sky, pixels
+    """
+
+    emission: cl.Buffer
+    sky: cl.Buffer
+    width: np.int32
+    height: np.int32
+
+
+def surroundings(context: cl.Context, emission: np.ndarray, sky: np.ndarray) -> Surroundings:
+    """Upload emission, (n, 3) float32, and sky, (h, w, 3) float32."""
+    flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
+    backs = cl.Buffer(context, flags, hostbuf=with_fourth(emission, first=1))
+    pixels = cl.Buffer(context, flags, hostbuf=with_fourth(sky.reshape(-1, 3)))
+    return Surroundings(backs, pixels, np.int32(sky.shape[1]), np.int32(sky.shape[0]))
+
+
+def with_fourth(values: np.ndarray, first: int = 0) -> np.ndarray:
+    """Return (n, 3) as (first + n, 4) float32, zeros around it."""
+    padded = np.zeros((first + len(values), 4), np.float32)
+    padded[first:, :3] = values
+    return padded

@@ -1,0 +1,384 @@
+// Builds the hierarchy of kernels/rays.cl: clusters of triangles along a Morton curve, each merged with its
+// best neighbour if that one wants it, too (PLOC; Meister and Bittner 2018), until few are left, which are
+// split from the top down; then binary nodes are joined to nodes of WIDTH children with leaves of packets.
+// engine/visibility/bvh.py runs the kernels.
+
+#define FAR 8
+#define CHUNK 32  // values that one work item sums
+#define GROUP 256
+#define LEAF_BITS 3
+
+typedef struct {
+    float3 low, high;
+} Box;
+
+float half_area(const float3 size) { return size.x * size.y + size.y * size.z + size.z * size.x; }
+
+// The corner of a triangle, relative to the origin of the rays.
+float3 corner_of(__global const float *positions, const int triangle, const int corner, const float4 origin)
+{
+    return vload3(3 * triangle + corner, positions) - origin.xyz;
+}
+
+Box box_of(__global const float *positions, const int triangle, const float4 origin)
+{
+    const float3 a = corner_of(positions, triangle, 0, origin);
+    const float3 b = corner_of(positions, triangle, 1, origin);
+    const float3 c = corner_of(positions, triangle, 2, origin);
+    const Box box = {min(a, min(b, c)), max(a, max(b, c))};
+    return box;
+}
+
+// Two zeros before each of the lowest 21 bits.
+ulong spread(ulong x)
+{
+    x = (x | x << 32) & 0x1f00000000ffff;
+    x = (x | x << 16) & 0x1f0000ff0000ff;
+    x = (x | x << 8) & 0x100f00f00f00f00f;
+    x = (x | x << 4) & 0x10c30c30c30c30c3;
+    return (x | x << 2) & 0x1249249249249249;
+}
+
+// Where each triangle's box is on the Morton curve, above the triangle's number in `number_bits` bits. The
+// scene reaches from -1/scale to 1/scale.
+__kernel void places_on_curve(__global const float *positions, const float4 origin, const float scale,
+                              const int number_bits, __global ulong *keys, const int count)
+{
+    const int i = get_global_id(0);
+    if (i >= count)
+        return;
+    const int axis_bits = min((63 - number_bits) / 3, 21);
+    const Box box = box_of(positions, i, origin);
+    const float cells = (float)(1 << axis_bits);
+    const float3 place = ((box.low + box.high) * (0.5f * scale) + 1.0f) * (0.5f * cells);
+    const uint3 cell = convert_uint3(clamp(place, 0.0f, cells - 1.0f));
+    const ulong code = spread(cell.x) << 2 | spread(cell.y) << 1 | spread(cell.z);
+    keys[i] = code << number_bits | (ulong)i;
+}
+
+// Clusters are six rows of coordinates (low and high x, y, z), FAR more at either end, and the node of each.
+void store_box(__global float *rows, const int stride, const int i, const Box box)
+{
+    __global float *at = rows + FAR + i;
+    at[0] = box.low.x, at[stride] = box.low.y, at[2 * stride] = box.low.z;
+    at[3 * stride] = box.high.x, at[4 * stride] = box.high.y, at[5 * stride] = box.high.z;
+}
+
+Box load_box(__global const float *rows, const int stride, const int i)
+{
+    __global const float *at = rows + FAR + i;
+    const Box box = {(float3)(at[0], at[stride], at[2 * stride]),
+                     (float3)(at[3 * stride], at[4 * stride], at[5 * stride])};
+    return box;
+}
+
+// Nobody merges with what is endless: it stands at both ends of the rows.
+void store_end(__global float *rows, const int stride, const int i)
+{
+    const Box endless = {(float3)(-INFINITY), (float3)(INFINITY)};
+    store_box(rows, stride, i, endless);
+}
+
+// A node has its box, with the cost of a ray in it (surface area heuristic), and its two children, the
+// number of its triangles, and whether it is a leaf. Of a triangle's node the first child is its number.
+void store_node(__global float4 *boxes, __global int4 *links, const int node, const Box box, const float cost,
+                const int4 link)
+{
+    boxes[2 * node] = (float4)(box.low, cost);
+    boxes[2 * node + 1] = (float4)(box.high, cost);
+    links[node] = link;
+}
+
+// Every triangle is a cluster and a node, in the order of the curve.
+__kernel void single_clusters(__global const float *positions, const float4 origin, __global const ulong *keys,
+                              const ulong number_mask, __global float *rows, const int stride,
+                              __global int *cluster, __global float4 *boxes, __global int4 *links, const int count)
+{
+    const int i = (int)get_global_id(0) - FAR;
+    if (i >= count + FAR)
+        return;
+    if (i < 0 || i >= count) {
+        store_end(rows, stride, i);
+        return;
+    }
+    const int number = (int)(keys[i] & number_mask);
+    const Box box = box_of(positions, number, origin);
+    store_box(rows, stride, i, box);
+    cluster[i] = i;
+    store_node(boxes, links, i, box, half_area(box.high - box.low) * PACKET_COST, (int4)(number, -1, 1, 1));
+}
+
+// The neighbour with which each cluster has the smallest box: among equals the other one of its pair, so
+// that what lies in the same place pairs up.
+__kernel void best_neighbours(__global const float *rows, const int stride, __global int *best,
+                              const int count)
+{
+    const int i = get_global_id(0);
+    if (i >= count)
+        return;
+    __global const float *at = rows + FAR + i;
+    const Box own = load_box(rows, stride, i);
+    float8 least = INFINITY;
+    int8 which = 0;
+    const int8 lanes = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
+    for (int near = 0; near < FAR; near += 8)
+        for (int side = 0; side < 2; ++side) {
+            const int first = side ? 1 + near : -8 - near;
+            const float8 x = max(vload8(0, at + first + 3 * stride), own.high.x) - min(vload8(0, at + first), own.low.x);
+            const float8 y = max(vload8(0, at + first + 4 * stride), own.high.y) - min(vload8(0, at + first + stride), own.low.y);
+            const float8 z = max(vload8(0, at + first + 5 * stride), own.high.z) - min(vload8(0, at + first + 2 * stride), own.low.z);
+            const float8 area = x * y + y * z + z * x;
+            const int8 less = area < least;
+            least = select(least, area, less);
+            which = select(which, first + lanes, less);
+        }
+    const int partner = (i ^ 1) - i, lane = partner > 0 ? 0 : 7;
+    float areas[8];
+    int others[8];
+    vstore8(least, 0, areas);
+    vstore8(which, 0, others);
+    float area = areas[lane];
+    int other = others[lane];
+    for (int k = 0; k < 8; ++k)
+        if (areas[k] < area) {
+            area = areas[k];
+            other = others[k];
+        }
+    best[i] = i + other;
+}
+
+// With whom a cluster merges: itself if the other one wants another. In pairs if `paired`.
+int mate_of(__global const int *best, const int i, const int paired, const int count)
+{
+    if (paired)
+        return min(i ^ 1, count - 1);
+    const int other = best[i];
+    return best[other] == i ? other : i;
+}
+
+// Of each cluster how many before it in its chunk stay, and how many nodes they make; both of each chunk.
+__kernel void count_merges(__global const int *best, const int paired, __global int2 *before,
+                           __global int2 *totals, const int count)
+{
+    const int first = CHUNK * get_global_id(0), last = min(first + CHUNK, count);
+    if (first >= count)
+        return;
+    int2 sum = 0;
+    for (int i = first; i < last; ++i) {
+        const int mate = mate_of(best, i, paired, count);
+        before[i] = sum;
+        sum += (int2)(mate >= i, mate > i);
+    }
+    totals[get_global_id(0)] = sum;
+}
+
+// Sums before each value in its chunk, in place; of each chunk its sum.
+__kernel void sum_chunks(__global int2 *values, __global int2 *totals, const int count)
+{
+    const int first = CHUNK * get_global_id(0), last = min(first + CHUNK, count);
+    if (first >= count)
+        return;
+    int2 sum = 0;
+    for (int i = first; i < last; ++i) {
+        const int2 value = values[i];
+        values[i] = sum;
+        sum += value;
+    }
+    totals[get_global_id(0)] = sum;
+}
+
+// Sums before each chunk, in place, and after the last the sum of all. One work group.
+__kernel __attribute__((reqd_work_group_size(GROUP, 1, 1)))
+void sum_totals(__global int2 *totals, const int count)
+{
+    __local int2 sums[GROUP];
+    const int item = get_local_id(0), each = (count + GROUP - 1) / GROUP;
+    const int first = min(item * each, count), last = min(first + each, count);
+    int2 sum = 0;
+    for (int i = first; i < last; ++i)
+        sum += totals[i];
+    sums[item] = sum;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    if (item == 0) {
+        int2 before = 0;
+        for (int i = 0; i < GROUP; ++i) {
+            const int2 value = sums[i];
+            sums[i] = before;
+            before += value;
+        }
+        totals[count] = before;
+    }
+    barrier(CLK_LOCAL_MEM_FENCE);
+    sum = sums[item];
+    for (int i = first; i < last; ++i) {
+        const int2 value = totals[i];
+        totals[i] = sum;
+        sum += value;
+    }
+}
+
+// The clusters that stay, and new nodes from `first_node` on for those that merge.
+__kernel void merge(__global const int *best, const int paired, __global const int2 *before,
+                    __global const int2 *totals, __global const float *rows, __global const int *cluster,
+                    __global float *new_rows, __global int *new_cluster, const int stride, const int left,
+                    __global float4 *boxes, __global int4 *links, const int first_node, const int count)
+{
+    const int i = get_global_id(0);
+    if (i < FAR) {
+        store_end(new_rows, stride, -1 - i);
+        store_end(new_rows, stride, left + i);
+    }
+    if (i >= count)
+        return;
+    const int mate = mate_of(best, i, paired, count);
+    if (mate < i)
+        return;
+    const int2 rank = before[i] + totals[i / CHUNK];
+    Box box = load_box(rows, stride, i);
+    int node = cluster[i];
+    if (mate > i) {
+        const Box other = load_box(rows, stride, mate);
+        box.low = min(box.low, other.low);
+        box.high = max(box.high, other.high);
+        const int right = cluster[mate], size = links[node].z + links[right].z;
+        const float area = half_area(box.high - box.low);
+        const float parted = area + boxes[2 * node].w + boxes[2 * right].w;
+        const float whole = area * (PACKET_COST * ((size + PACKET - 1) / PACKET));
+        const bool leaf = size <= LEAF && !(parted < whole);
+        const int4 link = (int4)(node, right, size, leaf);
+        node = first_node + rank.y;
+        store_node(boxes, links, node, box, leaf ? whole : parted, link);
+    }
+    store_box(new_rows, stride, rank.x, box);
+    new_cluster[rank.x] = node;
+}
+
+// The nodes of clusters, one after the other.
+__kernel void pick_clusters(__global const int *cluster, __global const float4 *boxes, __global const int4 *links,
+                            __global float4 *picked_boxes, __global int4 *picked_links, const int count)
+{
+    const int i = get_global_id(0);
+    if (i >= count)
+        return;
+    const int node = cluster[i];
+    picked_boxes[2 * i] = boxes[2 * node];
+    picked_boxes[2 * i + 1] = boxes[2 * node + 1];
+    picked_links[i] = (int4)(node, links[node].yzw);
+}
+
+// The children of wide nodes: the binary node's two, and of those that are no leaves the largest opened as
+// long as there is room. Of each wide node the children that are no leaves, and its packets.
+__kernel void open_nodes(__global const float4 *boxes, __global const int4 *links, __global const int *roots,
+                         __global int *children, __global int2 *counts, const int count_roots)
+{
+    const int i = get_global_id(0);
+    if (i >= count_roots)
+        return;
+    int open[WIDTH], count = 1;
+    float areas[WIDTH];
+    open[0] = roots[i];
+    areas[0] = links[open[0]].w ? -1.0f : INFINITY;
+    while (count < WIDTH) {
+        int widest = 0;
+        for (int k = 1; k < count; ++k)
+            if (areas[k] > areas[widest])
+                widest = k;
+        if (areas[widest] < 0.0f)
+            break;
+        const int4 link = links[open[widest]];
+        open[count] = link.y;
+        open[widest] = link.x;
+        for (int k = 0; k < 2; ++k) {
+            const int at = k ? count : widest, node = open[at];
+            areas[at] = links[node].w ? -1.0f : half_area(boxes[2 * node + 1].xyz - boxes[2 * node].xyz);
+        }
+        ++count;
+    }
+    int2 sum = 0;
+    for (int k = 0; k < count; ++k) {
+        const int4 link = links[open[k]];
+        sum += link.w ? (int2)(0, (link.z + PACKET - 1) / PACKET) : (int2)(1, 0);
+    }
+    for (int k = 0; k < WIDTH; ++k)
+        children[WIDTH * i + k] = k < count ? open[k] : -1;
+    counts[i] = sum;
+}
+
+// The binary nodes that the next level of wide nodes is made of.
+__kernel void next_roots(__global const int4 *links, __global const int *children, __global const int2 *before,
+                         __global const int2 *totals, __global int *next, const int count)
+{
+    const int i = get_global_id(0);
+    if (i >= count)
+        return;
+    int rank = before[i].x + totals[i / CHUNK].x;
+    for (int k = 0; k < WIDTH; ++k) {
+        const int child = children[WIDTH * i + k];
+        if (child >= 0 && !links[child].w)
+            next[rank++] = child;
+    }
+}
+
+// The packets of a leaf: first corner, two edges and number of each triangle; lanes without one have no edges.
+void store_packets(__global const float *positions, const float4 origin, __global const int4 *links,
+                   const int leaf, __global float *packets)
+{
+    int stack[LEAF + 1], depth = 1, lane = 0;
+    stack[0] = leaf;
+    while (depth > 0) {
+        const int4 link = links[stack[--depth]];
+        if (link.y >= 0) {
+            stack[depth++] = link.y;
+            stack[depth++] = link.x;
+            continue;
+        }
+        __global float *packet = packets + lane / PACKET * PACKET * RECORD + lane % PACKET;
+        ++lane;
+        const float3 a = corner_of(positions, link.x, 0, origin);
+        const float3 edge1 = corner_of(positions, link.x, 1, origin) - a;
+        const float3 edge2 = corner_of(positions, link.x, 2, origin) - a;
+        const float values[10] = {a.x, a.y, a.z, edge1.x, edge1.y, edge1.z, edge2.x, edge2.y, edge2.z,
+                                  as_float(link.x)};
+        for (int k = 0; k < 10; ++k)
+            packet[k * PACKET] = values[k];
+    }
+    for (; lane % PACKET != 0; ++lane)
+        for (int k = 0; k < 10; ++k)
+            packets[lane / PACKET * PACKET * RECORD + k * PACKET + lane % PACKET] = 0.0f;
+}
+
+// Wide nodes of one level, from `first` on, and the packets of their leaves; their children are nodes from
+// `next` on. Boxes of missing children are points that no ray reaches.
+__kernel void store_level(__global const float *positions, const float4 origin, __global const float4 *boxes,
+                          __global const int4 *links, __global const int *children, __global const int2 *before,
+                          __global const int2 *totals, const int first, const int next, const int first_packet,
+                          __global float *nodes, __global float *packets, const int count)
+{
+    const int i = get_global_id(0);
+    if (i >= count)
+        return;
+    const int2 rank = before[i] + totals[i / CHUNK];
+    int node = next + rank.x, packet = first_packet + rank.y;
+    __global float *record = nodes + (size_t)8 * WIDTH * (first + i);
+    for (int k = 0; k < WIDTH; ++k) {
+        const int child = children[WIDTH * i + k];
+        float3 low = INFINITY, high = INFINITY;
+        int code = ~0;
+        if (child >= 0) {
+            low = boxes[2 * child].xyz;
+            high = boxes[2 * child + 1].xyz;
+            const int4 link = links[child];
+            if (link.w) {
+                const int count = (link.z + PACKET - 1) / PACKET;
+                store_packets(positions, origin, links, child, packets + (size_t)RECORD * PACKET * packet);
+                code = ~(packet << LEAF_BITS | count);
+                packet += count;
+            } else {
+                code = node++;
+            }
+        }
+        const float values[8] = {low.x, high.x, low.y, high.y, low.z, high.z, as_float(code), 0.0f};
+        for (int plane = 0; plane < 8; ++plane)
+            record[plane * WIDTH + k] = values[plane];
+    }
+}

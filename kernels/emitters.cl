@@ -1,0 +1,249 @@
+// Emitters of direct light: samples of lamps, emissive triangles and bright sky.
+
+// Kinds of emitters; engine/emitters.py packs them, E records of EMITTER float4 each.
+#define POINT 0
+#define SUN 1
+#define TRIANGLE 2
+#define SKY_MAP 3
+#define EMITTER 6
+
+// Solid angle above which triangles are sampled by direction instead of by area, sr.
+#define WIDE 0.01f
+
+float unit_float(const uint bits) { return (bits >> 8) * (1.0f / 16777216.0f); }
+
+uint reversed_bits(uint x)
+{
+    x = (x << 16) | (x >> 16);
+    x = ((x & 0x00ff00ffu) << 8) | ((x >> 8) & 0x00ff00ffu);
+    x = ((x & 0x0f0f0f0fu) << 4) | ((x >> 4) & 0x0f0f0f0fu);
+    x = ((x & 0x33333333u) << 2) | ((x >> 2) & 0x33333333u);
+    return ((x & 0x55555555u) << 1) | ((x >> 1) & 0x55555555u);
+}
+
+// Low-discrepancy points, shifted for each patch: in xy the R2 sequence (Roberts 2018), in zw the van der
+// Corput sequence and multiples of the golden ratio.
+float4 sample_point(const uint index, const uint seed)
+{
+    const uint4 shift = (uint4)(hash(seed), hash(seed + 0x9e3779b9u), hash(seed + 0x3c6ef372u), hash(seed + 0xdaa66d2bu));
+    const uint i = index + 1u;
+    const uint4 place = (uint4)(i * 3242174889u, i * 2447445414u, reversed_bits(i), i * 2654435769u);
+    return convert_float4((place + shift) >> 8) * (1.0f / 16777216.0f);
+}
+
+float luminance(const float3 colour) { return dot(colour, (float3)(0.2126f, 0.7152f, 0.0722f)); }
+
+bool in_triangle(const Receiver *r, const float3 p)
+{
+    const float3 q = p - r->corner, normal = cross(r->edge1, r->edge2);
+    const float u = dot(cross(q, r->edge2), normal), v = dot(cross(r->edge1, q), normal);
+    return u >= 0.0f && v >= 0.0f && u + v <= dot(normal, normal);
+}
+
+// A point of the patch's texel that lies in the patch's triangle: this one, the one opposite, or the centre.
+float3 point_of_texel(const Receiver *r, const float2 place)
+{
+    const float3 offset = (place.x - 0.5f) * r->edge_u + (place.y - 0.5f) * r->edge_v;
+    if (in_triangle(r, r->at + offset))
+        return r->at + offset;
+    return in_triangle(r, r->at - offset) ? r->at - offset : r->at;
+}
+
+// What a sample brings: direction and distance of the light, E/pi without shadow.
+typedef struct {
+    float3 direction;
+    float distance;
+    float3 light;
+} Sample;
+
+// How much of a spot's intensity goes along a direction away from it: the cone is round in the light's own,
+// perhaps unequally scaled space (Cycles, kernel/light/spot.h).
+float in_cone(__global const float4 *e, const float3 away, const float cos_half, const float blend)
+{
+    const float3 own = (float3)(dot(away, e[4].xyz), dot(away, e[5].xyz), dot(away, e[2].xyz) * e[5].w);
+    const float s = (own.z / fmax(length(own), 1e-20f) - cos_half) / fmax((1.0f - cos_half) * blend, 1e-6f);
+    const float t = clamp(s, 0.0f, 1.0f);
+    return t * t * (3.0f - 2.0f * t);
+}
+
+// Point and spot: a disk that faces the receiver, a sphere, or a point.
+Sample sample_point_light(__global const float4 *e, const float3 p, const float2 u)
+{
+    const float3 centre = e[1].xyz - p;
+    const float radius = e[1].w, d2 = dot(centre, centre), d = sqrt(d2);
+    Sample s = {centre / fmax(d, 1e-20f), d, (float3)(0.0f)};
+    float share = 1.0f / fmax(d2, 1e-20f);
+    if (radius > 0.0f && e[3].w > 0.0f) {
+        float3 x, y;
+        basis(s.direction, &x, &y);
+        const float2 q = radius * disk(u);
+        const float3 target = centre + q.x * x + q.y * y;
+        s.distance = length(target);
+        const float3 direction = target / s.distance;
+        share = dot(direction, s.direction) / (s.distance * s.distance);
+        s.direction = direction;
+    } else if (radius > 0.0f) {
+        const float sin2 = fmin(radius * radius / fmax(d2, 1e-20f), 1.0f);
+        const float one_minus_cos = sin2 / (1.0f + sqrt(1.0f - sin2));
+        const float drop = u.x * one_minus_cos, cosine = 1.0f - drop, sine = sqrt(fmax(drop * (2.0f - drop), 0.0f));
+        float3 x, y;
+        basis(s.direction, &x, &y);
+        const float3 axis = s.direction;
+        s.direction = cosine * axis + sine * (cospi(2.0f * u.y) * x + sinpi(2.0f * u.y) * y);
+        s.distance = d * cosine - sqrt(fmax(radius * radius - d2 * sine * sine, 0.0f));
+        share = 2.0f * one_minus_cos / (radius * radius);
+    }
+    if (e[2].w >= -1.0f)
+        share *= in_cone(e, -s.direction, e[2].w, e[4].w);
+    s.light = e[3].xyz * share;
+    return s;
+}
+
+// Sun: a disk in the sky; uniform in solid angle projected along its axis.
+Sample sample_sun(__global const float4 *e, const float2 u)
+{
+    float3 x, y;
+    const float3 axis = -e[2].xyz;
+    basis(axis, &x, &y);
+    const float2 q = e[1].w * disk(u);
+    const float cosine = sqrt(fmax(1.0f - dot(q, q), 0.0f));
+    const Sample s = {q.x * x + q.y * y + cosine * axis, INFINITY, e[3].xyz / fmax(cosine, 1e-6f)};
+    return s;
+}
+
+// A direction into a spherical triangle, uniform in solid angle (Arvo 1995); angle is its solid angle.
+float3 in_spherical_triangle(const float3 a, const float3 b, const float3 c, const float2 u, float *angle)
+{
+    const float3 ab = normalize(cross(a, b)), bc = normalize(cross(b, c)), ca = normalize(cross(c, a));
+    const float alpha = acos(clamp(-dot(ca, ab), -1.0f, 1.0f));
+    const float beta = acos(clamp(-dot(ab, bc), -1.0f, 1.0f));
+    const float gamma = acos(clamp(-dot(bc, ca), -1.0f, 1.0f));
+    *angle = alpha + beta + gamma - M_PI_F;
+    const float phi = u.x * *angle - alpha;
+    const float s = sin(phi), t = cos(phi), sin_alpha = sin(alpha), cos_alpha = cos(alpha);
+    const float p = t - cos_alpha, v = s + sin_alpha * dot(a, b);
+    const float bottom = (v * s + p * t) * sin_alpha;
+    const float q = clamp(((v * t - p * s) * cos_alpha - v) / (fabs(bottom) < 1e-12f ? 1e-12f : bottom), -1.0f, 1.0f);
+    const float3 third = normalize(c - dot(c, a) * a);
+    const float3 end = q * a + sqrt(1.0f - q * q) * third;
+    const float z = 1.0f - u.y * (1.0f - dot(end, b));
+    return z * b + sqrt(fmax(1.0f - z * z, 0.0f)) * normalize(end - dot(end, b) * b);
+}
+
+// A number in [0, 1] with a density that runs from a to b (times `density`).
+float linear_sample(const float u, const float a, const float b, float *density)
+{
+    const float x = fmin(u * (a + b) / (a + sqrt(mix(a * a, b * b, u))), 1.0f);
+    *density *= 2.0f * mix(a, b, x) / (a + b);
+    return x;
+}
+
+typedef struct {
+    __global const float4 *radiance;  // of each patch, plus 1
+    __global const uint *owners;
+    __global const float2 *uvs;       // of each corner of each triangle
+    int resolution;
+} Glow;
+
+// Emissive triangle, or part of an area light: by direction where it is seen wide, else by area.
+Sample sample_triangle(__global const float4 *e, const Glow *glow, const float3 p, const float3 up, const float2 u)
+{
+    const float3 a = e[1].xyz - p, edge1 = e[2].xyz, edge2 = e[3].xyz;
+    const float3 normal = cross(edge1, edge2);
+    const float twice = length(normal);
+    const float3 middle = a + (edge1 + edge2) / 3.0f;
+    const float size = fmax(dot(edge1, edge1), dot(edge2, edge2));
+    Sample s = {(float3)(0.0f, 0.0f, 1.0f), 1.0f, (float3)(0.0f)};
+    float2 w;
+    float share;
+    if (twice * 0.5f > WIDE * dot(middle, middle) || size > 0.25f * dot(middle, middle)) {
+        const float3 first = normalize(a), second = normalize(a + edge1), third = normalize(a + edge2);
+
+        // More samples where the receiver faces them: the cosines of the corners, interpolated (Hart et al. 2020).
+        const float at_a = fmax(dot(first, up), 0.01f), at_b = fmax(dot(second, up), 0.01f);
+        const float at_c = fmax(dot(third, up), 0.01f);
+        float density = 1.0f;
+        const float y = linear_sample(u.y, at_b, 0.5f * (at_a + at_c), &density);
+        const float x = linear_sample(u.x, mix(at_b, at_a, y), mix(at_b, at_c, y), &density);
+        s.direction = in_spherical_triangle(first, second, third, (float2)(x, y), &share);
+        share /= density;
+        const float facing = dot(normal, s.direction);
+        s.distance = dot(normal, a) / facing;
+        if (!(share > 0.0f && s.distance > 0.0f && s.distance < INFINITY))
+            return s;
+        const float3 q = s.distance * s.direction - a;
+        w = (float2)(dot(cross(q, edge2), normal), dot(cross(edge1, q), normal)) / (twice * twice);
+    } else {
+        const float root = sqrt(u.x);
+        w = (float2)(root * (1.0f - u.y), root * u.y);
+        const float3 target = a + w.x * edge1 + w.y * edge2;
+        s.distance = length(target);
+        s.direction = target / s.distance;
+        share = 0.5f * fabs(dot(normal, s.direction)) / (s.distance * s.distance);
+    }
+
+    // The front of an area light shines, emissive surfaces shine on both sides.
+    const float cosine = -dot(normal, s.direction) / twice;
+    float3 radiance;
+    if (e[5].w < 0.0f) {
+        if (cosine <= 0.0f)
+            return s;
+        radiance = e[4].xyz;
+        if (e[4].w < 1.57f) {
+            // Spread (numerics of Cycles' area lights, kernel/light/area.h).
+            const float tangent = tan(e[4].w);
+            const float slope = sqrt(fmax(1.0f - cosine * cosine, 0.0f)) / fmax(cosine, 1e-6f);
+            radiance *= fmax(tangent - slope, 0.0f) / (tangent - e[4].w);
+        }
+    } else if (e[5].z > 0.0f && cosine <= 0.0f) {
+        return s;
+    } else {
+        __global const float2 *corner = glow->uvs + 3 * (int)e[5].w;
+        const float2 uv = corner[0] * (1.0f - w.x - w.y) + corner[1] * w.x + corner[2] * w.y;
+        const int page = (int)e[4].w, limit = glow->resolution - 1;
+        const int x = clamp((int)(uv.x * glow->resolution), 0, limit), y = clamp((int)(uv.y * glow->resolution), 0, limit);
+        radiance = glow->radiance[glow->owners[((size_t)page * glow->resolution + y) * glow->resolution + x]].xyz;
+    }
+    s.light = radiance * share * M_1_PI_F;
+    return s;
+}
+
+typedef struct {
+    __global const float4 *pixels;      // radiance
+    __global const float *cumulative;   // of luminance times solid angle over the pixels listed, to 1
+    __global const int *listed;         // the pixels that shine
+    int width, height, count;
+    float total;
+} Bright;
+
+// Bright sky: pixels by their share of the light.
+Sample sample_sky(const Bright *sky, const float2 u)
+{
+    int low = 0, high = sky->count - 1;
+    while (low < high) {
+        const int middle = (low + high) / 2;
+        if (sky->cumulative[middle] > u.x)
+            high = middle;
+        else
+            low = middle + 1;
+    }
+    const float before = low > 0 ? sky->cumulative[low - 1] : 0.0f;
+    const float across = (u.x - before) / fmax(sky->cumulative[low] - before, 1e-20f);
+    const int pixel = sky->listed[low], column = pixel % sky->width, row = pixel / sky->width;
+    const float azimuth = 1.0f - 2.0f * (column + clamp(across, 0.0f, 1.0f)) / sky->width;
+    const float below = -cospi((float)row / sky->height), above = -cospi((row + 1.0f) / sky->height);
+    const float z = mix(below, above, u.y), sine = sqrt(fmax(1.0f - z * z, 0.0f));
+    const float3 colour = sky->pixels[pixel].xyz;
+    const Sample s = {(float3)(sine * cospi(azimuth), sine * sinpi(azimuth), z), INFINITY,
+                      colour * (sky->total * M_1_PI_F / luminance(colour))};
+    return s;
+}
+
+Sample sample_emitter(__global const float4 *e, const Glow *glow, const Bright *sky, const float3 p, const float3 up,
+                      const float2 u)
+{
+    const int kind = (int)e[0].x;
+    return kind == POINT ? sample_point_light(e, p, u)
+        : kind == SUN ? sample_sun(e, u)
+        : kind == TRIANGLE ? sample_triangle(e, glow, p, up, u) : sample_sky(sky, u);
+}

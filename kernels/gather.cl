@@ -1,0 +1,46 @@
+// One iteration: what patches see, known as rows of patch numbers, becomes the light they gather.
+
+#define LIGHT_ARGUMENTS __global const float4 *steady_light, __global const float4 *direct, \
+    __global const float4 *irradiance, __global float4 *gathered, __global float4 *defects, \
+    const int column, const int count
+
+// With the light that stays the same and the direct light; and the defect to the last irradiance.
+#define STORE(light, patch) do { \
+    const float4 all = light + steady_light[patch] + direct[patch]; \
+    gathered[(size_t)column * count + patch] = all; \
+    defects[(size_t)column * count + patch] = all - irradiance[patch]; \
+} while (0)
+
+// Four samples at a time; one patch a group, `slots` from `first` on. EVEN: all samples weigh the same.
+__kernel void gather(__global const uint4 *cache, __global const float4 *multiplier,
+                     __global const float4 *radiance, LIGHT_ARGUMENTS, const int quads, const int first,
+                     __local float4 *partial)
+{
+    const int slot = get_group_id(0);
+    __global const uint4 *row = cache + (size_t)slot * quads;
+    float4 sum = (float4)(0.0f);
+    for (int i = get_local_id(0); i < quads; i += get_local_size(0)) {
+        const uint4 seen = row[i];
+#ifdef EVEN
+        sum += (radiance[seen.x] + radiance[seen.y]) + (radiance[seen.z] + radiance[seen.w]);
+#else
+        const float4 weight = multiplier[i];
+        sum += weight.x * radiance[seen.x] + weight.y * radiance[seen.y] + weight.z * radiance[seen.z]
+            + weight.w * radiance[seen.w];
+#endif
+    }
+#ifdef EVEN
+    sum /= 4.0f * quads;
+#endif
+    sum = sum_of_group(sum, partial);
+    if (get_local_id(0) == 0)
+        STORE(sum, first + slot);
+}
+
+// The same for light that was gathered already, with what stays the same.
+__kernel void take(LIGHT_ARGUMENTS)
+{
+    const int patch = get_global_id(0);
+    if (patch < count)
+        STORE((float4)(0.0f), patch);
+}

@@ -1,0 +1,55 @@
+// Which patch each sample of a patch's view meets: the patch's number plus 1 (0: none), with the highest
+// bit set for its back; or the surroundings.
+
+#define BACK 0x80000000u
+#define SKY 0x7FFFFFFFu
+
+float4 sum_of_group(const float4 value, __local float4 *partial)
+{
+    const int item = get_local_id(0);
+    barrier(CLK_LOCAL_MEM_FENCE);
+    partial[item] = value;
+    for (int step = get_local_size(0) / 2; step > 0; step /= 2) {
+        barrier(CLK_LOCAL_MEM_FENCE);
+        if (item < step)
+            partial[item] += partial[item + step];
+    }
+    barrier(CLK_LOCAL_MEM_FENCE);
+    return partial[0];
+}
+
+// What a view holds of light that stays the same: rgb of the surroundings and of the backs' emission, in a
+// the share of the hemisphere that is no back; and the share that patches take.
+typedef struct {
+    float4 light;
+    float patches;
+} Steady;
+
+// Count what a sample meets in a direction in world space; return the patch if it is a front, else 0.
+uint count_sample(const uint seen, const float weight, const float3 world, __global const float4 *emission,
+                  __global const float4 *sky, const int2 sky_size, Steady *steady)
+{
+    if (seen == SKY) {
+        steady->light += weight * (float4)(surroundings(world, sky, sky_size).xyz, 1.0f);
+        return 0;
+    }
+    if (seen & BACK) {
+        const uint owner = seen & ~BACK;
+        steady->light += weight * (float4)(emission[owner].xyz, owner ? 0.0f : 1.0f);
+        return 0;
+    }
+    steady->light.w += weight;
+    steady->patches += seen ? weight : 0.0f;
+    return seen;
+}
+
+void store_steady(const Steady steady, const int patch, __global float4 *steady_light,
+                    __global float *patches_seen, __local float4 *partial)
+{
+    const float4 light = sum_of_group(steady.light, partial);
+    const float4 patches = sum_of_group((float4)(steady.patches), partial);
+    if (get_local_id(0) == 0) {
+        steady_light[patch] = light;
+        patches_seen[patch] = patches.x;
+    }
+}

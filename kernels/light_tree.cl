@@ -1,0 +1,151 @@
+// A tree over emitters (engine/light_tree.py), and the way of a patch's samples down to emitters.
+
+#define NODE 5
+#define TREE_STACK 64
+
+// A node is taken as one light if its radius is less than so many distances (Barnes and Hut 1986).
+#define OPENING 0.3f
+
+typedef struct {
+    __global const float4 *emitters;
+    __global const float4 *nodes;
+    __global const int2 *branches;  // an inner node, or the complement of an emitter
+    float sky_total;
+} Lights;
+
+// About how much light an emitter brings without shadow; 0 only if it brings none.
+float emitter_weight(__global const float4 *e, const Receiver *r, const float sky_total)
+{
+    const int kind = (int)e[0].x;
+    if (kind == SKY_MAP)
+        return sky_total * M_1_PI_F;
+    const float strength = e[0].y;
+    if (kind == SUN)
+        return dot(r->normal, -e[2].xyz) > -e[1].w ? strength : 0.0f;
+    if (kind == POINT) {
+        const float3 to = e[1].xyz - r->at;
+        const float d2 = dot(to, to), d = sqrt(d2), reach = e[1].w + r->size;
+        if (dot(r->normal, to) < -reach || dot(r->geometric, to) < -reach)
+            return 0.0f;
+        const float spot = e[2].w >= -1.0f && e[1].w == 0.0f
+            ? in_cone(e, -to / fmax(d, 1e-20f), e[2].w - 0.05f, 1.0f) + 1e-4f : 1.0f;
+        return strength * spot * fmax(dot(r->normal, to) / fmax(d, 1e-20f), 0.05f) / fmax(d2, 1e-12f);
+    }
+    const float3 a = e[1].xyz - r->at, b = a + e[2].xyz, c = a + e[3].xyz;
+    const float top = fmax(fmax(dot(a, r->geometric), dot(b, r->geometric)), dot(c, r->geometric));
+    if (top <= 1e-5f * length(a))
+        return 0.0f;
+    const float3 normal = cross(e[2].xyz, e[3].xyz);
+    const float facing = -dot(normal, a);
+    if (e[5].w < 0.0f && facing <= 0.0f)
+        return 0.0f;
+    const float3 middle = (a + b + c) / 3.0f;
+    const float d2 = dot(middle, middle), d = sqrt(d2), twice = length(normal);
+    const float angle = fmin(0.5f * twice * fmax(fabs(facing) / (twice * d), 0.02f) / d2, 6.2831853f);
+    return strength * angle * fmax(dot(middle, r->normal) / d, 0.1f);
+}
+
+// About how much light all emitters of an inner node bring without shadow; 0 only if they bring none.
+// `open` is set if the node is too near to be taken as one light.
+float node_weight(__global const float4 *node, const Receiver *r, bool *open)
+{
+    const float3 to = node[0].xyz - r->at;
+    const float radius = node[0].w, extent = radius + r->size;
+    const float d2 = fmax(dot(to, to), 1e-12f), d = sqrt(d2), height = dot(r->normal, to);
+    *open = false;
+    if (height < -extent || dot(r->geometric, to) < -extent)
+        return 0.0f;
+
+    // Outside of the cone in which they shine, seen from anywhere on the texel?
+    const float3 away = -to / d;
+    const float sine = fmin(extent / d, 1.0f), cosine = sqrt(1.0f - sine * sine), widest = node[1].w;
+    const float rim = widest * cosine - sqrt(fmax(1.0f - widest * widest, 0.0f)) * sine;
+    if (extent < d && widest > -cosine && dot(node[1].xyz, away) < rim - 1e-5f)
+        return 0.0f;
+    *open = radius > OPENING * d;
+
+    // The floors stand for what the centre does not see, but a part of the node may.
+    const float3 squares = away * away;
+    const float3 products = (float3)(away.x * away.y, away.x * away.z, away.y * away.z);
+    const float spread = sqrt(fmax(dot(node[3].xyz, squares) + 2.0f * dot(node[4].xyz, products), 0.0f));
+    const float directed = fmax(spread + dot(node[2].xyz, away), 0.02f + 0.1f * fmin(radius / d, 1.0f));
+    return (node[2].w + node[3].w * directed) * fmax(height / d, 0.05f + 0.1f * fmin(radius / d, 1.0f)) / d2;
+}
+
+// The weight of an inner node or an emitter.
+float weight_of(const Lights *lights, const int code, const Receiver *r, bool *open)
+{
+    *open = false;
+    return code < 0 ? emitter_weight(lights->emitters + EMITTER * ~code, r, lights->sky_total)
+        : node_weight(lights->nodes + NODE * code, r, open);
+}
+
+// The weight of all lights: of emitters nearby, and of nodes far away.
+float total_weight(const Lights *lights, const int root, const Receiver *r)
+{
+    int stack[TREE_STACK], depth = 0, code = root;
+    float total = 0.0f;
+    for (;;) {
+        bool open;
+        const float weight = weight_of(lights, code, r, &open);
+        if (open && depth < TREE_STACK) {
+            const int2 halves = lights->branches[code];
+            stack[depth++] = halves.y;
+            code = halves.x;
+            continue;
+        }
+        total += weight;
+        if (depth == 0)
+            return total;
+        code = stack[--depth];
+    }
+}
+
+// Samples on their way: they lie evenly on a line, on which every emitter has an interval. Nodes wait
+// for their turn with the end and the width of theirs; a negative width is not known yet.
+typedef struct {
+    int codes[TREE_STACK];
+    float2 spans[TREE_STACK];
+    int depth;
+    float scale;   // width of a weight of 1
+    float passed;  // where the intervals of nodes taken as one light end so far
+} Walk;
+
+// The emitter whose interval a sample lies in, with the interval's end and width; -1 if nothing there shines.
+int next_emitter(Walk *walk, const Lights *lights, const Receiver *r, const float sample, float2 *span)
+{
+    while (walk->depth > 0) {
+        const int code = walk->codes[--walk->depth];
+        *span = walk->spans[walk->depth];
+        bool open = false;
+        if (span->y < 0.0f) {
+            const float weight = weight_of(lights, code, r, &open);
+            if (!open) {
+                walk->passed += weight * walk->scale;
+                *span = (float2)(walk->passed, weight * walk->scale);
+            }
+        }
+        if (!open && (sample >= span->x || span->y <= 0.0f))
+            continue;
+        if (code < 0)
+            return ~code;
+        const int2 halves = lights->branches[code];
+        float2 first = *span, second = *span;
+        if (!open) {
+            // Below, an interval is shared in proportion to what the halves may bring.
+            bool ignored;
+            const float a = weight_of(lights, halves.x, r, &ignored);
+            const float b = weight_of(lights, halves.y, r, &ignored);
+            if (!(a + b > 0.0f))
+                return -1;
+            second.y = span->y * (b / (a + b));
+            first = (float2)(span->x - second.y, span->y * (a / (a + b)));
+        }
+        walk->codes[walk->depth] = halves.y;
+        walk->spans[walk->depth++] = second;
+        walk->codes[walk->depth] = halves.x;
+        walk->spans[walk->depth++] = first;
+    }
+    span->x = INFINITY;
+    return -1;
+}

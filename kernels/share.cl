@@ -1,0 +1,54 @@
+// Squares of neighbouring patches that share their bounces: in each square of texels, patches of one
+// material that lie in about one plane follow the one nearest to the square's middle.
+
+#define MOST 64  // texels of a square
+#define SAME_PLANE 0.95f
+
+__kernel void share(__global const uint *owners, const int resolution, const int width,
+                    __global const int *texels, __global const int *materials,
+                    __global const float4 *receivers, __global uint *leaders)
+{
+    const int x0 = width * get_global_id(0), y0 = width * get_global_id(1);
+    const size_t page = (size_t)get_global_id(2) * resolution * resolution;
+    uint members[MOST];
+    int count = 0;
+
+    // Members in the order of their distance to the middle: texels that patches own only as neighbours do not count.
+    for (int y = y0; y < min(y0 + width, resolution); ++y) {
+        for (int x = x0; x < min(x0 + width, resolution); ++x) {
+            const uint owner = owners[page + (size_t)y * resolution + x];
+            if (owner == 0 || texels[owner - 1] != y * resolution + x)
+                continue;
+            const int dx = 2 * (x - x0) - width + 1, dy = 2 * (y - y0) - width + 1, far = dx * dx + dy * dy;
+            int place = count++;
+            for (; place > 0; --place) {
+                const int other = texels[members[place - 1]];
+                const int ox = 2 * (other % resolution - x0) - width + 1, oy = 2 * (other / resolution - y0) - width + 1;
+                if (ox * ox + oy * oy <= far)
+                    break;
+                members[place] = members[place - 1];
+            }
+            members[place] = owner - 1;
+        }
+    }
+
+    // Each that follows nobody yet leads all like it.
+    for (int i = 0; i < count; ++i) {
+        const uint leader = members[i];
+        if (leader == 0xFFFFFFFFu)
+            continue;
+        const Receiver r = load_receiver(receivers + RECEIVER * leader);
+        for (int j = i; j < count; ++j) {
+            const uint member = members[j];
+            if (member == 0xFFFFFFFFu)
+                continue;
+            const Receiver m = load_receiver(receivers + RECEIVER * member);
+            const bool alike = materials[member] == materials[leader] && dot(m.normal, r.normal) > SAME_PLANE
+                && fabs(dot(m.at - r.at, r.geometric)) < 0.5f * width * r.size && length(m.at - r.at) < 1.5f * width * r.size;
+            if (j == i || alike) {
+                leaders[member] = leader;
+                members[j] = 0xFFFFFFFFu;
+            }
+        }
+    }
+}

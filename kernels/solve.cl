@@ -1,0 +1,86 @@
+// Sums over all patches and mixtures of iterates, for Anderson's acceleration (engine/anderson.py).
+// COLUMNS is the number of iterates kept. The newest one is `newest` of the ring; those that are not
+// valid yet hold zeros.
+
+#define PRODUCTS (COLUMNS * (COLUMNS - 1) / 2)
+#define SUMS (PRODUCTS + COLUMNS + 3)
+
+float sum3(const float4 v) { return v.x + v.y + v.z; }
+
+// For each channel: products of the defects' differences to the newest, D_i D_j and D_i f, and f f, with
+// weights that fall with the square of a patch's light above the mean; then what the patches reflect of
+// the newest defect, and of light that is 1 wherever they see others; then all light, in x. One sum for
+// each work item.
+__kernel void products(__global const float4 *gathered, __global const float4 *defects, const int newest,
+                       __global const float4 *reflectance, __global const float *area,
+                       __global const float *patches_seen, const float least, const int count,
+                       __global float4 *sums)
+{
+    float4 acc[SUMS];
+#pragma unroll
+    for (int k = 0; k < SUMS; ++k)
+        acc[k] = (float4)(0.0f);
+    for (int i = get_global_id(0); i < count; i += get_global_size(0)) {
+        const float4 f = defects[(size_t)newest * count + i];
+        const float total = sum3(gathered[(size_t)newest * count + i]);
+        const float root = 1.0f / fmax(total, least), weight = root * root;
+        float4 difference[COLUMNS];
+#pragma unroll
+        for (int j = 0; j < COLUMNS; ++j)
+            difference[j] = j == newest ? f : defects[(size_t)j * count + i] - f;
+        int k = 0;
+#pragma unroll
+        for (int a = 0; a < COLUMNS; ++a)
+#pragma unroll
+            for (int b = a; b < COLUMNS; ++b, ++k)
+                acc[k] += weight * difference[a] * difference[b];
+        const float4 share = area[i] * reflectance[i];
+        acc[PRODUCTS + COLUMNS] += share * f;
+        acc[PRODUCTS + COLUMNS + 1] += share * patches_seen[i];
+        acc[PRODUCTS + COLUMNS + 2].x += total;
+    }
+#pragma unroll
+    for (int k = 0; k < SUMS; ++k)
+        sums[k * get_global_size(0) + get_global_id(0)] = acc[k];
+}
+
+// The next irradiance: iterates mixed, and `ambient` where patches see others; the radiance that goes with
+// it. Sums: the change, the change relative to each patch's own light, and the flux that is added.
+__kernel void mix_iterates(__global const float4 *gathered, __global const float4 *weights,
+                           const float4 ambient, __global const float *patches_seen,
+                           __global const float4 *reflectance, __global const float4 *emission,
+                           __global const float *area, const float least, const int count,
+                           __global float4 *irradiance, __global float4 *radiance,
+                           __global float4 *sums)
+{
+    float4 acc = (float4)(0.0f);
+    for (int i = get_global_id(0); i < count; i += get_global_size(0)) {
+        float4 next = ambient * patches_seen[i];
+        for (int j = 0; j < COLUMNS; ++j)
+            next += weights[j] * gathered[(size_t)j * count + i];
+        next = fmax(next, 0.0f);
+        const float4 before = irradiance[i];
+        const float change = sum3(fabs(next - before));
+        acc += (float4)(change, change / fmax(sum3(next), least), area[i] * sum3(reflectance[i] * (next - before)), 0.0f);
+        irradiance[i] = next;
+        radiance[i + 1] = emission[i + 1] + reflectance[i] * next;
+    }
+    sums[get_global_id(0)] = acc;
+}
+
+// The sums of all work items together, in a fixed order; one number a group.
+__kernel void add_up(__global const float4 *sums, const int items, __global float4 *totals, __local float4 *partial)
+{
+    const int item = get_local_id(0), number = get_group_id(0);
+    float4 sum = (float4)(0.0f);
+    for (int i = item; i < items; i += get_local_size(0))
+        sum += sums[number * items + i];
+    partial[item] = sum;
+    for (int step = get_local_size(0) / 2; step > 0; step /= 2) {
+        barrier(CLK_LOCAL_MEM_FENCE);
+        if (item < step)
+            partial[item] += partial[item + step];
+    }
+    if (item == 0)
+        totals[number] = partial[0];
+}

@@ -1,0 +1,55 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from engine import Settings, SettingsError, bake
+from engine.session import Session
+from tests.analytic.scenes import furnace, sphere
+
+QUICK = Settings(resolution=64, hemicube=8, iterations=3, tolerance=0)
+
+
+def finished(work):
+    while True:
+        try:
+            next(work)
+        except StopIteration as stop:
+            return stop.value
+
+
+@pytest.mark.parametrize("visibility", ["raster", "rays"])
+def test_later_bakes_on_the_same_devices_give_the_same_bits(visibility):
+    settings = dataclasses.replace(QUICK, visibility=visibility)
+    expected = [finished(bake(scene, settings)).image for scene in (furnace(0.5, 1.0), sphere())]
+    session = Session()
+    for _ in range(2):
+        for scene, image in zip((furnace(0.5, 1.0), sphere()), expected, strict=True):
+            assert np.array_equal(finished(session.bake(scene, settings)).image, image)
+    session.close()
+
+
+def test_methods_may_follow_each_other():
+    session = Session()
+    settings = [
+        dataclasses.replace(QUICK, method=method, visibility="raster") for method in ("paper", "cached")
+    ]
+    first, second, third = (
+        finished(session.bake(sphere(), dataclasses.replace(each, accelerate=False)))
+        for each in (*settings, settings[0])
+    )
+    session.close()
+    assert np.array_equal(first.image, third.image)
+    assert second.image == pytest.approx(first.image, rel=2e-5)
+
+
+def test_after_an_error_and_after_a_cancel_the_next_bake_works():
+    session = Session()
+    work = session.bake(furnace(0.5, 1.0), QUICK)
+    for _ in range(4):
+        next(work)
+    work.close()
+    with pytest.raises(SettingsError):
+        finished(session.bake(furnace(0.5, 1.0), dataclasses.replace(QUICK, hemicube=3)))
+    assert finished(session.bake(furnace(0.5, 1.0), QUICK)).report.iterations == 3
+    session.close()

@@ -1,0 +1,58 @@
+import numpy as np
+import pytest
+
+from benchmarks.curves import Point, envelope, reach, reach_by_sampling
+from benchmarks.rooms import cornell_box, dark_box, hilly_room
+from engine.scene import check_scene
+
+
+def _sampled(samples: list[int]) -> list[Point]:
+    """A path tracer: 1 s to start, 0.01 s a sample, error 1 / sqrt(samples)."""
+    return [Point(str(count), 1 + 0.01 * count, count**-0.5) for count in samples]
+
+
+def test_an_error_between_two_bakes_is_interpolated_on_logarithms():
+    points = [Point("coarse", 1.0, 0.08), Point("fine", 4.0, 0.02)]
+    found = reach(points, 0.04)
+    assert found.how == "interpolated" and found.seconds == pytest.approx(2.0)
+
+
+def test_bakes_that_others_beat_do_not_count():
+    points = [Point("a", 1.0, 0.08), Point("slow", 3.0, 0.1), Point("b", 4.0, 0.02)]
+    assert [point.label for point in envelope(points)] == ["a", "b"]
+
+
+def test_what_is_not_measured_is_not_claimed():
+    points = [Point("coarse", 1.0, 0.08), Point("fine", 4.0, 0.03)]
+    assert reach(points, 0.02) == reach([], 0.02) and reach(points, 0.02).seconds is None
+    assert reach(points, 0.1).how == "at most" and reach(points, 0.1).seconds == 1.0
+
+
+def test_more_samples_follow_the_square_root_law():
+    samples = [16, 64, 256]
+    found = reach_by_sampling(samples, _sampled(samples), 0.02)
+    assert found.how == "extrapolated" and found.seconds == pytest.approx(1 + 0.01 * 2500)
+
+
+@pytest.mark.parametrize("resolution", [64, 120, 1024])
+def test_the_box_fills_its_lightmap_with_charts_that_do_not_touch(resolution):
+    (mesh,) = cornell_box(resolution).meshes
+    check_scene(cornell_box(resolution))
+    owners = np.zeros((resolution, resolution), np.int32)
+    for quad in range(len(mesh.uvs) // 2):
+        corners = np.round(mesh.uvs[2 * quad : 2 * quad + 2].reshape(-1, 2) * resolution).astype(int)
+        (left, bottom), (right, top) = corners.min(axis=0), corners.max(axis=0)
+        assert right > left and top > bottom
+        around = owners[max(bottom - 1, 0) : top + 1, max(left - 1, 0) : right + 1]
+        assert not around.any()
+        owners[bottom:top, left:right] = quad + 1
+    assert (owners > 0).mean() > 0.6
+
+
+def test_rooms_have_the_triangles_and_lamps_asked_for():
+    scene = hilly_room(96, 1000)
+    check_scene(scene)
+    assert sum(len(mesh.positions) for mesh in scene.meshes) == pytest.approx(1000, rel=0.1)
+    floor = scene.meshes[1]
+    assert (floor.normals[..., 2] > 0).all() and floor.uvs.min() >= 0 and floor.uvs.max() <= 1
+    assert len(dark_box(64, 10).lights) == 10

@@ -54,7 +54,7 @@ class HemicubeRaster:
         # Geometry relative to the scene's middle, where float32 is finest.
         self.origin = triangles.middle
         positions = (triangles.positions - self.origin).astype(np.float32)
-        self._clusters = Clusters(positions, culling)
+        self._clusters = Clusters(positions, cutouts.culled[triangles.material], culling)
         mesh = MeshBuffers(graphics, indexed_mesh(triangles, positions, cutouts, self._clusters.order))
         features = (*target.features, *(("cutouts",) if cutouts.needed else ()))
         names = available_paths(graphics) if path is None else (path,)

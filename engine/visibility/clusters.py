@@ -1,4 +1,4 @@
-"""Triangles in clusters, and which clusters a hemicube face may see (frustum culling)."""
+"""Triangles in clusters, and which clusters a hemicube face may see: culling by frustum and normal cone."""
 
 from __future__ import annotations
 
@@ -35,8 +35,12 @@ class Clusters:
     first   (c + 1,) int64, where each cluster starts in `order`, and the end of the last
     """
 
-    def __init__(self, positions: np.ndarray, culling: bool = True) -> None:
-        """positions: (t, 3, 3) float32, relative to the scene's middle; one cluster without culling."""
+    def __init__(self, positions: np.ndarray, one_sided: np.ndarray, culling: bool = True) -> None:
+        """Make clusters; one alone without culling.
+
+        positions: (t, 3, 3) float32, relative to the scene's middle; one_sided: (t,) bool, triangles whose
+        backs are see-through.
+        """
         count = len(positions)
         size = _SIZE if culling and count >= _WORTHWHILE else count
         self.order = np.argsort(_morton_codes(positions.mean(axis=1)), kind="stable")
@@ -44,6 +48,7 @@ class Clusters:
         low = np.minimum.reduceat(positions[self.order].min(axis=1), self.first[:-1], axis=0)
         high = np.maximum.reduceat(positions[self.order].max(axis=1), self.first[:-1], axis=0)
         self._center, self._half = (low + high) / 2, (high - low) / 2
+        self._cone = _cones(positions[self.order], one_sided[self.order], self.first)
         self._slack = _SLACK * float(np.linalg.norm(high.max(axis=0) - low.min(axis=0)))
 
     def __len__(self) -> int:
@@ -53,7 +58,8 @@ class Clusters:
         """Return which clusters may be seen on which faces, (c, m, 5) bool; never too few.
 
         matrices: (m, 5, 4, 4) float32 from `hemicube.matrices`. A face sees a box unless it lies wholly
-        behind one of the face's four side planes. Occlusion is left to the depth test.
+        behind one of the face's four side planes, or shows nothing but backs that are see-through.
+        Occlusion is left to the depth test.
         """
         count = len(matrices)
         if len(self) == 1:
@@ -69,7 +75,40 @@ class Clusters:
         for face, sides in enumerate(_SIDES):
             tests = [beyond[sign][:, plane] for plane, sign in sides]
             seen[:, :, face] = np.logical_and.reduce(tests).T
+        if (self._cone[:, 3] < 1).any():
+            seen &= ~self._turned_away(matrices)[:, :, None]
         return seen
+
+    def _turned_away(self, matrices: np.ndarray) -> np.ndarray:
+        """Return which clusters turn all their normals away from which eyes, (c, m) bool.
+
+        All of a ball of radius r about c, whose normals differ from an axis by at most alpha, is seen from
+        behind if axis (c - eye) >= sin(alpha) |c - eye| + r (Shirman & Abi-Ezzi 1993).
+        """
+        rows = matrices[:, 0, [0, 1, 3]]
+        eye = -np.einsum("mij,mi->mj", rows[..., :3], rows[..., 3])
+        away = self._center[:, None] - eye
+        distance = np.linalg.norm(away, axis=2)
+        radius = np.linalg.norm(self._half, axis=1)[:, None] + self._slack
+        along = np.einsum("cmj,cj->cm", away, self._cone[:, :3])
+        turned: np.ndarray = along >= self._cone[:, 3:] * distance + radius
+        return turned
+
+
+def _cones(positions: np.ndarray, one_sided: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Return axis and sine of the half angle of each cluster's normals, (c, 4) float32; sine 2 for none.
+
+    A cluster has no cone if a back of it is opaque, or if its normals fill half of all directions.
+    """
+    edges = positions[:, 1:] - positions[:, :1]
+    normals = np.cross(edges[:, 0], edges[:, 1])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+    axes = np.add.reduceat(normals, first[:-1], axis=0)
+    axes /= np.maximum(np.linalg.norm(axes, axis=1, keepdims=True), 1e-30)
+    cosine = np.minimum.reduceat((normals * axes.repeat(np.diff(first), axis=0)).sum(axis=1), first[:-1])
+    narrow = np.logical_and.reduceat(one_sided, first[:-1]) & (cosine > 0.05)
+    sine = np.where(narrow, np.sqrt(np.maximum(1 - cosine * cosine, 0)) + 1e-4, 2)
+    return np.concatenate([axes, sine[:, None]], axis=1).astype(np.float32)
 
 
 def _morton_codes(points: np.ndarray) -> np.ndarray:

@@ -54,7 +54,7 @@ class HemicubeRaster:
         # Geometry relative to the scene's middle, where float32 is finest.
         self.origin = triangles.middle
         positions = (triangles.positions - self.origin).astype(np.float32)
-        self._clusters = Clusters(positions, culling)
+        self._clusters = Clusters(positions, cutouts.culled[triangles.material], culling)
         mesh = MeshBuffers(graphics, indexed_mesh(triangles, positions, cutouts, self._clusters.order))
         features = (*target.features, *(("cutouts",) if cutouts.needed else ()))
         names = available_paths(graphics) if path is None else (path,)
@@ -119,17 +119,19 @@ class HemicubeRaster:
     def _keep_fastest(self, matrices: np.ndarray) -> None:
         """Time all paths with ever more hemicubes until that takes long enough; keep the fastest one.
 
-        What they draw into the array is what is drawn there again.
+        What they draw into the array is what is drawn there again. Too few hemicubes decide for themselves.
         """
         count, drawn = len(matrices), self._tiles.per_layer
         for path in self._paths:
             self._seconds(path, matrices, min(drawn, count))
         while True:
-            seconds = [self._seconds(path, matrices, min(drawn, count)) for path in self._paths]
-            if min(seconds) > _TRIAL or drawn >= count:
+            seconds = {path: self._seconds(path, matrices, min(drawn, count)) for path in self._paths}
+            if min(seconds.values()) > _TRIAL or drawn >= count:
                 break
             drawn *= 4
-        self._paths = [self._paths[int(np.argmin(seconds))]]
+        self._paths.sort(key=lambda path: seconds[path])
+        if min(seconds.values()) > _TRIAL or count == self._tiles.capacity:
+            del self._paths[1:]
 
     def _seconds(self, path: DrawPath, matrices: np.ndarray, count: int) -> float:
         """Return how long a path takes to draw so many hemicubes."""

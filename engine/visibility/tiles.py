@@ -16,7 +16,7 @@ _TEXTURE_SIZE = 16384
 TILES_PER_DRAW = _VIEWPORTS // 5
 
 #: Bytes per hemicube texel: RGBA32F colour and depth; besides these a copy and the workspace in OpenCL;
-#: or an identity, its copy, what is kept, and depth.
+#: or an identity, its copy, what becomes of it, and depth.
 RADIANCE_BYTES = 16 + 4
 COPIED_RADIANCE_BYTES = 16 + 16 + 16 + 4
 IDENTITY_BYTES = 4 + 4 + 4 + 4

@@ -61,11 +61,10 @@ def test_back_faces_show_emission_and_are_counted(graphics):
     assert (image[0, :32, :, :3][seen == 1] == WORLD).all() and (seen == 1).any()
 
 
-def pictures(graphics, tiles, path=None, culling=True, see_through=False):
-    """Draw what patches on a sphere of 768 triangles see; every texel of the lightmap is a patch."""
+def pictures(graphics, tiles, path=None, culling=True, **changes):
+    """Draw a sphere of 768 triangles seen from within and without; every texel of the lightmap is a patch."""
     scene = sphere()
-    if see_through:
-        scene = replace(scene, materials=tuple(replace(m, alpha=0.6) for m in scene.materials))
+    scene = replace(scene, materials=tuple(replace(m, **changes) for m in scene.materials))
     triangles = gather_triangles(scene)
     target = RadianceTarget(graphics, tiles, np.zeros((64 * 64, 3), np.float32), (*WORLD, 1.0))
     target.set_radiance(np.random.default_rng(4).random((64 * 64, 3), np.float32))
@@ -75,20 +74,24 @@ def pictures(graphics, tiles, path=None, culling=True, see_through=False):
     count = tiles.capacity - 1
     chosen = np.linspace(0, len(triangles.positions) - 1, count).astype(int)
     normal = triangles.normals[chosen, 0].astype(np.float64)
-    eyes = triangles.positions[chosen].mean(axis=1) + 1e-3 * normal - raster.origin
+    eyes = (
+        triangles.positions[chosen].mean(axis=1)
+        + np.resize([1e-3, -0.5], (count, 1)) * normal
+        - raster.origin
+    )
     frame = frames(normal, rotations(1, np.arange(count)))
     list(raster.draw(matrices(frame, eyes, np.full(count, 1e-4), graphics.reversed_depth), 2))
     return target.texture.read(), raster.path
 
 
-@pytest.mark.parametrize("see_through", [False, True], ids=["opaque", "see-through"])
+@pytest.mark.parametrize("changes", [{}, {"alpha": 0.6}, {"culled": True}], ids=["opaque", "thin", "culled"])
 @pytest.mark.parametrize("tiles", [Tiles(16, 3, 1, 5), Tiles(8, 4, 2, 3)])
-def test_all_ways_to_draw_give_the_same_bits(graphics, tiles, see_through):
-    reference, _ = pictures(graphics, tiles, "geometry", culling=False, see_through=see_through)
+def test_all_ways_to_draw_give_the_same_bits(graphics, tiles, changes):
+    reference, _ = pictures(graphics, tiles, "geometry", culling=False, **changes)
     assert len(set(np.frombuffer(reference, np.float32))) > 100
     for path in available_paths(graphics):
         for culling in (True, False):
-            assert pictures(graphics, tiles, path, culling, see_through) == (reference, path)
+            assert pictures(graphics, tiles, path, culling, **changes) == (reference, path)
 
 
 def test_the_fastest_way_is_kept_and_draws_the_same(graphics):
@@ -109,7 +112,7 @@ def test_no_cluster_that_a_face_sees_is_left_out():
     """A triangle with a corner within a face's frustum belongs to a cluster that the face sees."""
     random = np.random.default_rng(3)
     corners = random.normal(size=(5000, 1, 3)) + random.normal(size=(5000, 3, 3)) * 0.1
-    clusters = Clusters(corners.astype(np.float32))
+    clusters = Clusters(corners.astype(np.float32), np.zeros(5000, bool))
     frame = frames(np.float64([[0.6, 0, 0.8], [0, -1, 0]]), np.float64([0.3, 2.0]))
     matrix = matrices(frame, np.float64([[1, 0.5, 1], [-1, 1, 0]]), np.full(2, 1e-4), True)
     seen = clusters.visible(matrix)
@@ -120,6 +123,19 @@ def test_no_cluster_that_a_face_sees_is_left_out():
     cluster[clusters.order] = np.repeat(np.arange(len(clusters)), np.diff(clusters.first))
     assert (seen[cluster].transpose(1, 2, 0) | ~inside).all()
     assert len(clusters) > 50 and seen.mean() < 0.5
+
+
+def test_see_through_backs_are_left_out():
+    """A grid that faces up is seen from above, not from below unless its backs are opaque."""
+    x, y = np.meshgrid(np.arange(-10, 10), np.arange(-10, 10))
+    corner = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1)[:, None] / np.float32(10)
+    positions = (corner + np.float32([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]])).astype(np.float32)
+    frame = frames(np.float64([[0, 0, -1], [0, 0, 1]]), np.zeros(2))
+    matrix = matrices(frame, np.float64([[0, 0, 1.5], [0, 0, -1.5]]), np.full(2, 1e-4), True)
+    one_sided, opaque = (
+        Clusters(positions, np.full(400, culled)).visible(matrix) for culled in (True, False)
+    )
+    assert opaque[:, :, 0].all() and one_sided[:, 0, 0].all() and not one_sided[:, 1].any()
 
 
 @pytest.mark.parametrize("tiles", [Tiles(16, 3, 1, 3), Tiles(8, 4, 2, 2), Tiles(128, 1, 1, 1)])

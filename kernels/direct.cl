@@ -1,5 +1,9 @@
 // Direct light at every patch: samples of emitters, each with a shadow ray; and ambient occlusion.
 
+// Rays to an emitter until it may count as seen whole or not at all: so many, or this share of its samples.
+#define TRIAL 24.0f
+#define TRIAL_SHARE 0.375f
+
 // The share of a sample's light that reaches a point, on its way from a little above the surface to a
 // little before the light: that may be a surface, too.
 float seen(const Rays *rays, const Receiver *r, const float3 p, const Sample *s)
@@ -41,11 +45,13 @@ __kernel void direct(RAYS_ARGUMENTS, __global const float4 *receivers, __global 
     walk.passed = 0.0f;
     float2 span = (float2)(0.0f);
     float3 light = (float3)(0.0f);
-    float unshadowed = 0.0f;
+    float unshadowed = 0.0f, tried = 0.0f, through = 0.0f;
     int emitter = -1;
     for (int index = 0; index < budget && total > 0.0f; ++index) {
-        if (index + offset >= span.x)
+        if (index + offset >= span.x) {
             emitter = next_emitter(&walk, &lights, &r, index + offset, &span);
+            tried = through = 0.0f;
+        }
         if (emitter < 0)
             continue;
         __global const float4 *e = emitters + EMITTER * emitter;
@@ -57,7 +63,17 @@ __kernel void direct(RAYS_ARGUMENTS, __global const float4 *receivers, __global 
             continue;
         const float3 brought = s.light * (cosine / span.y);
         unshadowed += luminance(brought);
-        light += brought * (e[0].z > 0.0f ? seen(&rays, &r, p, &s) : 1.0f);
+
+        // Where all rays of a trial met, or none, the others of this emitter are spared.
+        float share = 1.0f;
+        if (e[0].z > 0.0f && tried >= fmax(TRIAL, TRIAL_SHARE * span.y) && (through == 0.0f || through == tried)) {
+            share = through / tried;
+        } else if (e[0].z > 0.0f) {
+            share = seen(&rays, &r, p, &s);
+            through += share;
+            tried += 1.0f;
+        }
+        light += brought * share;
     }
     result[patch] = (float4)(light, unshadowed);
 }

@@ -1,5 +1,9 @@
 // Direct light at every patch: samples of emitters, each with a shadow ray; and ambient occlusion.
 
+// Rays to an emitter until it may count as seen whole or not at all: so many, or this share of its samples.
+#define TRIAL 24.0f
+#define TRIAL_SHARE 0.375f
+
 // The share of a sample's light that reaches a point, on its way from a little above the surface to a
 // little before the light: that may be a surface, too.
 float seen(const Rays *rays, const Receiver *r, const float3 p, const Sample *s)
@@ -79,19 +83,25 @@ __kernel void direct(RAYS_ARGUMENTS, __global const float4 *receivers, __global 
     float2 span = (float2)(0.0f);
     Sum sum = {(float3)(0.0f), 0.0f};
     Run run = {0.0f, 0.0f, 0.0f, (float3)(0.0f)};
+    float tried = 0.0f, through = 0.0f;
     int emitter = -1;
     for (int index = 0; index < budget && total > 0.0f; ++index) {
         if (index + offset >= span.x) {
             finish_run(&run, &sum);
             emitter = next_emitter(&walk, &lights, &r, index + offset, &span);
             run.expected = span.y;
-            run.shadowed = run.unshadowed = 0.0f;
+            run.shadowed = run.unshadowed = tried = through = 0.0f;
             if (emitter >= 0 && emitters[EMITTER * emitter].w > 0.0f)
                 run.open = open_over_texel(emitters + EMITTER * emitter, &r);
         }
         if (emitter < 0)
             continue;
         __global const float4 *e = emitters + EMITTER * emitter;
+
+        // Where all rays of a trial met, or none, the others of this emitter are spared.
+        const bool spared = tried >= fmax(TRIAL, TRIAL_SHARE * span.y) && (through == 0.0f || through == tried);
+        if (spared && e[0].w > 0.0f)
+            continue;
         const float4 u = sample_point(index, key);
         const float3 p = point_of_texel(&r, u.zw);
         const Sample s = sample_emitter(e, &glow, &sky, p, r.normal, u.xy);
@@ -99,7 +109,14 @@ __kernel void direct(RAYS_ARGUMENTS, __global const float4 *receivers, __global 
         if (!(cosine > 0.0f && dot(s.direction, r.geometric) > 0.0f && luminance(s.light) > 0.0f))
             continue;
         const float3 brought = s.light * (cosine / span.y);
-        const float share = e[0].z > 0.0f ? seen(&rays, &r, p, &s) : 1.0f;
+        float share = 1.0f;
+        if (spared) {
+            share = through / tried;
+        } else if (e[0].z > 0.0f) {
+            share = seen(&rays, &r, p, &s);
+            through += share;
+            tried += 1.0f;
+        }
         if (e[0].w > 0.0f) {
             run.unshadowed += luminance(brought);
             run.shadowed += luminance(brought) * share;

@@ -77,7 +77,7 @@ def bake_with(
     outputs, covered = Outputs(scene, settings, sampled), sampled.covered()
     while not outputs.done(solution):
         yield from _report(solution.iteration(), partial(_progress, solution))
-        if solution.iterations == 1 or solution.done:
+        if outputs.done(solution) or (settings.partials and solution.iterations == 1):
             store.hide(np.where(covered, 0, solution.gathered[:, 3]))
         image = store.display(outputs.light(solution)) if settings.partials else None
         yield _progress(solution, 1.0, image)
@@ -85,12 +85,13 @@ def bake_with(
 
     # What was asked for, as images.
     made = yield from _report(outputs.make(solution), partial(Progress, "outputs"))
-    passes = {name: store.display(values) for name, values in made.items()}
+    images = {name: store.image(values) for name, values in made.items()}
+    passes = {name: store.dilated(image) for name, image in images.items()}
     first = next(iter(made))
     clock.lap("outputs")
     warnings = (*notes, *parts.warnings, *sampled.warnings)
     report = _summary(solution, outputs, choice, len(parts.patches), clock, devices, warnings)
-    return Lightmap(atlases, store.image(made[first]), passes[first], store.covered, report, passes)
+    return Lightmap(atlases, images[first], passes[first], store.covered, report, passes)
 
 
 def _report(

@@ -51,35 +51,44 @@ def bright_triangles(
 
     owners: (atlases, r, r) uint32 index map; emission: (n, 3) float32 radiance of each patch.
     """
-    radiance = _mean_radiance(triangles, geometry, owners, emission)
+    red, green, blue = emission.T
+    glowing = np.flatnonzero(red + green + blue)
+    triangle, shining = geometry.triangle[glowing], emission[glowing]
+    radiance = _mean_radiance(triangles, geometry, owners, emission, (triangle, shining))
     first, second = np.moveaxis(triangles.positions[:, 1:] - triangles.positions[:, :1], 1, 0)
     area = np.linalg.norm(np.cross(first, second), axis=1) / 2
     luminance = radiance @ _LUMINANCE
     mean = float((luminance * area).sum(dtype=np.float64) / max(area.sum(dtype=np.float64), 1e-30))
     chosen = (luminance > 0) & (luminance >= _BRIGHT * mean)
-    left = np.where(chosen[geometry.triangle][:, None], np.float32(0), emission)
+    left = emission.copy()
+    left[glowing[chosen[triangle]]] = 0
     index = np.flatnonzero(chosen)
-    even = _is_even(geometry.triangle, emission, radiance)[index]
+    even = _is_even(triangle, shining, radiance)[index]
     return BrightTriangles(index, radiance[index].astype(np.float32), even, left)
 
 
 def _is_even(triangle: np.ndarray, emission: np.ndarray, mean: np.ndarray) -> np.ndarray:
-    """Return which triangles emit the same everywhere, (t,) bool."""
-    differs = (np.abs(emission - mean[triangle]) > _EVEN * mean[triangle].max(axis=1, keepdims=True)).any(
-        axis=1
-    )
+    """Return which triangles emit the same everywhere, (t,) bool; triangle and emission of what glows."""
+    largest = mean[triangle].max(axis=1, keepdims=True)
+    differs = (np.abs(emission - mean[triangle]) > _EVEN * largest).any(axis=1)
     return np.bincount(triangle[differs], minlength=len(mean)) == 0
 
 
 def _mean_radiance(
-    triangles: Triangles, geometry: PatchGeometry, owners: np.ndarray, emission: np.ndarray
+    triangles: Triangles,
+    geometry: PatchGeometry,
+    owners: np.ndarray,
+    emission: np.ndarray,
+    glowing: tuple[np.ndarray, np.ndarray],
 ) -> np.ndarray:
-    """Return the mean radiance that each triangle emits, (t, 3) float64; of its middle if it has no patch."""
+    """Return the mean radiance that each triangle emits, (t, 3) float64; of its middle if it has no patch.
+
+    glowing: triangle and emission of the patches that emit.
+    """
     count = len(triangles.positions)
     patches = np.bincount(geometry.triangle, minlength=count)
-    total = np.stack(
-        [np.bincount(geometry.triangle, emission[:, channel], count) for channel in range(3)], axis=1
-    )
+    triangle, shining = glowing
+    total = np.stack([np.bincount(triangle, channel, count) for channel in shining.T], axis=1)
     middle = (triangles.uvs.mean(axis=1) * owners.shape[-1]).astype(int).clip(0, owners.shape[-1] - 1)
     owner = owners[triangles.atlas, middle[:, 1], middle[:, 0]].astype(np.int64)
     there = np.where(owner[:, None] > 0, emission[np.maximum(owner - 1, 0)], 0)

@@ -154,6 +154,7 @@ class Solver:
         self._newest = -1
         self._direct = lights
         self._steps: list[Step] = []
+        self._gathered: np.ndarray | None = None
         self._total = 0.0
 
     @property
@@ -174,7 +175,9 @@ class Solver:
     @property
     def gathered(self) -> np.ndarray:
         """What the last sweep gathered, (n, 4) float32: E/pi, and the share that is no back."""
-        return self._radiosity.iterate(self._newest)
+        if self._gathered is None:
+            self._gathered = self._radiosity.iterate(self._newest)
+        return self._gathered
 
     @property
     def direct(self) -> np.ndarray:
@@ -191,6 +194,7 @@ class Solver:
         """Sweep once; yield the fraction done."""
         self._newest = (self._newest + 1) % COLUMNS
         yield from self._radiosity.sweep(self._newest)
+        self._gathered = None
         sums = self._radiosity.sums(self._newest, max(self._total, 1e-30))
         if self._glowing and not self._steps:
             self._direct = self._radiosity.iterate(self._newest)[:, :3]

@@ -68,7 +68,7 @@ def _measure(resolution: int, samples: int, options: Options, bpy) -> dict[str, 
     baking.timed(scene, settings(configurations()[0], resolution=resolution))
     curve, too_slow = [], set()
     for values in configurations():
-        if values.get("visibility") in too_slow:
+        if values["visibility"] in too_slow or (resolution > _SMALL[0] and values["visibility"] == "raster"):
             continue
         seconds, lightmap = baking.best_of_two(scene, settings(values, resolution=resolution))
         point = {"values": values, "seconds": seconds, "own": _rmse(lightmap.image, truth, covered)}

@@ -46,9 +46,13 @@ class LightmapStore:
 
     def display(self, values: np.ndarray) -> np.ndarray:
         """Return the patches' values as images with hidden texels filled and charts dilated."""
+        return self.dilated(self.image(values))
+
+    def dilated(self, images: np.ndarray) -> np.ndarray:
+        """Return images with hidden texels filled and charts dilated."""
         if not self._dilations:
             known = self.covered.copy()
             known.ravel()[self._place[self._hidden]] = False
             self._dilations = [Dilation(mask, self._rings) for mask in known]
-        images = zip(self._dilations, self.image(values), strict=True)
-        return np.stack([dilation.apply(image) for dilation, image in images])
+        pairs = zip(self._dilations, images, strict=True)
+        return np.stack([dilation.apply(image) for dilation, image in pairs])

@@ -136,7 +136,10 @@ def test_ten_accelerated_sweeps_light_a_closed_room(visibility):
 
 
 def test_rays_and_drawing_find_the_same_patches():
-    """The identity of hemicube texels: a thousandth may differ, and lies on an edge."""
+    """The identity of hemicube texels: a thousandth may differ, and lies on an edge.
+
+    Neighbours on a lightmap count as the same: drivers differ in the last bits of interpolated UVs.
+    """
     room = nine_quad_room()
     settings = Settings(resolution=128, hemicube=32, visibility="rays", directions="hemicube")
     graphics, compute = Graphics(), Compute()
@@ -149,7 +152,9 @@ def test_rays_and_drawing_find_the_same_patches():
         cast, drawn = (find(compute, identity, 3000, 3300, len(emission)) for identity in (rays, raster))
     finally:
         graphics.release()
-    differ = cast != drawn
+    texels = np.concatenate([[-1000], parts.patches.texel])
+    rows, columns = np.abs(np.divmod(texels[cast], 128) - np.array(np.divmod(texels[drawn], 128)))
+    differ = (rows > 1) | (columns > 1)
     inner = np.ones_like(differ)
     for image in (cast, drawn):
         for dy, dx in ((0, 1), (1, 0), (0, -1), (-1, 0)):

@@ -40,18 +40,20 @@ class Anderson:
         self._last_size = size
         older = [column for column in self._valid if column != newest]
         weights = np.zeros((COLUMNS, 3))
-        for channel in range(3):
-            gram = products[np.ix_(older, older)][..., channel]
-            moment = products[older, newest, channel]
-            weights[older, channel] = _least_squares(gram, moment)
+        by_channel = np.moveaxis(products, 2, 0)
+        weights[older] = _least_squares(by_channel[:, older][:, :, older], by_channel[:, older, newest]).T
         weights[newest] = 1 - weights.sum(axis=0)
         self._valid = [*older, newest][-(COLUMNS - 1) :]
         return weights
 
 
 def _least_squares(gram: np.ndarray, moment: np.ndarray) -> np.ndarray:
-    """Return t with gram t = -moment, columns scaled alike; zero where they vanish."""
-    scale = np.sqrt(np.maximum(np.diag(gram), 1e-60))
-    scaled = gram / np.outer(scale, scale) + _RIDGE * np.eye(len(gram))
-    solution: np.ndarray = np.linalg.solve(scaled, -moment / scale) / scale
-    return np.where(scale > 1e-25, solution, 0)
+    """Return t with gram t = -moment of each channel, columns scaled alike; zero where they vanish.
+
+    gram: (c, k, k), moment: (c, k). Returns (c, k) float64.
+    """
+    scale = np.sqrt(np.maximum(np.einsum("ckk->ck", gram), 1e-60))
+    scaled = gram / (scale[:, :, None] * scale[:, None, :]) + _RIDGE * np.eye(gram.shape[1])
+    solution = np.linalg.solve(scaled, (-moment / scale)[..., None])[..., 0] / scale
+    solved: np.ndarray = np.where(scale > 1e-25, solution, 0)
+    return solved

@@ -54,7 +54,7 @@ class PaperGather:
         tiles = plan_tiles(settings, len(parts.patches), texel_bytes)
         uniform = sky.shape[:2] == (1, 1)
         nothing = (*sky[0, 0], 1.0) if uniform else _LOOK_UP
-        self._target = RadianceTarget(graphics, tiles, emission, nothing)
+        self._target = RadianceTarget(graphics, tiles, emission, nothing, settings.half_radiance)
         self._hemicubes = Hemicubes(graphics, scene, parts, tiles, self._target, settings)
         looked_up = None if uniform else sky
         self._integrator = choose_integrator(graphics, compute, tiles, self._target.texture, looked_up)

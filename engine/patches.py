@@ -55,6 +55,8 @@ def list_patches(graphics: Graphics, scene: Scene, resolution: int) -> PatchList
 
 def concatenate(parts: list[PatchList]) -> PatchList:
     """Join patch lists of one resolution, in order."""
+    if len(parts) == 1:
+        return parts[0]
     names = ("atlas", "texel", "mesh", "face", "subface", "barycentric")
     joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     return PatchList(parts[0].resolution, **joined)

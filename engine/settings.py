@@ -38,6 +38,7 @@ class Settings:
     directions  of rays, one of DIRECTIONS
     shared_bounces  width of the squares of patches that share their bounces, one of SHARED_BOUNCES, texels:
                 each patch then gathers once more for itself; 1 for none, 0 to do so if memory is short
+    half_radiance  True draws the paper's hemicubes in 16-bit floats: faster where pixels are what takes long
     accelerate  False iterates as the paper does
     memory_budget  device memory for what patches see, bytes; 0 for half of the device's
     outputs     what the bake gives, some of OUTPUTS; shadow_mask gives a map for each light
@@ -65,6 +66,7 @@ class Settings:
     samples: int = 0
     directions: str = "cosine"
     shared_bounces: int = 0
+    half_radiance: bool = False
     accelerate: bool = True
     memory_budget: int = 0
     partials: bool = True

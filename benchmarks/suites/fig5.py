@@ -31,6 +31,8 @@ def run(options: Options) -> list[dict[str, Any]]:
     for row in _paper()["iterations"]:
         n = row["hemicube"]
         records += [_drawn(n, layers, budget) for layers in _LAYERS]
+        if options.gpu:
+            records.append(_drawn(n, _LAYERS[-1], budget, half=True))
         records.append(_cached(n, budget, 10 * budget))
     return records
 
@@ -48,16 +50,18 @@ def tables(records: list[dict[str, Any]], options: Options) -> str:
     return f"ms per iteration. Paper: {paper['cpu']}; {paper['gpu']}.\n{where}\n\n{table(titles, rows)}"
 
 
-def _drawn(n: int, layers: int, budget: float) -> dict[str, Any]:
-    """Time method `paper`, which draws hemicubes in every iteration."""
+def _drawn(n: int, layers: int, budget: float, half: bool = False) -> dict[str, Any]:
+    """Time method `paper`, which draws hemicubes in every iteration; in 16-bit floats, batches as they fit."""
+    size = {"half_radiance": True} if half else {"array_size": (_ARRAY, _ARRAY, layers)}
     chosen = settings(
-        {"method": "paper", "hemicube": n, "array_size": (_ARRAY, _ARRAY, layers), "visibility": "raster"},
+        {"method": "paper", "hemicube": n, "visibility": "raster", **size},
         resolution=_RESOLUTION, sample_emission=False,
     )  # fmt: skip
     with solving(nine_quad_room(), chosen) as (solver, choice, patches):
         warm_up(solver)
         timing = time_iterations(solver, _ITERATIONS, budget)
-    return _record(n, layers, choice.method, patches, timing)
+    name = "paper, float16" if half else choice.method
+    return _record(n, None if half else layers, name, patches, timing)
 
 
 def _cached(n: int, budget: float, drawing_budget: float) -> dict[str, Any]:

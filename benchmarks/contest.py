@@ -33,13 +33,13 @@ _FIRST, _LAST = 16, 4096
 
 def operator_bake(context: bpy.types.Context, values: dict[str, Any]) -> tuple[float, Any]:
     """Bake as the Bake operator does: gather, engine, store; return seconds and the engine's Lightmap."""
-    engine = importlib.import_module(f"{MODULE}.engine")
+    session = importlib.import_module(f"{MODULE}.engine.session")
     runs = importlib.import_module(f"{MODULE}.operators.run")
     for name, value in values.items():
         setattr(context.scene.hemibake, name, str(value) if name == "hemicube" else value)
     started = time.perf_counter()
     with quiet_stdout():
-        run = runs.Run(context, engine.bake)
+        run = runs.Run(context, session.bake, watched=False)
         lightmap = run.drain()
         run.finish(lightmap)
     return time.perf_counter() - started, lightmap

@@ -32,11 +32,12 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Bake in this process and return when it is done."""
-        from ..engine import bake
+        from ..engine import bake, session
 
+        # Without a window the devices may stay for the next bake of a script.
         run = None
         try:
-            run = Run(context, bake)
+            run = Run(context, session.bake if bpy.app.background else bake, watched=False)
             self._tell(run.finish(run.drain()), run.failure)
         except EngineError as error:
             if run is not None:

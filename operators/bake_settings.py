@@ -20,7 +20,6 @@ def read_settings(properties: HemibakeSceneProperties) -> Settings:
         method=properties.method,
         visibility=properties.visibility,
         samples=properties.samples,
-        partials=not bpy.app.background,
         outputs=tuple(name for name in OUTPUTS if name in properties.outputs),
         light_samples=properties.light_samples,
         sample_emission=properties.sample_emission,

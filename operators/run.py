@@ -6,6 +6,7 @@ import json
 import math
 import time
 from collections.abc import Callable, Generator
+from dataclasses import replace
 
 import bpy
 import numpy as np
@@ -32,11 +33,14 @@ class Run:
 
     Making one gathers the scene and raises EngineError, with everything as before, if that fails.
 
+    watched  False shows no partial lightmaps: nobody sees them before the bake is done
     failure  why the lightmaps could not be written, None if they were
     """
 
-    def __init__(self, context: bpy.types.Context, bake: Callable[[Scene, Settings], Job]) -> None:
-        self._changes = Changes()
+    def __init__(
+        self, context: bpy.types.Context, bake: Callable[[Scene, Settings], Job], watched: bool = True
+    ) -> None:
+        self._changes, self._watched = Changes(), watched
         self._scene_uid = context.scene.session_uid
         self._images: list[int] = []
         self.failure: str | None = None
@@ -56,7 +60,7 @@ class Run:
     def _gather(self, context: bpy.types.Context) -> Gathered:
         """Return the visible objects, with lightmap UVs made where they are missing."""
         properties = context.scene.hemibake
-        self._settings = read_settings(properties)
+        self._settings = replace(read_settings(properties), partials=self._watched)
         self._uv_layer = properties.uv_layer
         objects = visible_meshes(context)
         made = unwrap_missing(context, objects, self._uv_layer, self._settings.resolution, self._changes)

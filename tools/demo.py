@@ -36,7 +36,7 @@ def parse() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder for the results")
     parser.add_argument("--resolution", type=int, default=192, help="of the lightmap, texels")
-    parser.add_argument("--hemicube", type=int, default=64, help="width of the hemicubes, texels")
+    parser.add_argument("--hemicube", type=int, default=32, help="width of the hemicubes, texels")
     parser.add_argument("--samples", type=int, default=32, help="per pixel of the render")
     options = parser.parse_args()
     options.out = options.out.resolve()

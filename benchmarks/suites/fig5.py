@@ -51,7 +51,7 @@ def tables(records: list[dict[str, Any]], options: Options) -> str:
 
 
 def _drawn(n: int, layers: int, budget: float, half: bool = False) -> dict[str, Any]:
-    """Time method `paper`, which draws hemicubes in every iteration; in 16-bit floats, batches as they fit."""
+    """Time method `paper`: hemicubes are drawn in every iteration; half: 16-bit, batches as they fit."""
     size = {"half_radiance": True} if half else {"array_size": (_ARRAY, _ARRAY, layers)}
     chosen = settings(
         {"method": "paper", "hemicube": n, "visibility": "raster", **size},

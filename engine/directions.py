@@ -16,9 +16,8 @@ def ray_pattern(count: int) -> np.ndarray:
     """Return points of the unit hypercube, (count, 4) uint32 of 1 / 2^32, neighbours one after the other.
 
     A patch adds a shift of its own and wraps around. The first two, the R2 sequence, are the squared radius
-    and the angle on the disk below the hemisphere, the other two the place on the texel. The order, along
-    a Morton curve of the first two, lets rays that are traced together, and look-ups of what they see, stay
-    together.
+    and the angle on the disk below the hemisphere, the other two the place on the texel. The order, along a Morton curve of the first
+    two, lets rays that are traced together, and look-ups of what they see, stay together.
     """
     index = np.arange(1, count + 1, dtype=np.uint64)[:, None]
     points = (index * _STEPS).astype(np.uint32)

@@ -33,6 +33,22 @@ float4 sample_point(const uint index, const uint seed)
 
 float luminance(const float3 colour) { return dot(colour, (float3)(0.2126f, 0.7152f, 0.0722f)); }
 
+bool in_triangle(const Receiver *r, const float3 p)
+{
+    const float3 q = p - r->corner, normal = cross(r->edge1, r->edge2);
+    const float u = dot(cross(q, r->edge2), normal), v = dot(cross(r->edge1, q), normal);
+    return u >= 0.0f && v >= 0.0f && u + v <= dot(normal, normal);
+}
+
+// A point of the patch's texel that lies in the patch's triangle: this one, the one opposite, or the centre.
+float3 point_of_texel(const Receiver *r, const float2 place)
+{
+    const float3 offset = (place.x - 0.5f) * r->edge_u + (place.y - 0.5f) * r->edge_v;
+    if (in_triangle(r, r->at + offset))
+        return r->at + offset;
+    return in_triangle(r, r->at - offset) ? r->at - offset : r->at;
+}
+
 // What a sample brings: direction and distance of the light, E/pi without shadow.
 typedef struct {
     float3 direction;

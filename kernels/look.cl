@@ -10,7 +10,7 @@ typedef struct {
 
 typedef struct {
     float3 eye, right, up, normal, horizon;
-    uint4 shift;
+    uint2 shift;
 } View;
 
 // Where a patch looks from, turned about its normal at random for life (engine/hemicube.py: rotations).
@@ -21,29 +21,24 @@ View view_of(const Receiver *r, const int patch, const uint salt, const int rota
     basis(r->normal, &x, &y);
     const float angle = rotate ? (float)mixed * (1.0f / 2147483648.0f) - 1.0f : 0.0f;
     const float c = cospi(angle), s = sinpi(angle);
-    const uint4 shift = (uint4)(mixed, hash(mixed), hash(mixed + 1u), hash(mixed + 2u));
+    const uint2 shift = (uint2)(mixed, hash(mixed));
     const View view = {r->at + r->height * r->geometric, c * x + s * y, c * y - s * x, r->normal, r->geometric,
-                       rotate ? shift : (uint4)(0)};
+                       rotate ? shift : (uint2)(0)};
     return view;
 }
 
-// A sample's direction in world space, and where it starts: rays start all over the texel, as light falls
-// on it, hemicubes stand in its middle.
+// The direction of a sample in world space.
 #ifdef COSINE
-float3 sample_direction(const View *view, const Receiver *r, const int i, __global const uint4 *pattern, const int n,
-                        float3 *origin)
+float3 sample_direction(const View *view, const int i, __global const uint2 *sequence, const int n)
 {
-    const float4 u = convert_float4((pattern[i] + view->shift) >> 8) * (1.0f / 16777216.0f);
-    const float2 q = disk(u.xy);
-    *origin = point_of_texel(r, u.zw) + r->height * r->geometric;
+    const float2 u = convert_float2((sequence[i] + view->shift) >> 8) * (1.0f / 16777216.0f);
+    const float2 q = disk(u);
     return q.x * view->right + q.y * view->up + sqrt(1.0f - u.x) * view->normal;
 }
 #else
-float3 sample_direction(const View *view, const Receiver *r, const int i, __global const float *pattern, const int n,
-                        float3 *origin)
+float3 sample_direction(const View *view, const int i, __global const float *multiplier, const int n)
 {
     const float3 d = texel_direction(i % n, i / n, n);
-    *origin = view->eye;
     return d.x * view->right + d.y * view->up + d.z * view->normal;
 }
 #endif
@@ -63,7 +58,7 @@ uint look_along(const Rays *rays, const Lightmaps *lightmaps, const float3 origi
 }
 
 #ifdef COSINE
-#define SAMPLES __global const uint4 *pattern
+#define SAMPLES __global const uint2 *pattern
 #define WEIGHT(i) (1.0f / samples)
 #else
 #define SAMPLES __global const float *pattern
@@ -85,11 +80,10 @@ __kernel void look(LOOK_ARGUMENTS, const int start, const int cached_from, __glo
     const View view = view_of(&receiver, patch, salt, rotate);
     Steady steady = {(float4)(0.0f), 0.0f};
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
-        float3 origin;
-        const float3 direction = sample_direction(&view, &receiver, i, pattern, n, &origin);
+        const float3 direction = sample_direction(&view, i, pattern, n);
         uint front = 0;
         if (dot(direction, view.horizon) > 0.0f) {
-            const uint seen = look_along(&rays, &lightmaps, origin, direction);
+            const uint seen = look_along(&rays, &lightmaps, view.eye, direction);
             front = count_sample(seen, WEIGHT(i), direction, emission, sky, (int2)(sky_width, sky_height), &steady);
         }
         cache[(size_t)(patch - cached_from) * samples + i] = front;
@@ -109,11 +103,10 @@ __kernel void gather_rays(LOOK_ARGUMENTS, const int start, __global const float4
     const View view = view_of(&receiver, patch, salt, rotate);
     Steady steady = {(float4)(0.0f), 0.0f};
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
-        float3 origin;
-        const float3 direction = sample_direction(&view, &receiver, i, pattern, n, &origin);
+        const float3 direction = sample_direction(&view, i, pattern, n);
         if (dot(direction, view.horizon) <= 0.0f)
             continue;
-        const uint seen = look_along(&rays, &lightmaps, origin, direction);
+        const uint seen = look_along(&rays, &lightmaps, view.eye, direction);
         const uint front = count_sample(seen, WEIGHT(i), direction, emission, sky, (int2)(sky_width, sky_height), &steady);
         steady.light += WEIGHT(i) * (float4)(radiance[front].xyz, 0.0f);
     }

@@ -39,19 +39,3 @@ float2 disk(const float2 u)
     const float radius = sqrt(u.x), angle = 2.0f * u.y;
     return radius * (float2)(cospi(angle), sinpi(angle));
 }
-
-bool in_triangle(const Receiver *r, const float3 p)
-{
-    const float3 q = p - r->corner, normal = cross(r->edge1, r->edge2);
-    const float u = dot(cross(q, r->edge2), normal), v = dot(cross(r->edge1, q), normal);
-    return u >= 0.0f && v >= 0.0f && u + v <= dot(normal, normal);
-}
-
-// A point of the patch's texel that lies in the patch's triangle: this one, the one opposite, or the centre.
-float3 point_of_texel(const Receiver *r, const float2 place)
-{
-    const float3 offset = (place.x - 0.5f) * r->edge_u + (place.y - 0.5f) * r->edge_v;
-    if (in_triangle(r, r->at + offset))
-        return r->at + offset;
-    return in_triangle(r, r->at - offset) ? r->at - offset : r->at;
-}

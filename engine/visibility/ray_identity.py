@@ -9,7 +9,7 @@ import pyopencl as cl
 
 from ..device.compute import Compute
 from ..device.slices import sliced
-from ..directions import ray_pattern
+from ..directions import r2_sequence
 from ..hemicube import multiplier_map, rotation_salt
 from ..ray_scene import RayScene
 from ..settings import Settings
@@ -20,8 +20,8 @@ from .identity import SeenBuffers, Surroundings
 class RayIdentity:
     """Casts rays from the patches of `receivers` and finds patches of `sources` where they end.
 
-    Without `Settings.directions` "hemicube" they follow the cosine and start all over the patch's texel: the
-    texels of a hemicube cost half as many again for the same error, and see from its middle only.
+    Without `Settings.directions` "hemicube" they follow the cosine: the texels of a hemicube cost about
+    three times as many for the same error.
     """
 
     name = "rays"
@@ -39,7 +39,7 @@ class RayIdentity:
         hemicube = settings.directions == "hemicube"
         self.samples = 3 * settings.hemicube**2 if hemicube else ray_count(settings)
         self.multiplier = multiplier_map(settings.hemicube).ravel() if hemicube else None
-        pattern = ray_pattern(self.samples) if self.multiplier is None else self.multiplier
+        pattern = r2_sequence(self.samples) if self.multiplier is None else self.multiplier
         options = ("-DDITHERED",) if hemicube else ("-DDITHERED", "-DCOSINE")
         files = ("receiver.cl", "hemicube.cl", "identity.cl", "look.cl")
         self._look, self._gather_rays = rays.kernels(files, "look", "gather_rays", options=options)

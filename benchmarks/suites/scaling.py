@@ -22,6 +22,15 @@ _COVERED = 0.75
 #: What is baked: 256 rays a patch.
 _VALUES = {"visibility": "rays", "samples": 256, "light_samples": 16, "tolerance": 0.01, "iterations": 8}
 
+#: Device memory for what patches see where it is short, bytes.
+_BUDGET = 1 << 30
+
+_TITLES = {
+    "patches": "Growing patches",
+    "memory": "1 GiB for what patches see: bounces are shared",
+    "triangles": "Growing triangles",
+}
+
 _STAGES = ("devices", "patches", "direct", "visibility", "hemicubes", "iterations", "solve", "outputs")
 
 
@@ -32,8 +41,9 @@ def run(options: Options) -> list[dict[str, Any]]:
     boxes = [
         {"kind": "patches", "size": size, "resolution": ceil(sqrt(size / _COVERED))} for size in _PATCHES
     ]
+    short = {**boxes[-1], "kind": "memory", "budget": _BUDGET}
     floors = [{"kind": "triangles", "size": size, "resolution": width} for size in _TRIANGLES]
-    return _grown(boxes, limit) + _grown(floors, limit)
+    return _grown(boxes, limit) + (_grown([short], limit) if options.gpu else []) + _grown(floors, limit)
 
 
 def tables(records: list[dict[str, Any]], options: Options) -> str:
@@ -41,19 +51,21 @@ def tables(records: list[dict[str, Any]], options: Options) -> str:
     stages = [stage for stage in _stages(records) if any(stage in _seconds(record) for record in records)]
     titles = ("asked for", "patches", "triangles", "method", *stages, "total", "host peak", "device peak")
     parts = []
-    for kind in ("patches", "triangles"):
+    for kind in ("patches", "memory", "triangles"):
         rows = [_row(record, stages) for record in records if record["kind"] == kind]
-        parts.append(f"Growing {kind}, seconds by stage\n\n{table(titles, rows)}")
+        if not rows:
+            continue
+        parts.append(f"{_TITLES[kind]}, seconds by stage\n\n{table(titles, rows)}")
     return "\n\n".join(parts)
 
 
-def case(kind: str, size: int, resolution: int) -> dict[str, Any]:
+def case(kind: str, size: int, resolution: int, budget: int = 0) -> dict[str, Any]:
     """Bake a small room, so that all is built, then the case; return its figures."""
-    build: Callable = cornell_box if kind == "patches" else hilly_room
-    scene = build(resolution) if kind == "patches" else build(resolution, size)
+    build: Callable = hilly_room if kind == "triangles" else cornell_box
+    scene = build(resolution, size) if kind == "triangles" else build(resolution)
     small = cornell_box(64)
     baking.timed(small, settings(_VALUES, resolution=64))
-    seconds, lightmap = baking.timed(scene, settings(_VALUES, resolution=resolution))
+    seconds, lightmap = baking.timed(scene, settings(_VALUES, resolution=resolution, memory_budget=budget))
     triangles = sum(len(mesh.positions) for mesh in scene.meshes)
     return {"seconds": seconds, "triangles": triangles, **baking.facts(lightmap)}
 

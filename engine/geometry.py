@@ -149,24 +149,19 @@ def patch_geometry(scene: Scene, triangles: Triangles, patches: PatchList) -> Pa
 
 def patch_triangles(scene: Scene, patches: PatchList) -> np.ndarray:
     """Return the index into `Triangles` of each patch, (n,) int32, from mesh, face and subface."""
-    triangle = np.empty(len(patches), np.int32)
-    order = np.argsort(patches.mesh, kind="stable")
-    ends = np.searchsorted(patches.mesh[order], np.arange(len(scene.meshes) + 1))
-    first = 0
-    for index, mesh in enumerate(scene.meshes):
-        chosen = order[ends[index] : ends[index + 1]]
-        if len(chosen):
-            keys = _triangle_keys(mesh.face, mesh.subface)
-            wanted = _triangle_keys(patches.face[chosen], patches.subface[chosen])
-            triangle[chosen] = first + np.searchsorted(keys, wanted)
-        first += len(mesh.positions)
-    return triangle
+    faces = [int(mesh.face[-1]) + 1 if len(mesh.face) else 0 for mesh in scene.meshes]
+    first_face = np.cumsum([0, *faces])
+    face = np.concatenate([mesh.face + first for mesh, first in zip(scene.meshes, first_face, strict=False)])
+    subface = np.concatenate([mesh.subface for mesh in scene.meshes])
 
-
-def _triangle_keys(face: np.ndarray, subface: np.ndarray) -> np.ndarray:
-    """One ascending integer for each (face, subface) pair."""
-    keys: np.ndarray = (face.astype(np.int64) << 32) + subface
-    return keys
+    # A table with room for as many triangles of each polygon as its last one says.
+    last = np.flatnonzero(np.diff(face, append=-1))
+    room = np.zeros(first_face[-1] + 1, np.int64)
+    room[face[last] + 1] = subface[last] + 1
+    start = np.cumsum(room)
+    table = np.zeros(start[-1], np.int32)
+    table[start[face] + subface] = np.arange(len(face))
+    return table.take(start.take(first_face.take(patches.mesh) + patches.face) + patches.subface)
 
 
 def texel_steps(triangles: Triangles, resolution: int) -> TexelSteps:

@@ -108,14 +108,8 @@ def _corner_attributes(index: int, mesh: Mesh) -> np.ndarray:
 
 def _compact(atlas: int, resolution: int, barycentric: np.ndarray, identity: np.ndarray) -> PatchList:
     """Keep the texels whose flag is set."""
-    texel = np.flatnonzero(barycentric[..., 3])
-    mesh, face, subface = np.rint(identity.reshape(-1, 4)[texel, :3]).astype(np.int32).T.copy()
-    return PatchList(
-        resolution,
-        np.full(len(texel), atlas, np.int32),
-        texel.astype(np.int32),
-        mesh,
-        face,
-        subface,
-        barycentric.reshape(-1, 4)[texel, :3].copy(),
-    )
+    flagged = (barycentric[..., 3] != 0).ravel()
+    texel = np.flatnonzero(flagged).astype(np.int32)
+    mesh, face, subface, _ = identity.reshape(-1, 4).compress(flagged, axis=0).T.astype(np.int32, order="C")
+    place = np.ascontiguousarray(barycentric.reshape(-1, 4).compress(flagged, axis=0)[:, :3])
+    return PatchList(resolution, np.full(len(texel), atlas, np.int32), texel, mesh, face, subface, place)

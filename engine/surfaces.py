@@ -35,8 +35,8 @@ def patch_surfaces(
     scene: Scene, triangles: Triangles, patches: PatchList, geometry: PatchGeometry
 ) -> PatchSurfaces:
     """Return what every patch reflects and emits."""
-    reflectance = np.stack([material.reflectance for material in scene.materials])[geometry.material]
-    emission = np.stack([material.emission for material in scene.materials])[geometry.material]
+    reflectance = _constants([material.reflectance for material in scene.materials], geometry)
+    emission = _constants([material.emission for material in scene.materials], geometry)
     for index, material in enumerate(scene.materials):
         if material.reflectance_map is None and material.emission_map is None:
             continue
@@ -44,7 +44,12 @@ def patch_surfaces(
         samples = _TexelSamples(scene, triangles, patches, geometry, chosen)
         for values, texture in _maps(material, reflectance, emission):
             values[chosen] *= samples.mean(texture)
-    return PatchSurfaces(reflectance.astype(np.float32), emission.astype(np.float32))
+    return PatchSurfaces(reflectance, emission)
+
+
+def _constants(colors: list[np.ndarray], geometry: PatchGeometry) -> np.ndarray:
+    """Return the colour of each patch's material, (n, 3) float32."""
+    return np.stack(colors).astype(np.float32).take(geometry.material, axis=0)
 
 
 def _maps(

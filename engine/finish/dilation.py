@@ -12,32 +12,30 @@ class Dilation:
 
     known   (h, w) bool, texels that keep their bits
     texels  number of rings
-    The neighbours are found once; `apply` may be called for every iteration's image.
+    The neighbours are found once; `fill` may be called for every iteration's image.
     """
 
     def __init__(self, known: np.ndarray, texels: int) -> None:
-        self._known = known
+        self._unknown = np.flatnonzero(~known)
         self._rings: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
-        padded = np.pad(known, 1)
+        known = known.copy()
         for _ in range(texels):
-            ring = np.flatnonzero(_grown(padded) & ~padded)
-            ring = ring[_inside(ring, padded.shape)]
+            ring = np.flatnonzero(_grown(known) & ~known)
             if not len(ring):
                 break
-            self._rings.append(_ring_neighbours(ring, padded))
-            padded.ravel()[ring] = True
+            self._rings.append(_ring_neighbours(ring, known))
+            known.ravel()[ring] = True
 
-    def apply(self, image: np.ndarray) -> np.ndarray:
-        """Return a copy of an (h, w, c) float32 image with its unknown texels filled."""
-        filled = np.pad(np.where(self._known[..., None], image, np.float32(0)), ((1, 1), (1, 1), (0, 0)))
-        flat = filled.reshape(-1, image.shape[2])
+    def fill(self, image: np.ndarray) -> None:
+        """Fill the unknown texels of a contiguous (h, w, c) float32 image; 0 beyond the rings."""
+        flat = image.reshape(-1, image.shape[2])
+        flat[self._unknown] = 0
         for texels, neighbours, weights in self._rings:
-            flat[texels] = np.einsum("tk,tkc->tc", weights, flat[neighbours])
-        return filled[1:-1, 1:-1].copy()
+            flat[texels] = np.einsum("tk,tkc->tc", weights, flat.take(neighbours, axis=0))
 
 
 def _grown(mask: np.ndarray) -> np.ndarray:
-    """Return the mask grown by one texel in all eight directions; its border row stays as it is."""
+    """Return the mask grown by one texel in all eight directions."""
     rows = mask.copy()
     rows[1:] |= mask[:-1]
     rows[:-1] |= mask[1:]
@@ -47,15 +45,11 @@ def _grown(mask: np.ndarray) -> np.ndarray:
     return grown
 
 
-def _inside(texels: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """True for flat indices that are not in the one-texel padding."""
-    y, x = np.divmod(texels, shape[1])
-    inside: np.ndarray = (y > 0) & (y < shape[0] - 1) & (x > 0) & (x < shape[1] - 1)
-    return inside
-
-
 def _ring_neighbours(ring: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the ring's flat indices, their (t, 8) neighbours and the (t, 8) float32 weights."""
-    neighbours = ring[:, None] + _NEIGHBOURS[:, 0] * known.shape[1] + _NEIGHBOURS[:, 1]
-    weights = known.ravel()[neighbours].astype(np.float32)
+    height, width = known.shape
+    y, x = (start[:, None] + step for start, step in zip(np.divmod(ring, width), _NEIGHBOURS.T, strict=True))
+    inside = (y >= 0) & (y < height) & (x >= 0) & (x < width)
+    neighbours = np.where(inside, y * width + x, 0)
+    weights = (inside & known.ravel()[neighbours]).astype(np.float32)
     return ring, neighbours, weights / weights.sum(axis=1, keepdims=True)

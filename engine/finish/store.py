@@ -27,6 +27,9 @@ class LightmapStore:
         self._hidden = np.zeros(len(self._chosen), bool)
         self.covered = np.zeros((atlases, resolution, resolution), bool)
         self.covered.ravel()[self._place] = True
+        self._empty = np.flatnonzero(~self.covered)
+        self._patch = np.zeros(self.covered.size, np.int64)
+        self._patch[self._place] = self._chosen
 
     def hide(self, front: np.ndarray) -> None:
         """Take the share of front faces that each patch sees, (n,) float32.
@@ -39,10 +42,11 @@ class LightmapStore:
 
     def image(self, values: np.ndarray) -> np.ndarray:
         """Return the patches' values, (n, 3) or (n,), as (atlases, r, r, 3) float32, 0 elsewhere."""
-        image = np.zeros((*self.covered.shape, 3), np.float32)
-        column = values[self._chosen].reshape(len(self._chosen), -1)
-        image.reshape(-1, 3)[self._place] = column
-        return image
+        image = np.empty((self.covered.size, 3), np.float32)
+        colors = np.broadcast_to(values.reshape(len(values), -1), (len(values), 3))
+        np.take(colors, self._patch, axis=0, out=image, mode="clip")
+        image[self._empty] = 0
+        return image.reshape(*self.covered.shape, 3)
 
     def display(self, values: np.ndarray) -> np.ndarray:
         """Return the patches' values as images with hidden texels filled and charts dilated."""
@@ -54,5 +58,7 @@ class LightmapStore:
             known = self.covered.copy()
             known.ravel()[self._place[self._hidden]] = False
             self._dilations = [Dilation(mask, self._rings) for mask in known]
-        pairs = zip(self._dilations, images, strict=True)
-        return np.stack([dilation.apply(image) for dilation, image in pairs])
+        filled = images.copy()
+        for dilation, image in zip(self._dilations, filled, strict=True):
+            dilation.fill(image)
+        return filled

@@ -16,6 +16,7 @@ import numpy as np
 import pyopencl as cl
 
 from engine.cutouts import Cutouts
+from engine.device.buffers import upload
 from engine.device.compute import Compute
 from engine.geometry import Triangles
 from engine.visibility.rays import Rays
@@ -109,7 +110,7 @@ def _speed(compute: Compute, rays: Rays, origins: np.ndarray, directions: np.nda
     kernel = rays.kernels((), "cast")[0]
     padded = np.zeros((2, count, 4), np.float32)
     padded[0, :, :3], padded[1, :, :3] = origins - rays.origin, directions
-    inputs = [rays.constant(array) for array in padded]
+    inputs = [upload(compute, array) for array in padded]
     outputs = [cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, size * count) for size in (8, 4)]
     for _ in range(_REPEATS):
         began = time.perf_counter()

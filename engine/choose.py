@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pyopencl as cl
@@ -25,7 +26,7 @@ from .shared_bounces import SharedPatches
 from .shared_solution import SharedSolution
 from .solve import Radiosity, Solver
 from .subdivision import Subdivision
-from .visibility.identity import Identity, SeenBuffers, surroundings
+from .visibility.identity import Identity, SeenBuffers, Surroundings, surroundings
 from .visibility.raster_identity import RasterIdentity
 from .visibility.ray_identity import RayIdentity, ray_count
 from .visibility.tiles import IDENTITY_BYTES, plan_tiles
@@ -82,6 +83,11 @@ class Bake:
         if self.compute is None:
             raise DeviceError("Only what OpenGL can do alone is possible without OpenCL.")
         return self.compute
+
+    @cached_property
+    def around(self) -> Surroundings:
+        """What patches see beside each other's fronts, on the OpenCL device."""
+        return surroundings(self.opencl, self.emission, self.sky)
 
     @property
     def glowing(self) -> bool:
@@ -149,7 +155,7 @@ def _identities(bake: Bake) -> tuple[Radiosity, Choice]:
     sweep, method, reason = _choose_sweep(bake, identity)
     reflectance = bake.parts.surfaces.reflectance
     radiosity = DeviceRadiosity(
-        bake.opencl, sweep, reflectance, bake.emission, bake.area, bake.lights, bake.glowing
+        bake.opencl, sweep, reflectance, bake.around.emission, bake.area, bake.lights, bake.glowing
     )
     return radiosity, Choice(method, identity.name, identity.samples, (*reasons, reason))
 
@@ -178,11 +184,10 @@ def _without_opencl(bake: Bake) -> tuple[Radiosity, Choice]:
 
 def _identity_makers(bake: Bake) -> dict[str, Callable[[], Identity]]:
     """Return what makes each way to find what patches see."""
-    around = surroundings(bake.opencl.context, bake.emission, bake.sky)
     return {
-        "rays": lambda: RayIdentity(bake.opencl, bake.rays, bake.parts, around, bake.settings),
+        "rays": lambda: RayIdentity(bake.opencl, bake.rays, bake.parts, bake.around, bake.settings),
         "raster": lambda: RasterIdentity(
-            bake.graphics, bake.opencl, bake.scene, bake.parts, around, bake.settings
+            bake.graphics, bake.opencl, bake.scene, bake.parts, bake.around, bake.settings
         ),
     }
 

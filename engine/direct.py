@@ -7,6 +7,7 @@ from collections.abc import Generator, Sequence
 import numpy as np
 import pyopencl as cl
 
+from .device.buffers import download, upload, upload_float4
 from .device.compute import Compute
 from .device.slices import sliced
 from .emitters import BrightTriangles, lamp_records, sky_record, surface_records
@@ -45,7 +46,7 @@ class DirectLight:
         sky: np.ndarray | None,
         settings: Settings,
     ) -> None:
-        self._queue, self._rays, self._settings = compute.queue, rays, settings
+        self._compute, self._rays, self._settings = compute, rays, settings
         self._count = len(parts.patches)
         self._direct, self._occlusion = rays.kernels(_SOURCES, "direct", "occlusion")
         self._receivers = receivers
@@ -89,7 +90,7 @@ class DirectLight:
     def _light(self, emitters: np.ndarray, budget: int) -> Generator[float, None, np.ndarray]:
         """Return light and unshadowed luminance of some emitters, (n, 4) float32."""
         tree = build_light_tree(emitters)
-        buffers = [self._rays.constant(array) for array in (emitters, *_never_empty(tree))]
+        buffers = [upload(self._compute, array) for array in (emitters, *_never_empty(tree))]
         arguments = (
             *buffers, np.int32(tree.root), np.int32(budget),
             *self._glow, *self._sky, np.uint32(self._settings.seed),
@@ -103,18 +104,15 @@ class DirectLight:
             slice_ = np.int32(start), np.int32(end)
             self._rays.run(kernel, end - start, self._receivers, *arguments, self._result, *slice_)
 
-        for end in sliced(self._queue, 0, self._count, launch):
+        for end in sliced(self._compute.queue, 0, self._count, launch):
             yield end / self._count
-        result = np.empty((self._count, 4), np.float32)
-        cl.enqueue_copy(self._queue, result, self._result)
-        return result
+        return download(self._compute, self._result, (self._count, 4))
 
     def _glow_arguments(self, parts: Subdivision) -> tuple:
         """Return radiance of patches, owners of texels, UVs of triangles and the resolution."""
-        radiance = np.zeros((self._count + 1, 4), np.float32)
-        radiance[1:, :3] = parts.surfaces.emission
-        buffers = [self._rays.constant(array) for array in (radiance, parts.owners, parts.triangles.uvs)]
-        return (*buffers, np.int32(parts.patches.resolution))
+        radiance = upload_float4(self._compute, parts.surfaces.emission, first=1)
+        lookups = (upload(self._compute, array) for array in (parts.owners, parts.triangles.uvs))
+        return (radiance, *lookups, np.int32(parts.patches.resolution))
 
     def _sky_arguments(self, sky: np.ndarray | None) -> tuple:
         """Return pixels, cumulative shares, numbers of the pixels that shine, sizes and total luminance."""
@@ -129,7 +127,7 @@ class DirectLight:
         cumulative = cumulative if len(cumulative) else np.ones(1)
         arrays = (pixels, cumulative.astype(np.float32), listed.astype(np.int32))
         sizes = (pixels.shape[1], pixels.shape[0], len(listed))
-        return (*(self._rays.constant(array) for array in arrays), *map(np.int32, sizes), np.float32(total))
+        return (*(upload(self._compute, array) for array in arrays), *map(np.int32, sizes), np.float32(total))
 
 
 def _never_empty(tree: LightTree) -> tuple[np.ndarray, np.ndarray]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pyopencl as cl
 
+from .device.buffers import upload
 from .device.compute import Compute
 from .geometry import PatchGeometry
 from .viewpoints import OF_COORDINATE, OF_DIAGONAL, OF_TEXEL
@@ -19,8 +20,7 @@ def pack_receivers(compute: Compute, geometry: PatchGeometry, origin: np.ndarray
     corners = (triangles.positions - origin).astype(np.float32)
     step = np.concatenate([steps.edge_u, steps.edge_v, steps.geometric, steps.area[:, None]], axis=1)
     arrays = (geometry.triangle, geometry.barycentric, corners, triangles.normals, step)
-    flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-    inputs = [cl.Buffer(compute.context, flags, hostbuf=np.ascontiguousarray(array)) for array in arrays]
+    inputs = [upload(compute, array) for array in arrays]
     heights = cl.cltypes.make_float4(OF_TEXEL, OF_DIAGONAL * triangles.diagonal, OF_COORDINATE, 0)
     records = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * RECORD * count)
     (pack,) = compute.kernels(("receiver.cl", "pack.cl"), "pack")

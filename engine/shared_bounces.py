@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pyopencl as cl
 
+from .device.buffers import upload
 from .patches import PatchList
 from .ray_scene import RayScene
 from .subdivision import Subdivision
@@ -59,11 +60,8 @@ def _leaders(rays: RayScene, parts: Subdivision, width: int) -> np.ndarray:
     """Return the patch that each patch follows, (n,) uint32; kernels/share.cl."""
     compute, patches = rays.compute, parts.patches
     (share,) = compute.kernels(("receiver.cl", "share.cl"), "share")
-    flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
     arrays = (parts.owners, patches.texel, parts.geometry.material)
-    owners, texels, materials = (
-        cl.Buffer(compute.context, flags, hostbuf=np.ascontiguousarray(array)) for array in arrays
-    )
+    owners, texels, materials = (upload(compute, array) for array in arrays)
     leaders = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * len(patches))
     squares = -(-patches.resolution // (8 * width)) * 8
     share(

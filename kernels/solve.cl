@@ -44,6 +44,15 @@ __kernel void products(__global const float4 *gathered, __global const float4 *d
         sums[k * get_global_size(0) + get_global_id(0)] = acc[k];
 }
 
+// The first radiance.
+__kernel void begin(__global const float4 *emission, __global const float4 *reflectance,
+                    __global const float4 *irradiance, __global float4 *radiance, const int count)
+{
+    const int i = get_global_id(0);
+    if (i < count)
+        radiance[i + 1] = emission[i + 1] + reflectance[i] * irradiance[i];
+}
+
 // The next irradiance: iterates mixed, and `ambient` where patches see others; the radiance that goes with
 // it. Sums: the change, the change relative to each patch's own light, and the flux that is added.
 __kernel void mix_iterates(__global const float4 *gathered, __global const float4 *weights,

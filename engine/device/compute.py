@@ -30,6 +30,7 @@ class Compute:
     def __init__(self, cache_dir: str | None = None) -> None:
         self._cache_dir = cache_dir
         self._programs: dict[tuple, cl.Program] = {}
+        self._kernels: dict[tuple, cl.Kernel] = {}
         self.context = self._first_working_context(_devices())
         self.device = self.context.devices[0]
         self.queue = cl.CommandQueue(self.context)
@@ -39,13 +40,19 @@ class Compute:
     def kernels(
         self, source: str | Sequence[str], *names: str, options: Sequence[str] = ()
     ) -> list[cl.Kernel]:
-        """Build kernels/<source>, or several files one after another; return kernels in the names' order."""
+        """Build kernels/<source>, or several files one after another; return kernels in the names' order.
+
+        Who asks for a kernel again gets the same one: making one and its launcher takes a while.
+        """
         files = (source,) if isinstance(source, str) else tuple(source)
         key = (files, tuple(options))
         if key not in self._programs:
             text = "\n".join(kernel_source(file) for file in files)
             self._programs[key] = self._build(self.context, text, options)
-        return [cl.Kernel(self._programs[key], name) for name in names]
+        for name in names:
+            if (key, name) not in self._kernels:
+                self._kernels[key, name] = cl.Kernel(self._programs[key], name)
+        return [self._kernels[key, name] for name in names]
 
     def run(self, kernel: cl.Kernel, items: int, *arguments: object) -> None:
         """Run a kernel for at least so many items; it has to leave those alone that are too many.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl as cl
 
+from ..device.buffers import upload
 from ..device.compute import Compute
 from ..visibility.identity import Identity, SeenBuffers
 from ..visibility.ray_identity import RayIdentity
@@ -31,8 +32,7 @@ class _Gather:
         files = ("hemicube.cl", "identity.cl", "gather.cl")
         self._gather, self._take = compute.kernels(files, "gather", "take", options=options)
         multiplier = np.zeros(4, np.float32) if identity.multiplier is None else identity.multiplier
-        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-        self._multiplier = cl.Buffer(compute.context, flags, hostbuf=np.ascontiguousarray(multiplier))
+        self._multiplier = upload(compute, multiplier)
         self._quads = np.int32(identity.samples // 4)
         self.constant = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count)
 

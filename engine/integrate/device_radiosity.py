@@ -9,9 +9,9 @@ import numpy as np
 import pyopencl as cl
 
 from ..anderson import COLUMNS
+from ..device.buffers import download, upload, upload_float4, zeros
 from ..device.compute import Compute
 from ..solve import Step, Sums
-from ..visibility.identity import with_fourth
 
 #: Work items of the kernels that sum over patches, and of a group that adds their sums up, on a GPU.
 _ITEMS, _ADDING = 2048, 256
@@ -45,8 +45,9 @@ class Sweep(Protocol):
 
 
 class DeviceRadiosity:
-    """See `solve.Radiosity`; parameters as of `host_radiosity.HostRadiosity`.
+    """See `solve.Radiosity`; parameters as of `host_radiosity.HostRadiosity` but for emission.
 
+    emission      float4 of each patch + 1, on the device, radiance that the patches see; entry 0 is black
     radiance      float4 of each patch + 1; entry 0 is black
     patches_seen  float of each patch: the share of its view that other patches take
     """
@@ -56,29 +57,31 @@ class DeviceRadiosity:
         compute: Compute,
         sweep: Sweep,
         reflectance: np.ndarray,
-        emission: np.ndarray,
+        emission: cl.Buffer,
         area: np.ndarray,
         lights: np.ndarray,
         glowing: bool,
     ) -> None:
         self._compute, self._queue, self._sweep = compute, compute.queue, sweep
-        self.count, self.area = len(emission), float(area.sum(dtype=np.float64))
-        start = np.zeros_like(emission) if glowing else lights
-        self._lights, self._irradiance = self._upload(with_fourth(lights)), self._upload(with_fourth(start))
-        self._emission = self._upload(with_fourth(emission, first=1))
-        self.radiance = self._upload(with_fourth(emission + reflectance * start, first=1))
-        self._reflectance = self._upload(with_fourth(reflectance))
-        self._area = self._upload(area.astype(np.float32))
-        self.patches_seen = self._zeros(4 * self.count)
-        self._gathered, self._defects = (self._zeros(16 * self.count * COLUMNS) for _ in range(2))
-        names = ("products", "mix_iterates", "add_up")
+        self.count, self.area = len(reflectance), float(area.sum(dtype=np.float64))
+        names = ("begin", "products", "mix_iterates", "add_up")
         options = (f"-DCOLUMNS={COLUMNS}",)
-        self._products, self._mix, self._add_up = compute.kernels("solve.cl", *names, options=options)
+        begin, self._products, self._mix, self._add_up = compute.kernels("solve.cl", *names, options=options)
+        self._emission, self._reflectance = emission, upload_float4(compute, reflectance)
+        self._lights, self._area = upload_float4(compute, lights), upload(compute, area)
+        self.patches_seen = zeros(compute, 4 * self.count)
+        self._gathered, self._defects = (zeros(compute, 16 * self.count * COLUMNS) for _ in range(2))
+        self._irradiance = zeros(compute, 16 * self.count) if glowing else upload_float4(compute, lights)
+        self.radiance = zeros(compute, 16 * (self.count + 1))
+        compute.run(
+            begin, self.count, self._emission, self._reflectance, self._irradiance, self.radiance,
+            np.int32(self.count),
+        )  # fmt: skip
         gpu = compute.group > 1
         self._items: int = _ITEMS if gpu else compute.device.max_compute_units
         self._adding = _ADDING if gpu else 1
-        self._sums, self._totals = self._zeros(16 * _SUMS * self._items), self._zeros(16 * _SUMS)
-        self._weights = self._zeros(16 * COLUMNS)
+        self._sums, self._totals = (zeros(compute, 16 * _SUMS * items) for items in (self._items, 1))
+        self._weights = zeros(compute, 16 * COLUMNS)
 
     def outputs(self, column: int) -> tuple:
         """Return what the kernels of kernels/gather.cl take to write a column of the ring."""
@@ -105,7 +108,9 @@ class DeviceRadiosity:
 
     def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> Step:
         """Make the next irradiance; see `solve.Radiosity.mix`."""
-        cl.enqueue_copy(self._queue, self._weights, with_fourth(weights))
+        columns = np.zeros((COLUMNS, 4), np.float32)
+        columns[:, :3] = weights
+        cl.enqueue_copy(self._queue, self._weights, columns)
         self._mix(
             self._queue, (self._items,), None,
             self._gathered, self._weights, cl.cltypes.make_float4(*ambient, 0), self.patches_seen,
@@ -117,9 +122,7 @@ class DeviceRadiosity:
 
     def iterate(self, column: int) -> np.ndarray:
         """Return E/pi and the share that is no back, (n, 4) float32, of a column."""
-        gathered = np.empty((self.count, 4), np.float32)
-        cl.enqueue_copy(self._queue, gathered, self._gathered, src_offset=column * gathered.nbytes)
-        return gathered
+        return download(self._compute, self._gathered, (self.count, 4), 16 * self.count * column)
 
     def _read_sums(self, numbers: int) -> np.ndarray:
         """Return the sums of all work items together, (numbers, 3) float64."""
@@ -127,15 +130,4 @@ class DeviceRadiosity:
             self._queue, (self._adding * numbers,), (self._adding,),
             self._sums, np.int32(self._items), self._totals, cl.LocalMemory(16 * self._adding),
         )  # fmt: skip
-        totals = np.empty((numbers, 4), np.float32)
-        cl.enqueue_copy(self._queue, totals, self._totals)
-        return totals[:, :3].astype(np.float64)
-
-    def _upload(self, values: np.ndarray) -> cl.Buffer:
-        flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
-        return cl.Buffer(self._compute.context, flags, hostbuf=np.ascontiguousarray(values))
-
-    def _zeros(self, size: int) -> cl.Buffer:
-        buffer = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, size)
-        cl.enqueue_fill_buffer(self._queue, buffer, np.zeros(1, np.float32), 0, size)
-        return buffer
+        return download(self._compute, self._totals, (numbers, 4))[:, :3].astype(np.float64)

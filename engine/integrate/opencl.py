@@ -6,6 +6,7 @@ import moderngl
 import numpy as np
 import pyopencl as cl
 
+from ..device.buffers import upload
 from ..device.compute import Compute
 from ..device.share import HostCopy
 from ..hemicube import multiplier_map
@@ -27,9 +28,7 @@ class HemicubeIntegrator:
         )
         flags = cl.mem_flags
         multiplier = multiplier_map(tiles.n)
-        self._multiplier = cl.Buffer(
-            compute.context, flags.READ_ONLY | flags.COPY_HOST_PTR, hostbuf=multiplier
-        )
+        self._multiplier = upload(compute, multiplier)
         texels = tiles.width * tiles.height * tiles.layers
         self._workspace = cl.Buffer(compute.context, flags.READ_WRITE, 16 * texels)
         self._rows = cl.Buffer(compute.context, flags.READ_WRITE, 16 * tiles.capacity * tiles.n)
@@ -38,7 +37,7 @@ class HemicubeIntegrator:
         if sky is not None:
             pixels[..., :3] = sky
         self._sky_size = np.int32(pixels.shape[1]), np.int32(pixels.shape[0])
-        self._sky = cl.Buffer(compute.context, flags.READ_ONLY | flags.COPY_HOST_PTR, hostbuf=pixels)
+        self._sky = upload(compute, pixels)
         self._irradiance = cl.Buffer(compute.context, flags.WRITE_ONLY, 16 * tiles.capacity)
         self._columns = cl.LocalMemory(16 * tiles.n)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl as cl
 
+from ..device.buffers import upload
 from ..device.compute import Compute
 from .treetop import Treetop
 
@@ -15,7 +16,7 @@ from .treetop import Treetop
 _FAR, _CHUNK, _GROUP = 8, 32, 256
 
 #: So many clusters are split from the top down: this makes better boxes than merging, but takes longer.
-_TOP = 16384
+_TOP = 2048
 
 #: If a round merges less than this share of the clusters, all merge in pairs instead: this bounds the depth.
 _FEWEST = 1 / 16
@@ -104,7 +105,7 @@ class _Builder:
         kernels = compute.kernels("bvh.cl", *names, options=options)
         self._kernels = dict(zip(names, kernels, strict=True))
         self._boxes, self._links = self._buffer(64 * self._count), self._buffer(32 * self._count)
-        self._positions = self._upload(positions.astype(np.float32, copy=False))
+        self._positions = upload(compute, positions.astype(np.float32, copy=False))
         self._origin = np.append(origin, 0).astype(np.float32)
         self._reach = max(reach, 1e-30)
 
@@ -190,7 +191,7 @@ class _Builder:
 
     def _widen(self, root: int) -> Bvh:
         """Join binary nodes to wide ones, level by level, and store them."""
-        levels, roots = [], self._upload(np.array([root], np.int32))
+        levels, roots = [], upload(self._compute, np.array([root], np.int32))
         count = 1
         while count:
             level, count_next = self._level(roots, count)
@@ -243,10 +244,6 @@ class _Builder:
 
     def _buffer(self, size: int) -> cl.Buffer:
         return cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, size)
-
-    def _upload(self, values: np.ndarray) -> cl.Buffer:
-        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-        return cl.Buffer(self._compute.context, flags, hostbuf=np.ascontiguousarray(values))
 
 
 def _layout(shape: Shape, stack: int) -> tuple[str, ...]:

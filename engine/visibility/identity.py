@@ -9,6 +9,9 @@ from typing import Protocol
 import numpy as np
 import pyopencl as cl
 
+from ..device.buffers import upload_float4
+from ..device.compute import Compute
+
 
 @dataclass(frozen=True)
 class SeenBuffers:
@@ -57,16 +60,8 @@ class Surroundings:
     height: np.int32
 
 
-def surroundings(context: cl.Context, emission: np.ndarray, sky: np.ndarray) -> Surroundings:
+def surroundings(compute: Compute, emission: np.ndarray, sky: np.ndarray) -> Surroundings:
     """Upload emission, (n, 3) float32, and sky, (h, w, 3) float32."""
-    flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-    backs = cl.Buffer(context, flags, hostbuf=with_fourth(emission, first=1))
-    pixels = cl.Buffer(context, flags, hostbuf=with_fourth(sky.reshape(-1, 3)))
+    backs = upload_float4(compute, emission, first=1)
+    pixels = upload_float4(compute, sky.reshape(-1, 3))
     return Surroundings(backs, pixels, np.int32(sky.shape[1]), np.int32(sky.shape[0]))
-
-
-def with_fourth(values: np.ndarray, first: int = 0) -> np.ndarray:
-    """Return (n, 3) as (first + n, 4) float32, zeros around it."""
-    padded = np.zeros((first + len(values), 4), np.float32)
-    padded[first:, :3] = values
-    return padded

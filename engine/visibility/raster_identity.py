@@ -7,6 +7,7 @@ from collections.abc import Generator
 import numpy as np
 import pyopencl as cl
 
+from ..device.buffers import upload, upload_float4
 from ..device.compute import Compute
 from ..device.graphics import Graphics
 from ..device.share import HostCopy
@@ -15,7 +16,7 @@ from ..hemicubes import Hemicubes
 from ..scene import Scene
 from ..settings import Settings
 from ..subdivision import Subdivision
-from .identity import SeenBuffers, Surroundings, with_fourth
+from .identity import SeenBuffers, Surroundings
 from .targets import IdentityTarget
 from .tiles import IDENTITY_BYTES, plan_tiles
 
@@ -39,13 +40,11 @@ class RasterIdentity:
         target = IdentityTarget(graphics, self._tiles)
         self._hemicubes = Hemicubes(graphics, scene, parts, self._tiles, target, settings)
         self._copy = HostCopy(compute, target.texture)
-        self._frames = cl.Buffer(compute.context, cl.mem_flags.READ_ONLY, 64 * self._tiles.capacity)
         (self._resolve,) = compute.kernels(("hemicube.cl", "identity.cl", "resolve.cl"), "resolve")
         multiplier = multiplier_map(settings.hemicube).ravel()
         self.multiplier: np.ndarray | None = multiplier
         self.samples = len(multiplier)
-        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-        self._weights = cl.Buffer(compute.context, flags, hostbuf=multiplier)
+        self._weights = upload(compute, multiplier)
 
     def find(self, first: int, last: int, seen: SeenBuffers) -> Generator[float, None, None]:
         """Find what the patches first ... last see; yield the fraction done."""
@@ -58,11 +57,11 @@ class RasterIdentity:
 
     def _keep(self, start: int, end: int, frames: np.ndarray, seen: SeenBuffers) -> None:
         """Move the hemicubes that were drawn into the cache."""
-        cl.enqueue_copy(self._queue, self._frames, with_fourth(frames.reshape(-1, 3)))
+        rows = upload_float4(self._compute, frames.reshape(-1, 3))
         group, around = self._compute.group, self._around
         self._resolve(
             self._queue, (group * (end - start),), (group,),
-            self._copy.update(), self._weights, self._frames,
+            self._copy.update(), self._weights, rows,
             around.emission, around.sky, around.width, around.height,
             np.int32(self._tiles.columns), np.int32(self._tiles.n), np.int32(start),
             np.int32(seen.cached_from), seen.cache, seen.constant, seen.patches_seen,

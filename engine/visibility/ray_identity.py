@@ -7,6 +7,7 @@ from collections.abc import Generator
 import numpy as np
 import pyopencl as cl
 
+from ..device.buffers import upload
 from ..device.compute import Compute
 from ..device.slices import sliced
 from ..directions import r2_sequence
@@ -44,11 +45,11 @@ class RayIdentity:
         files = ("receiver.cl", "hemicube.cl", "identity.cl", "look.cl")
         self._look, self._gather_rays = rays.kernels(files, "look", "gather_rays", options=options)
         triangles = sources.triangles
-        lookups = (rays.constant(array) for array in (triangles.uvs, triangles.atlas, sources.owners))
+        lookups = (upload(compute, array) for array in (triangles.uvs, triangles.atlas, sources.owners))
         self._arguments = (
             *rays.arguments, receivers.receivers, *lookups, np.int32(sources.patches.resolution),
             around.emission, around.sky, around.width, around.height,
-            rays.constant(pattern), np.int32(self.samples), np.int32(settings.hemicube),
+            upload(compute, pattern), np.int32(self.samples), np.int32(settings.hemicube),
             np.uint32(rotation_salt(settings.seed)), np.int32(settings.rotate),
         )  # fmt: skip
 

@@ -6,6 +6,7 @@ import numpy as np
 import pyopencl as cl
 
 from ..cutouts import Cutouts
+from ..device.buffers import upload
 from ..device.compute import Compute
 from ..geometry import Triangles
 from .bvh import build_bvh
@@ -31,7 +32,7 @@ class Rays:
         if cutouts.needed:
             self._options = (*bvh.options, "-DCUTOUTS")
             arrays = [cutouts.alpha, cutouts.maps, _constants(cutouts), cutouts.uvs, triangles.material]
-        self.arguments = (bvh.nodes, bvh.triangles, *map(self.constant, arrays))
+        self.arguments = (bvh.nodes, bvh.triangles, *(upload(compute, array) for array in arrays))
         self._cast, self._pass = self.kernels((), "cast", "pass")
 
     def kernels(
@@ -39,11 +40,6 @@ class Rays:
     ) -> list[cl.Kernel]:
         """Build kernels/rays.cl and more files after it; return kernels in the names' order."""
         return self._compute.kernels(("rays.cl", *sources), *names, options=(*self._options, *options))
-
-    def constant(self, values: np.ndarray) -> cl.Buffer:
-        """Return a device buffer with the bits of an array."""
-        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-        return cl.Buffer(self._compute.context, flags, hostbuf=np.ascontiguousarray(values))
 
     def cast(
         self, origins: np.ndarray, directions: np.ndarray, backs: bool = False
@@ -81,7 +77,8 @@ class Rays:
 
     def _rays(self, origins: np.ndarray, directions: np.ndarray, distance: float) -> list[cl.Buffer]:
         """Return the device buffers of some rays."""
-        return [self.constant(_four(origins - self.origin)), self.constant(_four(directions, distance))]
+        rays = (_four(origins - self.origin), _four(directions, distance))
+        return [upload(self._compute, array) for array in rays]
 
 
 def _four(vectors: np.ndarray, last: float = 0.0) -> np.ndarray:

@@ -146,7 +146,7 @@ def test_rays_and_drawing_find_the_same_patches():
     try:
         parts = subdivide(graphics, room, settings)
         emission, world = parts.surfaces.emission, np.zeros((1, 1, 3), np.float32)
-        around = surroundings(compute.context, emission, world)
+        around = surroundings(compute, emission, world)
         rays = RayIdentity(compute, RayScene(compute, room, parts), parts, around, settings)
         raster = RasterIdentity(graphics, compute, room, parts, around, settings)
         cast, drawn = (find(compute, identity, 3000, 3300, len(emission)) for identity in (rays, raster))

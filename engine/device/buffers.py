@@ -1,0 +1,38 @@
+"""Memory of the OpenCL device, filled."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyopencl as cl
+
+from .compute import Compute
+
+
+def upload(compute: Compute, values: np.ndarray) -> cl.Buffer:
+    """Return a buffer with the bits of an array."""
+    flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
+    return cl.Buffer(compute.context, flags, hostbuf=np.ascontiguousarray(values))
+
+
+def upload_float4(compute: Compute, values: np.ndarray, first: int = 0) -> cl.Buffer:
+    """Return (n, 3) float32 as float4 of each, after so many zeros; the fourth is 0."""
+    count = first + len(values)
+    wide = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count)
+    (widen,) = compute.kernels("widen.cl", "widen")
+    narrow = upload(compute, values.astype(np.float32, copy=False))
+    compute.run(widen, count, narrow, wide, np.int32(first), np.int32(count))
+    return wide
+
+
+def zeros(compute: Compute, size: int) -> cl.Buffer:
+    """Return so many bytes, all 0."""
+    buffer = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)
+    cl.enqueue_fill_buffer(compute.queue, buffer, np.zeros(1, np.float32), 0, size)
+    return buffer
+
+
+def download(compute: Compute, buffer: cl.Buffer, shape: tuple[int, ...], first: int = 0) -> np.ndarray:
+    """Return float32 of a buffer in a shape, from the byte `first` on, once all work before is done."""
+    values = np.empty(shape, np.float32)
+    cl.enqueue_copy(compute.queue, values, buffer, src_offset=first)
+    return values

@@ -12,9 +12,11 @@ from benchmarks.configurations import settings
 from benchmarks.rooms import cornell_box
 from benchmarks.solving import solving
 from engine.device.compute import Compute
+from engine.device.kernel import Kernel
+from engine.visibility.identity import sample_bytes
 
-#: Name of the kernel that sums what patches see, and bytes it reads of each sample.
-_KERNEL, _SAMPLE_BYTES = "gather", 4
+#: Name of the kernel that sums what patches see.
+_KERNEL = "gather"
 
 _REPEATS = 5
 
@@ -38,7 +40,7 @@ def gather_bytes_per_second(values: dict[str, Any], resolution: int) -> dict[str
             _drain(solver.iteration())
             wall.append(time.perf_counter() - started)
             kernel.append(compute.seconds(_KERNEL))
-    size = patches * choice.samples * _SAMPLE_BYTES
+    size = patches * choice.samples * sample_bytes(patches)
     return {
         "samples": choice.samples,
         "visibility": choice.visibility,
@@ -76,7 +78,7 @@ class ProfiledCompute(Compute):
 
 
 class _Noted:
-    def __init__(self, kernel: cl.Kernel, name: str, events: list) -> None:
+    def __init__(self, kernel: Kernel, name: str, events: list) -> None:
         self._kernel, self._name, self._events = kernel, name, events
 
     def __call__(self, *arguments: Any, **options: Any) -> cl.Event:

@@ -15,7 +15,7 @@ from .device.graphics import Graphics
 from .errors import DeviceError
 from .gather import GlslGather, PaperGather
 from .host_radiosity import HostRadiosity
-from .integrate.cached import CachedSweep, RayStreamSweep, StreamSweep, cache_bytes
+from .integrate.cached import CachedSweep, RayStreamSweep, StreamSweep
 from .integrate.device_radiosity import DeviceRadiosity, Sweep
 from .integrate.final_gather import FinalGather
 from .integrate.glsl_cached import fits_glsl_cache
@@ -26,7 +26,7 @@ from .shared_bounces import SharedPatches
 from .shared_solution import SharedSolution
 from .solve import Radiosity, Solver
 from .subdivision import Subdivision
-from .visibility.identity import Identity, SeenBuffers, Surroundings, surroundings
+from .visibility.identity import Identity, SeenBuffers, Surroundings, sample_bytes, surroundings
 from .visibility.raster_identity import RasterIdentity
 from .visibility.ray_identity import RayIdentity, ray_count
 from .visibility.tiles import IDENTITY_BYTES, plan_tiles
@@ -125,7 +125,7 @@ def _choose_width(bake: Bake) -> tuple[int, tuple[str, ...]]:
         return settings.shared_bounces, ("The settings ask for shared bounces.",)
     raster = settings.visibility == "raster"
     samples = 3 * settings.hemicube**2 if raster else ray_count(settings)
-    needed, budget = cache_bytes(samples, count), memory_budget(bake.compute, settings)
+    needed, budget = samples * count * sample_bytes(count), memory_budget(bake.compute, settings)
     if settings.method != "auto" or needed <= budget:
         return 1, ()
     why = f"what all patches see takes {needed / 2**20:,.0f} MiB, {budget / 2**20:,.0f} MiB may be used"
@@ -208,7 +208,7 @@ def _choose_identity(bake: Bake) -> tuple[Identity, list[str]]:
 def _choose_sweep(bake: Bake, identity: Identity) -> tuple[Sweep, str, str]:
     """Return how identities become light, the method's name, and why."""
     count, settings = len(bake.parts.patches), bake.settings
-    needed, budget = cache_bytes(identity.samples, count), memory_budget(bake.opencl, settings)
+    needed, budget = identity.row_bytes * count, memory_budget(bake.opencl, settings)
     sizes = f"what patches see takes {needed / 2**20:,.0f} MiB, {budget / 2**20:,.0f} MiB may be used"
     if settings.method != "stream" and needed <= budget:
         return CachedSweep(bake.opencl, identity, count), "cached", f"It is kept: {sizes}."
@@ -224,7 +224,7 @@ def _stream(bake: Bake, identity: Identity) -> Sweep:
     if isinstance(identity, RayIdentity):
         return RayStreamSweep(bake.opencl, identity, count)
     most = min(memory_budget(bake.opencl, bake.settings), bake.settings.batch_bytes)
-    return StreamSweep(bake.opencl, identity, count, most // cache_bytes(identity.samples, 1))
+    return StreamSweep(bake.opencl, identity, count, most // identity.row_bytes)
 
 
 def memory_budget(compute: Compute, settings: Settings) -> int:
@@ -235,7 +235,7 @@ def memory_budget(compute: Compute, settings: Settings) -> int:
 def _patches_per_second(compute: Compute, identity: Identity, count: int) -> float:
     """Return how many patches' views an identity finds in a second, timed on more and more of them."""
     tried = min(_TRIED, count)
-    largest = max(tried, compute.device.max_mem_alloc_size // cache_bytes(identity.samples, 1))
+    largest = max(tried, compute.device.max_mem_alloc_size // identity.row_bytes)
     _time(compute, identity, count, tried)
     while True:
         seconds = _time(compute, identity, count, tried)
@@ -247,7 +247,7 @@ def _patches_per_second(compute: Compute, identity: Identity, count: int) -> flo
 def _time(compute: Compute, identity: Identity, count: int, tried: int) -> float:
     """Return the seconds that the views of some patches in the middle take."""
     first = (count - tried) // 2
-    sizes = (cache_bytes(identity.samples, tried), 16 * count, 4 * count)
+    sizes = (identity.row_bytes * tried, 16 * count, 4 * count)
     cache, constant, seen = (cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size) for size in sizes)
     began = time.perf_counter()
     for _ in identity.find(first, first + tried, SeenBuffers(cache, first, constant, seen)):

@@ -9,6 +9,7 @@ import pyopencl as cl
 
 from .device.buffers import download, upload, upload_float4
 from .device.compute import Compute
+from .device.kernel import Kernel
 from .device.slices import sliced
 from .emitters import BrightTriangles, lamp_records, sky_record, surface_records
 from .light_tree import NODE, LightTree, build_light_tree
@@ -97,7 +98,7 @@ class DirectLight:
         )  # fmt: skip
         return (yield from self._sliced(self._direct, arguments))
 
-    def _sliced(self, kernel: cl.Kernel, arguments: tuple) -> Generator[float, None, np.ndarray]:
+    def _sliced(self, kernel: Kernel, arguments: tuple) -> Generator[float, None, np.ndarray]:
         """Run a kernel over all patches, some at a time, and return its result, (n, 4) float32."""
 
         def launch(start: int, end: int) -> None:

@@ -12,15 +12,15 @@
 } while (0)
 
 // Four samples at a time; one patch a group, `slots` from `first` on. EVEN: all samples weigh the same.
-__kernel void gather(__global const uint4 *cache, __global const float4 *multiplier,
+__kernel void gather(__global const Front4 *cache, __global const float4 *multiplier,
                      __global const float4 *radiance, LIGHT_ARGUMENTS, const int quads, const int first,
                      __local float4 *partial)
 {
     const int slot = get_group_id(0);
-    __global const uint4 *row = cache + (size_t)slot * quads;
+    __global const Front4 *row = cache + (size_t)slot * quads;
     float4 sum = (float4)(0.0f);
     for (int i = get_local_id(0); i < quads; i += get_local_size(0)) {
-        const uint4 seen = row[i];
+        const Front4 seen = row[i];
 #ifdef EVEN
         sum += (radiance[seen.x] + radiance[seen.y]) + (radiance[seen.z] + radiance[seen.w]);
 #else

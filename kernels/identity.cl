@@ -1,6 +1,15 @@
 // Which patch each sample of a patch's view meets: the patch's number plus 1 (0: none), with the highest
 // bit set for its back; or the surroundings.
 
+// What is kept of it: the patch whose front is met plus 1, or 0. NARROW: their numbers fit into 16 bits.
+#ifdef NARROW
+typedef ushort Front;
+typedef ushort4 Front4;
+#else
+typedef uint Front;
+typedef uint4 Front4;
+#endif
+
 #define BACK 0x80000000u
 #define SKY 0x7FFFFFFFu
 

@@ -70,7 +70,7 @@ uint look_along(const Rays *rays, const Lightmaps *lightmaps, const float3 origi
     SAMPLES, const int samples, const int n, const uint salt, const int rotate
 
 // Which patches some patches see, a row of numbers each. One patch a group.
-__kernel void look(LOOK_ARGUMENTS, const int start, const int cached_from, __global uint *cache,
+__kernel void look(LOOK_ARGUMENTS, const int start, const int cached_from, __global Front *cache,
                    __global float4 *steady_light, __global float *patches_seen, __local float4 *partial)
 {
     const int patch = start + get_group_id(0);

@@ -12,7 +12,7 @@ __kernel void resolve(__global const uint *hemicubes, __global const float *mult
                       __global const float4 *frames, __global const float4 *emission,
                       __global const float4 *sky, const int sky_width, const int sky_height,
                       const int columns, const int n, const int first, const int cached_from,
-                      __global uint *cache, __global float4 *steady_light, __global float *patches_seen,
+                      __global Front *cache, __global float4 *steady_light, __global float *patches_seen,
                       __local float4 *partial)
 {
     const int slot = get_group_id(0), samples = 3 * n * n;

@@ -53,10 +53,10 @@ __kernel void begin(__global const float4 *emission, __global const float4 *refl
         radiance[i + 1] = emission[i + 1] + reflectance[i] * irradiance[i];
 }
 
-// The next irradiance: iterates mixed, and `ambient` where patches see others; the radiance that goes with
-// it. Sums: the change, the change relative to each patch's own light, and the flux that is added.
+// The next irradiance: iterates mixed, and the ambient light behind their weights where patches see others;
+// the radiance that goes with it. Sums: the change, the change relative to each patch's own light, and the flux that is added.
 __kernel void mix_iterates(__global const float4 *gathered, __global const float4 *weights,
-                           const float4 ambient, __global const float *patches_seen,
+                           __global const float *patches_seen,
                            __global const float4 *reflectance, __global const float4 *emission,
                            __global const float *area, const float least, const int count,
                            __global float4 *irradiance, __global float4 *radiance,
@@ -64,7 +64,7 @@ __kernel void mix_iterates(__global const float4 *gathered, __global const float
 {
     float4 acc = (float4)(0.0f);
     for (int i = get_global_id(0); i < count; i += get_global_size(0)) {
-        float4 next = ambient * patches_seen[i];
+        float4 next = weights[COLUMNS] * patches_seen[i];
         for (int j = 0; j < COLUMNS; ++j)
             next += weights[j] * gathered[(size_t)j * count + i];
         next = fmax(next, 0.0f);

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from itertools import product
 from typing import Any
 
 import pyopencl as cl
@@ -21,8 +22,9 @@ def run(options: Options) -> list[dict[str, Any]]:
     copied = copy_bytes_per_second(compute, (1 << 30) if options.gpu else (256 << 20))
     records = []
     hemicubes = [{"visibility": "rays", "directions": "hemicube", "hemicube": n} for n in (32, 64)]
-    for values in [*hemicubes, *({"visibility": "rays", "samples": n} for n in (256, 1024))]:
-        rate = gather_bytes_per_second(values, resolution=512 if options.gpu else 128)
+    ways = [*hemicubes, *({"visibility": "rays", "samples": n} for n in (256, 1024))]
+    for resolution, values in product((128, 512) if options.gpu else (128,), ways):
+        rate = gather_bytes_per_second(values, resolution)
         records.append({"copy_bytes_per_second": copied, **rate, "share": rate["bytes_per_second"] / copied})
     return records
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import pyopencl as cl
 
 from ..errors import DeviceError
+from .kernel import Kernel
 from .source import kernel_source
 
 _REMEDY = (
@@ -30,19 +31,17 @@ class Compute:
     def __init__(self, cache_dir: str | None = None) -> None:
         self._cache_dir = cache_dir
         self._programs: dict[tuple, cl.Program] = {}
-        self._kernels: dict[tuple, cl.Kernel] = {}
+        self._kernels: dict[tuple, Kernel] = {}
         self.context = self._first_working_context(_devices())
         self.device = self.context.devices[0]
         self.queue = cl.CommandQueue(self.context)
         self.name = self.device.name.strip()
         self.group = _GROUP if _rank(self.device) == 0 else 1
 
-    def kernels(
-        self, source: str | Sequence[str], *names: str, options: Sequence[str] = ()
-    ) -> list[cl.Kernel]:
+    def kernels(self, source: str | Sequence[str], *names: str, options: Sequence[str] = ()) -> list[Kernel]:
         """Build kernels/<source>, or several files one after another; return kernels in the names' order.
 
-        Who asks for a kernel again gets the same one: making one and its launcher takes a while.
+        Who asks for a kernel again gets the same one: making one takes a while.
         """
         files = (source,) if isinstance(source, str) else tuple(source)
         key = (files, tuple(options))
@@ -51,10 +50,10 @@ class Compute:
             self._programs[key] = self._build(self.context, text, options)
         for name in names:
             if (key, name) not in self._kernels:
-                self._kernels[key, name] = cl.Kernel(self._programs[key], name)
+                self._kernels[key, name] = Kernel(self._programs[key], name)
         return [self._kernels[key, name] for name in names]
 
-    def run(self, kernel: cl.Kernel, items: int, *arguments: object) -> None:
+    def run(self, kernel: Kernel, items: int, *arguments: object) -> None:
         """Run a kernel for at least so many items; it has to leave those alone that are too many.
 
         Work groups have one size whatever the number of items, since PoCL compiles a kernel anew for each.

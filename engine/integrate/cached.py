@@ -10,7 +10,7 @@ import pyopencl as cl
 
 from ..device.buffers import upload
 from ..device.compute import Compute
-from ..visibility.identity import Identity, SeenBuffers
+from ..visibility.identity import Identity, SeenBuffers, sample_options
 from ..visibility.ray_identity import RayIdentity
 from .device_radiosity import Light
 
@@ -18,17 +18,13 @@ from .device_radiosity import Light
 _PIECE = 1 << 30
 
 
-def cache_bytes(samples: int, patches: int) -> int:
-    """Return the memory that what so many patches see takes, bytes."""
-    return 4 * samples * patches
-
-
 class _Gather:
     """The gather kernel, for an identity's samples."""
 
     def __init__(self, compute: Compute, identity: Identity, count: int) -> None:
         self._compute, self._queue = compute, compute.queue
-        options = ("-DEVEN",) if identity.multiplier is None else ()
+        options = sample_options(identity.row_bytes // identity.samples)
+        options += ("-DEVEN",) if identity.multiplier is None else ()
         files = ("hemicube.cl", "identity.cl", "gather.cl")
         self._gather, self._take = compute.kernels(files, "gather", "take", options=options)
         multiplier = np.zeros(4, np.float32) if identity.multiplier is None else identity.multiplier
@@ -77,12 +73,12 @@ class CachedSweep:
 
     def _find(self, light: Light) -> Generator[float, None, None]:
         """Find and keep what all patches see."""
-        samples, context = self._identity.samples, self._compute.context
+        row, context = self._identity.row_bytes, self._compute.context
         largest = min(_PIECE, self._compute.device.max_mem_alloc_size)
-        step = max(1, largest // cache_bytes(samples, 1))
+        step = max(1, largest // row)
         for first in range(0, self._count, step):
             last = min(first + step, self._count)
-            cache = cl.Buffer(context, cl.mem_flags.READ_WRITE, cache_bytes(samples, last - first))
+            cache = cl.Buffer(context, cl.mem_flags.READ_WRITE, row * (last - first))
             seen = SeenBuffers(cache, first, self._kernels.constant, light.patches_seen)
             for done in self._identity.find(first, last, seen):
                 yield (first + done * (last - first)) / self._count
@@ -96,9 +92,8 @@ class StreamSweep:
         """Keep the samples of at most `cached` patches at a time."""
         self._identity, self._count, self._step = identity, count, max(1, min(cached, count))
         self._kernels = _Gather(compute, identity, count)
-        self._cache = cl.Buffer(
-            compute.context, cl.mem_flags.READ_WRITE, cache_bytes(identity.samples, self._step)
-        )
+        size = identity.row_bytes * self._step
+        self._cache = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)
 
     def gather(self, light: Light, column: int) -> Generator[float, None, None]:
         """Gather; see `device_radiosity.Sweep.gather`."""

@@ -18,6 +18,7 @@ _ITEMS, _ADDING = 2048, 256
 
 #: float4 sums of `products` in kernels/solve.cl.
 _PRODUCTS = COLUMNS * (COLUMNS + 1) // 2
+_ROWS, _COLUMNS = np.triu_indices(COLUMNS)
 _SUMS = _PRODUCTS + 3
 
 
@@ -81,7 +82,8 @@ class DeviceRadiosity:
         self._items: int = _ITEMS if gpu else compute.device.max_compute_units
         self._adding = _ADDING if gpu else 1
         self._sums, self._totals = (zeros(compute, 16 * _SUMS * items) for items in (self._items, 1))
-        self._weights = zeros(compute, 16 * COLUMNS)
+        self._mixture = np.zeros((COLUMNS + 1, 4), np.float32)
+        self._weights = upload(compute, self._mixture)
 
     def outputs(self, column: int) -> tuple:
         """Return what the kernels of kernels/gather.cl take to write a column of the ring."""
@@ -101,19 +103,17 @@ class DeviceRadiosity:
         )  # fmt: skip
         sums = self._read_sums(_SUMS)
         products = np.zeros((COLUMNS, COLUMNS, 3))
-        rows, columns = np.triu_indices(COLUMNS)
-        products[rows, columns] = products[columns, rows] = sums[:_PRODUCTS]
+        products[_ROWS, _COLUMNS] = products[_COLUMNS, _ROWS] = sums[:_PRODUCTS]
         total = sums[_PRODUCTS + 2, 0] / self.count
         return Sums(products, sums[_PRODUCTS], sums[_PRODUCTS + 1], total)
 
     def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> Step:
         """Make the next irradiance; see `solve.Radiosity.mix`."""
-        columns = np.zeros((COLUMNS, 4), np.float32)
-        columns[:, :3] = weights
-        cl.enqueue_copy(self._queue, self._weights, columns)
+        self._mixture[:COLUMNS, :3], self._mixture[COLUMNS, :3] = weights, ambient
+        cl.enqueue_copy(self._queue, self._weights, self._mixture, is_blocking=False)
         self._mix(
             self._queue, (self._items,), None,
-            self._gathered, self._weights, cl.cltypes.make_float4(*ambient, 0), self.patches_seen,
+            self._gathered, self._weights, self.patches_seen,
             self._reflectance, self._emission, self._area, np.float32(least), np.int32(self.count),
             self._irradiance, self.radiance, self._sums,
         )  # fmt: skip

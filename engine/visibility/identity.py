@@ -12,12 +12,25 @@ import pyopencl as cl
 from ..device.buffers import upload_float4
 from ..device.compute import Compute
 
+#: So many patches have numbers of 16 bits.
+_NARROW = (1 << 16) - 1
+
+
+def sample_bytes(sources: int) -> int:
+    """Return how many bytes hold the number of one of so many patches + 1, or 0: 2 or 4."""
+    return 2 if sources <= _NARROW else 4
+
+
+def sample_options(size: int) -> tuple[str, ...]:
+    """Return how kernels are built that read or write samples of so many bytes."""
+    return ("-DNARROW",) if size == 2 else ()
+
 
 @dataclass(frozen=True)
 class SeenBuffers:
     """Where an Identity writes on the OpenCL device.
 
-    cache         uint32, a row of samples for each patch from `cached_from` on: patch + 1, or 0
+    cache         a row of samples for each patch from `cached_from` on, uint16 or uint32: patch + 1, or 0
     cached_from   the first patch of the cache
     constant      float4 of each patch: E/pi of sky and backs, and the share that is no back
     patches_seen  float of each patch: the share of its view that other patches take
@@ -34,11 +47,13 @@ class Identity(Protocol):
 
     name        "raster" or "rays"
     samples     of each patch, a multiple of 4
+    row_bytes   what they take in the cache, `sample_bytes` each
     multiplier  (samples,) float32, sum 1, or None if all weigh the same
     """
 
     name: str
     samples: int
+    row_bytes: int
     multiplier: np.ndarray | None
 
     def find(self, first: int, last: int, seen: SeenBuffers) -> Generator[float, None, None]:

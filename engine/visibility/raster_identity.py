@@ -16,7 +16,7 @@ from ..hemicubes import Hemicubes
 from ..scene import Scene
 from ..settings import Settings
 from ..subdivision import Subdivision
-from .identity import SeenBuffers, Surroundings
+from .identity import SeenBuffers, Surroundings, sample_bytes, sample_options
 from .targets import IdentityTarget
 from .tiles import IDENTITY_BYTES, plan_tiles
 
@@ -40,10 +40,13 @@ class RasterIdentity:
         target = IdentityTarget(graphics, self._tiles)
         self._hemicubes = Hemicubes(graphics, scene, parts, self._tiles, target, settings)
         self._copy = HostCopy(compute, target.texture)
-        (self._resolve,) = compute.kernels(("hemicube.cl", "identity.cl", "resolve.cl"), "resolve")
         multiplier = multiplier_map(settings.hemicube).ravel()
         self.multiplier: np.ndarray | None = multiplier
         self.samples = len(multiplier)
+        size = sample_bytes(len(parts.patches))
+        self.row_bytes = size * self.samples
+        files = ("hemicube.cl", "identity.cl", "resolve.cl")
+        (self._resolve,) = compute.kernels(files, "resolve", options=sample_options(size))
         self._weights = upload(compute, multiplier)
 
     def find(self, first: int, last: int, seen: SeenBuffers) -> Generator[float, None, None]:

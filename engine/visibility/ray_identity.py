@@ -9,13 +9,14 @@ import pyopencl as cl
 
 from ..device.buffers import upload
 from ..device.compute import Compute
+from ..device.kernel import Kernel
 from ..device.slices import sliced
 from ..directions import r2_sequence
 from ..hemicube import multiplier_map, rotation_salt
 from ..ray_scene import RayScene
 from ..settings import Settings
 from ..subdivision import Subdivision
-from .identity import SeenBuffers, Surroundings
+from .identity import SeenBuffers, Surroundings, sample_bytes, sample_options
 
 
 class RayIdentity:
@@ -41,7 +42,9 @@ class RayIdentity:
         self.samples = 3 * settings.hemicube**2 if hemicube else ray_count(settings)
         self.multiplier = multiplier_map(settings.hemicube).ravel() if hemicube else None
         pattern = r2_sequence(self.samples) if self.multiplier is None else self.multiplier
-        options = ("-DDITHERED",) if hemicube else ("-DDITHERED", "-DCOSINE")
+        size = sample_bytes(len(sources.patches))
+        self.row_bytes = size * self.samples
+        options = ("-DDITHERED", *sample_options(size), *(() if hemicube else ("-DCOSINE",)))
         files = ("receiver.cl", "hemicube.cl", "identity.cl", "look.cl")
         self._look, self._gather_rays = rays.kernels(files, "look", "gather_rays", options=options)
         triangles = sources.triangles
@@ -67,7 +70,7 @@ class RayIdentity:
         """
         yield from self._run(self._gather_rays, 0, count, (radiance, light, patches_seen))
 
-    def _run(self, kernel: cl.Kernel, first: int, last: int, outputs: tuple) -> Generator[float, None, None]:
+    def _run(self, kernel: Kernel, first: int, last: int, outputs: tuple) -> Generator[float, None, None]:
         """Run a kernel over some patches, slice by slice, a group each."""
         group = self._compute.group
         partial = cl.LocalMemory(16 * group)

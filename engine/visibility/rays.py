@@ -8,6 +8,7 @@ import pyopencl as cl
 from ..cutouts import Cutouts
 from ..device.buffers import upload
 from ..device.compute import Compute
+from ..device.kernel import Kernel
 from ..geometry import Triangles
 from .bvh import build_bvh
 
@@ -35,9 +36,7 @@ class Rays:
         self.arguments = (bvh.nodes, bvh.triangles, *(upload(compute, array) for array in arrays))
         self._cast, self._pass = self.kernels((), "cast", "pass")
 
-    def kernels(
-        self, sources: tuple[str, ...], *names: str, options: tuple[str, ...] = ()
-    ) -> list[cl.Kernel]:
+    def kernels(self, sources: tuple[str, ...], *names: str, options: tuple[str, ...] = ()) -> list[Kernel]:
         """Build kernels/rays.cl and more files after it; return kernels in the names' order."""
         return self._compute.kernels(("rays.cl", *sources), *names, options=(*self._options, *options))
 
@@ -71,7 +70,7 @@ class Rays:
         cl.enqueue_copy(self._queue, through, output)
         return through
 
-    def run(self, kernel: cl.Kernel, items: int, *arguments: object) -> None:
+    def run(self, kernel: Kernel, items: int, *arguments: object) -> None:
         """Run a kernel that takes RAYS_ARGUMENTS, then `arguments`; see `Compute.run`."""
         self._compute.run(kernel, items, *self.arguments, *arguments)
 

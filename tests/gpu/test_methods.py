@@ -14,6 +14,7 @@ from engine.device.graphics import Graphics
 from engine.integrate.glsl_cached import GlslCachedIntegrator
 from engine.ray_scene import RayScene
 from engine.subdivision import subdivide
+from engine.visibility import identity as identities
 from engine.visibility.identity import SeenBuffers, surroundings
 from engine.visibility.raster_identity import RasterIdentity
 from engine.visibility.ray_identity import RayIdentity
@@ -135,6 +136,15 @@ def test_ten_accelerated_sweeps_light_a_closed_room(visibility):
     assert exact.report.iterations > 65
 
 
+@pytest.mark.parametrize("visibility", ["raster", "rays"])
+def test_numbers_of_many_patches_take_more_bits(monkeypatch, visibility):
+    settings = dataclasses.replace(SETTINGS, visibility=visibility, samples=256)
+    few = drive(nine_quad_room(), settings)
+    monkeypatch.setattr(identities, "_NARROW", 0)
+    many = drive(nine_quad_room(), settings)
+    assert (few.image == many.image).all()
+
+
 def test_rays_and_drawing_find_the_same_patches():
     """The identity of hemicube texels: a thousandth may differ, and lies on an edge.
 
@@ -164,12 +174,12 @@ def test_rays_and_drawing_find_the_same_patches():
 
 
 def find(compute, identity, first, last, count):
-    """Return what patches first ... last see, (m, 3n, n) uint32."""
-    sizes = (4 * identity.samples * (last - first), 16 * count, 4 * count)
+    """Return what patches first ... last see, (m, 3n, n) uint16."""
+    sizes = (identity.row_bytes * (last - first), 16 * count, 4 * count)
     buffers = [cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size) for size in sizes]
     for _ in identity.find(first, last, SeenBuffers(buffers[0], first, *buffers[1:])):
         pass
-    seen = np.empty((last - first, 96, 32), np.uint32)
+    seen = np.empty((last - first, 96, 32), np.uint16)
     cl.enqueue_copy(compute.queue, seen, buffers[0])
     return seen
 

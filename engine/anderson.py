@@ -11,7 +11,7 @@ import numpy as np
 COLUMNS = 6
 
 #: Relative to the mean product: what float32 sums cannot tell from linear dependence.
-_RIDGE = 1e-9
+_RIDGE = 1e-9 * np.eye(COLUMNS)
 
 #: Iterates are forgotten if the newest defect is larger than the one before by this factor, squared.
 _GROWN = 16.0
@@ -40,8 +40,8 @@ class Anderson:
         self._last_size = size
         older = [column for column in self._valid if column != newest]
         weights = np.zeros((COLUMNS, 3))
-        by_channel = np.moveaxis(products, 2, 0)
-        weights[older] = _least_squares(by_channel[:, older][:, :, older], by_channel[:, older, newest]).T
+        between = products[older][:, older].transpose(2, 0, 1)
+        weights[older] = _least_squares(between, products[older, newest].T).T
         weights[newest] = 1 - weights.sum(axis=0)
         self._valid = [*older, newest][-(COLUMNS - 1) :]
         return weights
@@ -52,8 +52,9 @@ def _least_squares(gram: np.ndarray, moment: np.ndarray) -> np.ndarray:
 
     gram: (c, k, k), moment: (c, k). Returns (c, k) float64.
     """
-    scale = np.sqrt(np.maximum(np.einsum("ckk->ck", gram), 1e-60))
-    scaled = gram / (scale[:, :, None] * scale[:, None, :]) + _RIDGE * np.eye(gram.shape[1])
+    scale = np.sqrt(np.maximum(gram.diagonal(axis1=1, axis2=2), 1e-60))
+    count = scale.shape[1]
+    scaled = gram / (scale[:, :, None] * scale[:, None, :]) + _RIDGE[:count, :count]
     solution = np.linalg.solve(scaled, (-moment / scale)[..., None])[..., 0] / scale
-    solved: np.ndarray = np.where(scale > 1e-25, solution, 0)
-    return solved
+    solution[scale <= 1e-25] = 0
+    return solution

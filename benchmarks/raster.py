@@ -83,7 +83,8 @@ class Case:
         self.graphics, self.scene, self.triangles = graphics, scene, gather_triangles(scene)
         self.tiles: Tiles = plan_tiles(Settings(hemicube=n), ITERATION, texel_bytes)
         patches = LIGHTMAP**2
-        self.target = RadianceTarget(graphics, self.tiles, np.zeros((patches, 3), np.float32), (0, 0, 0, 1))
+        nothing = (0, 0, 0, 1) if texel_bytes == COPIED_RADIANCE_BYTES else None
+        self.target = RadianceTarget(graphics, self.tiles, np.zeros((patches, 3), np.float32), nothing)
         self.target.set_radiance(np.random.default_rng(1).random((patches, 3), np.float32))
         self.frame, self.eye = viewpoints(self.triangles, self.tiles.capacity)
         horizon = np.broadcast_to([0, 0, 1], (len(self.eye), 1, 3))
@@ -136,7 +137,8 @@ def integrating(graphics: Graphics, compute: Compute | None, n: int, scene: Scen
     names = [*(["glsl"] if graphics.computes else []), *(["opencl"] if compute else [])]
     for name in names:
         case = Case(graphics, n, scene, RADIANCE_BYTES if name == "glsl" else COPIED_RADIANCE_BYTES)
-        raster, integrator = case.raster(), made(name, case, compute)
+        raster = case.raster()
+        integrator = made(name, case, raster, compute)
         drawn = quickest(partial(case.draw, raster), seconds)
         summed = quickest(partial(integrator.integrate, case.frames), seconds)
         batches = 1e3 * ITERATION / case.tiles.capacity
@@ -147,9 +149,10 @@ def integrating(graphics: Graphics, compute: Compute | None, n: int, scene: Scen
         case.target.texture.release()
 
 
-def made(name: str, case: Case, compute: Compute | None) -> Integrator:
+def made(name: str, case: Case, raster: HemicubeRaster, compute: Compute | None) -> Integrator:
     if name == "glsl" or compute is None:
-        return GlslIntegrator(case.graphics, case.tiles, case.target.texture)
+        sky = np.zeros((1, 1, 3), np.float32)
+        return GlslIntegrator(case.graphics, case.tiles, case.target.texture, raster.depth, sky)
     return CopiedIntegrator(compute, case.tiles, case.target.texture, None)
 
 

@@ -10,8 +10,10 @@ import numpy as np
 from .device.compute import Compute
 from .device.graphics import Graphics
 from .hemicubes import Hemicubes
+from .integrate.glsl import GlslIntegrator
 from .integrate.glsl_cached import GlslCachedIntegrator
-from .integrate.protocol import choose_integrator
+from .integrate.opencl import CopiedIntegrator
+from .integrate.protocol import Integrator
 from .scene import Scene
 from .settings import Settings
 from .subdivision import Subdivision
@@ -48,16 +50,23 @@ class PaperGather:
         """Prepare to gather.
 
         emission  (n, 3) float32 radiance of each patch, seen on back faces
-        sky       (h, w, 3) float32, equirectangular, `Sky.rest`; a single pixel is a uniform sky
+        sky       (h, w, 3) float32, equirectangular, `Sky.rest`
         """
-        texel_bytes = RADIANCE_BYTES if graphics.computes else COPIED_RADIANCE_BYTES
-        tiles = plan_tiles(settings, len(parts.patches), texel_bytes)
-        uniform = sky.shape[:2] == (1, 1)
-        nothing = (*sky[0, 0], 1.0) if uniform else _LOOK_UP
+        # OpenGL integrates where it computes, else OpenCL does after a copy through the host. A rule and no
+        # timing: both differ in the last bits, and the same bake has to give the same bits.
+        copying = None if graphics.computes else compute
+        tiles = plan_tiles(
+            settings, len(parts.patches), RADIANCE_BYTES if copying is None else COPIED_RADIANCE_BYTES
+        )
+        nothing = None if copying is None else _LOOK_UP
         self._target = RadianceTarget(graphics, tiles, emission, nothing, settings.half_radiance)
         self._hemicubes = Hemicubes(graphics, scene, parts, tiles, self._target, settings)
-        looked_up = None if uniform else sky
-        self._integrator = choose_integrator(graphics, compute, tiles, self._target.texture, looked_up)
+        texture, depth = self._target.texture, self._hemicubes.depth
+        self._integrator: Integrator
+        if copying is None:
+            self._integrator = GlslIntegrator(graphics, tiles, texture, depth, sky)
+        else:
+            self._integrator = CopiedIntegrator(copying, tiles, texture, sky)
         self.integrator = self._integrator.name
 
     def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
@@ -65,10 +74,10 @@ class PaperGather:
         self._target.set_radiance(radiance)
         result = np.empty((self._hemicubes.count, 4), np.float32)
         for first, last in self._hemicubes.batches():
-            views = self._hemicubes.views(first, last)
-            for drawn in self._hemicubes.draw(views):
+            placed = self._hemicubes.place(first, last)
+            for drawn in self._hemicubes.draw(placed):
                 yield (first + drawn) / self._hemicubes.count
-            result[first:last] = self._integrator.integrate(views.frames)
+            result[first:last] = self._integrator.integrate(placed.frames)
         return result
 
 
@@ -96,10 +105,10 @@ class GlslGather:
         result = np.empty((self._hemicubes.count, 4), np.float32)
         for index, (first, last) in enumerate(self._hemicubes.batches()):
             if index >= self._integrator.batches:
-                views = self._hemicubes.views(first, last)
-                for drawn in self._hemicubes.draw(views):
+                placed = self._hemicubes.place(first, last)
+                for drawn in self._hemicubes.draw(placed):
                     yield (first + drawn) / self._hemicubes.count
-                self._integrator.keep(views.frames)
+                self._integrator.keep(placed.frames)
             result[first:last] = self._integrator.gather(index)
             yield last / self._hemicubes.count
         return result

@@ -4,20 +4,39 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
 
 from .cutouts import gather_cutouts
 from .device.graphics import Graphics
+from .device.raw_gl import DepthArray
 from .hemicube import matrices
 from .scene import Scene
 from .settings import Settings
 from .subdivision import Subdivision
-from .viewpoints import Viewpoints, place_hemicubes
+from .viewpoints import place_hemicubes
 from .visibility.raster import HemicubeRaster
 from .visibility.targets import Target
 from .visibility.tiles import Tiles
 
 #: A slice of work should take about this long, s.
 _SLICE = 0.04
+
+#: Where hemicubes stand is kept for the iterations to come if there are no more than so many.
+_KEPT = 1 << 17
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Hemicubes ready to be drawn.
+
+    frames    (m, 4, 3) float32, from `Viewpoints.frames`
+    matrices  (m, 5, 4, 4) float32, from `hemicube.matrices`, relative to the raster's origin
+    """
+
+    frames: np.ndarray
+    matrices: np.ndarray
 
 
 class Hemicubes:
@@ -40,18 +59,30 @@ class Hemicubes:
         self._reversed_depth = graphics.reversed_depth
         self._parts, self._settings = parts, settings
         self.count = len(parts.patches)
+        self._kept: dict[tuple[int, int], Placed] = {}
 
-    def views(self, first: int, last: int) -> Viewpoints:
-        """Return where the hemicubes of patches first ... last stand."""
+    @property
+    def depth(self) -> DepthArray:
+        """The depth of what was drawn; see `HemicubeRaster`."""
+        return self._raster.depth
+
+    def place(self, first: int, last: int) -> Placed:
+        """Return the hemicubes of patches first ... last: they stand where they are for life."""
+        placed = self._kept.get((first, last)) or self._place(first, last)
+        if self.count <= _KEPT:
+            self._kept[first, last] = placed
+        return placed
+
+    def _place(self, first: int, last: int) -> Placed:
         geometry, reverse = self._parts.geometry.part(slice(first, last)), self._reversed_depth
-        return place_hemicubes(self._parts.triangles, geometry, self._settings, reverse, first)
+        views = place_hemicubes(self._parts.triangles, geometry, self._settings, reverse, first)
+        eye = views.eye - self._raster.origin
+        return Placed(views.frames, matrices(views.frame, eye, views.near, reverse))
 
-    def draw(self, views: Viewpoints) -> Iterator[int]:
+    def draw(self, placed: Placed) -> Iterator[int]:
         """Draw hemicubes, at most a batch; yield how many are done."""
         started = time.perf_counter()
-        near, reverse = views.near, self._reversed_depth
-        turned = matrices(views.frame, views.eye - self._raster.origin, near, reverse)
-        for drawn in self._raster.draw(turned, self._layers_per_slice):
+        for drawn in self._raster.draw(placed.matrices, self._layers_per_slice):
             seconds = time.perf_counter() - started
             if seconds < _SLICE / 2:
                 self._layers_per_slice = min(2 * self._layers_per_slice, self._tiles.layers)

@@ -1,9 +1,15 @@
 #version 430
 // One group a hemicube: the sum of its texels' radiance times the multiplier, read where it was drawn
-// (paper, IV.C, in one step). rgb is radiance; a is 1 where the front of a surface or the surroundings
-// are seen, and 2 where the surroundings still have to be looked up. No light comes from below the horizon.
+// (paper, IV.C, in one step). rgb is radiance, a is 1 for the front of a surface. Where depth is as it was
+// cleared the surroundings are seen: colour is not cleared. No light comes from below the horizon.
 #include "hemicube.glsl"
+#ifdef REVERSED_DEPTH
+const float FARTHEST = 0.0;
+#else
+const float FARTHEST = 1.0;
+#endif
 uniform sampler2DArray hemicubes;
+uniform sampler2DArray depths;
 layout(std430, binding = 2) writeonly buffer Irradiance { vec4 irradiance[]; };
 
 void main()
@@ -16,11 +22,9 @@ void main()
         ivec2 at = texel_at(i);
         vec3 direction = texel_direction(at);
         if (dot(direction, frame.horizon.xyz) > 0.0) {
-            vec4 value = texelFetch(hemicubes, first + ivec3(at, 0), 0);
-#ifdef SKY
-            if (value.a > 1.5)
-                value = vec4(surroundings(frame, direction), 1.0);
-#endif
+            ivec3 texel = first + ivec3(at, 0);
+            bool drawn = texelFetch(depths, texel, 0).r != FARTHEST;
+            vec4 value = drawn ? texelFetch(hemicubes, texel, 0) : vec4(surroundings(frame, direction), 1.0);
             sum += multiplier[i] * value;
         }
     }

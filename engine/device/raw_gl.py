@@ -11,6 +11,8 @@ FRAMEBUFFER = 0x8D40
 DEPTH_ATTACHMENT = 0x8D00
 FRAMEBUFFER_COMPLETE = 0x8CD5
 TEXTURE_2D_ARRAY = 0x8C1A
+TEXTURE0 = 0x84C0
+MIN_FILTER, MAG_FILTER, NEAREST = 0x2801, 0x2800, 0x2600
 ARRAY_BUFFER = 0x8892
 UNSIGNED_INT = 0x1405
 COLOR = 0x1800
@@ -26,6 +28,8 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "glGenTextures": (None, (_INT, ctypes.POINTER(_UINT))),
     "glDeleteTextures": (None, (_INT, ctypes.POINTER(_UINT))),
     "glBindTexture": (None, (_UINT, _UINT)),
+    "glActiveTexture": (None, (_UINT,)),
+    "glTexParameteri": (None, (_UINT, _UINT, _INT)),
     "glTexImage3D": (None, (_UINT, _INT, _INT, _INT, _INT, _INT, _INT, _UINT, _UINT, _POINTER)),
     "glFramebufferTexture": (None, (_UINT, _UINT, _UINT, _INT)),
     "glCheckFramebufferStatus": (_UINT, (_UINT,)),
@@ -61,8 +65,8 @@ class RawGL:
         """Call a function by name."""
         return self._functions[name](*arguments)
 
-    def depth_array(self, width: int, height: int, layers: int) -> int:
-        """Create a 32-bit float depth texture array; return its GL name."""
+    def depth_array(self, width: int, height: int, layers: int) -> DepthArray:
+        """Create a 32-bit float depth texture array."""
         name = _UINT()
         self("glGenTextures", 1, ctypes.byref(name))
         self("glBindTexture", TEXTURE_2D_ARRAY, name.value)
@@ -70,8 +74,10 @@ class RawGL:
             "glTexImage3D", TEXTURE_2D_ARRAY, 0, DEPTH_COMPONENT32F, width, height, layers, 0,
             DEPTH_COMPONENT, FLOAT, None,
         )  # fmt: skip
+        for filtering in (MIN_FILTER, MAG_FILTER):
+            self("glTexParameteri", TEXTURE_2D_ARRAY, filtering, NEAREST)
         self._textures.append(name.value)
-        return name.value
+        return DepthArray(self, name.value)
 
     def delete_textures(self) -> None:
         """Delete all textures made here."""
@@ -85,15 +91,30 @@ class RawGL:
         self("glBindBuffer", ARRAY_BUFFER, buffer)
         self("glVertexAttribIPointer", location, 1, UNSIGNED_INT, 0, offset)
 
-    def clear_integers(self, value: int, depth: float) -> None:
-        """Clear all layers of the bound framebuffer, whose colours are unsigned integers."""
+    def clear_integers(self, value: int) -> None:
+        """Clear the colours, unsigned integers, of all layers of the bound framebuffer."""
         self("glClearBufferuiv", COLOR, 0, (_UINT * 4)(value, value, value, value))
+
+    def clear_depth(self, depth: float) -> None:
+        """Clear the depth of all layers of the bound framebuffer."""
         self("glClearBufferfv", DEPTH, 0, (_FLOAT * 1)(depth))
 
-    def attach_layered_depth(self, texture: int) -> bool:
+    def attach_layered_depth(self, depth: DepthArray) -> bool:
         """Attach a depth array to the bound framebuffer; return True if it is complete."""
-        self("glFramebufferTexture", FRAMEBUFFER, DEPTH_ATTACHMENT, texture, 0)
+        self("glFramebufferTexture", FRAMEBUFFER, DEPTH_ATTACHMENT, depth.name, 0)
         return bool(self("glCheckFramebufferStatus", FRAMEBUFFER) == FRAMEBUFFER_COMPLETE)
+
+
+class DepthArray:
+    """A depth texture array of an OpenGL name."""
+
+    def __init__(self, raw: RawGL, name: int) -> None:
+        self._raw, self.name = raw, name
+
+    def use(self, unit: int) -> None:
+        """Bind it to a texture unit."""
+        self._raw("glActiveTexture", TEXTURE0 + unit)
+        self._raw("glBindTexture", TEXTURE_2D_ARRAY, self.name)
 
 
 def _address_finder() -> Callable[[str], int | None]:

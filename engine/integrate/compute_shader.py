@@ -8,10 +8,11 @@ import moderngl
 import numpy as np
 
 from ..device.graphics import Graphics
+from ..device.raw_gl import DepthArray
 from ..hemicube import multiplier_map
 from ..visibility.tiles import Tiles
 
-Textures = Mapping[str, moderngl.Texture | moderngl.TextureArray]
+Textures = Mapping[str, moderngl.Texture | moderngl.TextureArray | DepthArray]
 
 #: Storage blocks of shaders/hemicube.glsl; other blocks come after them.
 _FRAMES, _MULTIPLIER = 0, 1

@@ -6,6 +6,7 @@ import moderngl
 import numpy as np
 
 from ..device.graphics import Graphics
+from ..device.raw_gl import DepthArray
 from ..visibility.tiles import Tiles
 from .compute_shader import ComputeShader, HemicubeTables, Textures, sky_texture
 
@@ -14,20 +15,26 @@ class GlslIntegrator:
     """Sums a texture array of radiance hemicubes; needs `Graphics.computes`.
 
     texture  (layers, height, width, 4) float, see `visibility.targets`
-    sky      (h, w, 3) float32 radiance, equirectangular as `Scene.world`, seen where a is 2; or None
+    depth    of the same hemicubes
+    sky      (h, w, 3) float32 radiance, equirectangular as `Scene.world`, seen where nothing was drawn
     """
 
     name = "glsl"
 
     def __init__(
-        self, graphics: Graphics, tiles: Tiles, texture: moderngl.TextureArray, sky: np.ndarray | None = None
+        self,
+        graphics: Graphics,
+        tiles: Tiles,
+        texture: moderngl.TextureArray,
+        depth: DepthArray,
+        sky: np.ndarray,
     ) -> None:
         self._tables = HemicubeTables(graphics, tiles)
-        features = () if sky is None else ("sky",)
+        features = ("sky", *(("reversed_depth",) if graphics.reversed_depth else ()))
         self._shader = ComputeShader(graphics, "integrate", tiles, self._tables, features)
-        self._textures: Textures = {"hemicubes": texture}
-        if sky is not None:
-            self._textures = {"hemicubes": texture, "sky": sky_texture(graphics, sky)}
+        self._textures: Textures = {
+            "hemicubes": texture, "depths": depth, "sky": sky_texture(graphics, sky)
+        }  # fmt: skip
         self._irradiance = graphics.context.buffer(reserve=16 * tiles.capacity)
 
     def integrate(self, frames: np.ndarray) -> np.ndarray:

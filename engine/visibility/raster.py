@@ -35,6 +35,7 @@ class HemicubeRaster:
     target   what is drawn; in the layout of `tiles`
     path     one of `draw_paths.available_paths`, None for the fastest, found out with the first hemicubes
     culling  False draws all triangles into all faces
+    depth    of what was drawn; where nothing was, as it was cleared: the farthest
     """
 
     def __init__(
@@ -49,7 +50,7 @@ class HemicubeRaster:
         culling: bool = True,
     ) -> None:
         context = graphics.context
-        self._graphics, self._tiles, self._target = graphics, tiles, target
+        self._graphics, self._tiles, self.target = graphics, tiles, target
 
         # Geometry relative to the scene's middle, where float32 is finest.
         self.origin = triangles.middle
@@ -76,8 +77,8 @@ class HemicubeRaster:
         # Where hemicubes are drawn: the target and a depth array.
         self._framebuffer = context.framebuffer([target.texture])
         self._framebuffer.use()
-        self._depth = graphics.raw.depth_array(tiles.width, tiles.height, tiles.layers)
-        if not graphics.raw.attach_layered_depth(self._depth):
+        self.depth = graphics.raw.depth_array(tiles.width, tiles.height, tiles.layers)
+        if not graphics.raw.attach_layered_depth(self.depth):
             raise DeviceError(
                 f"The OpenGL driver '{graphics.name}' cannot draw into layered depth textures. Update it."
             )
@@ -98,7 +99,7 @@ class HemicubeRaster:
         rows = np.ascontiguousarray(matrices.reshape(count, 4 * FACES, 4))
         self._matrices.write(rows, viewport=(0, 0, 4 * FACES, count))
         self._bind()
-        self._target.clear(self._framebuffer, 0.0 if self._graphics.reversed_depth else 1.0)
+        self.target.clear(self._framebuffer, 0.0 if self._graphics.reversed_depth else 1.0)
         if len(self._paths) > 1:
             self._keep_fastest(matrices)
         slots = layers_per_slice * self._tiles.per_layer

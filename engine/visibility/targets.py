@@ -42,7 +42,7 @@ class RadianceTarget:
     """(layers, height, width, 4) float32: radiance, and 1 for fronts and surroundings, 0 for backs.
 
     emission  (n, 3) float32 radiance, seen on back faces
-    nothing   4 numbers that stand where no surface is seen
+    nothing   4 numbers that stand where no surface is seen; None leaves there what was: depth tells
     half      True for float16: radiance up to 65504 with 11 bits; for `GlslIntegrator` alone
     """
 
@@ -53,12 +53,12 @@ class RadianceTarget:
         graphics: Graphics,
         tiles: Tiles,
         emission: np.ndarray,
-        nothing: Sequence[float],
+        nothing: Sequence[float] | None,
         half: bool = False,
     ) -> None:
         context = graphics.context
         self._largest = float(np.finfo(np.float16 if half else np.float32).max)
-        self._nothing = tuple(min(float(channel), self._largest) for channel in nothing)
+        self._raw, self._nothing = graphics.raw, nothing
         size = (tiles.width, tiles.height, tiles.layers)
         self.texture = context.texture_array(size, 4, dtype="f2" if half else "f4")
         self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
@@ -72,8 +72,11 @@ class RadianceTarget:
         self._write_side(radiance, front=True)
 
     def clear(self, framebuffer: moderngl.Framebuffer, depth: float) -> None:
-        """Clear all layers to what is seen where there is no surface."""
-        framebuffer.clear(*self._nothing, depth=depth)
+        """Clear all layers to what is seen where there is no surface, or their depth alone."""
+        if self._nothing is None:
+            self._raw.clear_depth(depth)
+        else:
+            framebuffer.clear(*map(float, self._nothing), depth=depth)
 
     def _write_side(self, radiance: np.ndarray, front: bool) -> None:
         """Write (n, 3) float32 into one half of the radiosity texture; entry 0 stands for nothing."""
@@ -99,4 +102,5 @@ class IdentityTarget:
 
     def clear(self, framebuffer: moderngl.Framebuffer, depth: float) -> None:
         """Clear all layers to SKY."""
-        self._raw.clear_integers(SKY, depth)
+        self._raw.clear_integers(SKY)
+        self._raw.clear_depth(depth)

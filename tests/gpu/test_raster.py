@@ -20,14 +20,15 @@ from tests.analytic.scenes import furnace, sphere
 #: Frame along the axes, nothing below the horizon.
 UPRIGHT = np.float32([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 1]])
 WORLD = np.float32([0.25, 0.5, 0.75])
+SKY = WORLD.reshape(1, 1, 3)
 
 
-def drawn(graphics, tiles, count, emission=0.0, eye=(0.5, 0.5, 0.5)):
+def drawing(graphics, tiles, count, emission=0.0, eye=(0.5, 0.5, 0.5), nothing=(*WORLD, 1.0)):
     """Draw `count` hemicubes inside (or outside) the furnace; every patch shines with its number."""
     scene = furnace(0.5, 1.0)
     triangles = gather_triangles(scene)
     owners = np.ones((1, 32, 32), np.uint32)
-    target = RadianceTarget(graphics, tiles, np.full((1, 3), emission, np.float32), (*WORLD, 1.0))
+    target = RadianceTarget(graphics, tiles, np.full((1, 3), emission, np.float32), nothing)
     raster = HemicubeRaster(graphics, tiles, triangles, gather_cutouts(scene), owners, target)
     target.set_radiance(np.full((1, 3), 2, np.float32))
     frame = frames(np.tile([0.0, 0.0, 1.0], (count, 1)), rotations(1, np.arange(count)))
@@ -36,6 +37,12 @@ def drawn(graphics, tiles, count, emission=0.0, eye=(0.5, 0.5, 0.5)):
         list(raster.draw(matrices(frame, eyes, np.full(count, 1e-4), graphics.reversed_depth), 1))[-1]
         == count
     )
+    return raster
+
+
+def drawn(graphics, tiles, count, **options):
+    """Draw as `drawing`; return the target and its content."""
+    target = drawing(graphics, tiles, count, **options).target
     image = np.frombuffer(target.texture.read(), np.float32)
     return target, image.reshape(tiles.layers, tiles.height, tiles.width, 4)
 
@@ -141,12 +148,13 @@ def test_see_through_backs_are_left_out():
 @pytest.mark.parametrize("tiles", [Tiles(16, 3, 1, 3), Tiles(8, 4, 2, 2), Tiles(128, 1, 1, 1)])
 def test_kernels_equal_a_sum_in_double_precision(graphics, tiles):
     compute = Compute()
-    target, _ = drawn(graphics, tiles, tiles.capacity)
+    raster = drawing(graphics, tiles, tiles.capacity)
+    target = raster.target
     values = np.random.default_rng(5).random((tiles.layers, tiles.height, tiles.width, 4), np.float32)
     target.texture.write(values.tobytes())
     upright = np.tile(UPRIGHT, (tiles.capacity, 1, 1))
     in_cl = CopiedIntegrator(compute, tiles, target.texture, None).integrate(upright)
-    in_gl = GlslIntegrator(graphics, tiles, target.texture).integrate(upright)
+    in_gl = GlslIntegrator(graphics, tiles, target.texture, raster.depth, SKY).integrate(upright)
     weights = multiplier_map(tiles.n).astype(np.float64)
     for slot in range(tiles.capacity):
         layer, tile = divmod(slot, tiles.per_layer)
@@ -154,6 +162,18 @@ def test_kernels_equal_a_sum_in_double_precision(graphics, tiles):
         cube = values[layer, y : y + 3 * tiles.n, x : x + tiles.n].astype(np.float64)
         for result in (in_cl, in_gl):
             np.testing.assert_allclose(result[slot], np.einsum("yx,yxc->c", weights, cube), rtol=2e-6)
+
+
+@pytest.mark.parametrize("eye", [(0.5, 0.5, 0.5), (0.5, 0.5, -0.5), (0.3, 0.6, 1.5)])
+def test_depth_tells_where_nothing_was_drawn(graphics, eye):
+    """Colours of an earlier batch stay where the sky is seen, and do not count."""
+    tiles, compute = Tiles(16, 3, 1, 1), Compute()
+    upright = np.tile(UPRIGHT, (3, 1, 1))
+    cleared = drawing(graphics, tiles, 3, eye=eye)
+    in_cl = CopiedIntegrator(compute, tiles, cleared.target.texture, None).integrate(upright)
+    kept = drawing(graphics, tiles, 3, eye=eye, nothing=None)
+    in_gl = GlslIntegrator(graphics, tiles, kept.target.texture, kept.depth, SKY).integrate(upright)
+    assert in_gl == pytest.approx(in_cl, rel=1e-5)
 
 
 def test_layout_has_one_face_after_another():
@@ -165,7 +185,7 @@ def test_half_floats_are_rounded_and_never_infinite(graphics):
     """Patches of every brightness fill hemicubes; float16 holds up to 65504."""
     tiles, radiance = Tiles(8, 3, 1, 1), np.float32([[1e6, 0.123456, 3e-5]])
     dark = np.zeros((1, 3), np.float32)
-    target = RadianceTarget(graphics, tiles, dark, (1e9, 0, 0, 1), half=True)
+    target = RadianceTarget(graphics, tiles, dark, None, half=True)
     target.set_radiance(radiance)
     scene = furnace(0.5, 1.0)
     owners = np.ones((1, 32, 32), np.uint32)
@@ -173,7 +193,8 @@ def test_half_floats_are_rounded_and_never_infinite(graphics):
     raster = HemicubeRaster(*arguments)
     frame = frames(np.tile([0.0, 0.0, 1.0], (3, 1)), np.zeros(3))
     list(raster.draw(matrices(frame, np.zeros((3, 3)), np.full(3, 1e-4), graphics.reversed_depth), 1))
-    light = GlslIntegrator(graphics, tiles, target.texture).integrate(np.tile(UPRIGHT, (3, 1, 1)))
+    integrator = GlslIntegrator(graphics, tiles, target.texture, raster.depth, SKY)
+    light = integrator.integrate(np.tile(UPRIGHT, (3, 1, 1)))
     assert light == pytest.approx(np.tile([65504, 0.123456, 3e-5, 1], (3, 1)), rel=1e-3)
 
 

@@ -19,7 +19,6 @@ from benchmarks.curves import Point
 from tools.headless import MODULE, quiet_stdout
 from tools.verification.cycles import RealisedScene
 from tools.verification.difference import Difference, compare
-from tools.verification.run import known_texels
 
 #: Seeds of the two halves of the reference, and of what is measured against them.
 _HALVES, _SEED = (1, 2), 3
@@ -81,14 +80,18 @@ class Reference:
 
 
 def hemibake_curve(
-    context: bpy.types.Context, reference: Reference, configurations: list[dict[str, Any]], limit: float
+    context: bpy.types.Context,
+    reference: Reference,
+    known_of: Callable[[Any], np.ndarray],
+    configurations: list[dict[str, Any]],
+    limit: float,
 ) -> tuple[list[dict[str, Any]], np.ndarray]:
     """Bake with every configuration; one above the limit in seconds ends those with its visibility.
 
-    Returns a record for each, and the known texels.
+    known_of tells the known texels of a lightmap. Returns a record for each, and the known texels.
     """
     _, lightmap = operator_bake(context, configurations[0])
-    known = known_texels(lightmap)
+    known = known_of(lightmap)
     records, too_slow = [], set()
     for values in configurations:
         if values.get("visibility") in too_slow:

@@ -6,6 +6,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -117,7 +118,7 @@ def _measure(case: _Case, path: Path | None, options: Options) -> dict[str, Any]
     from benchmarks import contest
     from tools.headless import quiet_stdout
     from tools.verification.cycles import realised
-    from tools.verification.run import gathered_scene
+    from tools.verification.run import gathered_scene, known_texels
 
     limit = 120.0 if options.full or options.gpu else 25.0
     with quiet_stdout():
@@ -127,10 +128,11 @@ def _measure(case: _Case, path: Path | None, options: Options) -> dict[str, Any]
         settings = bpy.context.scene.hemibake
         settings.resolution, settings.directory = case.resolution, folder
         with quiet_stdout():
-            gathered, _ = gathered_scene(bpy.context)
+            gathered, chosen = gathered_scene(bpy.context)
+        known_of = partial(known_texels, scene=gathered.scene, settings=chosen)
         with realised(bpy.context, gathered, case.resolution) as cycles:
             reference = contest.Reference(cycles, gathered, case.name, case.samples, Path(options.cache))
-            ours, known = contest.hemibake_curve(bpy.context, reference, configurations(), limit)
+            ours, known = contest.hemibake_curve(bpy.context, reference, known_of, configurations(), limit)
             theirs = {
                 device: contest.cycles_curve(cycles, reference, known, device, min(_TARGETS), limit)
                 for device in contest.cycles_devices(options.gpu)

@@ -11,6 +11,7 @@ from tools.headless import MODULE, quiet_stdout
 from tools.picture import write_png
 from tools.verification.cycles import realised
 from tools.verification.difference import Difference, compare
+from tools.verification.doubled import doubled_texels
 
 
 def verify(context, samples: int) -> tuple[Difference, np.ndarray, list[str]]:
@@ -26,13 +27,33 @@ def verify(context, samples: int) -> tuple[Difference, np.ndarray, list[str]]:
             bakes = reference.bake(samples, 1), reference.bake(samples, 2)
             colour = reference.colour()
 
-    figures, difference = compare(lightmap.image, known_texels(lightmap), colour, bakes)
+    known = known_texels(lightmap, gathered.scene, settings)
+    figures, difference = compare(lightmap.image, known, colour, bakes)
     return figures, difference, [*gathered.notes, *lightmap.report.warnings]
 
 
-def known_texels(lightmap) -> np.ndarray:
-    """Return the texels, (atlases, h, w) bool, that are covered and not filled as inside of something."""
-    return lightmap.covered & (lightmap.image == lightmap.display).all(axis=-1)
+def known_texels(lightmap, scene, settings) -> np.ndarray:
+    """Return the texels, (atlases, h, w) bool, whose light can be known.
+
+    They are covered, not filled as inside of something, and lie on one surface only.
+    """
+    visible = lightmap.covered & (lightmap.image == lightmap.display).all(axis=-1)
+    return visible & ~doubled_texels(_subdivided(scene, settings), len(scene.atlases))
+
+
+def _subdivided(scene, settings):
+    """Return the patches of a scene as a bake has them."""
+    engine = importlib.import_module(f"{MODULE}.engine")
+    names = ("device.graphics", "occluders", "subdivision")
+    graphics, occluders, subdivision = (
+        importlib.import_module(f"{engine.__name__}.{name}") for name in names
+    )
+    context = graphics.Graphics()
+    try:
+        placed = occluders.place_occluders(scene, settings.resolution)
+        return subdivision.subdivide(context, placed, settings)
+    finally:
+        context.release()
 
 
 def gathered_scene(context):

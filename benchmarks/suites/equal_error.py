@@ -35,10 +35,10 @@ class _Case:
 
 _SMALL = (_Case("demo", None, 96, 1024), _Case("living_room", "living_room.blend", 128, 128))
 _ALL = (
-    _Case("demo", None, 192, 4096),
-    _Case("living_room", "living_room.blend", 256, 1024),
-    _Case("house", "house.glb", 512, 1024),
-    _Case("complex", "complex.obj", 512, 1024),
+    _Case("living_room", "living_room.blend", 256, 256),
+    _Case("complex", "complex.obj", 512, 128),
+    _Case("house", "house.glb", 512, 256),
+    _Case("demo", None, 192, 1024),
 )
 
 

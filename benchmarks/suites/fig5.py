@@ -32,7 +32,7 @@ def run(options: Options) -> list[dict[str, Any]]:
         n = row["hemicube"]
         records += [_drawn(n, layers, budget) for layers in _LAYERS]
         if options.gpu:
-            records.append(_drawn(n, _LAYERS[-1], budget, half=True))
+            records += [_drawn(n, None, budget, half) for half in (False, True)]
         records.append(_cached(n, budget, 10 * budget))
     return records
 
@@ -50,18 +50,21 @@ def tables(records: list[dict[str, Any]], options: Options) -> str:
     return f"ms per iteration. Paper: {paper['cpu']}; {paper['gpu']}.\n{where}\n\n{table(titles, rows)}"
 
 
-def _drawn(n: int, layers: int, budget: float, half: bool = False) -> dict[str, Any]:
-    """Time method `paper`: hemicubes are drawn in every iteration; half: 16-bit, batches as they fit."""
-    size = {"half_radiance": True} if half else {"array_size": (_ARRAY, _ARRAY, layers)}
+def _drawn(n: int, layers: int | None, budget: float, half: bool = False) -> dict[str, Any]:
+    """Time method `paper`: hemicubes are drawn in every iteration.
+
+    layers: of the paper's array, None for batches as they fit; half: in 16-bit floats
+    """
+    size = (_ARRAY, _ARRAY, layers) if layers else None
     chosen = settings(
-        {"method": "paper", "hemicube": n, "visibility": "raster", **size},
+        {"method": "paper", "hemicube": n, "visibility": "raster", "array_size": size, "half_radiance": half},
         resolution=_RESOLUTION, sample_emission=False,
     )  # fmt: skip
     with solving(nine_quad_room(), chosen) as (solver, choice, patches):
         warm_up(solver)
         timing = time_iterations(solver, _ITERATIONS, budget)
     name = "paper, float16" if half else choice.method
-    return _record(n, None if half else layers, name, patches, timing)
+    return _record(n, layers, name, patches, timing)
 
 
 def _cached(n: int, budget: float, drawing_budget: float) -> dict[str, Any]:

@@ -7,6 +7,8 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 FRAMEBUFFER = 0x8D40
 DEPTH_ATTACHMENT = 0x8D00
 FRAMEBUFFER_COMPLETE = 0x8CD5
@@ -33,7 +35,7 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "glTexImage3D": (None, (_UINT, _INT, _INT, _INT, _INT, _INT, _INT, _UINT, _UINT, _POINTER)),
     "glFramebufferTexture": (None, (_UINT, _UINT, _UINT, _INT)),
     "glCheckFramebufferStatus": (_UINT, (_UINT,)),
-    "glViewportIndexedf": (None, (_UINT, _FLOAT, _FLOAT, _FLOAT, _FLOAT)),
+    "glViewportArrayv": (None, (_UINT, _INT, _POINTER)),
     "glClearBufferuiv": (None, (_UINT, _INT, ctypes.POINTER(_UINT))),
     "glClearBufferfv": (None, (_UINT, _INT, ctypes.POINTER(_FLOAT))),
     "glBindVertexArray": (None, (_UINT,)),
@@ -90,6 +92,10 @@ class RawGL:
         self("glBindVertexArray", vertex_array)
         self("glBindBuffer", ARRAY_BUFFER, buffer)
         self("glVertexAttribIPointer", location, 1, UNSIGNED_INT, 0, offset)
+
+    def set_viewports(self, viewports: np.ndarray) -> None:
+        """Set the first viewports: x, y, width and height, (k, 4) float32 without gaps."""
+        self("glViewportArrayv", 0, len(viewports), viewports.ctypes.data)
 
     def clear_integers(self, value: int) -> None:
         """Clear the colours, unsigned integers, of all layers of the bound framebuffer."""

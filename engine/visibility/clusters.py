@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from .draw_lists import whole_draws
+
 #: Triangles of a cluster.
 _SIZE = 64
 
@@ -33,6 +35,7 @@ class Clusters:
 
     order   (t,) int64, the triangles in drawing order
     first   (c + 1,) int64, where each cluster starts in `order`, and the end of the last
+    draws   (c, 5) uint32, from `whole_draws`
     """
 
     def __init__(self, positions: np.ndarray, one_sided: np.ndarray, culling: bool = True) -> None:
@@ -45,6 +48,7 @@ class Clusters:
         size = _SIZE if culling and count >= _WORTHWHILE else count
         self.order = np.argsort(_morton_codes(positions.mean(axis=1)), kind="stable")
         self.first = np.append(np.arange(0, count, size), count)
+        self.draws = whole_draws(self.first)
         low = np.minimum.reduceat(positions[self.order].min(axis=1), self.first[:-1], axis=0)
         high = np.maximum.reduceat(positions[self.order].max(axis=1), self.first[:-1], axis=0)
         self._center, self._half = (low + high) / 2, (high - low) / 2

@@ -11,6 +11,9 @@ from ..hemicube import FACES
 #: An item is a slot times this, plus a face or the bits of several faces.
 _SLOT = 32
 
+_FACE = np.arange(FACES, dtype=np.uint32)
+_BIT = (1 << _FACE).astype(np.uint8)
+
 
 @dataclass(frozen=True)
 class DrawList:
@@ -24,28 +27,34 @@ class DrawList:
     commands: np.ndarray
 
 
-def face_items(seen: np.ndarray, slots: np.ndarray, faces: range, first: np.ndarray) -> DrawList:
+def whole_draws(first: np.ndarray) -> np.ndarray:
+    """Return a command for each cluster without instances, (c, 5) uint32; first: `Clusters.first`."""
+    commands = np.zeros((len(first) - 1, 5), np.uint32)
+    commands[:, 0], commands[:, 2] = 3 * np.diff(first), 3 * first[:-1]
+    return commands
+
+
+def face_items(seen: np.ndarray, slots: np.ndarray, faces: range, draws: np.ndarray) -> DrawList:
     """Return a list with an instance for every face that a cluster is seen on.
 
-    seen: (c, m, 5) bool; slots: (m,) of the hemicubes; faces: those to draw; first: `Clusters.first`.
+    seen: (c, m, 5) bool; slots: (m,) of the hemicubes; faces: those to draw; draws: from `whole_draws`.
     """
-    codes = (slots[:, None] * _SLOT + np.arange(FACES)[faces]).astype(np.uint32)
-    return _listed(seen[:, :, faces], codes, first)
+    codes = (slots[:, None] * _SLOT + _FACE[faces.start : faces.stop]).astype(np.uint32)
+    cluster, place = np.nonzero(seen[:, :, faces.start : faces.stop].reshape(len(seen), -1))
+    return _listed(codes.ravel().take(place), np.bincount(cluster, minlength=len(draws)), draws)
 
 
-def hemicube_items(seen: np.ndarray, slots: np.ndarray, first: np.ndarray) -> DrawList:
+def hemicube_items(seen: np.ndarray, slots: np.ndarray, draws: np.ndarray) -> DrawList:
     """Return a list with an instance for every hemicube that sees a cluster; see `face_items`."""
-    bits = seen @ (1 << np.arange(FACES))
-    codes = (slots * _SLOT + bits).astype(np.uint32)
-    return _listed(bits > 0, codes, first)
+    bits = seen @ _BIT
+    drawn = bits != 0
+    codes = (slots * _SLOT).astype(np.uint32) + bits
+    return _listed(codes[drawn], drawn.sum(axis=1), draws)
 
 
-def _listed(seen: np.ndarray, codes: np.ndarray, first: np.ndarray) -> DrawList:
-    """Return the list of what is seen: seen (c, ...) bool, codes of the instances, broadcast to its shape."""
-    instances = np.count_nonzero(seen.reshape(len(seen), -1), axis=1)
-    commands = np.zeros((len(seen), 5), np.uint32)
-    commands[:, 0] = 3 * np.diff(first)
+def _listed(items: np.ndarray, instances: np.ndarray, draws: np.ndarray) -> DrawList:
+    """Return the list of items, so many of each cluster."""
+    commands = draws.copy()
     commands[:, 1] = instances
-    commands[:, 2] = 3 * first[:-1]
     commands[:, 4] = np.cumsum(instances) - instances
-    return DrawList(np.broadcast_to(codes, seen.shape)[seen], commands[instances > 0])
+    return DrawList(items, commands if instances.all() else commands[instances > 0])

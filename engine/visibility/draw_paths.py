@@ -72,6 +72,7 @@ class DrawPath:
         self.program = graphics.program("hemicube", stages, (*own, *features))
         self._vertices = graphics.context.vertex_array(self.program, mesh.content, mesh.indices)
         self.program["tiles_per_layer"] = tiles.per_layer
+        self._viewports = _viewports(tiles)
 
     def draw(self, clusters: Clusters, seen: np.ndarray, slots: np.ndarray) -> None:
         """Draw clusters into hemicubes: slots (m,) ascending, seen (c, m, 5) from `Clusters.visible`."""
@@ -89,13 +90,12 @@ class DrawPath:
             self._draw_faces(clusters, seen, slots, first_tile)
             return
         self.program["first_tile"] = first_tile
-        for tile in range(first_tile, min(first_tile + TILES_PER_DRAW, self._tiles.per_layer)):
-            for face in range(FACES):
-                self._set_viewport(FACES * (tile - first_tile) + face, tile, face)
+        last_tile = min(first_tile + TILES_PER_DRAW, self._tiles.per_layer)
+        self._graphics.raw.set_viewports(self._viewports[FACES * first_tile : FACES * last_tile])
         if self.name == "layer":
-            self._render(face_items(seen, slots, range(FACES), clusters.first))
+            self._render(face_items(seen, slots, range(FACES), clusters.draws))
         else:
-            self._render(hemicube_items(seen, slots, clusters.first))
+            self._render(hemicube_items(seen, slots, clusters.draws))
 
     def _draw_faces(self, clusters: Clusters, seen: np.ndarray, slots: np.ndarray, first_tile: int) -> None:
         """Draw one face of one tile of all layers at a time."""
@@ -103,15 +103,9 @@ class DrawPath:
         for tile in range(first_tile, min(first_tile + TILES_PER_DRAW, self._tiles.per_layer)):
             chosen = tiles == tile
             for face in range(FACES):
-                self._set_viewport(0, tile, face)
-                drawn = face_items(seen[:, chosen], slots[chosen], range(face, face + 1), clusters.first)
+                self._graphics.raw.set_viewports(self._viewports[FACES * tile + face][None])
+                drawn = face_items(seen[:, chosen], slots[chosen], range(face, face + 1), clusters.draws)
                 self._render(drawn)
-
-    def _set_viewport(self, index: int, tile: int, face: int) -> None:
-        """Let a viewport be one face of a tile, in the stacked layout."""
-        x, y = self._tiles.origin(tile)
-        row, rows = face_rows(self._tiles.n)[face]
-        self._graphics.raw("glViewportIndexedf", index, x, y + row, self._tiles.n, rows)
 
     def _render(self, drawn: DrawList) -> None:
         """Draw a list: one call for all clusters where the driver takes commands from a buffer."""
@@ -127,3 +121,10 @@ class DrawPath:
                 self._vertices.glo, location, self._mesh.items.glo, 4 * first_item
             )
             self._vertices.render(moderngl.TRIANGLES, count, first=first, instances=instances)
+
+
+def _viewports(tiles: Tiles) -> np.ndarray:
+    """Return x, y, width and height of every face of every tile of a layer, (k, 4) float32."""
+    corners = [tiles.origin(tile) for tile in range(tiles.per_layer)]
+    faces = [(x, y + row, tiles.n, rows) for x, y in corners for row, rows in face_rows(tiles.n)]
+    return np.array(faces, np.float32)

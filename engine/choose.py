@@ -34,6 +34,9 @@ from .visibility.tiles import IDENTITY_BYTES, plan_tiles
 #: Patches that are tried first, how many times more the next try takes, and when a try is long enough, s.
 _TRIED, _MORE, _LONG_ENOUGH = 32, 8, 0.02
 
+#: If rays take less than this for all patches, drawing is not tried: the trial would take about as long, s.
+_SHORT = 0.5
+
 #: Width of the squares of patches that share their bounces where memory is short, texels.
 _SHARED = 4
 
@@ -183,7 +186,7 @@ def _without_opencl(bake: Bake) -> tuple[Radiosity, Choice]:
 
 
 def _identity_makers(bake: Bake) -> dict[str, Callable[[], Identity]]:
-    """Return what makes each way to find what patches see."""
+    """Return what makes each way to find what patches see, first the one that is quickly tried."""
     return {
         "rays": lambda: RayIdentity(bake.opencl, bake.rays, bake.parts, bake.around, bake.settings),
         "raster": lambda: RasterIdentity(
@@ -197,12 +200,18 @@ def _choose_identity(bake: Bake) -> tuple[Identity, list[str]]:
     wanted, makers = bake.settings.visibility, _identity_makers(bake)
     if wanted != "auto":
         return makers[wanted](), [f"The settings ask for {wanted}."]
-    count = len(bake.parts.patches)
-    tried = {name: make() for name, make in makers.items()}
-    rates = {name: _patches_per_second(bake.opencl, identity, count) for name, identity in tried.items()}
+    count, tried, rates = len(bake.parts.patches), {}, {}
+    for name, make in makers.items():
+        tried[name] = make()
+        rates[name] = _patches_per_second(bake.opencl, tried[name], count)
+        if rates[name] * _SHORT > count:
+            break
     best = max(rates, key=lambda name: rates[name])
     told = " and ".join(f"{name} {rate:,.0f} ({tried[name].samples} samples)" for name, rate in rates.items())
-    return tried[best], [f"Views of patches found in a second: {told}."]
+    reasons = [f"Views of patches found in a second: {told}."]
+    if len(tried) < len(makers):
+        reasons.append(f"Nothing else was tried: {best} take {count / rates[best]:.2f} s in all.")
+    return tried[best], reasons
 
 
 def _choose_sweep(bake: Bake, identity: Identity) -> tuple[Sweep, str, str]:

@@ -7,7 +7,7 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from engine import DeviceError, Light, Settings
+from engine import DeviceError, Light, Settings, choose
 from engine.device import devices
 from engine.device.compute import Compute
 from engine.device.graphics import Graphics
@@ -99,12 +99,19 @@ def test_what_does_not_fit_the_memory_is_streamed(paper, visibility):
     assert report.method == "stream" and any("1 MiB may be used" in reason for reason in report.reasons)
 
 
-def test_the_faster_visibility_is_chosen_and_both_rates_are_told(paper):
+def test_the_faster_visibility_is_chosen_and_both_rates_are_told(paper, monkeypatch):
+    monkeypatch.setattr(choose, "_SHORT", 0)
     report = drive(paper[0], dataclasses.replace(SETTINGS, visibility="auto")).report
     rates = re.search(r"rays ([\d,]+) .*raster ([\d,]+) ", " ".join(report.reasons)).groups()
     rays, raster = (int(rate.replace(",", "")) for rate in rates)
     assert report.visibility == ("rays" if rays > raster else "raster")
     assert report.samples == (2 * 8**2 if rays > raster else 3 * 8**2)
+
+
+def test_drawing_is_not_tried_where_rays_take_a_moment(paper, monkeypatch):
+    monkeypatch.setattr(choose, "_SHORT", 1e6)
+    report = drive(paper[0], dataclasses.replace(SETTINGS, visibility="auto")).report
+    assert report.visibility == "rays" and "Nothing else was tried" in " ".join(report.reasons)
 
 
 @pytest.mark.parametrize("visibility", ["raster", "rays"])

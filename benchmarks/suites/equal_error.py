@@ -120,7 +120,7 @@ def _measure(case: _Case, path: Path | None, options: Options) -> dict[str, Any]
     from tools.verification.cycles import realised
     from tools.verification.run import gathered_scene, known_texels
 
-    limit = 120.0 if options.full or options.gpu else 25.0
+    limit = 40.0 if options.full or options.gpu else 25.0
     with quiet_stdout():
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
         _OPENERS[case.name](path)

@@ -153,7 +153,7 @@ def made(name: str, case: Case, raster: HemicubeRaster, compute: Compute | None)
     if name == "glsl" or compute is None:
         sky = np.zeros((1, 1, 3), np.float32)
         return GlslIntegrator(case.graphics, case.tiles, case.target.texture, raster.depth, sky)
-    return CopiedIntegrator(compute, case.tiles, case.target.texture, None)
+    return CopiedIntegrator(compute, case.tiles, case.target.texture, np.zeros((1, 1, 3), np.float32))
 
 
 def quickest(work: Callable[[], Any], seconds: float) -> float:

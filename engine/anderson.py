@@ -10,7 +10,7 @@ import numpy as np
 #: Iterates that are mixed.
 COLUMNS = 6
 
-#: Relative to the mean product: what float32 sums cannot tell from linear dependence.
+#: Added to the products relative to their size, so that dependent columns have a solution.
 _RIDGE = 1e-9 * np.eye(COLUMNS)
 
 #: Iterates are forgotten if the newest defect is larger than the one before by this factor, squared.

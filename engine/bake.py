@@ -51,7 +51,14 @@ def bake_with(
     """Bake as `bake` does, on devices that are there already and stay."""
     check_settings(settings)
     check_scene(scene)
-    clock = clock or Stopwatch()
+    with devices.memory_told():
+        return (yield from _bake(devices, scene, settings, clock or Stopwatch()))
+
+
+def _bake(
+    devices: Devices, scene: Scene, settings: Settings, clock: Stopwatch
+) -> Generator[Progress, None, Lightmap]:
+    """Bake: the paper's algorithm."""
     graphics, compute = devices.graphics, devices.compute
     settings, notes = without_opencl(devices, scene, settings)
     atlases, scene = scene.atlases, place_occluders(scene, settings.resolution)

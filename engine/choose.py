@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 import pyopencl as cl
 
+from .anderson import COLUMNS
 from .device.compute import Compute
 from .device.graphics import Graphics
 from .errors import DeviceError
@@ -93,6 +94,23 @@ class Bake:
         return surroundings(self.opencl, self.emission, self.sky)
 
     @property
+    def budget(self) -> int:
+        """The device memory that the samples of patches may take, bytes: half of it unless told."""
+        memory = self.opencl.device.global_mem_size
+        return min(self.settings.memory_budget or memory // 2, memory)
+
+    @property
+    def bounces(self) -> bool:
+        """True if light that was reflected is wanted."""
+        return bool({"combined", "indirect"} & set(self.settings.outputs))
+
+    @property
+    def columns(self) -> int:
+        """Iterates to mix: several if sweeps are accelerated."""
+        settings = self.settings
+        return COLUMNS if settings.accelerate and settings.method != "paper" and self.bounces else 1
+
+    @property
     def glowing(self) -> bool:
         """True if patches gather light before any is reflected."""
         return bool(self.emission.any() or self.sky.any())
@@ -111,28 +129,28 @@ def _solver(bake: Bake) -> tuple[Solver, Choice]:
         radiosity, choice = _paper(bake)
     else:
         radiosity, choice = _without_opencl(bake) if bake.compute is None else _identities(bake)
-    accelerate = bake.settings.accelerate and choice.method != "paper"
-    return Solver(radiosity, bake.lights, bake.settings, bake.glowing, accelerate), choice
+    return Solver(radiosity, bake.lights, bake.settings, bake.glowing), choice
 
 
 def _choose_width(bake: Bake) -> tuple[int, tuple[str, ...]]:
     """Return how wide the squares are of patches that share their bounces, texels, and why."""
     settings, count = bake.settings, len(bake.parts.patches)
-    if (
-        bake.compute is None
-        or settings.method == "paper"
-        or not {"combined", "indirect"} & set(settings.outputs)
-    ):
+    if bake.compute is None or settings.method == "paper" or not bake.bounces:
         return 1, ()
     if settings.shared_bounces:
         return settings.shared_bounces, ("The settings ask for shared bounces.",)
-    raster = settings.visibility == "raster"
-    samples = 3 * settings.hemicube**2 if raster else ray_count(settings)
-    needed, budget = samples * count * sample_bytes(count), memory_budget(bake.compute, settings)
+    needed, budget = _most_samples(settings) * count * sample_bytes(count), bake.budget
     if settings.method != "auto" or needed <= budget:
         return 1, ()
     why = f"what all patches see takes {needed / 2**20:,.0f} MiB, {budget / 2**20:,.0f} MiB may be used"
     return _SHARED, (f"Squares of {_SHARED} x {_SHARED} patches share their bounces: {why}.",)
+
+
+def _most_samples(settings: Settings) -> int:
+    """Return how many samples a patch may have, whichever way is taken to find what it sees."""
+    hemicube, rays = 3 * settings.hemicube**2, ray_count(settings)
+    cast = hemicube if settings.directions == "hemicube" else rays
+    return {"raster": hemicube, "rays": cast, "auto": max(hemicube, cast)}[settings.visibility]
 
 
 def _shared_solution(bake: Bake, width: int, reasons: tuple[str, ...]) -> tuple[SharedSolution, Choice]:
@@ -158,8 +176,9 @@ def _identities(bake: Bake) -> tuple[Radiosity, Choice]:
     sweep, method, reason = _choose_sweep(bake, identity)
     reflectance = bake.parts.surfaces.reflectance
     radiosity = DeviceRadiosity(
-        bake.opencl, sweep, reflectance, bake.around.emission, bake.area, bake.lights, bake.glowing
-    )
+        bake.opencl, sweep, reflectance, bake.around.emission, bake.area, bake.lights, bake.glowing,
+        bake.columns,
+    )  # fmt: skip
     return radiosity, Choice(method, identity.name, identity.samples, (*reasons, reason))
 
 
@@ -180,7 +199,9 @@ def _without_opencl(bake: Bake) -> tuple[Radiosity, Choice]:
         return _paper(bake)
     gather = GlslGather(bake.graphics, bake.scene, bake.parts, bake.emission, bake.sky, settings)
     reflectance = bake.parts.surfaces.reflectance
-    radiosity = HostRadiosity(gather, reflectance, bake.emission, bake.area, bake.lights, bake.glowing)
+    radiosity = HostRadiosity(
+        gather, reflectance, bake.emission, bake.area, bake.lights, bake.glowing, bake.columns
+    )
     reason = "Hemicubes are drawn once and summed by OpenGL: there is no OpenCL."
     return radiosity, Choice("cached", "raster", 3 * settings.hemicube**2, (reason,), "glsl")
 
@@ -203,28 +224,34 @@ def _choose_identity(bake: Bake) -> tuple[Identity, list[str]]:
     count, tried, rates = len(bake.parts.patches), {}, {}
     for name, make in makers.items():
         tried[name] = make()
-        rates[name] = _patches_per_second(bake.opencl, tried[name], count)
-        if rates[name] * _SHORT > count:
+        rates[name] = _patches_per_second(bake.opencl, tried[name], count, bake.budget)
+        if rates[name] * _SHORT > count * _sweeps(bake, tried[name]):
             break
     best = max(rates, key=lambda name: rates[name])
     told = " and ".join(f"{name} {rate:,.0f} ({tried[name].samples} samples)" for name, rate in rates.items())
     reasons = [f"Views of patches found in a second: {told}."]
     if len(tried) < len(makers):
-        reasons.append(f"Nothing else was tried: {best} take {count / rates[best]:.2f} s in all.")
+        reasons.append(f"Nothing else was tried: {best} find all of them in {count / rates[best]:.2f} s.")
     return tried[best], reasons
 
 
 def _choose_sweep(bake: Bake, identity: Identity) -> tuple[Sweep, str, str]:
     """Return how identities become light, the method's name, and why."""
-    count, settings = len(bake.parts.patches), bake.settings
-    needed, budget = identity.row_bytes * count, memory_budget(bake.opencl, settings)
-    sizes = f"what patches see takes {needed / 2**20:,.0f} MiB, {budget / 2**20:,.0f} MiB may be used"
-    if settings.method != "stream" and needed <= budget:
+    count = len(bake.parts.patches)
+    needed, budget = identity.row_bytes * count / 2**20, bake.budget / 2**20
+    sizes = f"what patches see takes {needed:,.0f} MiB, {budget:,.0f} MiB may be used"
+    if _sweeps(bake, identity) == 1:
         return CachedSweep(bake.opencl, identity, count), "cached", f"It is kept: {sizes}."
     why = f"It is found anew in every iteration: {sizes}."
-    if settings.method == "stream":
+    if bake.settings.method == "stream":
         why = "It is found anew in every iteration: the settings ask for it."
     return _stream(bake, identity), "stream", why
+
+
+def _sweeps(bake: Bake, identity: Identity) -> int:
+    """Return how often what patches see is found: once if it can be kept, else in every iteration."""
+    kept = bake.settings.method != "stream" and identity.row_bytes * len(bake.parts.patches) <= bake.budget
+    return 1 if kept else max(2, bake.settings.iterations)
 
 
 def _stream(bake: Bake, identity: Identity) -> Sweep:
@@ -232,19 +259,14 @@ def _stream(bake: Bake, identity: Identity) -> Sweep:
     count = len(bake.parts.patches)
     if isinstance(identity, RayIdentity):
         return RayStreamSweep(bake.opencl, identity, count)
-    most = min(memory_budget(bake.opencl, bake.settings), bake.settings.batch_bytes)
+    most = min(bake.budget, bake.settings.batch_bytes)
     return StreamSweep(bake.opencl, identity, count, most // identity.row_bytes)
 
 
-def memory_budget(compute: Compute, settings: Settings) -> int:
-    """Return the device memory that the samples of patches may take, bytes: by default half of it."""
-    return settings.memory_budget or compute.device.global_mem_size // 2
-
-
-def _patches_per_second(compute: Compute, identity: Identity, count: int) -> float:
+def _patches_per_second(compute: Compute, identity: Identity, count: int, budget: int) -> float:
     """Return how many patches' views an identity finds in a second, timed on more and more of them."""
     tried = min(_TRIED, count)
-    largest = max(tried, compute.device.max_mem_alloc_size // identity.row_bytes)
+    largest = max(tried, min(compute.device.max_mem_alloc_size, budget) // identity.row_bytes)
     _time(compute, identity, count, tried)
     while True:
         seconds = _time(compute, identity, count, tried)

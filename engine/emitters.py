@@ -18,7 +18,7 @@ _SIDES = 24
 #: Half the spread of an area light, rad, from which on it shines in all directions alike.
 _WIDEST = 1.57
 
-#: Kinds, as in kernels/direct.cl, and float4 a record.
+#: Kinds, as in kernels/emitters.cl, and float4 a record.
 POINT, SUN, TRIANGLE, SKY_MAP = range(4)
 RECORD = 6
 

@@ -59,8 +59,9 @@ class PaperGather:
             settings, len(parts.patches), RADIANCE_BYTES if copying is None else COPIED_RADIANCE_BYTES
         )
         nothing = None if copying is None else _LOOK_UP
-        self._target = RadianceTarget(graphics, tiles, emission, nothing, settings.half_radiance)
-        self._hemicubes = Hemicubes(graphics, scene, parts, tiles, self._target, settings)
+        half = settings.half_radiance and copying is None
+        self._target = RadianceTarget(graphics, tiles, emission, nothing, half)
+        self._hemicubes = Hemicubes(graphics, scene, parts, tiles, self._target, settings, again=True)
         texture, depth = self._target.texture, self._hemicubes.depth
         self._integrator: Integrator
         if copying is None:

@@ -23,7 +23,7 @@ from .visibility.tiles import Tiles
 #: A slice of work should take about this long, s.
 _SLICE = 0.04
 
-#: Where hemicubes stand is kept for the iterations to come if there are no more than so many.
+#: Where hemicubes stand may be kept if there are no more than so many.
 _KEPT = 1 << 17
 
 
@@ -40,7 +40,10 @@ class Placed:
 
 
 class Hemicubes:
-    """The hemicubes of all patches."""
+    """The hemicubes of all patches.
+
+    again  True if every one is drawn more than once: where they stand is then kept
+    """
 
     def __init__(
         self,
@@ -50,6 +53,7 @@ class Hemicubes:
         tiles: Tiles,
         target: Target,
         settings: Settings,
+        again: bool = False,
     ) -> None:
         self._tiles = tiles
         self._raster = HemicubeRaster(
@@ -59,6 +63,7 @@ class Hemicubes:
         self._reversed_depth = graphics.reversed_depth
         self._parts, self._settings = parts, settings
         self.count = len(parts.patches)
+        self._keeps = again and self.count <= _KEPT
         self._kept: dict[tuple[int, int], Placed] = {}
 
     @property
@@ -69,7 +74,7 @@ class Hemicubes:
     def place(self, first: int, last: int) -> Placed:
         """Return the hemicubes of patches first ... last: they stand where they are for life."""
         placed = self._kept.get((first, last)) or self._place(first, last)
-        if self.count <= _KEPT:
+        if self._keeps:
             self._kept[first, last] = placed
         return placed
 

@@ -6,7 +6,6 @@ from collections.abc import Generator
 
 import numpy as np
 
-from .anderson import COLUMNS
 from .gather import Gather
 from .solve import Step, Sums
 
@@ -19,6 +18,7 @@ class HostRadiosity:
     area         (n,) float32, m^2
     lights       (n, 3) float32, E/pi of lights that patches do not gather, or None
     glowing      see `solve.Solver`
+    columns      see `solve.Radiosity`
     """
 
     def __init__(
@@ -29,14 +29,15 @@ class HostRadiosity:
         area: np.ndarray,
         lights: np.ndarray | None = None,
         glowing: bool = True,
+        columns: int = 1,
     ) -> None:
         self._gather, self._reflectance, self._emission = gather, reflectance, emission
         self._areas = area.astype(np.float64)
         self._lights = np.zeros_like(emission) if lights is None else lights
         self._irradiance = np.zeros_like(emission) if glowing else self._lights
-        self.count, self.area = len(emission), float(self._areas.sum())
-        self._gathered = np.zeros((COLUMNS, self.count, 4), np.float32)
-        self._defects = np.zeros((COLUMNS, self.count, 3), np.float32)
+        self.count, self.area, self.columns = len(emission), float(self._areas.sum()), columns
+        self._gathered = np.zeros((columns, self.count, 4), np.float32)
+        self._defects = np.zeros((columns, self.count, 3), np.float32)
 
     @property
     def radiance(self) -> np.ndarray:
@@ -78,5 +79,5 @@ class HostRadiosity:
         return Step(float(change.mean()), float(relative.mean()), float(flux))
 
     def iterate(self, column: int) -> np.ndarray:
-        """Return E/pi and the share that is no back, (n, 4) float32, of a column."""
-        return self._gathered[column]
+        """Return E/pi and the share that is no back, (n, 4) float32, of a column: a copy."""
+        return self._gathered[column].copy()

@@ -148,6 +148,9 @@ def shining_lights(scene: Scene) -> tuple[Light, ...]:
 #: Greater radiances count as infinite: sums of them would leave float32.
 MAX_RADIANCE = 1e30
 
+#: Polygons of a mesh: shaders count them in float32.
+MOST_FACES = 1 << 24
+
 #: Lightmap UVs may leave [0, 1] by this much before it counts as an error.
 UV_TOLERANCE = 1e-4
 
@@ -175,6 +178,16 @@ def check_mesh(mesh: Mesh) -> None:
         raise SceneError(
             f"Object '{mesh.name}' has NaN or infinite vertex coordinates. "
             "Delete those vertices, or check the modifiers and the object's scale."
+        )
+    face, subface = np.diff(mesh.face), np.diff(mesh.subface)
+    if (face < 0).any() or (subface[face == 0] <= 0).any():
+        raise SceneError(
+            f"The triangles of object '{mesh.name}' are not in the order of its polygons. "
+            "Sort them by face, then by subface."
+        )
+    if len(mesh.face) and mesh.face[-1] >= MOST_FACES:
+        raise SceneError(
+            f"Object '{mesh.name}' has more than {MOST_FACES:,} polygons. Split it into several objects."
         )
     if mesh.atlas != OCCLUDER:
         check_lightmap_uvs(mesh)

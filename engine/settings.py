@@ -33,12 +33,14 @@ class Settings:
     tolerance   stop once the estimated remaining error of the patches, each relative to its own
                 light, is below this on average; 0 never stops early
     method      one of METHODS: "auto" is "cached" if that fits into memory, else "stream"
-    visibility  one of VISIBILITIES: "auto" takes the faster one; the paper's method only draws
+    visibility  one of VISIBILITIES: "auto" casts rays, and tries drawing first where these take long; the
+                paper's method only draws
     samples     rays of a patch, 4 ... 65536, or 0 for as many as give the error of a hemicube
     directions  of rays, one of DIRECTIONS
     shared_bounces  width of the squares of patches that share their bounces, one of SHARED_BOUNCES, texels:
                 each patch then gathers once more for itself; 1 for none, 0 to do so if memory is short
-    half_radiance  True draws the paper's hemicubes in 16-bit floats: faster where pixels are what takes long
+    half_radiance  True draws the paper's hemicubes in 16-bit floats, where OpenGL sums them: faster where
+                pixels are what takes long
     accelerate  False iterates as the paper does
     memory_budget  device memory for what patches see, bytes; 0 for half of the device's
     outputs     what the bake gives, some of OUTPUTS; shadow_mask gives a map for each light
@@ -46,7 +48,7 @@ class Settings:
     sample_emission  False leaves emissive surfaces and the sky to the hemicubes, as in the paper
     ao_samples  rays of a patch for ambient occlusion, 1 ... 65536
     ao_distance how far they reach, m; 0 for any distance
-    seed        seed of the per-patch random rotations
+    seed        seed of the per-patch random rotations, 0 ... 2^32 - 1
     rotate      False keeps every hemicube at rotation 0 (paper, Fig. 6, top row)
     array_size  (width, height, layers) of the hemicube texture array in texels, or None to
                 size it from batch_bytes
@@ -93,11 +95,16 @@ def check_settings(settings: Settings) -> None:
     _check_range("light_samples", settings.light_samples, 1, 4096, "rays")
     _check_range("samples", settings.samples, 0, 65536, "rays")
     _check_range("memory_budget", settings.memory_budget, 0, 1 << 50, "bytes")
+    _check_range("batch_bytes", settings.batch_bytes, 1, 1 << 50, "bytes")
+    _check_range("seed", settings.seed, 0, (1 << 32) - 1, "")
     _check_range("ao_samples", settings.ao_samples, 1, 65536, "rays")
     _check_range("ao_distance", settings.ao_distance, 0, 1e9, "m")
-    if not settings.outputs or not set(settings.outputs) <= set(OUTPUTS):
+    outputs = set(settings.outputs)
+    if not outputs or not outputs <= set(OUTPUTS) or len(outputs) < len(settings.outputs):
         chosen = ", ".join(settings.outputs) or "empty"
-        raise SettingsError(f"outputs is {chosen}; choose at least one of {', '.join(OUTPUTS)}.")
+        raise SettingsError(
+            f"outputs is {chosen}; choose at least one of {', '.join(OUTPUTS)}, each once at most."
+        )
     _check_choice("hemicube", settings.hemicube, HEMICUBES)
     _check_choice("shared_bounces", settings.shared_bounces, SHARED_BOUNCES)
     _check_choice("method", settings.method, METHODS)
@@ -107,7 +114,7 @@ def check_settings(settings: Settings) -> None:
 
 def _check_range(name: str, value: float, low: float, high: float, unit: str) -> None:
     if not low <= value <= high:
-        raise SettingsError(f"{name} is {value:g}; choose {low:g} to {high:g} {unit}.")
+        raise SettingsError(f"{name} is {value:g}; choose {low:g} to {high:g} {unit}".rstrip() + ".")
 
 
 def _check_choice(name: str, value: str | int, choices: tuple[str, ...] | tuple[int, ...]) -> None:

@@ -9,11 +9,14 @@ from typing import Protocol
 
 import numpy as np
 
-from .anderson import COLUMNS, Anderson
+from .anderson import Anderson
 from .settings import Settings
 
 #: Patches darker than this share of the mean count as if they had it.
 _DARK = 1e-4
+
+#: The least light that weights are made with: float32 holds the square of its reciprocal.
+_DARKEST = 1e-15
 
 #: One accelerated sweep is not believed to cut the error by more than this factor.
 _MOST_GAIN = 4.0
@@ -23,7 +26,7 @@ _MOST_GAIN = 4.0
 class Sums:
     """Sums over all patches after a sweep; see kernels/solve.cl.
 
-    products   (COLUMNS, COLUMNS, 3) float64, see `Anderson.weights`
+    products   (c, c, 3) float64, c columns, see `Anderson.weights`
     reflected  (3,) float64, m^2: what the patches reflect of the newest defect, times their area
     seen       (3,) float64, m^2: the same of light 1 wherever they see others
     total      mean of E/pi of all channels together
@@ -52,15 +55,17 @@ class Step:
 class Radiosity(Protocol):
     """The light of all patches and what a sweep does to it.
 
-    count  patches
-    area   sum over all patches, m^2
+    count    patches
+    area     sum over all patches, m^2
+    columns  iterates that are kept, in a ring: `anderson.COLUMNS` for acceleration, else 1
 
     An iterate is what all patches gathered from the radiance of the irradiance before; its defect is
-    the difference to that irradiance. COLUMNS of them are kept in a ring.
+    the difference to that irradiance.
     """
 
     count: int
     area: float
+    columns: int
 
     def sweep(self, column: int) -> Generator[float, None, None]:
         """Gather from the current radiance into a column of the ring; yield the fraction done."""
@@ -69,10 +74,10 @@ class Radiosity(Protocol):
         """Return the sums after a sweep; patches weigh 1 / light^2, but have at least the light `least`."""
 
     def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> Step:
-        """Make the next irradiance: iterates times (COLUMNS, 3), and (3,) wherever patches are seen."""
+        """Make the next irradiance: iterates times (columns, 3), and (3,) wherever patches are seen."""
 
     def iterate(self, column: int) -> np.ndarray:
-        """Return E/pi and the share that is no back, (n, 4) float32, of a column."""
+        """Return E/pi and the share that is no back, (n, 4) float32, of a column: a copy."""
 
 
 class Solution(Protocol):
@@ -134,7 +139,8 @@ class Solver:
     before (paper, IV.C). With it the first step adds the ambient light that energy balance demands
     (Cohen et al. 1988), all later ones mix iterates as Anderson does.
 
-    radiosity   holds the light; its first radiance is emission, or that with the direct light reflected
+    radiosity   holds the light; its first radiance is emission, or that with the direct light reflected;
+                with more columns than one, sweeps are accelerated
     lights      (n, 3) float32, E/pi of lights that patches do not gather
     glowing     True if the patches gather light at first: the first sweep then gives the direct light
                 of emission and surroundings
@@ -146,11 +152,10 @@ class Solver:
         lights: np.ndarray,
         settings: Settings,
         glowing: bool = True,
-        accelerate: bool = False,
     ) -> None:
         self._radiosity, self._lights, self._glowing = radiosity, lights, glowing
         self._limit, self._tolerance = settings.iterations, settings.tolerance
-        self._anderson = Anderson() if accelerate else None
+        self._anderson = Anderson() if radiosity.columns > 1 else None
         self._newest = -1
         self._direct = lights
         self._steps: list[Step] = []
@@ -192,19 +197,19 @@ class Solver:
 
     def iteration(self) -> Generator[float, None, None]:
         """Sweep once; yield the fraction done."""
-        self._newest = (self._newest + 1) % COLUMNS
+        self._newest = (self._newest + 1) % self._radiosity.columns
         yield from self._radiosity.sweep(self._newest)
         self._gathered = None
-        sums = self._radiosity.sums(self._newest, max(self._total, 1e-30))
+        sums = self._radiosity.sums(self._newest, max(self._total, _DARKEST))
         if self._glowing and not self._steps:
             self._direct = self._radiosity.iterate(self._newest)[:, :3]
         self._total = sums.total
         weights, ambient = self._mixture(sums)
-        self._steps.append(self._radiosity.mix(weights, ambient, max(_DARK * sums.total, 1e-30)))
+        self._steps.append(self._radiosity.mix(weights, ambient, max(_DARK * sums.total, _DARKEST)))
 
     def _mixture(self, sums: Sums) -> tuple[np.ndarray, np.ndarray]:
-        """Return weights of the columns, (COLUMNS, 3), and the ambient light, (3,)."""
-        weights, ambient = np.zeros((COLUMNS, 3)), np.zeros(3)
+        """Return weights of the columns, (columns, 3), and the ambient light, (3,)."""
+        weights, ambient = np.zeros((self._radiosity.columns, 3)), np.zeros(3)
         weights[self._newest] = 1
         if self._anderson is not None:
             weights = self._anderson.weights(self._newest, sums.products)

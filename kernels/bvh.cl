@@ -127,7 +127,8 @@ __kernel void best_neighbours(__global const float *rows, const int stride, __gl
             __global const float *low = at + first, *high = low + 3 * stride;
             const float8 x = max(vload8(0, high), own.high.x) - min(vload8(0, low), own.low.x);
             const float8 y = max(vload8(0, high + stride), own.high.y) - min(vload8(0, low + stride), own.low.y);
-            const float8 z = max(vload8(0, high + 2 * stride), own.high.z) - min(vload8(0, low + 2 * stride), own.low.z);
+            const float8 z = max(vload8(0, high + 2 * stride), own.high.z)
+                - min(vload8(0, low + 2 * stride), own.low.z);
             const float8 area = x * y + y * z + z * x;
             const int8 less = area < least;
             least = select(least, area, less);

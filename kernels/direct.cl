@@ -55,7 +55,8 @@ void finish_run(const Run *run, Sum *sum)
 // they may bring, so that many emitters cost little more than one. rgb of the result is the light; a its
 // luminance if nothing cast a shadow.
 __kernel void direct(RAYS_ARGUMENTS, __global const float4 *receivers, __global const float4 *emitters,
-                     __global const float4 *light_nodes, __global const int2 *branches, const int root, const int budget,
+                     __global const float4 *light_nodes, __global const int2 *branches, const int root,
+                     const int budget,
                      __global const float4 *radiance, __global const uint *owners, __global const float2 *uvs,
                      const int resolution, __global const float4 *sky_pixels, __global const float *cumulative,
                      __global const int *listed, const int sky_width, const int sky_height, const int sky_count,

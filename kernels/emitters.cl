@@ -25,7 +25,8 @@ uint reversed_bits(uint x)
 // Corput sequence and multiples of the golden ratio.
 float4 sample_point(const uint index, const uint seed)
 {
-    const uint4 shift = (uint4)(hash(seed), hash(seed + 0x9e3779b9u), hash(seed + 0x3c6ef372u), hash(seed + 0xdaa66d2bu));
+    const uint4 shift = (uint4)(hash(seed), hash(seed + 0x9e3779b9u), hash(seed + 0x3c6ef372u),
+                                hash(seed + 0xdaa66d2bu));
     const uint i = index + 1u;
     const uint4 place = (uint4)(i * 3242174889u, i * 2447445414u, reversed_bits(i), i * 2654435769u);
     return convert_float4((place + shift) >> 8) * (1.0f / 16777216.0f);
@@ -201,7 +202,8 @@ Sample sample_triangle(__global const float4 *e, const Glow *glow, const float3 
         __global const float2 *corner = glow->uvs + 3 * (int)e[5].w;
         const float2 uv = corner[0] * (1.0f - w.x - w.y) + corner[1] * w.x + corner[2] * w.y;
         const int page = (int)e[4].w, limit = glow->resolution - 1;
-        const int x = clamp((int)(uv.x * glow->resolution), 0, limit), y = clamp((int)(uv.y * glow->resolution), 0, limit);
+        const int x = clamp((int)(uv.x * glow->resolution), 0, limit);
+        const int y = clamp((int)(uv.y * glow->resolution), 0, limit);
         radiance = glow->radiance[glow->owners[((size_t)page * glow->resolution + y) * glow->resolution + x]].xyz;
     }
     s.light = radiance * share * M_1_PI_F;

@@ -25,7 +25,7 @@ __kernel void multiply(__global const float4 *hemicubes, __global const float *m
     float4 value = hemicubes[texel];
     if (above && value.w > 1.5f) {
         const float3 world = direction.x * frame[0].xyz + direction.y * frame[1].xyz + direction.z * frame[2].xyz;
-        value = surroundings(world, sky, (int2)(sky_width, sky_height));
+        value = (float4)(surroundings(world, sky, (int2)(sky_width, sky_height)).xyz, 1.0f);
     }
     workspace[texel] = above ? value * multiplier[tile_y * n + tile_x] : (float4)(0.0f);
 }

@@ -107,7 +107,8 @@ __kernel void gather_rays(LOOK_ARGUMENTS, const int start, __global const float4
         if (dot(direction, view.horizon) <= 0.0f)
             continue;
         const uint seen = look_along(&rays, &lightmaps, view.eye, direction);
-        const uint front = count_sample(seen, WEIGHT(i), direction, emission, sky, (int2)(sky_width, sky_height), &steady);
+        const uint front = count_sample(seen, WEIGHT(i), direction, emission, sky, (int2)(sky_width, sky_height),
+                                        &steady);
         steady.light += WEIGHT(i) * (float4)(radiance[front].xyz, 0.0f);
     }
     store_steady(steady, patch, gathered_light, patches_seen, partial);

@@ -23,7 +23,8 @@ __kernel void share(__global const uint *owners, const int resolution, const int
             int place = count++;
             for (; place > 0; --place) {
                 const int other = texels[members[place - 1]];
-                const int ox = 2 * (other % resolution - x0) - width + 1, oy = 2 * (other / resolution - y0) - width + 1;
+                const int ox = 2 * (other % resolution - x0) - width + 1;
+                const int oy = 2 * (other / resolution - y0) - width + 1;
                 if (ox * ox + oy * oy <= far)
                     break;
                 members[place] = members[place - 1];
@@ -44,7 +45,8 @@ __kernel void share(__global const uint *owners, const int resolution, const int
                 continue;
             const Receiver m = load_receiver(receivers + RECEIVER * member);
             const bool alike = materials[member] == materials[leader] && dot(m.normal, r.normal) > SAME_PLANE
-                && fabs(dot(m.at - r.at, r.geometric)) < 0.5f * width * r.size && length(m.at - r.at) < 1.5f * width * r.size;
+                && fabs(dot(m.at - r.at, r.geometric)) < 0.5f * width * r.size
+                && length(m.at - r.at) < 1.5f * width * r.size;
             if (j == i || alike) {
                 leaders[member] = leader;
                 members[j] = 0xFFFFFFFFu;

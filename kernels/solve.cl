@@ -54,7 +54,8 @@ __kernel void begin(__global const float4 *emission, __global const float4 *refl
 }
 
 // The next irradiance: iterates mixed, and the ambient light behind their weights where patches see others;
-// the radiance that goes with it. Sums: the change, the change relative to each patch's own light, and the flux that is added.
+// the radiance that goes with it. Sums: the change, the change relative to each patch's own light, and the
+// flux that is added.
 __kernel void mix_iterates(__global const float4 *gathered, __global const float4 *weights,
                            __global const float *patches_seen,
                            __global const float4 *reflectance, __global const float4 *emission,
@@ -70,7 +71,8 @@ __kernel void mix_iterates(__global const float4 *gathered, __global const float
         next = fmax(next, 0.0f);
         const float4 before = irradiance[i];
         const float change = sum3(fabs(next - before));
-        acc += (float4)(change, change / fmax(sum3(next), least), area[i] * sum3(reflectance[i] * (next - before)), 0.0f);
+        const float flux = area[i] * sum3(reflectance[i] * (next - before));
+        acc += (float4)(change, change / fmax(sum3(next), least), flux, 0.0f);
         irradiance[i] = next;
         radiance[i + 1] = emission[i + 1] + reflectance[i] * next;
     }

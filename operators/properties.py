@@ -33,7 +33,7 @@ _METHOD_NAMES = {
 _VISIBILITY_NAMES = {
     "auto": (
         "Automatic",
-        "Try both on the scene and take the faster one; bakes are repeatable with the others",
+        "Take the faster one, found by a trial on the scene; bakes are repeatable with the others",
     ),
     "raster": ("Raster", "Draw hemicubes with OpenGL"),
     "rays": ("Rays", "Cast rays with OpenCL"),

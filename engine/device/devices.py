@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pyopencl as cl
+
 from ..errors import DeviceError
 from .compute import Compute
 from .graphics import Graphics
+
+#: What OpenCL says of a buffer that is larger than any may be.
+_TOO_LARGE = "INVALID_BUFFER_SIZE"
 
 
 class Devices:
@@ -24,6 +32,20 @@ class Devices:
             self.compute = Compute(cache_dir)
         except DeviceError as error:
             self.missing = str(error)
+
+    @contextmanager
+    def memory_told(self) -> Iterator[None]:
+        """Turn the errors of an OpenCL device whose memory is full into a DeviceError."""
+        try:
+            yield
+        except cl.Error as error:
+            if self.compute is None or not (isinstance(error, cl.MemoryError) or _TOO_LARGE in str(error)):
+                raise
+            size = self.compute.device.global_mem_size / 2**30
+            raise DeviceError(
+                f"The {size:.1f} GiB of '{self.compute.name}' are not enough for this bake ({error}). "
+                "Lower the resolution, bake fewer objects at once, or close programs that use the device."
+            ) from error
 
     def clear(self) -> None:
         """Free what the last bake left on the devices, but keep contexts, shaders and kernels."""

@@ -8,18 +8,13 @@ from typing import Protocol
 import numpy as np
 import pyopencl as cl
 
-from ..anderson import COLUMNS
 from ..device.buffers import download, upload, upload_float4, zeros
 from ..device.compute import Compute
 from ..solve import Step, Sums
 
-#: Work items of the kernels that sum over patches, and of a group that adds their sums up, on a GPU.
-_ITEMS, _ADDING = 2048, 256
-
-#: float4 sums of `products` in kernels/solve.cl.
-_PRODUCTS = COLUMNS * (COLUMNS + 1) // 2
-_ROWS, _COLUMNS = np.triu_indices(COLUMNS)
-_SUMS = _PRODUCTS + 3
+#: Work items of the kernels that sum over patches, and of a group that adds their sums up: on a graphics
+#: card, and on a processor. Many items keep float32 sums exact.
+_ITEMS, _ADDING = (2048, 512), (256, 1)
 
 
 class Light(Protocol):
@@ -62,27 +57,31 @@ class DeviceRadiosity:
         area: np.ndarray,
         lights: np.ndarray,
         glowing: bool,
+        columns: int,
     ) -> None:
         self._compute, self._queue, self._sweep = compute, compute.queue, sweep
         self.count, self.area = len(reflectance), float(area.sum(dtype=np.float64))
+        self.columns, self._pairs = columns, np.triu_indices(columns)
         names = ("begin", "products", "mix_iterates", "add_up")
-        options = (f"-DCOLUMNS={COLUMNS}",)
+        options = (f"-DCOLUMNS={columns}",)
         begin, self._products, self._mix, self._add_up = compute.kernels("solve.cl", *names, options=options)
         self._emission, self._reflectance = emission, upload_float4(compute, reflectance)
         self._lights, self._area = upload_float4(compute, lights), upload(compute, area)
         self.patches_seen = zeros(compute, 4 * self.count)
-        self._gathered, self._defects = (zeros(compute, 16 * self.count * COLUMNS) for _ in range(2))
+        self._gathered, self._defects = (zeros(compute, 16 * self.count * columns) for _ in range(2))
         self._irradiance = zeros(compute, 16 * self.count) if glowing else upload_float4(compute, lights)
         self.radiance = zeros(compute, 16 * (self.count + 1))
         compute.run(
             begin, self.count, self._emission, self._reflectance, self._irradiance, self.radiance,
             np.int32(self.count),
         )  # fmt: skip
-        gpu = compute.group > 1
-        self._items: int = _ITEMS if gpu else compute.device.max_compute_units
-        self._adding = _ADDING if gpu else 1
-        self._sums, self._totals = (zeros(compute, 16 * _SUMS * items) for items in (self._items, 1))
-        self._mixture = np.zeros((COLUMNS + 1, 4), np.float32)
+        kind = 0 if compute.group > 1 else 1
+        self._items, self._adding = _ITEMS[kind], _ADDING[kind]
+
+        # Sums of kernels/solve.cl: a product for each pair of columns, and three more.
+        self._numbers = len(self._pairs[0]) + 3
+        self._sums, self._totals = (zeros(compute, 16 * self._numbers * items) for items in (self._items, 1))
+        self._mixture = np.zeros((columns + 1, 4), np.float32)
         self._weights = upload(compute, self._mixture)
 
     def outputs(self, column: int) -> tuple:
@@ -101,15 +100,14 @@ class DeviceRadiosity:
             self._gathered, self._defects, np.int32(newest), self._reflectance, self._area,
             self.patches_seen, np.float32(least), np.int32(self.count), self._sums,
         )  # fmt: skip
-        sums = self._read_sums(_SUMS)
-        products = np.zeros((COLUMNS, COLUMNS, 3))
-        products[_ROWS, _COLUMNS] = products[_COLUMNS, _ROWS] = sums[:_PRODUCTS]
-        total = sums[_PRODUCTS + 2, 0] / self.count
-        return Sums(products, sums[_PRODUCTS], sums[_PRODUCTS + 1], total)
+        sums, (rows, columns) = self._read_sums(self._numbers), self._pairs
+        products = np.zeros((self.columns, self.columns, 3))
+        products[rows, columns] = products[columns, rows] = sums[:-3]
+        return Sums(products, sums[-3], sums[-2], sums[-1, 0] / self.count)
 
     def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> Step:
         """Make the next irradiance; see `solve.Radiosity.mix`."""
-        self._mixture[:COLUMNS, :3], self._mixture[COLUMNS, :3] = weights, ambient
+        self._mixture[:-1, :3], self._mixture[-1, :3] = weights, ambient
         cl.enqueue_copy(self._queue, self._weights, self._mixture, is_blocking=False)
         self._mix(
             self._queue, (self._items,), None,

@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import upload
+from ..device.buffers import upload, upload_float4
 from ..device.compute import Compute
 from ..device.share import HostCopy
 from ..hemicube import multiplier_map
@@ -20,7 +20,7 @@ _REDUCE_ROW_GROUP = (32, 1)
 class HemicubeIntegrator:
     """Integrates a texture array of hemicubes into one value each."""
 
-    def __init__(self, compute: Compute, tiles: Tiles, sky: np.ndarray | None = None) -> None:
+    def __init__(self, compute: Compute, tiles: Tiles, sky: np.ndarray) -> None:
         """sky: (h, w, 3) float32 radiance, equirectangular as `Scene.world`, seen where a is 2."""
         self._queue, self._tiles = compute.queue, tiles
         self._multiply, self._reduce_row, self._reduce_column = compute.kernels(
@@ -33,11 +33,8 @@ class HemicubeIntegrator:
         self._workspace = cl.Buffer(compute.context, flags.READ_WRITE, 16 * texels)
         self._rows = cl.Buffer(compute.context, flags.READ_WRITE, 16 * tiles.capacity * tiles.n)
         self._frames = cl.Buffer(compute.context, flags.READ_ONLY, 4 * 16 * tiles.capacity)
-        pixels = np.ones((*(sky.shape[:2] if sky is not None else (1, 1)), 4), np.float32)
-        if sky is not None:
-            pixels[..., :3] = sky
-        self._sky_size = np.int32(pixels.shape[1]), np.int32(pixels.shape[0])
-        self._sky = upload(compute, pixels)
+        self._sky_size = np.int32(sky.shape[1]), np.int32(sky.shape[0])
+        self._sky = upload_float4(compute, sky.reshape(-1, 3))
         self._irradiance = cl.Buffer(compute.context, flags.WRITE_ONLY, 16 * tiles.capacity)
         self._columns = cl.LocalMemory(16 * tiles.n)
 
@@ -85,7 +82,7 @@ class CopiedIntegrator:
     name = "opencl"
 
     def __init__(
-        self, compute: Compute, tiles: Tiles, texture: moderngl.TextureArray, sky: np.ndarray | None
+        self, compute: Compute, tiles: Tiles, texture: moderngl.TextureArray, sky: np.ndarray
     ) -> None:
         self._copy = HostCopy(compute, texture)
         self._integrator = HemicubeIntegrator(compute, tiles, sky)

@@ -15,11 +15,8 @@ from .tiles import Tiles
 _ROW = 4096
 MAX_PATCHES = _ROW * 8192 - 1
 
-#: Codes of an identity texel: bits of the patch + 1 (0: no patch owns what is seen), the back of a
-#: surface, and nothing but the surroundings.
-OWNER_BITS = 0x7FFFFFFF
-BACK = 0x80000000
-SKY = 0x7FFFFFFF
+#: Code of an identity texel that shows nothing but the surroundings.
+_SKY = 0x7FFFFFFF
 
 
 class Target(Protocol):
@@ -89,7 +86,7 @@ class RadianceTarget:
 
 
 class IdentityTarget:
-    """(layers, height, width) uint32: the patch that is seen, plus 1, with BACK set for its back; or SKY."""
+    """(layers, height, width) uint32: the patch that is seen, plus 1; the highest bit for its back; _SKY."""
 
     features: tuple[str, ...] = ("identity",)
 
@@ -101,6 +98,6 @@ class IdentityTarget:
         self.lookups: dict[str, moderngl.Texture] = {}
 
     def clear(self, framebuffer: moderngl.Framebuffer, depth: float) -> None:
-        """Clear all layers to SKY."""
-        self._raw.clear_integers(SKY)
+        """Clear all layers to _SKY."""
+        self._raw.clear_integers(_SKY)
         self._raw.clear_depth(depth)

@@ -81,7 +81,9 @@ def draw(room: Prepared, chosen: np.ndarray, radiance: np.ndarray) -> tuple[np.n
         views = matrices(frame, eye - raster.origin, near, graphics.reversed_depth)
         assert list(raster.draw(views, tiles.layers)) == [len(chosen)]
         copy = HostCopy(compute, target.texture)
-        summed = HemicubeIntegrator(compute, tiles).integrate(copy.update(), frames)
+        summed = HemicubeIntegrator(compute, tiles, np.zeros((1, 1, 3), np.float32)).integrate(
+            copy.update(), frames
+        )
         array = np.frombuffer(target.texture.read(), np.float32)
     finally:
         graphics.release()

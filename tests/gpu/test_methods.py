@@ -150,6 +150,12 @@ def test_numbers_of_many_patches_take_more_bits(monkeypatch, visibility):
     monkeypatch.setattr(identities, "_NARROW", 0)
     many = drive(nine_quad_room(), settings)
     assert (few.image == many.image).all()
+    taken = [re.search(r"see takes ([\d,]+) MiB", each.report.reasons[-1])[1] for each in (few, many)]
+    assert abs(int(taken[1]) - 2 * int(taken[0])) <= 1
+
+
+def test_65535_patches_have_numbers_of_16_bits():
+    assert (identities.sample_bytes(65535), identities.sample_bytes(65536)) == (2, 4)
 
 
 def test_rays_and_drawing_find_the_same_patches():
@@ -223,6 +229,35 @@ def test_opengl_and_opencl_sum_alike(paper, monkeypatch):
     assert (paper[1].report.integrator, in_cl.report.integrator) == ("glsl", "opencl")
     assert paper[1].image == pytest.approx(in_cl.image, rel=2e-5, abs=1e-6)
     assert paper[1].display == pytest.approx(in_cl.display, rel=2e-5, abs=1e-6)
+
+
+def test_half_floats_are_for_opengl_alone(paper, monkeypatch):
+    half = dataclasses.replace(SETTINGS, method="paper", half_radiance=True)
+    rough = drive(paper[0], half).image
+    assert rough == pytest.approx(paper[1].image, rel=2e-3, abs=1e-5) and (rough != paper[1].image).any()
+    monkeypatch.setattr(devices, "Graphics", OldGraphics)
+    assert drive(paper[0], half).image == pytest.approx(paper[1].image, rel=2e-5, abs=1e-6)
+
+
+@pytest.mark.parametrize("method", ["paper", "cached"])
+def test_later_sweeps_leave_direct_light_alone(method):
+    outputs = ("direct", "indirect")
+    settings = dataclasses.replace(
+        SETTINGS, method=method, outputs=outputs, iterations=9, tolerance=0, accelerate=False
+    )
+    once, often = (
+        drive(nine_quad_room(), dataclasses.replace(settings, iterations=count)).passes for count in (1, 9)
+    )
+    assert (often["direct"] == once["direct"]).all() and often["indirect"].sum() > 0
+
+
+def test_memory_that_is_not_enough_is_a_clear_error(monkeypatch):
+    def full(*arguments):
+        raise cl.MemoryError("MEM_OBJECT_ALLOCATION_FAILURE")
+
+    monkeypatch.setattr(choose, "DeviceRadiosity", full)
+    with pytest.raises(DeviceError, match="GiB of .* not enough.*Lower the resolution"):
+        drive(nine_quad_room(), dataclasses.replace(SETTINGS, visibility="rays"))
 
 
 def test_a_machine_without_opencl_gives_the_same_light(paper, monkeypatch):

@@ -23,13 +23,14 @@ WORLD = np.float32([0.25, 0.5, 0.75])
 SKY = WORLD.reshape(1, 1, 3)
 
 
-def drawing(graphics, tiles, count, emission=0.0, eye=(0.5, 0.5, 0.5), nothing=(*WORLD, 1.0)):
+def drawing(graphics, tiles, count, emission=0.0, eye=(0.5, 0.5, 0.5), nothing=(*WORLD, 1.0), before=0.0):
     """Draw `count` hemicubes inside (or outside) the furnace; every patch shines with its number."""
     scene = furnace(0.5, 1.0)
     triangles = gather_triangles(scene)
     owners = np.ones((1, 32, 32), np.uint32)
     target = RadianceTarget(graphics, tiles, np.full((1, 3), emission, np.float32), nothing)
     raster = HemicubeRaster(graphics, tiles, triangles, gather_cutouts(scene), owners, target)
+    target.texture.write(np.full((tiles.layers, tiles.height, tiles.width, 4), before, np.float32).tobytes())
     target.set_radiance(np.full((1, 3), 2, np.float32))
     frame = frames(np.tile([0.0, 0.0, 1.0], (count, 1)), rotations(1, np.arange(count)))
     eyes = np.tile(np.array(eye) - raster.origin, (count, 1))
@@ -153,7 +154,7 @@ def test_kernels_equal_a_sum_in_double_precision(graphics, tiles):
     values = np.random.default_rng(5).random((tiles.layers, tiles.height, tiles.width, 4), np.float32)
     target.texture.write(values.tobytes())
     upright = np.tile(UPRIGHT, (tiles.capacity, 1, 1))
-    in_cl = CopiedIntegrator(compute, tiles, target.texture, None).integrate(upright)
+    in_cl = CopiedIntegrator(compute, tiles, target.texture, SKY).integrate(upright)
     in_gl = GlslIntegrator(graphics, tiles, target.texture, raster.depth, SKY).integrate(upright)
     weights = multiplier_map(tiles.n).astype(np.float64)
     for slot in range(tiles.capacity):
@@ -164,14 +165,15 @@ def test_kernels_equal_a_sum_in_double_precision(graphics, tiles):
             np.testing.assert_allclose(result[slot], np.einsum("yx,yxc->c", weights, cube), rtol=2e-6)
 
 
+@pytest.mark.parametrize("nothing", [(*WORLD, 1.0), (0.0, 0.0, 0.0, 2.0)])
 @pytest.mark.parametrize("eye", [(0.5, 0.5, 0.5), (0.5, 0.5, -0.5), (0.3, 0.6, 1.5)])
-def test_depth_tells_where_nothing_was_drawn(graphics, eye):
+def test_depth_tells_where_nothing_was_drawn(graphics, eye, nothing):
     """Colours of an earlier batch stay where the sky is seen, and do not count."""
     tiles, compute = Tiles(16, 3, 1, 1), Compute()
     upright = np.tile(UPRIGHT, (3, 1, 1))
-    cleared = drawing(graphics, tiles, 3, eye=eye)
-    in_cl = CopiedIntegrator(compute, tiles, cleared.target.texture, None).integrate(upright)
-    kept = drawing(graphics, tiles, 3, eye=eye, nothing=None)
+    cleared = drawing(graphics, tiles, 3, eye=eye, nothing=nothing)
+    in_cl = CopiedIntegrator(compute, tiles, cleared.target.texture, SKY).integrate(upright)
+    kept = drawing(graphics, tiles, 3, eye=eye, nothing=None, before=7.0)
     in_gl = GlslIntegrator(graphics, tiles, kept.target.texture, kept.depth, SKY).integrate(upright)
     assert in_gl == pytest.approx(in_cl, rel=1e-5)
 

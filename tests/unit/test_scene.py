@@ -51,6 +51,15 @@ def test_a_world_that_is_no_light():
         check_scene(replace(scene(triangle()), world=np.float32([1, np.nan, 1])))
 
 
+@pytest.mark.parametrize(("face", "subface"), [((1, 0), (0, 0)), ((0, 0), (1, 0)), ((0, 0), (0, 0))])
+def test_triangles_out_of_order(face, subface):
+    one = triangle()
+    two = {name: np.repeat(getattr(one, name), 2, axis=0) for name in ("positions", "normals", "uvs")}
+    index = {"face": np.int32(face), "subface": np.int32(subface), "material": np.zeros(2, np.int32)}
+    with pytest.raises(SceneError, match="of object 'Lamp' are not in the order"):
+        check_scene(scene(triangle(**two, **index)))
+
+
 def test_no_mesh():
     with pytest.raises(SceneError, match="no mesh with faces"):
         check_scene(scene())
@@ -59,7 +68,8 @@ def test_no_mesh():
 @pytest.mark.parametrize(
     ("name", "value"),
     [("resolution", 0), ("resolution", 100000), ("hemicube", 48), ("iterations", 0), ("tolerance", -1),
-     ("tolerance", float("nan")), ("method", "magic"), ("dilation", -1)],
+     ("tolerance", float("nan")), ("method", "magic"), ("dilation", -1), ("seed", -1), ("batch_bytes", 0),
+     ("outputs", ("direct", "direct")), ("outputs", ())],
 )  # fmt: skip
 def test_settings_out_of_range(name, value):
     with pytest.raises(SettingsError, match=name):

@@ -8,8 +8,8 @@ import numpy as np
 #: farther than this from a triangle's border, in barycentrics, lie on it.
 _NEAR, _WITHIN = 1e-6, 1e-3
 
-#: Points that are tested at once.
-_CHUNK = 512
+#: Pairs of a point and a triangle that are tested at once: what a processor's caches hold.
+_PAIRS = 1 << 19
 
 
 def doubled_texels(parts, atlases: int) -> np.ndarray:
@@ -19,8 +19,9 @@ def doubled_texels(parts, atlases: int) -> np.ndarray:
     """
     geometry, patches = parts.geometry, parts.patches
     surfaces, doubled = _Surfaces(parts.triangles), np.zeros(len(patches), bool)
-    for first in range(0, len(patches), _CHUNK):
-        chunk = slice(first, first + _CHUNK)
+    step = max(1, _PAIRS // len(parts.triangles.positions))
+    for first in range(0, len(patches), step):
+        chunk = slice(first, first + step)
         doubled[chunk] = surfaces.meet(geometry.center[chunk], geometry.triangle[chunk])
     image = np.zeros((atlases, patches.resolution**2), bool)
     chosen = doubled & (patches.atlas < atlases)

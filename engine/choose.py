@@ -33,7 +33,7 @@ from .visibility.ray_identity import RayIdentity, ray_count
 from .visibility.tiles import IDENTITY_BYTES, plan_tiles
 
 #: Patches that are tried first, how many times more the next try takes, and when a try is long enough, s.
-_TRIED, _MORE, _LONG_ENOUGH = 32, 8, 0.02
+_TRIED, _MORE, _LONG_ENOUGH = 32, 8, 0.01
 
 #: If rays take less than this for all patches, drawing is not tried: the trial would take about as long, s.
 _SHORT = 0.5
@@ -264,14 +264,18 @@ def _stream(bake: Bake, identity: Identity) -> Sweep:
 
 
 def _patches_per_second(compute: Compute, identity: Identity, count: int, budget: int) -> float:
-    """Return how many patches' views an identity finds in a second, timed on more and more of them."""
-    tried = min(_TRIED, count)
+    """Return how many patches' views an identity finds in a second, timed on more and more of them.
+
+    What any number of patches takes, as the copy of a whole batch of hemicubes, is not counted.
+    """
+    tried, before = min(_TRIED, count), (0, 0.0)
     largest = max(tried, min(compute.device.max_mem_alloc_size, budget) // identity.row_bytes)
     _time(compute, identity, count, tried)
     while True:
         seconds = _time(compute, identity, count, tried)
         if seconds > _LONG_ENOUGH or tried == min(count, largest):
-            return tried / seconds
+            return (tried - before[0]) / max(seconds - before[1], seconds / 4)
+        before = tried, seconds
         tried = min(tried * _MORE, count, largest)
 
 

@@ -231,7 +231,7 @@ def _choose_identity(bake: Bake) -> tuple[Identity, list[str]]:
     told = " and ".join(f"{name} {rate:,.0f} ({tried[name].samples} samples)" for name, rate in rates.items())
     reasons = [f"Views of patches found in a second: {told}."]
     if len(tried) < len(makers):
-        reasons.append(f"Nothing else was tried: {best} find all of them in {count / rates[best]:.2f} s.")
+        reasons.append(f"Nothing else was tried: {best} find all of them in {count / rates[best]:.2g} s.")
     return tried[best], reasons
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
+from contextlib import closing
 from functools import partial
 from typing import TypeVar
 
@@ -51,8 +52,16 @@ def bake_with(
     """Bake as `bake` does, on devices that are there already and stay."""
     check_settings(settings)
     check_scene(scene)
-    with devices.memory_told():
-        return (yield from _bake(devices, scene, settings, clock or Stopwatch()))
+    work = _bake(devices, scene, settings, clock or Stopwatch())
+    with devices.memory_told(), closing(work):
+        while True:
+            devices.graphics.use()
+            try:
+                progress = next(work)
+            except StopIteration as stop:
+                lightmap: Lightmap = stop.value
+                return lightmap
+            yield progress
 
 
 def _bake(

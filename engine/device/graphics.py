@@ -53,6 +53,10 @@ class Graphics:
         if self.reversed_depth:
             self.raw("glClipControl", LOWER_LEFT, ZERO_TO_ONE)
 
+    def use(self) -> None:
+        """Make the context current: something else in this process may have made another so."""
+        self.context.__enter__()
+
     def program(self, name: str, stages: Sequence[str], features: Sequence[str] = ()) -> moderngl.Program:
         """Link shaders/<name>.<stage> of the stages vert, geom and frag, or take an unused one.
 

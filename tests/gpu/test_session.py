@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from engine import Settings, SettingsError, bake
+from engine.device.graphics import Graphics
 from engine.session import Session
 from tests.analytic.scenes import furnace, sphere
 
@@ -52,4 +53,22 @@ def test_after_an_error_and_after_a_cancel_the_next_bake_works():
     with pytest.raises(SettingsError):
         finished(session.bake(furnace(0.5, 1.0), dataclasses.replace(QUICK, hemicube=3)))
     assert finished(session.bake(furnace(0.5, 1.0), QUICK)).report.iterations == 3
+    session.close()
+
+
+@pytest.mark.parametrize("method", ["paper", "cached"])
+def test_other_contexts_of_the_process_do_no_harm(method):
+    """Between bakes and between slices someone else draws in a context of theirs."""
+    settings = dataclasses.replace(QUICK, method=method, visibility="raster")
+    session = Session()
+    expected = finished(session.bake(sphere(), settings)).image
+    other = Graphics()
+    work = session.bake(sphere(), settings)
+    for _ in range(5):
+        next(work)
+        other.use()
+        other.program("overlap", ("vert", "frag"))
+    assert np.array_equal(finished(work).image, expected)
+    other.release()
+    assert np.array_equal(finished(session.bake(sphere(), settings)).image, expected)
     session.close()

@@ -15,6 +15,7 @@ class Options:
     gpu      True chooses sizes for a graphics card
     full     True measures everything, False what takes minutes
     scenes   folder of scene files
+    only     names of the scenes that are compared with Cycles; none for all
     cache    folder of references that are kept between runs
     results  folder of the stored results
     """
@@ -22,5 +23,6 @@ class Options:
     gpu: bool = False
     full: bool = False
     scenes: str = str(ROOT.parent / "shared" / "scenes")
+    only: tuple[str, ...] = ()
     cache: str = str(ROOT / "out" / "benchmarks")
     results: str = str(ROOT / "benchmarks" / "results")

@@ -37,7 +37,8 @@ def main() -> None:
     """Run the suites, print their tables and store what they found."""
     arguments = _parse()
     folders = {"scenes": str(arguments.scenes.resolve()), "results": str(arguments.out.resolve())}
-    options = Options(gpu=arguments.gpu, full=arguments.full, **folders)
+    only = tuple(arguments.scene)
+    options = Options(gpu=arguments.gpu, full=arguments.full, only=only, **folders)
     machine = _machine(arguments.gpu)
     print(f"{machine['opencl']['device']}, {machine['opengl']['renderer']}, commit {machine['commit']}")
     stored: dict[str, Any] = {"machine": machine, "options": {"gpu": options.gpu, "full": options.full}}
@@ -76,6 +77,9 @@ def _parse() -> argparse.Namespace:
     parser.add_argument("--gpu", action="store_true", help="sizes for a graphics card, which has to be there")
     parser.add_argument("--full", action="store_true", help="all sizes and scenes; may take hours")
     parser.add_argument("--scenes", type=Path, default=Path(Options.scenes), help="folder of scene files")
+    parser.add_argument(
+        "--scene", nargs="+", default=[], metavar="NAME", help="scenes that equal_error compares, all without"
+    )
     parser.add_argument("--out", type=Path, default=Path(Options.results), help="folder for the figures")
     return parser.parse_args()
 

@@ -10,6 +10,12 @@ const float FARTHEST = 1.0;
 #endif
 uniform sampler2DArray hemicubes;
 uniform sampler2DArray depths;
+#ifdef SKY
+#define NOTHING surroundings(frame, direction)
+#else
+uniform vec3 even_sky;
+#define NOTHING even_sky
+#endif
 layout(std430, binding = 2) writeonly buffer Irradiance { vec4 irradiance[]; };
 
 void main()
@@ -23,8 +29,9 @@ void main()
         vec3 direction = texel_direction(at);
         if (dot(direction, frame.horizon.xyz) > 0.0) {
             ivec3 texel = first + ivec3(at, 0);
-            bool drawn = texelFetch(depths, texel, 0).r != FARTHEST;
-            vec4 value = drawn ? texelFetch(hemicubes, texel, 0) : vec4(surroundings(frame, direction), 1.0);
+            vec4 value = texelFetch(hemicubes, texel, 0);
+            if (texelFetch(depths, texel, 0).r == FARTHEST)
+                value = vec4(NOTHING, 1.0);
             sum += multiplier[i] * value;
         }
     }

@@ -52,6 +52,8 @@ def run(options: Options) -> list[dict[str, Any]]:
     records = []
     with blender():
         for case in _ALL if options.full or options.gpu else _SMALL:
+            if options.only and case.name not in options.only:
+                continue
             path = case.file and Path(options.scenes) / case.file
             if path and not path.exists():
                 records.append({"scene": case.name, "skipped": f"{case.file} is not in the folder of scenes"})

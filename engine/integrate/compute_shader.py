@@ -12,7 +12,8 @@ from ..device.raw_gl import DepthArray
 from ..hemicube import multiplier_map
 from ..visibility.tiles import Tiles
 
-Textures = Mapping[str, moderngl.Texture | moderngl.TextureArray | DepthArray]
+Textures = dict[str, moderngl.Texture | moderngl.TextureArray | DepthArray]
+Uniforms = Mapping[str, int | tuple[float, ...]]
 
 #: Storage blocks of shaders/hemicube.glsl; other blocks come after them.
 _FRAMES, _MULTIPLIER = 0, 1
@@ -56,7 +57,7 @@ class ComputeShader:
         groups: int,
         buffers: Mapping[int, moderngl.Buffer],
         textures: Textures,
-        uniforms: Mapping[str, int] | None = None,
+        uniforms: Uniforms | None = None,
     ) -> None:
         """Run so many groups, one hemicube each; buffers are bound to storage blocks by number."""
         self._tables.bind()
@@ -69,7 +70,7 @@ class ComputeShader:
         self._program.run(groups)
         self._context.memory_barrier()
 
-    def _set(self, uniforms: Mapping[str, int]) -> None:
+    def _set(self, uniforms: Uniforms) -> None:
         """Set those uniforms that the compiler has left in the shader."""
         for name, value in uniforms.items():
             if name in self._program:

@@ -16,7 +16,8 @@ class GlslIntegrator:
 
     texture  (layers, height, width, 4) float, see `visibility.targets`
     depth    of the same hemicubes
-    sky      (h, w, 3) float32 radiance, equirectangular as `Scene.world`, seen where nothing was drawn
+    sky      (h, w, 3) float32 radiance, equirectangular as `Scene.world`, seen where nothing was drawn;
+             a single pixel is not looked up
     """
 
     name = "glsl"
@@ -30,16 +31,18 @@ class GlslIntegrator:
         sky: np.ndarray,
     ) -> None:
         self._tables = HemicubeTables(graphics, tiles)
-        features = ("sky", *(("reversed_depth",) if graphics.reversed_depth else ()))
+        even = sky.shape[:2] == (1, 1)
+        features = (() if even else ("sky",)) + (("reversed_depth",) if graphics.reversed_depth else ())
         self._shader = ComputeShader(graphics, "integrate", tiles, self._tables, features)
-        self._textures: Textures = {
-            "hemicubes": texture, "depths": depth, "sky": sky_texture(graphics, sky)
-        }  # fmt: skip
+        self._textures: Textures = {"hemicubes": texture, "depths": depth}
+        self._uniforms = {"even_sky": tuple(sky[0, 0].tolist())} if even else {}
+        if not even:
+            self._textures["sky"] = sky_texture(graphics, sky)
         self._irradiance = graphics.context.buffer(reserve=16 * tiles.capacity)
 
     def integrate(self, frames: np.ndarray) -> np.ndarray:
         """Return E/pi and the share of front faces; see `Integrator.integrate`."""
         self._tables.set_frames(frames)
-        self._shader.run(len(frames), {2: self._irradiance}, self._textures)
+        self._shader.run(len(frames), {2: self._irradiance}, self._textures, self._uniforms)
         irradiance = self._irradiance.read(16 * len(frames))
         return np.frombuffer(irradiance, np.float32).reshape(-1, 4)

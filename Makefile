@@ -27,7 +27,7 @@ verify: $(READY50) ## bake a suite of scenes with Hemibake and Cycles; the table
 	@tools/system_packages.sh .venv/bin/python
 	.venv/bin/python tools/verify.py --table docs/accuracy.md
 
-bench: $(READY50) ## measure speed on this machine, about 15 minutes; tables, and JSON in benchmarks/results
+bench: $(READY50) ## measure speed on this machine, about 5 minutes; tables, and JSON in benchmarks/results
 	@tools/system_packages.sh .venv/bin/python
 	.venv/bin/python benchmarks/run.py
 

@@ -76,11 +76,7 @@ __kernel void direct(RAYS_ARGUMENTS, __global const float4 *receivers, __global 
     const uint key = hash((uint)patch ^ hash(seed));
     const float offset = unit_float(hash(key + 1u));
     Walk walk;
-    walk.codes[0] = root;
-    walk.spans[0] = (float2)(0.0f, -1.0f);
-    walk.depth = 1;
-    walk.scale = budget / total;
-    walk.passed = 0.0f;
+    start_walk(&walk, root, budget / total);
     float2 span = (float2)(0.0f);
     Sum sum = {(float3)(0.0f), 0.0f};
     Run run = {0.0f, 0.0f, 0.0f, (float3)(0.0f)};

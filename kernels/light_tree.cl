@@ -119,6 +119,16 @@ typedef struct {
     float passed;  // where the intervals of nodes taken as one light end so far
 } Walk;
 
+// At the root, with all samples before it; a weight of 1 is `scale` wide.
+void start_walk(Walk *walk, const int root, const float scale)
+{
+    walk->codes[0] = root;
+    walk->spans[0] = (float2)(0.0f, -1.0f);
+    walk->depth = 1;
+    walk->scale = scale;
+    walk->passed = 0.0f;
+}
+
 // The emitter whose interval a sample lies in, with the interval's end and width; -1 if nothing there shines.
 int next_emitter(Walk *walk, const Lights *lights, const Receiver *r, const float sample, float2 *span)
 {

@@ -43,11 +43,7 @@ __kernel void chosen(__global const float4 *receivers, __global const float4 *em
     const float total = total_weight(&lights, root, &r);
     for (int seed = 0; seed < seeds; ++seed) {
         Walk walk;
-        walk.codes[0] = root;
-        walk.spans[0] = (float2)(0.0f, -1.0f);
-        walk.depth = 1;
-        walk.scale = budget / total;
-        walk.passed = 0.0f;
+        start_walk(&walk, root, budget / total);
         float2 span = (float2)(0.0f);
         int emitter = -1;
         for (int index = 0; index < budget; ++index) {

@@ -41,18 +41,22 @@ def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap
     devices = Devices(settings.cache_dir)
     try:
         clock.lap("devices")
-        return (yield from bake_with(devices, scene, settings, clock))
+        return (yield from _current(devices, _bake(devices, scene, settings, clock)))
     finally:
         devices.release()
 
 
-def bake_with(
-    devices: Devices, scene: Scene, settings: Settings, clock: Stopwatch | None = None
-) -> Generator[Progress, None, Lightmap]:
+def bake_with(devices: Devices, scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap]:
     """Bake as `bake` does, on devices that are there already and stay."""
     check_settings(settings)
     check_scene(scene)
-    work = _bake(devices, scene, settings, clock or Stopwatch())
+    return (yield from _current(devices, _bake(devices, scene, settings, Stopwatch())))
+
+
+def _current(
+    devices: Devices, work: Generator[Progress, None, Lightmap]
+) -> Generator[Progress, None, Lightmap]:
+    """Let a bake work with its devices current in every slice, and tell if their memory is full."""
     with devices.memory_told(), closing(work):
         while True:
             devices.graphics.use()
@@ -106,7 +110,7 @@ def _bake(
     first = next(iter(made))
     clock.lap("outputs")
     warnings = (*notes, *parts.warnings, *sampled.warnings)
-    report = _summary(solution, outputs, choice, len(parts.patches), clock, devices, warnings)
+    report = _summary(solution, settings, choice, len(parts.patches), clock, devices, warnings)
     return Lightmap(atlases, images[first], passes[first], store.covered, report, passes)
 
 
@@ -130,7 +134,7 @@ def _progress(solution: Solution, fraction: float, image: np.ndarray | None = No
 
 def _summary(
     solution: Solution,
-    outputs: Outputs,
+    settings: Settings,
     choice: Choice,
     patches: int,
     clock: Stopwatch,
@@ -145,7 +149,7 @@ def _summary(
         reasons=choice.reasons,
         iterations=solution.iterations,
         residual=solution.residual,
-        converged=solution.converged or not outputs.bounces,
+        converged=solution.converged or not settings.bounces,
         energies=tuple(solution.energies),
         seconds=clock.laps,
         devices={"gl": devices.graphics.name} | ({"cl": devices.compute.name} if devices.compute else {}),

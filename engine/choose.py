@@ -100,15 +100,10 @@ class Bake:
         return min(self.settings.memory_budget or memory // 2, memory)
 
     @property
-    def bounces(self) -> bool:
-        """True if light that was reflected is wanted."""
-        return bool({"combined", "indirect"} & set(self.settings.outputs))
-
-    @property
     def columns(self) -> int:
         """Iterates to mix: several if sweeps are accelerated."""
         settings = self.settings
-        return COLUMNS if settings.accelerate and settings.method != "paper" and self.bounces else 1
+        return COLUMNS if settings.accelerate and settings.method != "paper" and settings.bounces else 1
 
     @property
     def glowing(self) -> bool:
@@ -135,7 +130,7 @@ def _solver(bake: Bake) -> tuple[Solver, Choice]:
 def _choose_width(bake: Bake) -> tuple[int, tuple[str, ...]]:
     """Return how wide the squares are of patches that share their bounces, texels, and why."""
     settings, count = bake.settings, len(bake.parts.patches)
-    if bake.compute is None or settings.method == "paper" or not bake.bounces:
+    if bake.compute is None or settings.method == "paper" or not settings.bounces:
         return 1, ()
     if settings.shared_bounces:
         return settings.shared_bounces, ("The settings ask for shared bounces.",)

@@ -12,9 +12,8 @@ from .scene import Scene, shining_lights
 from .settings import Settings
 from .solve import Solution
 
-#: Outputs that hold light, and those of them that need more than the first iteration.
+#: Outputs that hold light.
 _LIGHT = ("combined", "direct", "indirect")
-_BOUNCES = ("combined", "indirect")
 
 
 def output_names(scene: Scene, settings: Settings) -> list[str]:
@@ -44,14 +43,13 @@ class Outputs:
 
     def __init__(self, scene: Scene, settings: Settings, sampled: SampledLight) -> None:
         self._names, self._settings, self._sampled = output_names(scene, settings), settings, sampled
-        self.bounces = any(name in _BOUNCES for name in settings.outputs)
 
     def done(self, solution: Solution) -> bool:
         """True once a solution is good enough for the outputs.
 
         One iteration is needed by all of them: it tells which patches are hidden inside objects.
         """
-        return solution.done if self.bounces else solution.iterations > 0
+        return solution.done if self._settings.bounces else solution.iterations > 0
 
     def light(self, solution: Solution) -> np.ndarray:
         """Return the first output that is light, so far, (n, 3) float32; direct light if none is."""

@@ -85,6 +85,11 @@ class Settings:
     patch_file: str | None = None
     cache_dir: str | None = None
 
+    @property
+    def bounces(self) -> bool:
+        """True if an output holds light that was reflected."""
+        return not {"combined", "indirect"}.isdisjoint(self.outputs)
+
 
 def check_settings(settings: Settings) -> None:
     """Raise a SettingsError that names the first setting out of its range."""

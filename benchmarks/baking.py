@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from engine import Lightmap, Scene, Settings
+from engine import Lightmap, Scene, Settings, finished
 from engine.session import Session
 
 #: A bake faster than this is timed a second time, s.
@@ -18,12 +18,8 @@ _session = Session()
 def timed(scene: Scene, settings: Settings) -> tuple[float, Lightmap]:
     """Bake; return the wall time in seconds and the lightmap."""
     started = time.perf_counter()
-    work = _session.bake(scene, settings)
-    while True:
-        try:
-            next(work)
-        except StopIteration as end:
-            return time.perf_counter() - started, end.value
+    lightmap = finished(_session.bake(scene, settings))
+    return time.perf_counter() - started, lightmap
 
 
 def best_of_two(scene: Scene, settings: Settings) -> tuple[float, Lightmap]:

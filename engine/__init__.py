@@ -13,7 +13,7 @@ The package never imports bpy: `operators` turns a Blender scene into an `engine
 from .bake import bake
 from .errors import DeviceError, EngineError, PatchFileError, SceneError, SettingsError
 from .lightmap import Lightmap
-from .progress import Progress
+from .progress import Progress, finished
 from .scene import Light, Material, Mesh, Scene, Texture
 from .settings import Settings
 
@@ -32,4 +32,5 @@ __all__ = [
     "SettingsError",
     "Texture",
     "bake",
+    "finished",
 ]

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
+
+Made = TypeVar("Made")
 
 
 @dataclass(frozen=True)
@@ -26,3 +30,13 @@ class Progress:
     residual: float = float("nan")
     energy: float = 0.0
     partial: np.ndarray | None = None
+
+
+def finished(work: Generator[Any, None, Made]) -> Made:
+    """Let a bake, or any other work in slices, run to its end; return what it made."""
+    while True:
+        try:
+            next(work)
+        except StopIteration as stop:
+            made: Made = stop.value
+            return made

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from engine import Light, Material, Scene, Settings
+from engine import Light, Material, Scene, Settings, finished
 from engine.device.compute import Compute
 from engine.device.graphics import Graphics
 from engine.ray_scene import RayScene
@@ -32,12 +32,7 @@ class Bench:
         """Return E/pi of the green channel at each patch."""
         chosen = dataclasses.replace(SETTINGS, **settings)
         rays = RayScene(self.compute, scene, parts)
-        gather = SampledLight(scene, parts, rays, chosen).gather()
-        while True:
-            try:
-                next(gather)
-            except StopIteration as stop:
-                return stop.value[:, 1]
+        return finished(SampledLight(scene, parts, rays, chosen).gather())[:, 1]
 
 
 @pytest.fixture(scope="module")

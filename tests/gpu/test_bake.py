@@ -8,26 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine import Lightmap, PatchFileError, SceneError, Settings, SettingsError, bake
+from engine import PatchFileError, SceneError, Settings, SettingsError, bake
+from tests.analytic.drive import drive
 from tests.analytic.scenes import furnace, quads, rectangle, room_walls
 
 ROOT = Path(__file__).resolve().parents[2]
 QUICK = Settings(resolution=32, hemicube=8, iterations=3, tolerance=0, visibility="raster", accelerate=False)
 
 
-def finished(scene, settings) -> Lightmap:
-    steps = bake(scene, settings)
-    while True:
-        try:
-            next(steps)
-        except StopIteration as stop:
-            return stop.value
-
-
 def test_dilation_touches_no_covered_texel():
     """The light is the same, bit for bit, with and without dilation."""
-    plain = finished(furnace(0.5, 1.0), replace(QUICK, dilation=0))
-    dilated = finished(furnace(0.5, 1.0), replace(QUICK, dilation=32))
+    plain = drive(furnace(0.5, 1.0), replace(QUICK, dilation=0))
+    dilated = drive(furnace(0.5, 1.0), replace(QUICK, dilation=32))
     covered = plain.covered
     assert (plain.image.view(np.uint32) == dilated.image.view(np.uint32)).all()
     assert (dilated.display[covered].view(np.uint32) == plain.image[covered].view(np.uint32)).all()
@@ -36,11 +28,11 @@ def test_dilation_touches_no_covered_texel():
 
 def test_a_patch_list_from_a_file_gives_the_same_bits(tmp_path):
     settings = replace(QUICK, patch_file=str(tmp_path / "furnace.patches"))
-    made, loaded = (finished(furnace(0.5, 1.0), settings) for _ in range(2))
+    made, loaded = (drive(furnace(0.5, 1.0), settings) for _ in range(2))
     assert (tmp_path / "furnace.patches").stat().st_size > 384 * 32
     assert (made.image.view(np.uint32) == loaded.image.view(np.uint32)).all()
     with pytest.raises(PatchFileError, match="Delete it"):
-        finished(furnace(0.5, 1.0), replace(settings, resolution=64))
+        drive(furnace(0.5, 1.0), replace(settings, resolution=64))
 
 
 def test_progress_reports_stages_energy_and_partial_lightmaps():
@@ -61,11 +53,11 @@ def test_closing_the_generator_cancels_and_the_next_bake_works():
         for _ in range(4):
             next(steps)
         steps.close()
-    assert finished(furnace(0.5, 1.0), QUICK).report.iterations == 3
+    assert drive(furnace(0.5, 1.0), QUICK).report.iterations == 3
 
 
 def test_report_tells_the_facts():
-    report = finished(furnace(0.5, 1.0), QUICK).report
+    report = drive(furnace(0.5, 1.0), QUICK).report
     assert report.patches == 384 and len(report.energies) == 3 and not report.converged
     assert set(report.devices) == {"gl", "cl"} and all(report.devices.values())
     assert {"devices", "patches", "hemicubes"} <= set(report.seconds)
@@ -74,7 +66,7 @@ def test_report_tells_the_facts():
 def test_an_object_without_a_covered_texel_is_named():
     furnace_mesh = furnace(0.5, 1.0).meshes[0]
     flat = replace(furnace_mesh, name="Crumb", uvs=furnace_mesh.uvs * np.float32(1e-3) + np.float32(0.97))
-    lightmap = finished(replace(furnace(0.5, 1.0), meshes=(furnace_mesh, flat)), QUICK)
+    lightmap = drive(replace(furnace(0.5, 1.0), meshes=(furnace_mesh, flat)), QUICK)
     assert any("'Crumb'" in warning and "Unwrap" in warning for warning in lightmap.report.warnings)
 
 
@@ -90,7 +82,7 @@ def test_lightmaps_that_fit_no_device_are_refused():
 def test_world_light_reaches_an_open_plane():
     plane = quads(rectangle((0, 0, 0), (2, 0, 0), (0, 2, 0))[None], [(2, 2, 16, 16)], [0], 32, "Plane")
     scene = replace(furnace(0.5, 0.0), meshes=(plane,), world=np.float32([0.2, 0.4, 0.6]))
-    lightmap = finished(scene, QUICK)
+    lightmap = drive(scene, QUICK)
     assert lightmap.image[lightmap.covered] == pytest.approx(np.tile([0.2, 0.4, 0.6], (256, 1)), rel=1e-5)
 
 
@@ -100,7 +92,7 @@ def test_texels_inside_a_closed_object_are_filled_for_display_only():
     walls = room_walls(1, 1, 1)[1:, ::-1] - [0.5, 0.5, 0]
     box = quads(walls, [(20 + 6 * (i % 2), 2 + 6 * (i // 2), 4, 4) for i in range(5)], [0] * 5, 32, "Box")
     scene = replace(furnace(0.5, 0.0), meshes=(plane, box), world=np.ones(3, np.float32))
-    lightmap = finished(scene, QUICK)
+    lightmap = drive(scene, QUICK)
     hidden = lightmap.covered[0] & (lightmap.image[0].max(axis=-1) < 1e-3)
     assert hidden[8:12, 8:12].all() and hidden.sum() == 16
     assert (lightmap.display[0][hidden] > 0.1).all()

@@ -3,20 +3,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from engine import Settings, SettingsError, bake
+from engine import Settings, SettingsError, bake, finished
 from engine.device.graphics import Graphics
 from engine.session import Session
 from tests.analytic.scenes import furnace, sphere
 
 QUICK = Settings(resolution=64, hemicube=8, iterations=3, tolerance=0)
-
-
-def finished(work):
-    while True:
-        try:
-            next(work)
-        except StopIteration as stop:
-            return stop.value
 
 
 @pytest.mark.parametrize("visibility", ["raster", "rays"])

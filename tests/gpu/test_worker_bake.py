@@ -1,27 +1,19 @@
 import numpy as np
 
-from engine import Settings, bake
+from engine import Settings, bake, finished
 from engine.worker import Worker
 from tests.analytic.scenes import furnace
 
 QUICK = Settings(resolution=32, hemicube=8, iterations=3, tolerance=0, visibility="rays")
 
 
-def _lightmap(job):
-    while True:
-        try:
-            next(job)
-        except StopIteration as end:
-            return end.value
-
-
 def test_worker_gives_the_same_bits_as_this_process_twice():
     worker = Worker()
     try:
-        maps = [_lightmap(worker.bake(furnace(0.5, 1.0), QUICK)) for _ in range(2)]
+        maps = [finished(worker.bake(furnace(0.5, 1.0), QUICK)) for _ in range(2)]
     finally:
         worker.stop()
-    here = _lightmap(bake(furnace(0.5, 1.0), QUICK))
+    here = finished(bake(furnace(0.5, 1.0), QUICK))
     for there in maps:
         assert np.array_equal(there.image.view(np.uint32), here.image.view(np.uint32))
         assert np.array_equal(there.covered, here.covered)

@@ -22,7 +22,7 @@ def verify(context, samples: int) -> tuple[Difference, np.ndarray, list[str]]:
     engine = importlib.import_module(f"{MODULE}.engine")
     with quiet_stdout():
         gathered, settings = gathered_scene(context)
-        lightmap = _result(engine.bake(gathered.scene, settings))
+        lightmap = engine.finished(engine.bake(gathered.scene, settings))
         with realised(context, gathered, settings.resolution) as reference:
             bakes = reference.bake(samples, 1), reference.bake(samples, 2)
             colour = reference.colour()
@@ -74,11 +74,3 @@ def write_difference(difference: np.ndarray, path: Path) -> None:
     """Write a picture: grey is equal, white and black are +-20 % of the mean."""
     atlases = np.concatenate(list(difference), axis=1)
     write_png(np.clip(0.5 + 2.5 * atlases, 0, 1), path)
-
-
-def _result(job):
-    while True:
-        try:
-            next(job)
-        except StopIteration as end:
-            return end.value

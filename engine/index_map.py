@@ -145,5 +145,4 @@ def _patches_at(
 def _sorted(patches: PatchList) -> PatchList:
     """Order patches by atlas, then texel."""
     order = np.lexsort((patches.texel, patches.atlas))
-    names = ("atlas", "texel", "mesh", "face", "subface", "barycentric")
-    return PatchList(patches.resolution, **{name: getattr(patches, name)[order] for name in names})
+    return patches.part(order)

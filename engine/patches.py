@@ -11,6 +11,9 @@ from .device.graphics import Graphics
 from .errors import SceneError
 from .scene import Mesh, Scene
 
+#: The arrays of a patch list, one entry a patch.
+_COLUMNS = ("atlas", "texel", "mesh", "face", "subface", "barycentric")
+
 
 @dataclass(frozen=True)
 class PatchList:
@@ -35,6 +38,10 @@ class PatchList:
     def __len__(self) -> int:
         return len(self.texel)
 
+    def part(self, chosen: np.ndarray) -> PatchList:
+        """Return some patches, by a mask or their numbers."""
+        return PatchList(self.resolution, **{name: getattr(self, name)[chosen] for name in _COLUMNS})
+
 
 def list_patches(graphics: Graphics, scene: Scene, resolution: int) -> PatchList:
     """Rasterise the lightmap UVs of every atlas and compact the covered texels.
@@ -57,8 +64,7 @@ def concatenate(parts: list[PatchList]) -> PatchList:
     """Join patch lists of one resolution, in order."""
     if len(parts) == 1:
         return parts[0]
-    names = ("atlas", "texel", "mesh", "face", "subface", "barycentric")
-    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS}
     return PatchList(parts[0].resolution, **joined)
 
 

@@ -12,7 +12,6 @@ import numpy as np
 import pyopencl as cl
 
 from .device.buffers import upload
-from .patches import PatchList
 from .ray_scene import RayScene
 from .subdivision import Subdivision
 from .surfaces import PatchSurfaces
@@ -35,13 +34,11 @@ class SharedPatches:
         self.group = number[leader]
         self._members = np.bincount(self.group, minlength=len(leading)).astype(np.float32)
         self.area = self.mean(parts.geometry.area) * self._members
-        names = ("atlas", "texel", "mesh", "face", "subface", "barycentric")
-        chosen = {name: getattr(parts.patches, name)[leading] for name in names}
         surfaces = PatchSurfaces(self.mean(parts.surfaces.reflectance), self.mean(parts.surfaces.emission))
         shared = np.concatenate([[0], self.group + 1]).astype(np.uint32)
         self.parts = replace(
             parts,
-            patches=PatchList(parts.patches.resolution, **chosen),
+            patches=parts.patches.part(leading),
             geometry=parts.geometry.part(leading),
             surfaces=surfaces,
             owners=shared[parts.owners],

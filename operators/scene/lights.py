@@ -12,6 +12,7 @@ from ..compat import light_nodes, light_power, light_temperature
 from .items import SceneItem
 from .materials import ShaderReader
 from .notes import listed
+from .sockets import ComplexError, feeder
 
 #: Half the spread of an area light that has none, rad.
 _SPREAD_OFF = np.pi / 2
@@ -95,8 +96,23 @@ def _power(lamp: bpy.types.Light, name: str, notes: list[str]) -> np.ndarray:
     output = next((node for node in tree.nodes if node.bl_idname == "ShaderNodeOutputLight"), None)
     if output is None:
         return power * 0
-    reader = ShaderReader(f"Light '{name}'", notes)
-    return power * reader.surface(output.inputs["Surface"]).emission.constant
+    owner = f"Light '{name}'"
+    try:
+        return power * ShaderReader(owner, notes).surface(output.inputs["Surface"]).emission.constant
+    except ComplexError:
+        notes.append(
+            f"{owner} has nodes that are not evaluated: the Emission's own colour and strength are baked."
+        )
+        return power * _own_emission(output.inputs["Surface"])
+
+
+def _own_emission(socket: bpy.types.NodeSocket) -> np.ndarray:
+    """Return the unlinked colour times strength of the Emission that feeds a socket, white of any other."""
+    node = feeder(socket).node
+    if node.bl_idname != "ShaderNodeEmission":
+        return np.ones(3)
+    colour = np.array(node.inputs["Color"].default_value, np.float64)[:3]
+    return colour * node.inputs["Strength"].default_value
 
 
 def _normalized(lamp: bpy.types.Light) -> bool:

@@ -122,3 +122,21 @@ def test_nodes_of_a_light_multiply_its_power():
     emission = next(node for node in obj.data.node_tree.nodes if node.bl_idname == "ShaderNodeEmission")
     emission.inputs["Strength"].default_value = 2.5
     assert gathered_light().strength == pytest.approx([2.5, 2.5, 2.5])
+
+
+def noded(kind="POINT", **values):
+    """Return a lamp that shines 1 W/sr with nodes, its tree and its Emission."""
+    obj = lamp(kind, energy=4 * np.pi, **values)
+    obj.data.use_nodes = True
+    tree = obj.data.node_tree
+    return obj, tree, next(node for node in tree.nodes if node.bl_idname == "ShaderNodeEmission")
+
+
+@pytest.mark.parametrize("socket", ["Color", "Strength"])
+@pytest.mark.parametrize("kind", ["TexIES", "Blackbody", "LightFalloff", "TexImage", "TexNoise"])
+def test_nodes_of_any_kind_on_a_light_end_in_light(kind, socket):
+    _, tree, emission = noded()
+    node = tree.nodes.new(f"ShaderNode{kind}")
+    tree.links.new(node.outputs[0], emission.inputs[socket])
+    light = gathered_light()
+    assert np.isfinite(light.strength).all() and light.strength.any()

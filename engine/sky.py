@@ -6,11 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .resampling import shrink
+
 #: Radiance above so many times the mean of the sky is sampled as a light.
 _BRIGHT = 3.0
 
-#: Largest map that hemicubes see, texels; their own texels are no finer.
-_REST_HEIGHT = 256
+#: Largest map that hemicubes see, rows and columns; their own texels are no finer.
+_REST_SIZE = (256, 512)
 
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
@@ -59,13 +61,6 @@ def solid_angles(height: int, width: int) -> np.ndarray:
 
 
 def _shrunk(world: np.ndarray) -> np.ndarray:
-    """Return a map averaged, by solid angle, to at most _REST_HEIGHT rows."""
-    height, width = world.shape[:2]
-    step = -(-height // _REST_HEIGHT)
-    while height % step or width % step:
-        step += 1
-    weighted = world * _row_shares(height)[:, None, None]
-    blocks = weighted.reshape(height // step, step, width // step, step, 3).sum(axis=(1, 3))
-    shares = _row_shares(height).reshape(-1, step).sum(axis=1) * step
-    shrunk: np.ndarray = (blocks / shares[:, None, None]).astype(np.float32)
-    return shrunk
+    """Return a map averaged, by solid angle, to at most _REST_SIZE."""
+    height, width = np.minimum(world.shape[:2], _REST_SIZE)
+    return shrink(world, height, width, area=lambda rows: (1 - np.cos(np.pi * rows)) / 2)

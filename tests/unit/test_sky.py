@@ -23,11 +23,28 @@ def test_an_even_sky_has_no_lights():
     assert split_sky(world).bright is None
 
 
-def test_large_maps_keep_their_mean_over_the_sphere():
-    world = np.random.default_rng(0).random((1024, 2048, 3)).astype(np.float32)
+@pytest.mark.parametrize(
+    "size", [(1024, 2048), (768, 1366), (300, 601), (1000, 1999), (1021, 2042), (257, 1), (2, 1031), (1, 1)]
+)
+def test_maps_of_any_size_keep_their_mean_over_the_sphere(size):
+    world = np.random.default_rng(0).random((*size, 3)).astype(np.float32)
+    world[-1, 0] = 1e6
     rest = whole_sky(world)
-    assert len(rest) <= 256
+    assert rest.shape == (min(size[0], 256), min(size[1], 512), 3)
     assert sphere_mean(rest) == pytest.approx(sphere_mean(world), rel=1e-5)
+
+
+def test_large_maps_show_the_same_in_every_direction():
+    """Radiance that grows evenly with the solid angle below, and around: means are values at middles."""
+    height, width = 1021, 1787
+    below = (1 - np.cos(np.linspace(0, np.pi, height + 1))) / 2
+    up, around = (below[1:] + below[:-1]) / 2, (np.arange(width) + 0.5) / width
+    world = np.stack(np.broadcast_arrays(up[:, None], around, 1.0), axis=2).astype(np.float32)
+    rest = whole_sky(world)
+    coarse = (1 - np.cos(np.linspace(0, np.pi, len(rest) + 1))) / 2
+    assert rest[:, 7, 0] == pytest.approx((coarse[1:] + coarse[:-1]) / 2, abs=1e-5)
+    assert rest[100, :, 1] == pytest.approx((np.arange(512) + 0.5) / 512, abs=2e-4)
+    assert rest[..., 2] == pytest.approx(1, abs=1e-6)
 
 
 def sphere_mean(world):

@@ -1,0 +1,56 @@
+"""Shrinks images to any size: every new pixel is the mean over its part of the old ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class _Overlaps:
+    """Pieces into which the borders of old and new pixels cut an axis, from its start to its end.
+
+    source  (k,) int64, the old pixel that each piece lies in
+    share   (k,) float32, of the new pixel that it lies in
+    first   (m + 1,) int64, the first piece of each new pixel, then k
+    """
+
+    source: np.ndarray
+    share: np.ndarray
+    first: np.ndarray
+
+
+def _even(places: np.ndarray) -> np.ndarray:
+    """Return the area between an image's start and some places of an axis: rows that are alike."""
+    return places
+
+
+def shrink(
+    pixels: np.ndarray, height: int, width: int, area: Callable[[np.ndarray], np.ndarray] = _even
+) -> np.ndarray:
+    """Return an image averaged by area to another size, (h, w, c) -> (height, width, c) float32.
+
+    area  returns the share of the image's area below places along v, (n,) in [0, 1]: all rows cover the
+          same by default
+    """
+    rows, columns = _overlaps(len(pixels), height, area), _overlaps(pixels.shape[1], width)
+    image = np.empty((height, width, pixels.shape[2]), np.float32)
+    for row in range(height):
+        pieces = slice(rows.first[row], rows.first[row + 1])
+        line = np.einsum("r,rwc->wc", rows.share[pieces], pixels[rows.source[pieces]])
+        parts = line[columns.source] * columns.share[:, None]
+        np.add.reduceat(parts, columns.first[:-1], axis=0, out=image[row])
+    return image
+
+
+def _overlaps(old: int, new: int, area: Callable[[np.ndarray], np.ndarray] = _even) -> _Overlaps:
+    """Return how an axis of `old` pixels is cut to make it one of `new`; area as of `shrink`."""
+    before, after = (np.linspace(0, 1, size + 1) for size in (old, new))
+    borders = np.union1d(before, after)
+    first = np.searchsorted(borders, after)
+    size = np.diff(area(borders))
+    share = size / np.repeat(np.add.reduceat(size, first[:-1]), np.diff(first))
+    source = np.searchsorted(before, borders[:-1], side="right") - 1
+    return _Overlaps(source, share.astype(np.float32), first)

@@ -19,8 +19,23 @@ import traceback
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from headless import ROOT, blender, quiet_stdout
+
+if TYPE_CHECKING:
+    import bpy
+
+
+def names(text: str) -> set[str]:
+    """Return the words between commas."""
+    return {word for part in text.split(",") if (word := choice(part))}
+
+
+def choice(text: str) -> str:
+    """Return one word of a choice as the settings spell it."""
+    return text.strip().lower()
+
 
 #: Bake settings that an option of the same name sets, and the option's type.
 _SETTINGS = {
@@ -29,8 +44,9 @@ _SETTINGS = {
     "iterations": (int, "largest number of light bounces"),
     "tolerance": (float, "stop below this remaining error of the texels, relative to each one's light"),
     "light_samples": (int, "shadow rays from each texel to each light"),
-    "method": (str, "how the received light is computed"),
-    "visibility": (str, "how it is found what texels see: AUTO, RASTER or RAYS"),
+    "method": (choice, "how the received light is computed: auto, cached, stream or paper"),
+    "visibility": (choice, "how it is found what texels see: auto, raster or rays"),
+    "outputs": (names, "combined, direct, indirect, ambient_occlusion, shadow_mask; with commas"),
     "samples": (int, "rays of each texel; 0 for as many as give the error of a hemicube"),
     "ao_samples": (int, "rays of each texel for ambient occlusion"),
     "ao_distance": (float, "how far ambient occlusion reaches, m; 0 for any distance"),
@@ -77,11 +93,6 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     for name, (kind, text) in _SETTINGS.items():
         parser.add_argument(f"--{name.replace('_', '-')}", type=kind, help=text)
     parser.add_argument(
-        "--outputs",
-        type=names,
-        help="combined, direct, indirect, ambient_occlusion, shadow_mask; with commas",
-    )
-    parser.add_argument(
         "--verify", type=int, nargs="?", const=256, metavar="SPP",
         help="bake with Cycles, too, so many samples a texel, and tell the difference",
     )  # fmt: skip
@@ -95,11 +106,6 @@ def _joined(arguments: list[str]) -> list[str]:
     """Return the arguments with "--world -1,1,1" as one: argparse takes what starts with - for an option."""
     words = iter(arguments)
     return [f"{word}={next(words, '')}" if word == "--world" else word for word in words]
-
-
-def names(text: str) -> set[str]:
-    """Return the words between commas."""
-    return {word.strip() for word in text.split(",") if word.strip()}
 
 
 def colour(text: str) -> tuple[float, float, float]:
@@ -130,6 +136,8 @@ def run(options: argparse.Namespace) -> dict:
         if options.world is not None:
             replace_world(options.world)
         apply_settings(options, out)
+        if options.verify is not None:
+            check_verify(options.verify)
         report = bake()
         report["files"] += write_pictures(report["images"], out)
         if options.verify is not None:
@@ -193,11 +201,21 @@ def apply_settings(options: argparse.Namespace, out: Path) -> None:
             continue
         try:
             setattr(settings, name, value)
-        except TypeError as error:
-            choices = settings.bl_rna.properties[name].enum_items.keys()
-            raise CommandError(f"{name} is {value}; choose one of {', '.join(choices)}.") from error
-        except (ValueError, OverflowError) as error:
-            raise CommandError(f"{name} is {value}, which is far out of its range.") from error
+        except (TypeError, ValueError, OverflowError) as error:
+            raise CommandError(refusal(settings.bl_rna.properties[name], value)) from error
+
+
+def refusal(setting: bpy.types.Property, value: object) -> str:
+    """Return why a setting does not take a value."""
+    if setting.type == "ENUM":
+        choices = ", ".join(setting.enum_items.keys())
+        return f"{setting.identifier} is {told(value)}; choose one of {choices}."
+    return f"{setting.identifier} is {value}, which is far out of its range."
+
+
+def told(value: object) -> str:
+    """Return the value of an option as it was typed."""
+    return ", ".join(sorted(value)) if isinstance(value, set) else str(value)
 
 
 def bake() -> dict:
@@ -222,6 +240,16 @@ def write_pictures(images: list[str], out: Path) -> list[str]:
     return paths
 
 
+def check_verify(samples: int) -> None:
+    """Raise CommandError if a bake with the scene's settings cannot be compared with Cycles."""
+    import bpy
+
+    if samples < 1:
+        raise CommandError(f"--verify needs at least 1 sample, not {samples}.")
+    if "combined" not in bpy.context.scene.hemibake.outputs:
+        raise CommandError("--verify compares all light: let 'combined' be among the outputs.")
+
+
 def verify_bake(samples: int, out: Path) -> tuple[dict, str]:
     """Compare with Cycles; return the figures and the path of a picture of the difference."""
     import bpy
@@ -229,11 +257,6 @@ def verify_bake(samples: int, out: Path) -> tuple[dict, str]:
     sys.path.insert(0, str(ROOT))
     from tools.verification.run import verify, write_difference
 
-    if samples < 1:
-        raise CommandError(f"--verify needs at least 1 sample, not {samples}.")
-    settings = bpy.context.scene.hemibake
-    if settings.outputs and "combined" not in settings.outputs:
-        raise CommandError("--verify compares all light: let 'combined' be among the outputs.")
     figures, difference, _ = verify(bpy.context, samples)
     path = out / "difference.png"
     write_difference(difference, path)

@@ -71,6 +71,16 @@ def test_scene_is_baked_and_told_as_one_json_object(tmp_path):
         (("scene.obj", "--out", "out", "--save-blend", "."), "is a folder. Choose another place"),
         (("scene.obj", "--out", "out", "--save-blend", "scene.obj/a.blend"), "Choose another place"),
         (("scene.obj", "--out", "scene.obj"), "Choose another folder"),
+        (("scene.obj", "--out", "out", "--visibility", "sight"), "visibility is sight; choose one of auto,"),
+        (
+            ("scene.obj", "--out", "out", "--outputs", "direct,foo"),
+            "outputs is direct, foo; choose one of comb",
+        ),
+        (("scene.obj", "--out", "out", "--outputs", ""), "outputs is empty"),
+        (
+            ("scene.obj", "--out", "out", "--outputs", "direct", "--verify"),
+            "let 'combined' be among the outputs",
+        ),
     ],
 )
 def test_error_is_one_json_object_and_exit_code_1(tmp_path, arguments, words):
@@ -79,6 +89,39 @@ def test_error_is_one_json_object_and_exit_code_1(tmp_path, arguments, words):
     assert done.returncode == 1 and "Traceback" not in done.stderr
     (line,) = done.stdout.splitlines()
     assert words in json.loads(line)["error"]
+
+
+def test_outputs_that_are_asked_for_are_written(tmp_path):
+    (tmp_path / "scene.obj").write_text(OBJ)
+    out = tmp_path / "out"
+    sizes = ("--resolution", 16, "--hemicube", 8, "--ao-samples", 4, "--world", "1,1,1")
+    done = command(
+        tmp_path / "scene.obj", "--out", out, *sizes, "--outputs", "Direct, ambient_occlusion", "--json"
+    )
+    assert done.returncode == 0, done.stderr
+    facts = json.loads(done.stdout)
+    assert facts["images"] == ["Lightmap", "Lightmap ambient occlusion"] and facts["iterations"] == 1
+    assert set(facts["files"]) == {str(path) for path in out.iterdir()} and len(facts["files"]) == 4
+
+
+@pytest.mark.parametrize("option", ["method", "visibility"])
+def test_choice_is_taken_as_the_help_spells_it(option, capsys, monkeypatch):
+    """Every value that the help of an option names is one that the setting takes, in any case."""
+    import bpy
+
+    monkeypatch.syspath_prepend(str(ROOT / "tools"))
+    import bake
+
+    with pytest.raises(SystemExit):
+        bake.parse(["--help"])
+    told = " ".join(capsys.readouterr().out.split())
+    for item in bpy.context.scene.hemibake.bl_rna.properties[option].enum_items:
+        choice = item.identifier
+        assert choice in told
+        for word in (choice, choice.upper()):
+            options = bake.parse(["scene.obj", "--out", "out", f"--{option}", word])
+            bake.apply_settings(options, ROOT)
+            assert getattr(bpy.context.scene.hemibake, option) == choice
 
 
 def test_setting_out_of_range_is_told(tmp_path):

@@ -8,11 +8,9 @@ import numpy as np
 from .device.graphics import Graphics
 from .errors import SceneError
 from .geometry import Triangles
+from .naming import naming
 from .patches import PatchList
 from .scene import Scene
-
-#: A message names this many objects at most.
-_NAMES_SHOWN = 5
 
 #: Charts overlap if more than this share of an object's texels is covered twice.
 _OVERLAP_TOLERANCE = 0.005
@@ -39,12 +37,11 @@ def note_uncovered(scene: Scene, patches: PatchList) -> list[str]:
     ]
     if not names:
         return []
-    shown = ", ".join(f"'{name}'" for name in names[:_NAMES_SHOWN])
-    more = f" and {len(names) - _NAMES_SHOWN} more" if len(names) > _NAMES_SHOWN else ""
-    return [
-        f"The lightmap UVs of {shown}{more} are too small to cover a texel: their light is a guess. "
+    sentence = (
+        "The lightmap UVs of {} are too small to cover a texel: their light is a guess. "
         "Unwrap them again or raise the resolution."
-    ]
+    )
+    return [naming(sentence, names)]
 
 
 def check_overlap(graphics: Graphics, scene: Scene, triangles: Triangles, patches: PatchList) -> list[str]:
@@ -112,14 +109,15 @@ def _overlap_message(scene: Scene, triangles: Triangles, patches: PatchList, dou
     """Name the objects that meet in a sample of the doubled texels."""
     sample = doubled[:: max(1, len(doubled) // 64)]
     meshes = {int(mesh) for patch in sample for mesh in _meshes_at(triangles, patches, int(patch))}
-    names = ", ".join(f"'{scene.meshes[mesh].name}'" for mesh in sorted(meshes))
+    names = [scene.meshes[mesh].name for mesh in sorted(meshes)]
     atlas = scene.atlases[int(patches.atlas[sample[0]])]
     share = len(doubled) / max(1, int(np.isin(patches.mesh, list(meshes)).sum()))
-    return (
-        f"Lightmap UVs overlap in atlas '{atlas}' ({share:.0%} of the texels of {names}). "
+    sentence = (
+        f"Lightmap UVs overlap in atlas '{atlas}' ({share:.0%} of the texels of {{}}). "
         "Unwrap or pack them without overlaps, apply modifiers that copy geometry (Array, Mirror), "
         "or give the objects atlases of their own."
     )
+    return naming(sentence, names)
 
 
 def _meshes_at(triangles: Triangles, patches: PatchList, patch: int) -> np.ndarray:

@@ -11,6 +11,7 @@ from ..engine.errors import EngineError, WorkerError
 from ..engine.progress import Progress
 from .lookup import find
 from .run import Run
+from .telling import tell
 from .worker_owner import owner
 
 #: Longest time one timer event may take from the window, s.
@@ -138,12 +139,12 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
         if isinstance(error, WorkerError) and details:
             print(text, file=sys.stderr)  # noqa: T201
             text = f"{first} (They are in the system console.)"
-        self.report({"ERROR"}, text)
+        tell(self, "ERROR", text)
 
     def _tell(self, report: dict, failure: str | None) -> None:
         """Report warnings, then what was done, and last what could not be."""
         for warning in report["warnings"]:
-            self.report({"WARNING"}, warning)
+            tell(self, "WARNING", warning)
         where = ", ".join(report["files"]) or "packed into the .blend"
         self.report(
             {"INFO"},

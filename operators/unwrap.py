@@ -9,6 +9,7 @@ from .bake_settings import read_settings
 from .changes import Changes
 from .scene import visible_meshes
 from .scene.unwrap import unwrap_missing
+from .telling import tell
 
 
 class HEMIBAKE_OT_unwrap(bpy.types.Operator):
@@ -28,10 +29,10 @@ class HEMIBAKE_OT_unwrap(bpy.types.Operator):
             made = unwrap_missing(context, objects, properties.uv_layer, resolution, changes)
         except EngineError as error:
             changes.take_back()
-            self.report({"ERROR"}, str(error))
+            tell(self, "ERROR", str(error))
             return {"CANCELLED"}
         for note in made.notes:
-            self.report({"WARNING"}, note)
+            tell(self, "WARNING", note)
         kept = len(objects) - len(made.objects) - len(made.skipped)
         self.report({"INFO"}, f"{len(made.objects)} objects unwrapped, {kept} had lightmap UVs or no faces")
         return {"FINISHED"} if made.objects else {"CANCELLED"}

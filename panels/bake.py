@@ -6,6 +6,8 @@ import json
 
 import bpy
 
+from ..engine.naming import first_line
+
 
 class _Sidebar:
     bl_space_type = "VIEW_3D"
@@ -121,7 +123,7 @@ class HEMIBAKE_PT_report(_Sidebar, bpy.types.Panel):
         for image in report["images"]:
             column.label(text=image, icon="IMAGE_DATA")
         for warning in report["warnings"]:
-            column.label(text=warning, icon="ERROR")
+            column.label(text=first_line(warning), icon="ERROR")
 
 
 CLASSES = (

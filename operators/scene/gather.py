@@ -9,13 +9,13 @@ import bpy
 import numpy as np
 
 from ...engine.errors import SceneError
+from ...engine.naming import first_line, naming
 from ...engine.scene import OCCLUDER, Mesh, Scene, check_scene
 from .copies import copies_message
 from .items import scene_items
 from .lights import Lamps
 from .material_table import MaterialTable
 from .meshes import world_mesh
-from .notes import listed
 from .places import Place, choose_places
 from .readings import ItemReader, Reading
 from .skipped import note_skipped
@@ -142,16 +142,18 @@ def _check_read(
         raise SceneError(copies_message(copying, uv_layer))
     if any(reading.atlas is not None for reading in readings):
         return
+    reasons = " ".join(first_line(note) for note in notes)
+    details = [line for note in notes for line in note.splitlines()[1:]]
     if readings:
-        names = listed(sorted({reading.name for reading in readings}))
-        raise SceneError(
-            f"Nothing is left to bake: {names} {'is' if len(readings) == 1 else 'are'} only seen. "
-            f"Set the role of an object to Baked. {' '.join(notes)}".strip()
+        names = sorted({reading.name for reading in readings})
+        sentence = (
+            f"Nothing is left to bake: {{}} {'is' if len(readings) == 1 else 'are'} only seen. "
+            f"Set the role of an object to Baked. {reasons}".strip()
         )
+        raise SceneError("\n".join([naming(sentence, names), *details]))
     if notes:
-        raise SceneError(
-            f"Nothing is left to bake. {' '.join(notes)} Give an object faces that have an area."
-        )
+        sentence = f"Nothing is left to bake. {reasons} Give an object faces that have an area."
+        raise SceneError("\n".join([sentence, *details]))
     raise SceneError(
         "The scene has no mesh with faces to bake. Add a mesh object, or make one visible "
         "in the viewport and in renders."

@@ -7,11 +7,11 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
+from ...engine.naming import naming
 from ...engine.scene import Light
 from ..compat import light_nodes, light_power, light_temperature
 from .items import SceneItem
 from .materials import ShaderReader
-from .notes import listed
 from .sockets import ComplexError, feeder
 
 #: Half the spread of an area light that has none, rad.
@@ -46,11 +46,11 @@ class Lamps:
         origin: (3,) float64, world space: positions are relative to it.
         """
         if self._portals:
-            names = listed(self._portals)
-            self._notes.append(f"Portals give no light of their own and are not used: {names}.")
+            sentence = "Portals give no light of their own and are not used: {}."
+            self._notes.append(naming(sentence, self._portals))
         if self._linked:
-            names = listed(self._linked)
-            self._notes.append(f"Light linking is not baked; these light and shadow everything: {names}.")
+            sentence = "Light linking is not baked; these light and shadow everything: {}."
+            self._notes.append(naming(sentence, self._linked))
         return tuple(replace(light, position=light.position - origin) for light in self._lights)
 
 

@@ -8,9 +8,9 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
+from ...engine.naming import naming
 from ...engine.scene import Material, Texture
 from .materials import read_material
-from .notes import listed
 from .pixels import PixelCache
 from .shader_bake import Shape, bake_textures, copy_shape, remove_shapes
 from .sockets import ComplexError
@@ -87,13 +87,11 @@ class MaterialTable:
                 reason = str(error).strip().splitlines()[-1]
         if failed:
             self._notes.append(
-                f"Cycles could not evaluate the materials {listed(failed)} ({reason}): grey is baked."
+                naming(f"Cycles could not evaluate the materials {{}} ({reason}): grey is baked.", failed)
             )
         if self._averaged:
-            self._notes.append(
-                "Occluders have no lightmap UVs: a mean colour stands for the materials "
-                f"{listed(self._averaged)}."
-            )
+            sentence = "Occluders have no lightmap UVs: a mean colour stands for the materials {}."
+            self._notes.append(naming(sentence, self._averaged))
         return tuple(self._materials)
 
     def _evaluate(self, material: bpy.types.Material, shapes: list[Shape], resolution: int) -> Material:

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
+from ...engine.naming import naming
 from .copies import copying_modifiers
 from .items import SceneItem
 from .material_table import MaterialTable
 from .meshes import Corners, read_corners
-from .notes import listed
 
 
 @dataclass(frozen=True)
@@ -108,16 +108,18 @@ class ItemReader:
         if self._faceless:
             names = sorted(set(self._faceless))
             verb = "has no faces and is" if len(names) == 1 else "have no faces and are"
-            self._notes.append(f"{_objects(names)} {verb} left out.")
+            self._notes.append(naming(f"{_objects(names)} {verb} left out.", names))
         if self._generated:
             names = sorted(set(self._generated))
-            self._notes.append(
+            sentence = (
                 f"{_objects(names)}: faces made by modifiers have no lightmap UVs. They are seen and reflect "
                 "but get no lightmap: apply the modifiers to bake them."
             )
+            self._notes.append(naming(sentence, names))
         if self._degenerate:
             names, count = sorted(self._degenerate), sum(self._degenerate.values())
-            self._notes.append(f"{_objects(names)}: {count} zero-area triangles were left out.")
+            sentence = f"{_objects(names)}: {count} zero-area triangles were left out."
+            self._notes.append(naming(sentence, names))
         return self._readings
 
     def _instancer_ignored(self, item: SceneItem) -> bool:
@@ -177,7 +179,8 @@ class ItemReader:
 
 
 def _objects(names: Sequence[str]) -> str:
-    return f"Object {listed(names)}" if len(names) == 1 else f"Objects {listed(names)}"
+    """Return the beginning of a sentence for `naming`."""
+    return "Object {}" if len(names) == 1 else "Objects {}"
 
 
 def _slot_materials(item: SceneItem) -> list[bpy.types.Material | None]:

@@ -6,7 +6,7 @@ from collections import Counter
 
 import bpy
 
-from .notes import listed
+from ...engine.naming import naming
 from .visible import visible_objects
 
 #: Objects without faces that may look like a surface in a render.
@@ -27,7 +27,8 @@ def note_skipped(context: bpy.types.Context, notes: list[str]) -> None:
         notes.append(f"{_enumerate(parts)} {are} not baked.")
     hidden = [obj.name for obj in visible if not (obj.visible_diffuse and obj.visible_shadow)]
     if hidden:
-        notes.append(f"Ray visibility is not heeded: {listed(hidden)}. Set the role to Ignored instead.")
+        sentence = "Ray visibility is not heeded: {}. Set the role to Ignored instead."
+        notes.append(naming(sentence, hidden))
 
 
 def _enumerate(parts: list[str]) -> str:

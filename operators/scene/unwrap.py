@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 
 from ...engine.errors import SceneError
+from ...engine.naming import naming
 from ..changes import Changes
 from ..lookup import find
 from .charts import PolygonMesh, make_uvs
@@ -221,8 +222,8 @@ def _move_to_free_atlas(
     for obj in objects:
         changes.add(lambda uid=obj.session_uid: _set_atlas(uid, atlas))
         obj.hemibake.atlas = fresh
-    names = ", ".join(f"'{obj.name}'" for obj in objects)
-    notes.append(f"New lightmap UVs were made for {names}: they have the lightmap '{fresh}'.")
+    sentence = f"New lightmap UVs were made for {{}}: they have the lightmap '{fresh}'."
+    notes.append(naming(sentence, [obj.name for obj in objects]))
 
 
 def _set_atlas(uid: int, atlas: str) -> None:

@@ -1,0 +1,24 @@
+"""Messages of operators: a short one where a person looks, its details in the Info editor."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..engine.naming import first_line
+
+
+def tell(operator: bpy.types.Operator, kind: str, message: str) -> None:
+    """Report the first line of a message as a `kind` such as WARNING, all others before it as INFO.
+
+    Without a window the message stays whole: who reads it is a script or a shell.
+    """
+    if _without_window():
+        operator.report({kind}, message.strip())
+        return
+    for line in message.strip().splitlines()[1:]:
+        operator.report({"INFO"}, line)
+    operator.report({kind}, first_line(message))
+
+
+def _without_window() -> bool:
+    return bool(bpy.app.background)

@@ -8,11 +8,16 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from .files import try_to_write
+
 #: Name of the header attribute that tells the owner.
 _OWNER = b"hemibake_owner"
 
 #: Magic number and version field.
 _START = 8
+
+#: Bytes of a pixel: four channels of 32 bits.
+_PIXEL = 16
 
 
 def write_exr(path: Path, pixels: np.ndarray, owner: str) -> None:
@@ -29,6 +34,10 @@ def write_exr(path: Path, pixels: np.ndarray, owner: str) -> None:
         image.filepath_raw = str(path)
         image.file_format = "OPEN_EXR"
         image.save()
+    except RuntimeError:
+        # Blender takes a full disk for an invalid argument: writing as much tells what it was.
+        try_to_write(path, image.size[0] * image.size[1] * _PIXEL)
+        raise
     finally:
         bpy.data.images.remove(image)
     path.write_bytes(_with_owner(path.read_bytes(), owner.encode()))

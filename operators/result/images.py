@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
-from pathlib import Path
 
 import bpy
 import numpy as np
@@ -13,6 +11,7 @@ from ...engine.errors import EngineError
 from ..changes import Changes
 from ..lookup import find
 from .exr import rgba, write_exr
+from .files import reason, replace_all, staging_folder
 from .places import Places
 
 #: Custom property that marks an image as ours; its value is the atlas name.
@@ -63,8 +62,8 @@ def store(images: list[bpy.types.Image], lightmaps: np.ndarray, places: Places) 
     except (OSError, RuntimeError) as error:
         _pack_all(images, places)
         raise EngineError(
-            f"The lightmaps cannot be written to '{places.folder}': {error}. They are packed into the "
-            ".blend instead: save it, or choose another folder and bake again."
+            f"The lightmaps cannot be written to '{places.folder}': {reason(error)}. They are packed "
+            "into the .blend instead: save it, or choose another folder and bake again."
         ) from error
     for image, path in zip(images, places.paths, strict=True):
         _use_file(image, str(path))
@@ -106,27 +105,11 @@ def _set_image(scene_uid: int, atlas: str, image_uid: int | None) -> None:
 
 def _write_all(lightmaps: np.ndarray, places: Places) -> None:
     """Write all files, or none."""
-    with tempfile.TemporaryDirectory(dir=places.folder) as staging:
-        staged = [Path(staging) / f"{index}.exr" for index in range(len(lightmaps))]
+    with staging_folder(places.folder) as staging:
+        staged = [staging / f"{index}.exr" for index in range(len(lightmaps))]
         for path, pixels in zip(staged, lightmaps, strict=True):
             write_exr(path, pixels, places.owner)
-        _replace_all(staged, places.paths, Path(staging))
-
-
-def _replace_all(staged: list[Path], paths: list[Path], backup: Path) -> None:
-    """Move files to their paths; if one cannot be moved, what was there before comes back."""
-    changes = Changes()
-    try:
-        for index, (new, path) in enumerate(zip(staged, paths, strict=True)):
-            old = backup / f"{index}.old"
-            if path.exists():
-                path.replace(old)
-                changes.add(lambda old=old, path=path: old.replace(path))
-            new.replace(path)
-            changes.add(lambda new=new, path=path: path.replace(new))
-    except OSError:
-        changes.take_back()
-        raise
+        replace_all(staged, places.paths, staging)
 
 
 def _use_file(image: bpy.types.Image, path: str) -> None:

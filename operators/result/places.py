@@ -14,6 +14,7 @@ import bpy
 from ...engine.errors import EngineError
 from ..changes import Changes
 from .exr import read_owner
+from .files import reason
 
 #: Longest file name without its ending, bytes: file systems allow 255 in all.
 _LONGEST = 200
@@ -62,7 +63,7 @@ def choose_places(scene: bpy.types.Scene, atlases: Sequence[str], directory: str
         return Places(folder, tuple(names), directory, owner)
     except OSError as error:
         raise EngineError(
-            f"The lightmaps cannot be written to '{folder}': {error}. Choose another folder."
+            f"The lightmaps cannot be written to '{folder}': {reason(error)}. Choose another folder."
         ) from error
 
 

@@ -1,10 +1,17 @@
 """Where lightmaps are stored, and what is never overwritten."""
 
+import os
+import shutil
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.blender.things import files_below, furnace, part, pixels, report, snapshot
+from tools.headless import ROOT
 
 
 def bake():
@@ -179,18 +186,130 @@ def test_lightmap_that_cannot_be_written_is_packed_and_told(tmp_path):
 
 
 def test_files_come_back_if_one_of_them_cannot_be_replaced(tmp_path):
-    images = part("operators.result.images")
+    files = part("operators.result.files")
     staging, out = tmp_path / "staging", tmp_path / "out"
     staging.mkdir()
     out.mkdir()
-    staged = [staging / "0.exr", staging / "missing.exr"]
-    staged[0].write_text("new")
-    paths = [out / "first.exr", out / "second.exr"]
-    for path in paths:
+    staged = [staging / "0.exr", staging / "1.exr", staging / "missing.exr"]
+    for path in staged[:2]:
+        path.write_text("new")
+    paths = [out / "first.exr", out / "none_yet.exr", out / "third.exr"]
+    for path in paths[::2]:
         path.write_text("old")
     with pytest.raises(FileNotFoundError):
-        images._replace_all(staged, paths, staging)
-    assert [path.read_text() for path in paths] == ["old", "old"]
+        files.replace_all(staged, paths, staging)
+    assert files_below(out) == {"first.exr": b"old", "third.exr": b"old"}
+
+
+def test_lightmap_is_in_place_at_every_moment(tmp_path, monkeypatch):
+    """A bake that is killed at any step of replacing a map leaves the old or the new one."""
+    import bpy
+
+    bpy.context.scene.hemibake.directory = str(tmp_path)
+    furnace()
+    bake()
+    steps = []
+
+    def watched(function):
+        def step(*arguments, **options):
+            steps.append((tmp_path / "Lightmap.exr").is_file())
+            result = function(*arguments, **options)
+            steps.append((tmp_path / "Lightmap.exr").is_file())
+            return result
+
+        return step
+
+    for name in ("link", "rename", "replace", "unlink", "rmdir"):
+        monkeypatch.setattr(os, name, watched(getattr(os, name)))
+    bake()
+    monkeypatch.undo()
+    assert len(steps) > 4 and all(steps)
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+sys.path.insert(0, {root!r})
+from tools.headless import blender
+with blender():
+    import bpy
+    from tests.blender import things
+    images = things.part("operators.result.images")
+    images.replace_all = lambda *arguments: os.kill(os.getpid(), signal.SIGKILL)
+    bpy.context.scene.hemibake.directory = {folder!r}
+    bpy.context.scene.hemibake.resolution = 32
+    things.square(surface=things.material(emission=1.0))
+    bpy.ops.hemibake.bake()
+"""
+
+
+def test_leftovers_of_a_killed_bake_are_swept_by_the_next_one(tmp_path):
+    import bpy
+
+    out = tmp_path / "out"
+    script = KILLED.format(root=str(ROOT), folder=str(out))
+    places = os.environ | {"TMPDIR": str(tmp_path), "BLENDER_USER_RESOURCES": str(tmp_path)}
+    killed = subprocess.run([sys.executable, "-c", script], timeout=120, check=False, env=places)
+    assert killed.returncode == -signal.SIGKILL and len(files_below(out)) == 2
+    (folder,) = out.iterdir()
+
+    # Another Blender that is just writing keeps its files.
+    files = part("operators.result.files")
+    with files.staging_folder(out) as other:
+        assert list(out.iterdir()) == [other] != [folder]
+        (other / "0.exr").write_text("unfinished")
+        bpy.context.scene.hemibake.directory = str(out)
+        furnace()
+        bake()
+        assert (other / "0.exr").read_text() == "unfinished"
+    assert [path.name for path in out.iterdir()] == ["Lightmap.exr"]
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A file system of 64 KiB, where one may be made."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(folder)]
+    if shutil.which("mount") is None or subprocess.run(mount, capture_output=True, check=False).returncode:
+        pytest.skip("mounting takes rights")
+    yield folder
+    subprocess.run(["umount", str(folder)], check=True)
+
+
+def test_full_disk_is_told_as_such_and_the_old_lightmap_stays(small_disk):
+    import bpy
+
+    settings = bpy.context.scene.hemibake
+    settings.directory, settings.resolution = str(small_disk), 16
+    furnace()
+    bake()
+    before = files_below(small_disk)
+    settings.resolution = 64
+    with pytest.raises(RuntimeError, match="the disk is full. They are packed into the .blend instead"):
+        bpy.ops.hemibake.bake()
+    assert files_below(small_disk) == before
+    assert tuple(bpy.data.images["Lightmap"].size) == (64, 64)
+
+
+def test_limit_of_file_sizes_is_told_as_such(tmp_path):
+    """The whole file would be 35 KiB: the limit is met in the middle, or by the last bytes."""
+    import bpy
+
+    resource = pytest.importorskip("resource")
+    exr, path = part("operators.result.exr"), tmp_path / "map.exr"
+    pixels = np.random.default_rng(3).random((47, 47, 3), np.float32)
+    exr.write_exr(path, pixels, "owner")
+    whole, limits = path.stat().st_size, resource.getrlimit(resource.RLIMIT_FSIZE)
+    images = len(bpy.data.images)
+    for limit in (100, whole // 2, whole - 1):
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limits[1]))
+        try:
+            with pytest.raises(OSError, match="File too large"):
+                exr.write_exr(path, pixels, "owner")
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert len(bpy.data.images) == images
 
 
 def test_cancelled_bake_over_a_packed_image_restores_it_clean():

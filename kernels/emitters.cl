@@ -67,11 +67,28 @@ float in_cone(__global const float4 *e, const float3 away, const float cos_half,
     return t * t * (3.0f - 2.0f * t);
 }
 
+// Inside of a sphere that shines: light of one radiance from everywhere, also of a spot (Cycles,
+// kernel/light/spot.h), by the cosine.
+Sample sample_around(__global const float4 *e, const float3 centre, const float3 up, const float2 u)
+{
+    float3 x, y;
+    basis(up, &x, &y);
+    const float2 q = disk(u);
+    const float cosine = sqrt(fmax(1.0f - dot(q, q), 0.0f));
+    const float3 direction = q.x * x + q.y * y + cosine * up;
+    const float radius = e[1].w, along = dot(direction, centre);
+    const float rest = fmax(radius * radius - dot(centre, centre) + along * along, 0.0f);
+    const Sample s = {direction, along + sqrt(rest), e[3].xyz / (radius * radius * fmax(cosine, 1e-6f))};
+    return s;
+}
+
 // Point and spot: a disk that faces the receiver, a sphere, or a point.
-Sample sample_point_light(__global const float4 *e, const float3 p, const float2 u)
+Sample sample_point_light(__global const float4 *e, const float3 p, const float3 up, const float2 u)
 {
     const float3 centre = e[1].xyz - p;
     const float radius = e[1].w, d2 = dot(centre, centre), d = sqrt(d2);
+    if (e[3].w == 0.0f && d < radius)
+        return sample_around(e, centre, up, u);
     Sample s = {centre / fmax(d, 1e-20f), d, (float3)(0.0f)};
     float share = 1.0f / fmax(d2, 1e-20f);
     if (radius > 0.0f && e[3].w > 0.0f) {
@@ -245,7 +262,7 @@ Sample sample_emitter(__global const float4 *e, const Glow *glow, const Bright *
                       const float2 u)
 {
     const int kind = (int)e[0].x;
-    return kind == POINT ? sample_point_light(e, p, u)
+    return kind == POINT ? sample_point_light(e, p, up, u)
         : kind == SUN ? sample_sun(e, u)
         : kind == TRIANGLE ? sample_triangle(e, glow, p, up, u) : sample_sky(sky, u);
 }

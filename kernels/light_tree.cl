@@ -32,7 +32,8 @@ float emitter_weight(__global const float4 *e, const Receiver *r, const float sk
         const float widest = e[2].w - 0.05f - r->size / fmax(d, 1e-20f);
         const float spot = e[2].w >= -1.0f && e[1].w == 0.0f && widest > -1.0f
             ? in_cone(e, -to / fmax(d, 1e-20f), widest, 1.0f) + 1e-4f : 1.0f;
-        return strength * spot * fmax(dot(r->normal, to) / fmax(d, 1e-20f), 0.05f) / fmax(d2, 1e-12f);
+        const float cosine = d < reach ? 1.0f : fmax(dot(r->normal, to) / fmax(d, 1e-20f), 0.05f);
+        return strength * spot * cosine / fmax(fmax(d2, e[1].w * e[1].w), 1e-12f);
     }
     const float3 a = e[1].xyz - r->at, b = a + e[2].xyz, c = a + e[3].xyz;
     const float top = fmax(fmax(dot(a, r->geometric), dot(b, r->geometric)), dot(c, r->geometric));

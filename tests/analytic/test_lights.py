@@ -46,6 +46,25 @@ def test_point_as_a_sphere():
     assert baked(light("point", radius=0.5, soft=False)) == pytest.approx(5 / (np.pi * 4), rel=3e-3)
 
 
+@pytest.mark.parametrize("kind", ["point", "spot"])
+@pytest.mark.parametrize(("height", "aside"), [(0.5, 0.0), (-0.5, 0.3), (0.0, 0.0), (0.0, 0.98), (1e-4, 0.0)])
+def test_inside_of_a_sphere_light_comes_from_everywhere(kind, height, aside):
+    """Its radiance is I / (pi r^2), so E/pi is that whichever way a surface faces: 2.533 of 100 W, 1 m."""
+    lamp = light(kind, height, strength=100 / (4 * np.pi), radius=1.0, soft=False, half_angle=0.5)
+    lamp = dataclasses.replace(lamp, position=np.array([aside, 0, height]))
+    assert baked(lamp) == pytest.approx(100 / (4 * np.pi**2), rel=1e-5)
+
+
+def test_inside_of_a_sphere_light_others_count_as_much_as_outside():
+    """Samples are shared among lamps by what each may bring: a sphere from within is no endless source."""
+    inside = light("point", 1e-5, 0.01, radius=1.0, soft=False)
+    lamps = (inside, dataclasses.replace(light("point"), position=np.array([1.0, 0, 2.0])))
+    mesh = quads(rectangle((-0.01, -0.01, 0), 0.02 * X, 0.02 * Y)[None], [(1, 1, 6, 6)], [0], 16, "Floor")
+    image = drive(Scene((mesh,), (BLACK,), lights=lamps), SETTINGS).image[0, 1:7, 1:7, 0]
+    expected = 0.01 / np.pi + 5 / np.pi * 2 / 5**1.5
+    assert image == pytest.approx(expected, rel=2e-2)
+
+
 @pytest.mark.parametrize(("aside", "blend"), [(0.0, 0.5), (0.8, 0.5), (0.8, 0.15), (1.2, 1.0)])
 def test_spot(aside, blend):
     lamp = light("spot", half_angle=np.radians(30), blend=blend)

@@ -267,19 +267,24 @@ Sample sample_emitter(__global const float4 *e, const Glow *glow, const Bright *
         : kind == TRIANGLE ? sample_triangle(e, glow, p, up, u) : sample_sky(sky, u);
 }
 
-// Clip a polygon to what is in front of a plane through the origin (Sutherland and Hodgman 1974); return its
-// number of corners, at most one more.
+// Clip a convex polygon to what is in front of a plane through the origin (Sutherland and Hodgman 1974);
+// return its number of corners, at most one more. A convex polygon changes sides twice. Where it lies in the
+// plane its heights are but rounding and may change sides more often: the first two changes count.
 int clip(const float3 *corners, const int count, const float3 normal, float3 *clipped)
 {
-    int kept = 0;
+    int kept = 0, changes = 0;
     float3 before = corners[count - 1];
     float height = dot(before, normal);
+    bool front = height > 0.0f;
     for (int i = 0; i < count; ++i) {
         const float3 here = corners[i];
         const float now = dot(here, normal);
-        if ((now > 0.0f) != (height > 0.0f))
+        if (changes < 2 && (now > 0.0f) != front) {
             clipped[kept++] = mix(before, here, height / (height - now));
-        if (now > 0.0f)
+            front = !front;
+            ++changes;
+        }
+        if (front)
             clipped[kept++] = here;
         before = here;
         height = now;

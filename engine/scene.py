@@ -154,6 +154,10 @@ MOST_FACES = 1 << 24
 #: Lightmap UVs may leave [0, 1] by this much before it counts as an error.
 UV_TOLERANCE = 1e-4
 
+#: Axes of a light that must be unit vectors, and how far from 1 their lengths may be.
+_AXES_NEEDED = {"sun": slice(2, 3), "spot": slice(3), "area": slice(3)}
+_UNIT_TOLERANCE = 1e-3
+
 
 def check_scene(scene: Scene) -> None:
     """Raise a SceneError that names the object if the scene cannot be baked."""
@@ -240,6 +244,12 @@ def check_light(light: Light) -> None:
     )
     if not all(np.isfinite(values).all() for values in place):
         raise SceneError(f"Light '{light.name}' has a place or size that is NaN or infinite. Mend it.")
+    lengths = np.linalg.norm(light.axes, axis=1)[_AXES_NEEDED.get(light.kind, slice(0))]
+    if (np.abs(lengths - 1) > _UNIT_TOLERANCE).any() or (np.asarray(light.stretch) <= 0).any():
+        raise SceneError(
+            f"Light '{light.name}' has axes that are no unit vectors, or a stretch that is not positive. "
+            "Give it a scale other than 0."
+        )
 
 
 def _values(constant: np.ndarray, texture: Texture | None) -> list[np.ndarray]:

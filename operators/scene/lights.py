@@ -14,6 +14,9 @@ from .items import SceneItem
 from .materials import ShaderReader
 from .sockets import ComplexError, feeder
 
+#: Axes along which a lamp of a type must not be scaled to 0 to shine, as in Cycles (measured in 5.0.1).
+_SHINING_AXES = {"POINT": (), "SUN": (2,), "SPOT": (0, 1, 2), "AREA": (0, 1, 2)}
+
 #: Half the spread of an area light that has none, rad.
 _SPREAD_OFF = np.pi / 2
 
@@ -29,12 +32,16 @@ class Lamps:
         self._lights: list[Light] = []
         self._portals: list[str] = []
         self._linked: list[str] = []
+        self._flat: list[str] = []
 
     def add(self, item: SceneItem) -> None:
         """Read one lamp."""
         name, lamp = item.object.name, item.object.data
         if lamp.type == "AREA" and getattr(lamp, "cycles", None) and lamp.cycles.is_portal:
             self._portals.append(name)
+            return
+        if (_scale(item)[list(_SHINING_AXES[lamp.type])] == 0).any():
+            self._flat.append(name)
             return
         if _is_linked(item.object):
             self._linked.append(name)
@@ -48,6 +55,8 @@ class Lamps:
         if self._portals:
             sentence = "Portals give no light of their own and are not used: {}."
             self._notes.append(naming(sentence, self._portals))
+        if self._flat:
+            self._notes.append(naming("Lamps that are scaled to 0 light nothing: {}.", self._flat))
         if self._linked:
             sentence = "Light linking is not baked; these light and shadow everything: {}."
             self._notes.append(naming(sentence, self._linked))
@@ -59,10 +68,15 @@ def _is_linked(obj: bpy.types.Object) -> bool:
     return linking is not None and bool(linking.receiver_collection or linking.blocker_collection)
 
 
+def _scale(item: SceneItem) -> np.ndarray:
+    """Return an item's scale along its axes, (3,) float64."""
+    return np.linalg.norm(np.array(item.matrix, np.float64)[:3, :3], axis=0)
+
+
 def _read_light(item: SceneItem, notes: list[str]) -> Light:
     """Return one lamp (formulas: Cycles, scene/light.cpp; units: Blender manual, Light Objects)."""
     lamp, matrix = item.object.data, np.array(item.matrix, np.float64)
-    scale = np.linalg.norm(matrix[:3, :3], axis=0)
+    scale = _scale(item)
     axes = (matrix[:3, :3] / np.where(scale > 0, scale, 1)).T
     power = _power(lamp, item.object.name, notes)
     common = {

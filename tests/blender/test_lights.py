@@ -106,6 +106,30 @@ def test_portals_are_named_and_not_used():
     assert gathered.scene.lights == () and "Portals" in gathered.notes[0] and "'Lamp'" in gathered.notes[0]
 
 
+@pytest.mark.parametrize("kind", ["SUN", "SPOT", "AREA"])
+def test_lamps_scaled_to_0_light_nothing_and_are_named(kind):
+    """As in Cycles; a sun may be flat across, and a point may be scaled to nothing."""
+    lamp(kind).scale = (1, 1, 0)
+    lamp("POINT").scale = (0, 0, 0)
+    lamp("SUN").scale = (0, 0, 1)
+    square()
+    gathered = gather()
+    assert [light.kind for light in gathered.scene.lights] == ["point", "sun"]
+    assert gathered.notes == ("Lamps that are scaled to 0 light nothing: 'Lamp'.",)
+
+
+def test_a_bake_with_lamps_scaled_to_0_ends():
+    import bpy
+
+    for kind in ("SPOT", "AREA"):
+        obj = lamp(kind)
+        obj.scale = (0, 0, 0)
+        if hasattr(obj.data, "normalize"):
+            obj.data.normalize = False
+    square()
+    assert bpy.ops.hemibake.bake() == {"FINISHED"}
+
+
 def test_light_linking_is_named():
     import bpy
 

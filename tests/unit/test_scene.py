@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from engine.errors import SceneError, SettingsError
-from engine.scene import Material, Mesh, Scene, check_scene
+from engine.scene import Light, Material, Mesh, Scene, check_scene
 from engine.settings import Settings, check_settings
 
 
@@ -44,6 +44,25 @@ def test_materials_that_are_no_light(reflectance, emission):
     bad = Material("Neon", np.full(3, reflectance), np.full(3, emission))
     with pytest.raises(SceneError, match="Material 'Neon' has .*Mend its"):
         check_scene(replace(scene(triangle()), materials=(bad,)))
+
+
+def lamp(kind, **values):
+    return Light(
+        "Lamp", **{"kind": kind, "position": np.zeros(3), "axes": np.eye(3), "strength": np.ones(3)} | values
+    )
+
+
+@pytest.mark.parametrize("kind", ["sun", "spot", "area"])
+def test_lights_without_a_direction(kind):
+    flat = lamp(kind, axes=np.diag([1.0, 1.0, 0.0]))
+    with pytest.raises(SceneError, match="Light 'Lamp' has axes"):
+        check_scene(replace(scene(triangle()), lights=(flat,)))
+
+
+def test_a_point_needs_no_direction_and_a_spot_is_not_flat():
+    check_scene(replace(scene(triangle()), lights=(lamp("point", axes=np.zeros((3, 3))),)))
+    with pytest.raises(SceneError, match="Light 'Lamp' has axes"):
+        check_scene(replace(scene(triangle()), lights=(lamp("spot", stretch=np.array([1.0, 0.0, 1.0])),)))
 
 
 def test_a_world_that_is_no_light():

@@ -10,6 +10,7 @@ import numpy as np
 from .cutouts import map_uvs
 from .geometry import PatchGeometry, Triangles
 from .patches import PatchList
+from .resampling import shrink
 from .scene import Material, Scene, Texture
 
 #: Samples along u and v of a texel; textures are shrunk until their pixels are no finer.
@@ -134,13 +135,10 @@ def _barycentric_steps(uvs: np.ndarray, resolution: int) -> np.ndarray:
 
 
 def _shrunk(pixels: np.ndarray, footprint: float) -> np.ndarray:
-    """Return an image averaged over squares of up to `footprint` pixels."""
-    while footprint >= _SHRINK and min(pixels.shape[:2]) >= 2:
-        height, width = pixels.shape[0] // 2 * 2, pixels.shape[1] // 2 * 2
-        quarters = pixels[:height, :width].reshape(height // 2, 2, width // 2, 2, -1)
-        pixels = quarters.mean(axis=(1, 3), dtype=np.float32)
-        footprint /= 2
-    return pixels
+    """Return an image averaged over squares, as wide as the power of two that is up to `footprint` pixels."""
+    side = 1 << int(np.log2(max(footprint, 1.0)))
+    height, width = (-(-size // side) for size in pixels.shape[:2])
+    return pixels if side < _SHRINK else shrink(pixels, height, width)
 
 
 def sample(pixels: np.ndarray, uv: np.ndarray, texture: Texture) -> np.ndarray:

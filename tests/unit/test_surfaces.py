@@ -51,6 +51,20 @@ def test_fine_textures_are_averaged_over_a_texel():
     assert difference[~np.eye(16, dtype=bool)].max() < 1e-6 and difference.mean() < 0.002
 
 
+@pytest.mark.parametrize(("height", "width"), [(257, 251), (131, 67), (1, 509), (127, 1)])
+def test_fine_textures_of_odd_sizes_stay_in_place(height, width):
+    """Values that grow along v and along u come out where they are on the surface."""
+    up, across = (np.arange(height) + 0.5) / height, (np.arange(width) + 0.5) / width
+    pixels = np.stack(np.broadcast_arrays(up[:, None], across, 0.5), axis=2).astype(np.float32)
+    image = textured_square(Texture("T", pixels, "Map", extension="extend"), 7)
+
+    # Without the middle, where the edge between two triangles cuts the texel.
+    middles = np.delete((np.arange(7) + 0.5) / 7, 3)
+    row, column = np.delete(image[3, :, 1], 3), np.delete(image[:, 3, 0], 3)
+    assert column == pytest.approx(0.5 * (middles if height > 1 else np.full(6, 0.5)), abs=1e-4)
+    assert row == pytest.approx(0.5 * (middles if width > 1 else np.full(6, 0.5)), abs=1e-4)
+
+
 def test_the_transform_turns_the_image():
     pixels = noise(8)
     quarter = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 1.0]])

@@ -1,6 +1,6 @@
 """Places for surfaces without a lightmap: they reflect and emit, so they need patches, at low density.
 
-They share one atlas of the engine's own. A triangle larger than a texel's world size gets a square
+They share atlases of the engine's own, mostly one. A triangle larger than a texel's world size gets a square
 block of texels; smaller ones of like position, direction and material share a single texel.
 """
 
@@ -15,8 +15,11 @@ from .scene import OCCLUDER, Mesh, Scene
 #: World size of a texel of an occluder, in texels of the lightmaps.
 _COARSENESS = 4.0
 
-#: Growth of that size while the places do not fit into the atlas.
+#: Growth of that size while the places do not fit into the atlases.
 _STEP = 1.25
+
+#: Texels of the atlases for each cluster that remains however large a texel is: the rest is left to detail.
+_LEAST_TEXELS = 2
 
 #: Corners of a triangle in its block of k texels: first, and k minus second. They cover the centres of
 #: all texels below the diagonal and touch no texel of another block.
@@ -40,26 +43,40 @@ class _Places:
 
 
 def place_occluders(scene: Scene, resolution: int) -> Scene:
-    """Return the scene with lightmap UVs for its occluders in one more atlas, if it has any."""
+    """Return the scene with lightmap UVs for its occluders in further atlases, if it has any.
+
+    An occluder that lies in several of these becomes a mesh in each.
+    """
     meshes = [mesh for mesh in scene.meshes if mesh.atlas == OCCLUDER and len(mesh.positions)]
     if not meshes:
         return scene
     side = 1 << (resolution.bit_length() - 1)
-    uvs = _pack(_fitting_places(scene, meshes, resolution, side * side), side) / np.float32(resolution)
-    ends = np.cumsum([len(mesh.positions) for mesh in meshes])
-    parts = iter(np.split(uvs, ends[:-1]))
-    atlas = len(scene.atlases)
-    placed = tuple(
-        replace(mesh, uvs=next(parts), atlas=atlas)
-        if mesh.atlas == OCCLUDER and len(mesh.positions)
-        else replace(mesh, atlas=max(mesh.atlas, 0))
-        for mesh in scene.meshes
-    )
-    return replace(scene, meshes=placed, atlases=(*scene.atlases, "(occluders)"))
+    atlas, texels = _pack(_fitting_places(scene, meshes, resolution, side * side), side)
+    atlas += len(scene.atlases)
+    ends = np.cumsum([len(mesh.positions) for mesh in meshes])[:-1]
+    parts = zip(np.split(atlas, ends), np.split(texels / np.float32(resolution), ends), strict=True)
+    placed: list[Mesh] = []
+    for mesh in scene.meshes:
+        if mesh.atlas == OCCLUDER and len(mesh.positions):
+            placed += _in_atlases(mesh, *next(parts))
+        else:
+            placed.append(replace(mesh, atlas=max(mesh.atlas, 0)))
+    names = ["(occluders)"] * (int(atlas.max()) + 1 - len(scene.atlases))
+    return replace(scene, meshes=tuple(placed), atlases=(*scene.atlases, *names))
+
+
+def _in_atlases(mesh: Mesh, atlas: np.ndarray, uvs: np.ndarray) -> list[Mesh]:
+    """Return a mesh with its triangles' atlases, (t,), and UVs, (t, 3, 2): one part for each atlas."""
+    mesh = replace(mesh, uvs=uvs)
+    return [replace(mesh.part(atlas == index), atlas=int(index)) for index in np.unique(atlas)]
 
 
 def _fitting_places(scene: Scene, meshes: list[Mesh], resolution: int, capacity: int) -> _Places:
-    """Return places for all triangles of occluders, coarser and coarser until they fit."""
+    """Return places for all triangles of occluders, coarser and coarser until they fit.
+
+    They fit into as few atlases, of `capacity` texels each, as hold _LEAST_TEXELS for every cluster that
+    remains however coarse they are.
+    """
     positions = np.concatenate([mesh.positions for mesh in meshes]).astype(np.float64)
     kinds = np.stack(
         [
@@ -69,12 +86,16 @@ def _fitting_places(scene: Scene, meshes: list[Mesh], resolution: int, capacity:
         ],
         axis=1,
     )
+    least = _LEAST_TEXELS * (int(_unique_rows(kinds).max()) + 1)
+    texels = -(-least // capacity) * capacity
     size = _COARSENESS * _texel_size(scene, resolution)
     size = size if size > 0 else float(np.ptp(positions.reshape(-1, 3), axis=0).max()) / resolution + 1e-12
     longest = np.linalg.norm(positions - np.roll(positions, 1, axis=1), axis=2).max(axis=1)
-    while (places := _places_at(positions.mean(axis=1), longest, kinds, size)).texels > capacity:
+    while True:
+        places = _places_at(positions.mean(axis=1), longest, kinds, size)
+        if places.texels <= texels and 4 ** int(places.level.max()) <= capacity:
+            return places
         size *= _STEP
-    return places
 
 
 def _texel_size(scene: Scene, resolution: int) -> float:
@@ -126,18 +147,18 @@ def _unique_rows(keys: np.ndarray) -> np.ndarray:
     return number
 
 
-def _pack(places: _Places, side: int) -> np.ndarray:
-    """Return the texel coordinates of each triangle's corners, (t, 3, 2) float32.
+def _pack(places: _Places, side: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return each triangle's atlas, (t,) int64 from 0 on, and its corners' texels there, (t, 3, 2) float32.
 
     Blocks whose sides are powers of two, the largest first along a Z-order curve, leave no gaps
-    (Morton 1966).
+    (Morton 1966), and none lies across the end of an atlas.
     """
     owners = np.flatnonzero(places.owner)
     owners = owners[np.argsort(-places.level[owners], kind="stable")]
     sizes = 4 ** places.level[owners]
     start = np.zeros(int(places.block.max()) + 1, np.int64)
     start[places.block[owners]] = np.cumsum(sizes) - sizes
-    code = start[places.block]
+    atlas, code = np.divmod(start[places.block], side * side)
     origin = np.stack([_even_bits(code), _even_bits(code >> 1)], axis=1).astype(np.float32)
 
     # Owners span their block; followers meet in the middle of its texel.
@@ -145,7 +166,7 @@ def _pack(places: _Places, side: int) -> np.ndarray:
     corners = np.full((len(code), 3, 2), _LOW, np.float32)
     corners[:, 1, 0] = corners[:, 2, 1] = high
     corners[~places.owner] = 0.5
-    return origin[:, None] + corners
+    return atlas, origin[:, None] + corners
 
 
 def _even_bits(code: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -52,6 +52,9 @@ class Material:
     alpha_map: Texture | None = None
 
 
+#: The arrays of a mesh, one entry a triangle.
+_TRIANGLE_ARRAYS = ("positions", "normals", "uvs", "face", "subface", "material")
+
 #: `Mesh.atlas` of a mesh that is seen and reflects, but has no place in a lightmap.
 OCCLUDER = -1
 
@@ -80,6 +83,13 @@ class Mesh:
     material: np.ndarray
     atlas: int = 0
     texture_uvs: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def part(self, chosen: np.ndarray) -> Mesh:
+        """Return some triangles, by a mask."""
+        arrays = {name: getattr(self, name)[chosen] for name in _TRIANGLE_ARRAYS}
+        return replace(
+            self, texture_uvs={name: uvs[chosen] for name, uvs in self.texture_uvs.items()}, **arrays
+        )
 
 
 #: Kinds of lights.

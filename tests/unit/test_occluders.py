@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -55,6 +57,46 @@ def test_triangles_get_texels_in_proportion_to_their_size_and_share_none():
     assert [len(part) for part in covered] == sorted(len(part) for part in covered)
     assert len(covered[0]) == 1 and len(covered[3]) > 100
     assert sum(map(len, covered)) == len(set().union(*covered))
+
+
+@pytest.mark.parametrize(("count", "resolution"), [(700, 64), (1100, 24), (90, 8), (10, 8)])
+def test_more_clusters_than_texels_get_more_atlases(count, resolution):
+    """Tetrahedra: four clusters each, that never merge."""
+    corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])[
+        [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+    ]
+    place = np.random.default_rng(2).random((count, 1, 1, 3)) * 20
+    scene = Scene((BAKED, *(mesh(corners + one, OCCLUDER) for one in place)), (GREY,))
+    placed = place_occluders(scene, resolution)
+    assert len(set(placed.atlases)) == 2
+    parts = placed.meshes[1:]
+    assert {part.atlas for part in parts} == set(range(1, len(placed.atlases)))
+    assert sum(len(part.positions) for part in parts) == 4 * count
+    for atlas in range(1, min(len(placed.atlases), 4)):
+        covered = texels(np.concatenate([part.uvs for part in parts if part.atlas == atlas]), resolution)
+        assert all(covered) and sum(map(len, covered)) == len(set().union(*covered))
+
+
+def test_an_occluder_in_several_atlases_keeps_its_faces_and_textures():
+    count = 40
+    one = mesh(triangles(np.full(count, 0.01)), OCCLUDER)
+    one = replace(
+        one,
+        face=np.arange(count, dtype=np.int32) // 3,
+        subface=np.arange(count, dtype=np.int32) % 3,
+        material=np.arange(count, dtype=np.int32),
+        texture_uvs={"Map": np.arange(6 * count, dtype=np.float32).reshape(count, 3, 2)},
+    )
+    placed = place_occluders(Scene((BAKED, one), (GREY,) * count), 4)
+    parts = sorted(placed.meshes[1:], key=lambda part: part.atlas)
+    assert len(parts) == len(placed.atlases) - 1 == 3
+    for part in parts:
+        index = part.material
+        assert part.name == "Mesh" and (np.diff(index) > 0).all()
+        for name in ("positions", "normals", "face", "subface"):
+            assert (getattr(part, name) == getattr(one, name)[index]).all()
+        assert (part.texture_uvs["Map"] == one.texture_uvs["Map"][index]).all()
+    assert (np.sort(np.concatenate([part.material for part in parts])) == np.arange(count)).all()
 
 
 def test_small_triangles_that_are_close_share_a_texel():

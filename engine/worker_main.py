@@ -1,8 +1,10 @@
-"""What runs in the worker process: `python -m engine.worker_main ADDRESS`, the key on standard input.
+"""What runs in the worker process: `python -m engine.worker_main HANDLE`, of the connection it inherits.
 
-The parent owns one block of shared memory a bake, and whose turn it is may touch it:
+The process says that it is there. The parent owns one block of shared memory a bake, and whose turn
+it is may touch it:
 
     parent                            worker
+                                  <-  ready
     bake BLOCK (scene, settings)  ->
                                   <-  grow SIZE                   the next object does not fit
     turn BLOCK (a larger one)     ->
@@ -18,13 +20,14 @@ from __future__ import annotations
 import argparse
 import faulthandler
 import importlib
+import os
 import signal
 import sys
 import traceback
 from collections.abc import Callable, Generator
 from contextlib import closing, suppress
 from dataclasses import replace
-from multiprocessing.connection import Connection, Listener
+from multiprocessing.connection import Connection
 from typing import Any, NoReturn
 
 from . import transport
@@ -34,10 +37,10 @@ from .scene import Scene
 from .settings import Settings
 from .shared_block import BorrowedBlock
 
-Bake = Callable[[Scene, Settings], Generator[Progress, None, Lightmap]]
+if sys.platform == "win32":
+    from multiprocessing.connection import PipeConnection
 
-#: How long the parent may take to connect before the process gives up, s.
-CONNECT_LIMIT = 60
+Bake = Callable[[Scene, Settings], Generator[Progress, None, Lightmap]]
 
 
 class _CancelError(Exception):
@@ -122,22 +125,19 @@ def _report(job: Generator[Progress, None, Lightmap], outbox: _Outbox) -> NoRetu
             newest = replace(newest, partial=partial)
 
 
-def _accept(address: str, key: bytes) -> Connection[Any, Any]:
-    """Wait for the parent to connect; end the process if it does not come."""
-    faulthandler.dump_traceback_later(CONNECT_LIMIT, exit=True)
-    listener = Listener(address, authkey=key)
-    try:
-        return listener.accept()
-    finally:
-        faulthandler.cancel_dump_traceback_later()
-        with suppress(FileNotFoundError):
-            listener.close()
+def _inherited(handle: int) -> Connection[Any, Any]:
+    """Return the connection of a handle that the parent gave; programs started from here do not get it."""
+    if sys.platform == "win32":
+        os.set_handle_inheritable(handle, False)
+        return PipeConnection(handle)
+    os.set_inheritable(handle, False)
+    return Connection(handle)
 
 
 def main() -> None:
     """Serve one parent until it closes the connection or dies."""
     parser = argparse.ArgumentParser(prog="engine.worker_main", description=__doc__)
-    parser.add_argument("address", help="where to listen: a socket's path, or a pipe's name on Windows")
+    parser.add_argument("handle", type=int, help="inherited: a file descriptor, a pipe's handle on Windows")
     parser.add_argument(
         "--bake", default="engine.session:bake", help="module:function of the generator to run"
     )
@@ -147,9 +147,11 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     faulthandler.enable()
 
+    connection = _inherited(arguments.handle)
     module, function = arguments.bake.split(":")
     bake = getattr(importlib.import_module(module), function)
-    with _accept(arguments.address, sys.stdin.buffer.read()) as connection, suppress(EOFError, OSError):
+    with connection, suppress(EOFError, OSError):
+        connection.send(("ready",))
         serve(connection, bake)
 
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import secrets
-import shutil
 import signal
 import subprocess
 import sys
@@ -12,8 +10,7 @@ import tempfile
 import time
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from multiprocessing import AuthenticationError
-from multiprocessing.connection import Client, Connection
+from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -46,39 +43,33 @@ class WorkerProcess:
 
         Raise a WorkerError if the executable cannot be run.
         """
-        # The socket lives in a folder that only its owner may enter; the log has no name at all, so
-        # that nothing stays behind when this process is killed.
-        self._folder = Path(tempfile.mkdtemp(prefix="hemibake-"))
-        self._address = _address(self._folder)
-        self._authkey = secrets.token_bytes(32)
+        # The process inherits its end of the connection, which closes when this one dies; its log has
+        # no name. So nothing stays behind, whichever of the two is killed, and when.
+        self._connection, inherited = Pipe()
+        self._answered = False
         self._log = tempfile.TemporaryFile()  # noqa: SIM115
-        self._connection: Connection[Any, Any] | None = None
 
-        command = [executable, "-s", "-P", "-m", "engine.worker_main", "--bake", bake, self._address]
+        command = [executable, "-s", "-P", "-m", "engine.worker_main", "--bake", bake]
         try:
-            self.popen = self._spawn(command, _environment(search_path))
+            with inherited:
+                self.popen = self._spawn(command, _environment(search_path), inherited.fileno())
         except OSError as error:
-            self._clean()
+            self._close()
             raise WorkerError(
                 f"The baking process could not be started: {error}. "
                 f"Check that '{executable}' is a Python that may be run, or install Blender again."
             ) from error
 
-    def _spawn(self, command: list[str], environment: dict[str, str]) -> subprocess.Popen[bytes]:
-        process = subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,
+    def _spawn(self, command: list[str], environment: dict[str, str], handle: int) -> subprocess.Popen[bytes]:
+        """Start a process that inherits a handle, the last word of its command line."""
+        return subprocess.Popen(
+            [*command, str(handle)],
+            stdin=subprocess.DEVNULL,
             stdout=self._log,
             stderr=self._log,
             env=environment,
-            creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+            **_inheritance(handle),
         )
-
-        # The key goes through a pipe, since anyone may read the command line.
-        assert process.stdin is not None
-        with suppress(OSError), _pipe_errors(), process.stdin as pipe:
-            pipe.write(self._authkey)
-        return process
 
     @property
     def alive(self) -> bool:
@@ -88,19 +79,11 @@ class WorkerProcess:
     def connect(self, limit: float) -> Generator[None, None, None]:
         """Yield until the process has answered; raise a WorkerError if it has not within `limit` s."""
         deadline = time.monotonic() + limit
-        while self._connection is None:
-            self._check_open()
-            if not self.alive:
-                self._fail("could not start", START_REMEDY)
+        while self.receive() is None:
             if time.monotonic() > deadline:
                 self._fail(f"did not answer within {limit:g} s of its start", START_REMEDY)
-            try:
-                with _pipe_errors():
-                    self._connection = Client(self._address, authkey=self._authkey)
-            except (OSError, EOFError, AuthenticationError):
-                yield
-                time.sleep(POLL)
-        shutil.rmtree(self._folder, ignore_errors=True)
+            yield
+        self._answered = True
 
     def send(self, *message: object) -> None:
         """Send a short message; raise a WorkerError if the process is dead."""
@@ -108,7 +91,7 @@ class WorkerProcess:
             with _pipe_errors():
                 self._link.send(message)
         except OSError:
-            self._fail("ended in the middle of a bake", BAKE_REMEDY)
+            self._fail_ended()
 
     def receive(self, patience: float = POLL) -> tuple[Any, ...] | None:
         """Return the next message, or None after `patience` s; raise a WorkerError if the process is dead."""
@@ -118,7 +101,7 @@ class WorkerProcess:
             message: tuple[Any, ...] = self._link.recv()
             return message
         except (OSError, EOFError):
-            self._fail("ended in the middle of a bake", BAKE_REMEDY)
+            self._fail_ended()
 
     def cancel(self) -> None:
         """Have the process give up its bake, or end it if it has not within PATIENCE s."""
@@ -133,13 +116,16 @@ class WorkerProcess:
 
     @property
     def _link(self) -> Connection[Any, Any]:
-        self._check_open()
-        assert self._connection is not None
+        if self._connection.closed:
+            raise WorkerError("The baking process was stopped. Bake again to start a new one.")
         return self._connection
 
-    def _check_open(self) -> None:
-        if self._log.closed:
-            raise WorkerError("The baking process was stopped. Bake again to start a new one.")
+    def _fail_ended(self) -> NoReturn:
+        """Raise a WorkerError because the process has closed its end, and so is about to leave."""
+        self._wait()
+        if self._answered:
+            self._fail("ended in the middle of a bake", BAKE_REMEDY)
+        self._fail("could not start", START_REMEDY)
 
     def _fail(self, what: str, remedy: str) -> NoReturn:
         """End the process and raise a WorkerError with its exit status and the end of its log."""
@@ -160,19 +146,21 @@ class WorkerProcess:
     def stop(self) -> None:
         """End the process and remove what it leaves; may be called again."""
         self._end()
-        self._clean()
+        self._close()
 
-    def _clean(self) -> None:
+    def _close(self) -> None:
+        self._connection.close()
         self._log.close()
-        shutil.rmtree(self._folder, ignore_errors=True)
 
     def _end(self) -> int:
-        # A closed connection asks the process to leave; one that nobody speaks to yet is told to.
-        if self._connection is None:
+        # A closed connection asks the process to leave; one that has not answered yet may not hear that.
+        self._connection.close()
+        if not self._answered:
             self.popen.kill()
-        else:
-            self._connection.close()
-            self._connection = None
+        return self._wait()
+
+    def _wait(self) -> int:
+        """Return the exit status of the process; it is killed if it does not leave within PATIENCE s."""
         try:
             return self.popen.wait(PATIENCE)
         except subprocess.TimeoutExpired:
@@ -193,10 +181,13 @@ def _pipe_errors() -> Iterator[None]:
             signal.signal(signal.SIGPIPE, signal.SIG_DFL)
 
 
-def _address(folder: Path) -> str:
+def _inheritance(handle: int) -> dict[str, Any]:
+    """Return the options of Popen that let a process inherit a handle: a file descriptor if not Windows."""
     if sys.platform == "win32":
-        return rf"\\.\pipe\{folder.name}-{secrets.token_hex(16)}"
-    return str(folder / "socket")
+        os.set_handle_inheritable(handle, True)
+        startup = subprocess.STARTUPINFO(lpAttributeList={"handle_list": [handle]})
+        return {"startupinfo": startup, "creationflags": subprocess.CREATE_NO_WINDOW}
+    return {"pass_fds": (handle,)}
 
 
 def _environment(search_path: Sequence[str]) -> dict[str, str]:

@@ -10,7 +10,6 @@ import time
 from dataclasses import replace
 from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
-from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
@@ -307,13 +306,6 @@ def test_silent_child_is_given_up(start, tmp_path):
         _finish(start("echo", executable=str(script), start_limit=0.3).bake(_scene(), SETTINGS))
 
 
-def test_key_is_not_in_the_command_line(start, monkeypatch):
-    monkeypatch.setattr(worker_process, "secrets", SimpleNamespace(token_bytes=lambda count: b"k" * count))
-    worker = start("echo")
-    _finish(worker.bake(_scene(), SETTINGS))
-    assert "kkkk" not in " ".join(worker.process.args)
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
 def test_parent_survives_a_dead_child_where_sigpipe_is_deadly(start):
     worker = start("endless")
@@ -328,6 +320,28 @@ def test_parent_survives_a_dead_child_where_sigpipe_is_deadly(start):
     finally:
         signal.signal(signal.SIGPIPE, old)
 
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
+def test_child_ends_when_its_parent_is_killed_before_it_has_answered(tmp_path):
+    environment = os.environ | {"PYTHONPATH": f"{HERE}{os.pathsep}{ROOT}", "TMPDIR": str(tmp_path)}
+    command = [sys.executable, "-c", EARLY_PARENT]
+    with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as parent:
+        pid = int(parent.stdout.readline())
+        parent.send_signal(signal.SIGKILL)
+    assert _wait(lambda: _ended(pid), seconds=15)
+    assert os.listdir(tmp_path) == []
+
+
+EARLY_PARENT = """
+import time
+from test_worker import SETTINGS, _scene
+from engine.worker import Worker
+worker = Worker(bake="worker_bakes:endless")
+job = worker.bake(_scene(), SETTINGS)
+next(job)
+print(worker.process.pid, flush=True)
+time.sleep(60)
+"""
 
 PARENT = """
 import sys

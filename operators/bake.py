@@ -40,7 +40,7 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
         try:
             run = Run(context, session.bake if bpy.app.background else bake, watched=False)
             self._tell(run.finish(run.drain()), run.failure)
-        except EngineError as error:
+        except (EngineError, KeyboardInterrupt) as error:
             if run is not None:
                 run.cancel()
             self._refuse(error)
@@ -132,9 +132,9 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
             context.workspace.status_text_set(text)
             self._told.add(context.workspace.session_uid)
 
-    def _refuse(self, error: EngineError) -> None:
+    def _refuse(self, error: EngineError | KeyboardInterrupt) -> None:
         """Report an error; a dead worker's last words, which follow its first line, go to the console."""
-        text = str(error).strip()
+        text = str(error).strip() or "The bake was interrupted."
         first, _, details = text.partition("\n")
         if isinstance(error, WorkerError) and details:
             print(text, file=sys.stderr)  # noqa: T201

@@ -4,7 +4,8 @@
 
 SCENE is a .blend, .glb, .gltf or .obj. The add-on's own Bake operator runs in bpy, Blender as a
 Python module. DIR receives an .exr and a .png picture of each lightmap. With --json the last line on
-standard output is one JSON object: what the bake did (exit code 0), or {"error": ...} (exit code 1).
+standard output is one JSON object: what the bake did (exit code 0), or {"error": ...} (exit code 1;
+130 after Ctrl+C, 143 after SIGTERM).
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from headless import ROOT, blender, quiet_stdout
+from signals import Signals, Stopped, ignore
 
 if TYPE_CHECKING:
     import bpy
@@ -72,10 +74,13 @@ def main(arguments: list[str]) -> int:
     """Run the command and return its exit code."""
     as_json = "--json" in arguments
     try:
-        with quiet_stdout():
+        with Signals() as signals, quiet_stdout():
             options = parse(arguments)
-            result = run(options)
+            result = run(options, signals)
         tell(result, as_json)
+    except Stopped as stop:
+        tell_error(str(stop), as_json)
+        return stop.code
     except (CommandError, OSError, RuntimeError) as error:
         tell_error(str(error).strip().removeprefix("Error: "), as_json)
         return 1
@@ -119,7 +124,7 @@ def colour(text: str) -> tuple[float, float, float]:
     return values
 
 
-def run(options: argparse.Namespace) -> dict:
+def run(options: argparse.Namespace, signals: Signals) -> dict:
     """Open the scene, bake it, write everything and return the report."""
     scene, out = options.scene.resolve(), options.out.resolve()
     if scene.is_dir():
@@ -131,14 +136,16 @@ def run(options: argparse.Namespace) -> dict:
         raise CommandError(f"There is no file '{scene}'.")
     if options.save_blend is not None:
         check_place(options.save_blend.resolve())
-    with blender():
+    with blender(), signals.heard():
         open_scene(opener, scene)
+        signals.check()
         if options.world is not None:
             replace_world(options.world)
         apply_settings(options, out)
         if options.verify is not None:
             check_verify(options.verify)
         report = bake()
+        signals.check()
         report["files"] += write_pictures(report["images"], out)
         if options.verify is not None:
             report["verify"], path = verify_bake(options.verify, out)
@@ -312,4 +319,6 @@ def tell_error(message: str, as_json: bool) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    code = main(sys.argv[1:])
+    ignore()
+    sys.exit(code)

@@ -1,8 +1,11 @@
 """tools/bake.py from a plain shell."""
 
 import json
+import os
+import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -135,7 +138,7 @@ def test_bug_is_told_as_json_with_its_traceback_on_standard_error(capsys, monkey
     monkeypatch.syspath_prepend(str(ROOT / "tools"))
     import bake
 
-    def broken(options):
+    def broken(options, signals):
         raise KeyError("lost")
 
     monkeypatch.setattr(bake, "run", broken)
@@ -143,3 +146,46 @@ def test_bug_is_told_as_json_with_its_traceback_on_standard_error(capsys, monkey
     told = capsys.readouterr()
     assert "KeyError: 'lost'" in json.loads(told.out)["error"]
     assert "Traceback" in told.err
+
+
+#: Many rays of many texels: a bake that is far from its end when a signal comes.
+LONG = (
+    "--resolution",
+    1024,
+    "--hemicube",
+    128,
+    "--visibility",
+    "rays",
+    "--method",
+    "stream",
+    "--world",
+    "1,1,1",
+)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no signals")
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize("moment", ["Blender starts", "the scene is baked"])
+def test_signal_ends_a_bake_without_a_trace(tmp_path, number, code, moment):
+    (tmp_path / "scene.obj").write_text(OBJ)
+    temporary, out = tmp_path / "temporary", tmp_path / "out"
+    temporary.mkdir()
+    words = [sys.executable, str(ROOT / "tools" / "bake.py"), tmp_path / "scene.obj", "--out", out, "--json"]
+    process = subprocess.Popen(
+        [str(word) for word in (*words, *LONG)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"TMPDIR": str(temporary)},
+    )
+    begun = (lambda: any(temporary.iterdir())) if moment == "Blender starts" else out.exists
+    limit = time.monotonic() + 60
+    while not begun() and time.monotonic() < limit:
+        time.sleep(0.01)
+    time.sleep(0.2)
+    process.send_signal(number)
+    output, errors = process.communicate(timeout=60)
+    assert process.returncode == code, errors
+    assert json.loads(output) == {"error": f"Interrupted by {number.name}."}
+    assert "Traceback" not in errors
+    assert not list(temporary.iterdir()) and not out.exists()

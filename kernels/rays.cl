@@ -44,7 +44,7 @@ typedef struct {
                                       // node, or ~(first packet << LEAF_BITS | packets) for a leaf
     __global const PART *triangles;   // packets of first corner, two edges, number
 #ifdef CUTOUTS
-    __global const float *alpha;       // engine/cutouts.py
+    __global const ushort *alpha;      // engine/cutouts.py
     __global const int4 *maps;
     __global const float4 *constants;  // alpha, threshold or -1, 1 for culled backs
     __global const float2 *places;     // of each corner of each triangle on its alpha map
@@ -54,7 +54,7 @@ typedef struct {
 
 #ifdef CUTOUTS
 #define RAYS_ARGUMENTS __global const PLANES *nodes, __global const PART *triangles, \
-    __global const float *alpha, __global const int4 *maps, __global const float4 *constants, \
+    __global const ushort *alpha, __global const int4 *maps, __global const float4 *constants, \
     __global const float2 *places, __global const int *materials
 #define RAYS {nodes, triangles, alpha, maps, constants, places, materials}
 #else
@@ -85,7 +85,7 @@ float alpha_pixel(const Rays *rays, const int x, const int y, const int4 map)
 {
     if (map.w % 4 == 3 && (x < 0 || y < 0 || x >= map.y || y >= map.z))
         return 0.0f;
-    return rays->alpha[map.x + wrapped(y, map.z, map.w % 4) * map.y + wrapped(x, map.y, map.w % 4)];
+    return rays->alpha[map.x + wrapped(y, map.z, map.w % 4) * map.y + wrapped(x, map.y, map.w % 4)] / 65535.0f;
 }
 
 float map_alpha(const Rays *rays, const float2 uv, const int4 map)

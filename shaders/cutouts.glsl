@@ -1,10 +1,17 @@
 // Whether a fragment is a hole: the back of a culled material, or see-through by its alpha. Partial
 // alpha keeps that share of the fragments, chosen by a hash of their place on the lightmap.
-uniform sampler2D cutout_alpha;
-uniform isampler2D cutout_maps;
-uniform sampler2D cutout_constants;
+uniform usampler2DArray cutout_alpha;
+uniform isampler2DArray cutout_maps;
+uniform sampler2DArray cutout_constants;
 
 const int REPEAT = 0, MIRROR = 1, CLIP = 3;
+
+// Where a list's entry is in its texture (engine/visibility/table.py).
+ivec3 in_table(int i, int height)
+{
+    int row = i / 4096;
+    return ivec3(i % 4096, row % height, row / height);
+}
 
 int wrapped(int i, int size, int extension)
 {
@@ -23,15 +30,25 @@ float alpha_pixel(ivec2 p, ivec4 map)
     if (map.w % 4 == CLIP && (any(lessThan(p, ivec2(0))) || any(greaterThanEqual(p, size))))
         return 0.0;
     int pixel = map.x + wrapped(p.y, size.y, map.w % 4) * size.x + wrapped(p.x, size.x, map.w % 4);
-    int width = textureSize(cutout_alpha, 0).x;
-    return texelFetch(cutout_alpha, ivec2(pixel % width, pixel / width), 0).r;
+    uint alpha = texelFetch(cutout_alpha, in_table(pixel, textureSize(cutout_alpha, 0).y), 0).r;
+    return float(alpha) / 65535.0;
+}
+
+// The same place on the image or beside it, where int can count the pixels.
+vec2 near_image(vec2 uv, int extension)
+{
+    if (extension == REPEAT)
+        return uv - floor(uv);
+    if (extension == MIRROR)
+        return uv - 2.0 * floor(0.5 * uv);
+    return clamp(uv, -1.0, 2.0);
 }
 
 float map_alpha(vec2 uv, ivec4 map)
 {
     if (map.y == 0)
         return 1.0;
-    vec2 place = uv * vec2(map.yz);
+    vec2 place = near_image(uv, map.w % 4) * vec2(map.yz);
     if (map.w >= 4)
         return alpha_pixel(ivec2(floor(place)), map);
     ivec2 low = ivec2(floor(place - 0.5));
@@ -50,16 +67,17 @@ uint hash(uint x)
 
 bool is_hole(vec3 cutout, vec2 place)
 {
-    ivec2 material = ivec2(int(cutout.z + 0.5), 0);
-    vec4 constants = texelFetch(cutout_constants, material, 0);
+    int material = int(cutout.z + 0.5);
+    ivec3 entry = in_table(material, textureSize(cutout_constants, 0).y);
+    vec4 constants = texelFetch(cutout_constants, entry, 0);
     if (constants.z > 0.0 && !gl_FrontFacing)
         return true;
-    float alpha = constants.x * map_alpha(cutout.xy, texelFetch(cutout_maps, material, 0));
+    float alpha = constants.x * map_alpha(cutout.xy, texelFetch(cutout_maps, entry, 0));
     if (constants.y >= 0.0)
         return alpha < constants.y;
     if (alpha >= 1.0)
         return false;
-    uint seed = hash(floatBitsToUint(place.x) ^ uint(material.x));
+    uint seed = hash(floatBitsToUint(place.x) ^ uint(material));
     seed = hash(seed ^ floatBitsToUint(place.y));
     return float(seed >> 8) * (1.0 / 16777216.0) >= alpha;
 }

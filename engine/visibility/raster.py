@@ -16,11 +16,9 @@ from ..hemicube import FACES
 from .clusters import Clusters
 from .draw_paths import DrawPath, MeshBuffers, available_paths
 from .mesh import indexed_mesh
+from .table import table
 from .targets import Target
 from .tiles import Tiles
-
-#: Texels in a row of the texture with all alpha maps.
-_ROW = 4096
 
 #: Clusters times hemicubes that are tested at once, and how long a path is tried at least, s.
 _TESTS = 1 << 20
@@ -65,7 +63,11 @@ class HemicubeRaster:
         atlases, height, width = owners.shape
         owner_map = context.texture_array((width, height, atlases), 1, owners.tobytes(), dtype="u4")
         self._matrices = context.texture((4 * FACES, tiles.capacity), 4, dtype="f4")
-        self._lookups = {"matrices": self._matrices, "owners": owner_map, **target.lookups}
+        self._lookups: dict[str, moderngl.Texture | moderngl.TextureArray] = {
+            "matrices": self._matrices,
+            "owners": owner_map,
+            **target.lookups,
+        }
         if cutouts.needed:
             self._lookups.update(_cutout_textures(context, cutouts))
         for texture in self._lookups.values():
@@ -153,19 +155,9 @@ class HemicubeRaster:
             texture.use(unit)
 
 
-def _cutout_textures(context: moderngl.Context, cutouts: Cutouts) -> dict[str, moderngl.Texture]:
+def _cutout_textures(context: moderngl.Context, cutouts: Cutouts) -> dict[str, moderngl.TextureArray]:
     """Return the textures that shaders/cutouts.glsl reads."""
-    count = len(cutouts.maps)
-    rows = -(-len(cutouts.alpha) // _ROW)
-    alpha = context.texture((_ROW, rows), 1, _padded(cutouts.alpha, _ROW * rows), dtype="f4")
-    maps = context.texture((count, 1), 4, np.ascontiguousarray(cutouts.maps).tobytes(), dtype="i4")
-    values = np.zeros((count, 4), np.float32)
-    values[:, 0:2], values[:, 2] = cutouts.constants, cutouts.culled
-    constants = context.texture((count, 1), 4, values.tobytes(), dtype="f4")
-    return {"cutout_alpha": alpha, "cutout_maps": maps, "cutout_constants": constants}
-
-
-def _padded(values: np.ndarray, length: int) -> bytes:
-    """Return the bytes of an array grown with zeros to a length."""
-    padding = length - len(values)
-    return np.pad(values, [(0, padding)] + [(0, 0)] * (values.ndim - 1)).tobytes()
+    constants = np.zeros((len(cutouts.maps), 4), np.float32)
+    constants[:, 0:2], constants[:, 2] = cutouts.constants, cutouts.culled
+    lists = {"alpha": cutouts.alpha, "maps": cutouts.maps, "constants": constants}
+    return {f"cutout_{name}": table(context, values) for name, values in lists.items()}

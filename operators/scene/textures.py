@@ -6,7 +6,6 @@ import bpy
 import numpy as np
 
 from ...engine.scene import Texture
-from ...engine.surfaces import srgb_to_linear
 from .pixels import PixelCache, is_plain, is_srgb
 from .sockets import ComplexError, feeder
 
@@ -22,24 +21,18 @@ def read_texture(output: bpy.types.NodeSocket, cache: PixelCache, owner: str, ch
     if node.projection != "FLAT" or node.interpolation == "Smart" or not is_plain(node.image):
         raise ComplexError
     uv_map, transform = _mapping(node.inputs["Vector"])
-    pixels, srgb = cache.read(node.image, owner), is_srgb(node.image)
-    if output.name == "Alpha":
-        values = pixels[..., 3:]
-    elif channels == 1:
-        colours = srgb_to_linear(pixels[..., :3]) if srgb else pixels[..., :3]
-        values = colours @ np.array([[0.2126], [0.7152], [0.0722]], np.float32)
-    else:
-        values = pixels[..., :3]
+    part = "alpha" if output.name == "Alpha" else "grey" if channels == 1 else "colour"
+    pixels = cache.read_part(node.image, owner, part)
     name = node.image.name if node.image else "(no image)"
     smooth = node.interpolation != "Closest"
     return Texture(
         name,
-        np.ascontiguousarray(values),
+        pixels,
         uv_map,
         transform,
         _EXTENSIONS[node.extension],
         smooth,
-        srgb and values.shape[2] == 3,
+        part == "colour" and is_srgb(node.image),
     )
 
 

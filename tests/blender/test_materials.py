@@ -52,6 +52,17 @@ def test_an_image_is_a_texture_over_its_own_uv_map():
     assert scene.meshes[0].texture_uvs["Tiles"][0] == pytest.approx(np.float32(SQUARE_UVS)[:3] * 2)
 
 
+@pytest.mark.parametrize("output", ["Color", "Alpha"])
+def test_materials_that_use_an_image_share_its_pixels(output):
+    first, node = textured("Alpha", output)
+    second, other = textured("Alpha", output)
+    other.image = node.image
+    square(surface=first)
+    square(surface=second)
+    maps = [entry.alpha_map for entry in gather().scene.materials]
+    assert len(maps) == 2 and maps[0].pixels is maps[1].pixels
+
+
 def test_a_mapping_node_is_a_transform():
     surface, node = textured()
     mapping = surface.node_tree.nodes.new("ShaderNodeMapping")

@@ -56,8 +56,8 @@ def bake_with(devices: Devices, scene: Scene, settings: Settings) -> Generator[P
 def _current(
     devices: Devices, work: Generator[Progress, None, Lightmap]
 ) -> Generator[Progress, None, Lightmap]:
-    """Let a bake work with its devices current in every slice, and tell if their memory is full."""
-    with devices.memory_told(), closing(work):
+    """Let a bake work with its devices current in every slice, and tell how they fail."""
+    with devices.failures_told(), closing(work):
         while True:
             devices.graphics.use()
             try:

@@ -92,6 +92,7 @@ def _draw(graphics: Graphics, kind: str, uvs: np.ndarray, resolution: int, dtype
     vertices.render(moderngl.TRIANGLES)
     _blend(context, False)
     image = np.frombuffer(target.read(), np.uint32).reshape(resolution, resolution, 1)
+    graphics.check("drawing lightmap UVs")
     graphics.discard(vertices, buffer, framebuffer, depth, target)
     return image
 

@@ -97,6 +97,7 @@ def _rasterise_atlas(
     images = [
         np.frombuffer(target.read(), np.float32).reshape(resolution, resolution, 4) for target in targets
     ]
+    graphics.check("drawing the patch list")
     graphics.discard(vertices, buffer, framebuffer, *targets)
     return images[0], images[1]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import moderngl
 import pyopencl as cl
 
 from ..errors import DeviceError
@@ -34,10 +35,13 @@ class Devices:
             self.missing = str(error)
 
     @contextmanager
-    def memory_told(self) -> Iterator[None]:
-        """Turn the errors of an OpenCL device whose memory is full into a DeviceError."""
+    def failures_told(self) -> Iterator[None]:
+        """Turn into a DeviceError what OpenGL refuses, and that the memory of the OpenCL device is full."""
         try:
             yield
+        except moderngl.Error:
+            self.graphics.check("preparing to draw")
+            raise
         except cl.Error as error:
             if self.compute is None or not (isinstance(error, cl.MemoryError) or _TOO_LARGE in str(error)):
                 raise

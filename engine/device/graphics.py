@@ -57,6 +57,20 @@ class Graphics:
         """Make the context current: something else in this process may have made another so."""
         self.context.__enter__()
 
+    def check(self, task: str) -> None:
+        """Raise a DeviceError if OpenGL has failed since the last check; the message says at what task."""
+        error = self.context.error
+        if error == "GL_OUT_OF_MEMORY":
+            raise DeviceError(
+                f"The memory of '{self.name}' is full: {task} failed. Lower the resolution, bake fewer "
+                "objects at once, or close programs that use the graphics card."
+            )
+        if error != "GL_NO_ERROR":
+            raise DeviceError(
+                f"OpenGL of '{self.name}' reports {error}: {task} failed. Update the graphics driver, or "
+                'choose "rays" for visibility, which draw the least.'
+            )
+
     def program(self, name: str, stages: Sequence[str], features: Sequence[str] = ()) -> moderngl.Program:
         """Link shaders/<name>.<stage> of the stages vert, geom and frag, or take an unused one.
 

@@ -47,7 +47,7 @@ class ComputeShader:
         tables: HemicubeTables,
         features: tuple[str, ...] = (),
     ) -> None:
-        self._context, self._tables = graphics.context, tables
+        self._graphics, self._tables = graphics, tables
         self._program = graphics.compute_program(name, features)
         layout = {"n": tiles.n, "log_n": tiles.n.bit_length() - 1}
         self._set(layout | {"columns": tiles.columns, "tiles_per_layer": tiles.per_layer})
@@ -68,7 +68,8 @@ class ComputeShader:
         self._set({name: unit for unit, name in enumerate(textures)})
         self._set(uniforms or {})
         self._program.run(groups)
-        self._context.memory_barrier()
+        self._graphics.context.memory_barrier()
+        self._graphics.check("summing hemicubes")
 
     def _set(self, uniforms: Uniforms) -> None:
         """Set those uniforms that the compiler has left in the shader."""

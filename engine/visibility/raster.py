@@ -80,7 +80,9 @@ class HemicubeRaster:
         self._framebuffer = context.framebuffer([target.texture])
         self._framebuffer.use()
         self.depth = graphics.raw.depth_array(tiles.width, tiles.height, tiles.layers)
-        if not graphics.raw.attach_layered_depth(self.depth):
+        attached = graphics.raw.attach_layered_depth(self.depth)
+        graphics.check("making room for hemicubes")
+        if not attached:
             raise DeviceError(
                 f"The OpenGL driver '{graphics.name}' cannot draw into layered depth textures. Update it."
             )
@@ -109,6 +111,7 @@ class HemicubeRaster:
             self._bind()
             self._draw_slots(self._paths[0], matrices, first, min(first + slots, count))
             self._graphics.context.finish()
+            self._graphics.check("drawing hemicubes")
             yield min(count, first + slots)
 
     def _draw_slots(self, path: DrawPath, matrices: np.ndarray, first: int, last: int) -> None:

@@ -7,14 +7,17 @@ Conventions, stated once for every module below:
   irradiance E  [W/m^2]; a lightmap stores E/pi, which has the unit of radiance
   reflectance rho [1]; a patch sends out L = emission + rho * E/pi
 
-The package never imports bpy: `operators` turns a Blender scene into an `engine.scene.Scene`.
+The package never imports bpy: `operators` turns a Blender scene into an `engine.scene.Scene`. It imports
+OpenGL and OpenCL when it bakes for the first time; the algorithm is in `engine.algorithm`.
 """
 
-from .bake import bake
+from collections.abc import Generator
+
 from .errors import DeviceError, EngineError, PatchFileError, SceneError, SettingsError
 from .lightmap import Lightmap
 from .progress import Progress, finished
 from .scene import Light, Material, Mesh, Scene, Texture
+from .session import Session
 from .settings import Settings
 
 __all__ = [
@@ -28,9 +31,23 @@ __all__ = [
     "Progress",
     "Scene",
     "SceneError",
+    "Session",
     "Settings",
     "SettingsError",
     "Texture",
     "bake",
     "finished",
 ]
+
+
+def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap]:
+    """Bake the lightmaps of a scene; yields after every slice of work, returns the Lightmap.
+
+    Closing the generator cancels the bake; every GPU object is released in any case. Raises
+    SettingsError, SceneError, PatchFileError or DeviceError, also for a package that is not installed.
+    """
+    session = Session()
+    try:
+        return (yield from session.bake(scene, settings))
+    finally:
+        session.close()

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .errors import SceneError
-from .sampled import SampledLight
 from .scene import Scene, shining_lights
 from .settings import Settings
 from .solve import Solution
+
+if TYPE_CHECKING:
+    from .sampled import SampledLight
 
 #: Outputs that hold light.
 _LIGHT = ("combined", "direct", "indirect")

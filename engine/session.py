@@ -1,15 +1,22 @@
-"""Bakes that keep their devices: contexts, shaders and kernels of the first one serve the next."""
+"""Bakes that keep their devices: contexts, shaders and kernels of the first one serve the next.
+
+OpenGL and OpenCL are imported by the first bake: a process that leaves baking to another never has them.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Generator
+from typing import TYPE_CHECKING
 
-from .bake import bake_with
-from .device.devices import Devices
+from .clock import Stopwatch
 from .lightmap import Lightmap
+from .packages import require_packages
 from .progress import Progress
-from .scene import Scene
-from .settings import Settings
+from .scene import Scene, check_scene
+from .settings import Settings, check_settings
+
+if TYPE_CHECKING:
+    from .device.devices import Devices
 
 
 class Session:
@@ -20,9 +27,16 @@ class Session:
 
     def bake(self, scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap]:
         """Bake; see `engine.bake`. After an error or a cancel the next bake gets new devices."""
+        check_settings(settings)
+        check_scene(scene)
+        require_packages()
+        from .algorithm import bake
+
+        clock = Stopwatch()
         devices = self._take(settings)
+        clock.lap("devices")
         try:
-            lightmap = yield from bake_with(devices, scene, settings)
+            lightmap = yield from bake(devices, scene, settings, clock)
         except BaseException:
             devices.release()
             raise
@@ -43,6 +57,8 @@ class Session:
             return devices
         if devices is not None:
             devices.release()
+        from .device.devices import Devices
+
         return Devices(settings.cache_dir)
 
 
@@ -52,3 +68,8 @@ _session = Session()
 def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap]:
     """Bake in the one session of this process: what the worker process runs."""
     return (yield from _session.bake(scene, settings))
+
+
+def close() -> None:
+    """Free the devices of the one session of this process."""
+    _session.close()

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .color import srgb_to_linear
 from .cutouts import map_uvs
 from .geometry import PatchGeometry, Triangles
 from .patches import PatchList
@@ -161,14 +162,6 @@ def sample(pixels: np.ndarray, uv: np.ndarray, texture: Texture) -> np.ndarray:
         + _pixel(pixels, columns + 1, rows + 1, texture.extension) * (x * y)
     )
     return srgb_to_linear(values) if texture.srgb else values
-
-
-def srgb_to_linear(values: np.ndarray) -> np.ndarray:
-    """Return display values as scene-linear ones (IEC 61966-2-1)."""
-    linear: np.ndarray = np.where(
-        values <= 0.04045, values / 12.92, ((np.maximum(values, 0) + 0.055) / 1.055) ** 2.4
-    ).astype(values.dtype)
-    return linear
 
 
 def _pixel(pixels: np.ndarray, x: np.ndarray, y: np.ndarray, extension: str) -> np.ndarray:

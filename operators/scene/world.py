@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ...engine.surfaces import srgb_to_linear
+from ...engine.color import srgb_to_linear
 from ..compat import node_input, node_tree
 from .materials import ShaderReader
 from .panorama import render_world

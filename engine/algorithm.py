@@ -20,8 +20,8 @@ from .outputs import Outputs
 from .progress import Progress
 from .ray_scene import RayScene
 from .sampled import SampledLight
-from .scene import Scene, check_scene
-from .settings import Settings, check_settings
+from .scene import Scene
+from .settings import Settings
 from .solve import Solution
 from .subdivision import subdivide
 from .without_opencl import without_opencl
@@ -29,28 +29,11 @@ from .without_opencl import without_opencl
 Made = TypeVar("Made")
 
 
-def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap]:
-    """Bake the lightmaps of a scene; yields after every slice of work, returns the Lightmap.
-
-    Closing the generator cancels the bake; every GPU object is released in any case. Raises
-    SettingsError, SceneError, PatchFileError or DeviceError.
-    """
-    check_settings(settings)
-    check_scene(scene)
-    clock = Stopwatch()
-    devices = Devices(settings.cache_dir)
-    try:
-        clock.lap("devices")
-        return (yield from _current(devices, _bake(devices, scene, settings, clock)))
-    finally:
-        devices.release()
-
-
-def bake_with(devices: Devices, scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap]:
-    """Bake as `bake` does, on devices that are there already and stay."""
-    check_settings(settings)
-    check_scene(scene)
-    return (yield from _current(devices, _bake(devices, scene, settings, Stopwatch())))
+def bake(
+    devices: Devices, scene: Scene, settings: Settings, clock: Stopwatch
+) -> Generator[Progress, None, Lightmap]:
+    """Bake a scene that has been checked; see `engine.bake`. The devices stay."""
+    return (yield from _current(devices, _bake(devices, scene, settings, clock)))
 
 
 def _current(

@@ -1,0 +1,13 @@
+"""Encodings of color."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def srgb_to_linear(values: np.ndarray) -> np.ndarray:
+    """Return display values as scene-linear ones (IEC 61966-2-1)."""
+    linear: np.ndarray = np.where(
+        values <= 0.04045, values / 12.92, ((np.maximum(values, 0) + 0.055) / 1.055) ** 2.4
+    ).astype(values.dtype)
+    return linear

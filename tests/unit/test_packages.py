@@ -1,0 +1,66 @@
+"""The engine is there without OpenGL and OpenCL; a bake names the package that is missing."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from engine import DeviceError, Settings, finished
+from engine.worker import Worker
+from tests.analytic.scenes import furnace
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ["moderngl", "glcontext", "pyopencl"]
+
+
+def python(code: str, *search_path: Path) -> str:
+    """Return what a new Python prints that finds modules in `search_path` first."""
+    path = [str(folder) for folder in (*search_path, ROOT)]
+    command = [sys.executable, "-c", f"import sys; sys.path[:0] = {path!r}\n{code}"]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+
+
+@pytest.fixture(params=PACKAGES)
+def without(request, tmp_path):
+    """Return the name of a package, and a folder that makes it look as if it were not installed."""
+    name = request.param
+    (tmp_path / f"{name}.py").write_text(f"raise ModuleNotFoundError(\"No module named '{name}'\")\n")
+    return name, tmp_path
+
+
+def test_the_engine_and_its_worker_are_imported_without_gpu_packages():
+    code = f"import engine.worker_main, engine.worker\nprint({set(PACKAGES)} & sys.modules.keys())"
+    assert python(code) == "set()"
+
+
+def test_a_bake_is_a_function_of_the_package_also_after_a_bake():
+    code = (
+        "import engine\n"
+        "from tests.analytic.scenes import furnace\n"
+        "settings = engine.Settings(resolution=8, hemicube=8, iterations=1)\n"
+        "for _ in range(2): print(engine.finished(engine.bake(furnace(0.5, 1.0), settings)).image.shape)"
+    )
+    assert python(code).splitlines() == ["(1, 8, 8, 3)"] * 2
+
+
+def test_a_bake_in_this_process_names_the_missing_package_and_the_remedy(without):
+    name, folder = without
+    code = (
+        "from engine import DeviceError, Settings, bake, finished\n"
+        "from tests.analytic.scenes import furnace\n"
+        "try: finished(bake(furnace(0.5, 1.0), Settings()))\n"
+        "except DeviceError as error: print(error)"
+    )
+    text = python(code, folder)
+    assert f"'{name}'" in text and f"{sys.executable} -m pip install {name}" in text
+
+
+def test_a_bake_in_the_worker_names_the_missing_package_and_the_remedy(without):
+    name, folder = without
+    worker = Worker(search_path=[str(folder), *sys.path])
+    try:
+        with pytest.raises(DeviceError, match=f"'{name}'.*pip install {name}"):
+            finished(worker.bake(furnace(0.5, 1.0), Settings()))
+    finally:
+        worker.stop()

@@ -32,13 +32,10 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
         return not owner.busy
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Bake in this process and return when it is done."""
-        from ..engine import bake, session
-
-        # Without a window the devices may stay for the next bake of a script.
+        """Bake and return when it is done."""
         run = None
         try:
-            run = Run(context, session.bake if bpy.app.background else bake, watched=False)
+            run = Run(context, owner.bake(), watched=False)
             self._tell(run.finish(run.drain()), run.failure)
         except (EngineError, KeyboardInterrupt) as error:
             if run is not None:

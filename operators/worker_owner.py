@@ -1,10 +1,15 @@
-"""Holds the worker process between bakes."""
+"""Holds what bakes, between bakes: the worker process in a window, else the devices of this process."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import bpy
+
+from ..engine import session
 
 if TYPE_CHECKING:
     from ..engine.worker import Worker
@@ -14,11 +19,15 @@ _ROOT = str(Path(__file__).parents[1])
 
 
 class WorkerOwner:
-    """Starts a worker when one is needed and none is alive; ends it with the add-on."""
+    """Starts a worker when one is needed and none is alive; ends all that bakes with the add-on."""
 
     def __init__(self) -> None:
         self._worker: Worker | None = None
         self.busy = False
+
+    def bake(self) -> Callable:
+        """Return the `engine.bake` to use: in a window that of the worker, which keeps crashes out of it."""
+        return session.bake if bpy.app.background else self.worker().bake
 
     def worker(self) -> Worker:
         """Return the worker; it starts its process, anew if that has died, with the next bake."""
@@ -29,10 +38,11 @@ class WorkerOwner:
         return self._worker
 
     def stop(self) -> None:
-        """End the worker process if there is one."""
+        """End the worker process if there is one, and free the devices of this process."""
         worker, self._worker, self.busy = self._worker, None, False
         if worker is not None:
             worker.stop()
+        session.close()
 
 
 #: One for the whole add-on: Blender has no place of its own to keep a Python object between operators.

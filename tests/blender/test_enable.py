@@ -1,6 +1,14 @@
 """The extension comes and goes without a trace."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.blender.things import furnace, part
 from tools.headless import disable, enable
+
+ROOT = Path(__file__).parents[2]
 
 
 def registered() -> set[str]:
@@ -43,3 +51,43 @@ def test_hemicube_sizes_are_those_of_the_engine():
 
     items = bpy.context.scene.hemibake.bl_rna.properties["hemicube"].enum_items
     assert tuple(int(item.identifier) for item in items) == HEMICUBES
+
+
+WINDOWED = """
+import sys
+from types import SimpleNamespace
+from tools.headless import blender
+with blender():
+    import bpy
+    from tests.blender.things import SQUARE_UVS, part, report, square
+    names = {"moderngl", "glcontext", "pyopencl"}
+    print("register", sorted(names & sys.modules.keys()))
+    part("operators.worker_owner").bpy = SimpleNamespace(app=SimpleNamespace(background=False))
+    square()
+    bpy.context.scene.hemibake.resolution = 16
+    bpy.context.scene.world = bpy.data.worlds.new("White")
+    bpy.ops.hemibake.bake()
+    print("bake", report()["patches"] > 0, sorted(names & sys.modules.keys()))
+"""
+
+
+def test_nothing_gpu_is_imported_at_register_nor_by_a_windowed_bake():
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-c", WINDOWED]
+    result = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    lines = result.stdout.splitlines()
+    assert "register []" in lines and "bake True []" in lines
+
+
+def test_disabled_it_has_freed_the_devices_of_this_process():
+    import bpy
+
+    furnace()
+    bpy.ops.hemibake.bake()
+    session = part("engine.session")._session
+    context = session._devices.graphics.context
+    disable()
+    try:
+        assert session._devices is None and not hasattr(context.mglo, "info")
+    finally:
+        enable()

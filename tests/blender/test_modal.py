@@ -171,6 +171,19 @@ def test_status_is_cleared_in_every_workspace_it_was_shown_in(operator, context,
     assert window.is_as_before()
 
 
+def test_script_in_a_window_has_the_worker_bake_and_waits(monkeypatch):
+    import bpy
+
+    owner_module = part("operators.worker_owner")
+    in_process = []
+    monkeypatch.setattr(owner_module, "bpy", SimpleNamespace(app=SimpleNamespace(background=False)))
+    monkeypatch.setattr(part("engine.device.graphics"), "_create_context", lambda: in_process.append(True))
+    furnace()
+    assert bpy.ops.hemibake.bake() == {"FINISHED"}
+    assert owner_module.owner.worker().alive and not in_process
+    assert pixels(bpy.data.images["Lightmap"])[..., :3].max() == pytest.approx(2, rel=0.01)
+
+
 def test_scene_that_cannot_be_baked_does_not_start(operator, context, window):
     assert operator.invoke(context, None) == {"CANCELLED"}
     assert operator.reports[0][0] == {"ERROR"}

@@ -5,7 +5,6 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ...engine.color import srgb_to_linear
 from ...engine.scene import Texture
 from .pixels import PixelCache, is_plain, is_srgb
 from .sockets import ComplexError, feeder

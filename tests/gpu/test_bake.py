@@ -106,20 +106,20 @@ def test_bad_settings_and_scenes_raise_before_any_device_is_opened():
 
 
 @pytest.mark.parametrize(
-    ("variables", "message"),
+    ("variable", "message"),
     [
-        ({"__EGL_VENDOR_LIBRARY_FILENAMES": "/nonexistent"}, "No OpenGL 4.1 driver.*apt install libegl1"),
-        ({"OCL_ICD_VENDORS": "/nonexistent"}, "OpenCL could not be started.*apt install pocl-opencl-icd"),
+        ("__EGL_VENDOR_LIBRARY_FILENAMES", "No OpenGL 4.1 driver.*apt install libegl1"),
+        ("OCL_ICD_VENDORS", "OpenCL could not be started.*apt install pocl-opencl-icd"),
     ],
 )
-def test_a_missing_driver_is_a_clear_error(variables, message):
+def test_a_missing_driver_is_a_clear_error(variable, message, tmp_path):
     code = (
         "from engine import bake, Settings, DeviceError\n"
         "from tests.analytic.scenes import furnace\n"
         "try: next(bake(furnace(0.5, 1.0), Settings(outputs=('ambient_occlusion',))))\n"
         "except DeviceError as error: print(error)\n"
     )
-    environment = {**os.environ, **variables}
+    environment = {**os.environ, variable: str(tmp_path / "missing")}
     result = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=60
     )

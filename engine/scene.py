@@ -178,11 +178,24 @@ def check_scene(scene: Scene) -> None:
         )
     for mesh in scene.meshes:
         check_mesh(mesh)
+        check_references(mesh, scene)
     for material in scene.materials:
         check_material(material)
     for light in scene.lights:
         check_light(light)
-    if not _is_light(scene.world):
+    check_world(scene.world)
+
+
+def check_world(world: np.ndarray) -> None:
+    """Raise a SceneError if the surroundings are neither one colour nor an image, or no light."""
+    if world.shape != (3,) and (world.ndim != 3 or world.shape[2] != 3):
+        raise SceneError(
+            f"The world's radiance has the shape {world.shape}. "
+            "Give it one colour, or an image of three channels."
+        )
+    if not world.size:
+        raise SceneError("The world's image has no pixels. Choose another image.")
+    if not _is_light(world):
         raise SceneError("The world's radiance is NaN, infinite or negative. Mend its colour and strength.")
 
 
@@ -193,8 +206,14 @@ def check_mesh(mesh: Mesh) -> None:
             f"Object '{mesh.name}' has NaN or infinite vertex coordinates. "
             "Delete those vertices, or check the modifiers and the object's scale."
         )
+    if not np.isfinite(mesh.normals).all():
+        raise SceneError(
+            f"Object '{mesh.name}' has NaN or infinite normals. "
+            "Clear its custom normals, or check the object's scale."
+        )
     face, subface = np.diff(mesh.face), np.diff(mesh.subface)
-    if (face < 0).any() or (subface[face == 0] <= 0).any():
+    ordered = not ((face < 0).any() or (subface[face == 0] <= 0).any())
+    if not ordered or mesh.face.min(initial=0) < 0 or mesh.subface.min(initial=0) < 0:
         raise SceneError(
             f"The triangles of object '{mesh.name}' are not in the order of its polygons. "
             "Sort them by face, then by subface."
@@ -205,6 +224,27 @@ def check_mesh(mesh: Mesh) -> None:
         )
     if mesh.atlas != OCCLUDER:
         check_lightmap_uvs(mesh)
+
+
+def check_references(mesh: Mesh, scene: Scene) -> None:
+    """Raise a SceneError if a mesh names an atlas, a material or a UV map that is not there."""
+    if not (mesh.atlas == OCCLUDER or 0 <= mesh.atlas < len(scene.atlases)):
+        raise SceneError(
+            f"Object '{mesh.name}' names atlas {mesh.atlas} of {len(scene.atlases)}. Give it one of these."
+        )
+    used = np.unique(mesh.material)
+    if len(used) and not 0 <= used[0] <= used[-1] < len(scene.materials):
+        raise SceneError(
+            f"Object '{mesh.name}' names materials {used[0]} to {used[-1]} of {len(scene.materials)}. "
+            "Give its faces some of these."
+        )
+    for material in (scene.materials[index] for index in used):
+        for texture in _textures(material):
+            if texture.uv_map not in mesh.texture_uvs:
+                raise SceneError(
+                    f"Object '{mesh.name}' has no UV map '{texture.uv_map}', which texture '{texture.name}' "
+                    f"of material '{material.name}' names. Add the UV map, or choose another one."
+                )
 
 
 def check_lightmap_uvs(mesh: Mesh) -> None:
@@ -221,7 +261,12 @@ def check_lightmap_uvs(mesh: Mesh) -> None:
 
 
 def check_material(material: Material) -> None:
-    """Raise a SceneError if a material's numbers are no light."""
+    """Raise a SceneError if a material's numbers are no light, or a texture has none."""
+    for texture in _textures(material):
+        if not texture.pixels.size:
+            raise SceneError(
+                f"Texture '{texture.name}' of material '{material.name}' has no pixels. Choose another image."
+            )
     reflects = _values(material.reflectance, material.reflectance_map)
     if not all(_is_light(values) and np.max(values) <= 1 for values in reflects):
         raise SceneError(
@@ -240,7 +285,11 @@ def check_material(material: Material) -> None:
 
 
 def check_light(light: Light) -> None:
-    """Raise a SceneError if a light's numbers are none."""
+    """Raise a SceneError if a light is of no known kind, or its numbers are none."""
+    if light.kind not in LIGHT_KINDS:
+        raise SceneError(
+            f"Light '{light.name}' is of kind '{light.kind}'. Choose one of {', '.join(LIGHT_KINDS)}."
+        )
     if not _is_light(light.strength):
         raise SceneError(f"Light '{light.name}' has a power that is NaN, infinite or negative. Mend it.")
     place = (
@@ -260,6 +309,12 @@ def check_light(light: Light) -> None:
             f"Light '{light.name}' has axes that are no unit vectors, or a stretch that is not positive. "
             "Give it a scale other than 0."
         )
+
+
+def _textures(material: Material) -> list[Texture]:
+    """Return the textures of a material."""
+    maps = (material.reflectance_map, material.emission_map, material.alpha_map)
+    return [texture for texture in maps if texture is not None]
 
 
 def _values(constant: np.ndarray, texture: Texture | None) -> list[np.ndarray]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from engine.errors import SceneError, SettingsError
-from engine.scene import Light, Material, Mesh, Scene, check_scene
+from engine.scene import Light, Material, Mesh, Scene, Texture, check_scene
 from engine.settings import Settings, check_settings
 
 
@@ -23,7 +23,7 @@ def test_a_sound_scene_passes():
     check_scene(scene(triangle()))
 
 
-@pytest.mark.parametrize("name", ["positions", "uvs"])
+@pytest.mark.parametrize("name", ["positions", "normals", "uvs"])
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_not_finite(name, value):
     values = getattr(triangle(), name).copy()
@@ -44,6 +44,41 @@ def test_materials_that_are_no_light(reflectance, emission):
     bad = Material("Neon", np.full(3, reflectance), np.full(3, emission))
     with pytest.raises(SceneError, match="Material 'Neon' has .*Mend its"):
         check_scene(replace(scene(triangle()), materials=(bad,)))
+
+
+def textured(**changes):
+    texture = replace(Texture("Tiles", np.ones((3, 5, 3), np.float32), "Map"), **changes)
+    return Material("Wall", np.ones(3), np.zeros(3), reflectance_map=texture)
+
+
+def test_a_texture_without_pixels():
+    there = triangle(texture_uvs={"Map": triangle().uvs})
+    with pytest.raises(SceneError, match="Texture 'Tiles' of material 'Wall' has no pixels[.] Choose"):
+        check_scene(replace(scene(there), materials=(textured(pixels=np.ones((0, 5, 3))),)))
+
+
+def test_a_texture_on_a_mesh_without_its_uv_map():
+    there = triangle(texture_uvs={"Map": triangle().uvs})
+    check_scene(replace(scene(there), materials=(textured(),)))
+    with pytest.raises(SceneError, match="Object 'Lamp' has no UV map 'Map', which texture 'Tiles'.*[.] Add"):
+        check_scene(replace(scene(there, triangle()), materials=(textured(),)))
+
+
+@pytest.mark.parametrize("index", [-1, 1, 2**31 - 1])
+def test_a_material_that_is_not_there(index):
+    with pytest.raises(SceneError, match="Object 'Lamp' names materials .* of 1[.] Give"):
+        check_scene(scene(triangle(), triangle(material=np.int32([index]))))
+
+
+@pytest.mark.parametrize("index", [-2, 1, 2**31 - 1])
+def test_an_atlas_that_is_not_there(index):
+    with pytest.raises(SceneError, match="Object 'Lamp' names atlas .* of 1[.] Give"):
+        check_scene(scene(triangle(), triangle(atlas=index)))
+
+
+def test_a_light_of_an_unknown_kind():
+    with pytest.raises(SceneError, match="Light 'Lamp' is of kind 'beam'[.] Choose one of point, spot"):
+        check_scene(replace(scene(triangle()), lights=(lamp("beam"),)))
 
 
 def lamp(kind, **values):
@@ -70,7 +105,16 @@ def test_a_world_that_is_no_light():
         check_scene(replace(scene(triangle()), world=np.float32([1, np.nan, 1])))
 
 
-@pytest.mark.parametrize(("face", "subface"), [((1, 0), (0, 0)), ((0, 0), (1, 0)), ((0, 0), (0, 0))])
+@pytest.mark.parametrize("shape", [(0, 2, 3), (4, 0, 3), (4, 2), (4, 2, 4), (4,), ()])
+def test_a_world_that_is_no_image(shape):
+    with pytest.raises(SceneError, match="The world's (image|radiance) has .*[.] (Choose|Give)"):
+        check_scene(replace(scene(triangle()), world=np.ones(shape, np.float32)))
+
+
+@pytest.mark.parametrize(
+    ("face", "subface"),
+    [((1, 0), (0, 0)), ((0, 0), (1, 0)), ((0, 0), (0, 0)), ((-1, 0), (0, 0)), ((0, 0), (-1, 0))],
+)
 def test_triangles_out_of_order(face, subface):
     one = triangle()
     two = {name: np.repeat(getattr(one, name), 2, axis=0) for name in ("positions", "normals", "uvs")}

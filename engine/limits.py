@@ -9,10 +9,13 @@ from .scene import Scene
 from .settings import Settings
 from .visibility.targets import MAX_PATCHES
 
-#: Bytes a lightmap texel takes while the patch list of one atlas is made: two RGBA32F targets; and
-#: after that in every atlas: the index map.
+#: Bytes that a lightmap texel takes while the patches of one atlas are listed: two RGBA32F targets, which the
+#: host has a copy of.
 _LIST_BYTES = 2 * 16
-_OWNER_BYTES = 4
+
+#: Bytes that it takes in every atlas: an entry of the index map, which the host has too, beside the triangle
+#: that touches the texel.
+_OWNER_BYTES, _TOUCHED_BYTES = 4, 4
 
 
 def check_limits(graphics: Graphics, compute: Compute | None, scene: Scene, settings: Settings) -> None:
@@ -25,19 +28,22 @@ def check_limits(graphics: Graphics, compute: Compute | None, scene: Scene, sett
         )
     if len(scene.atlases) > layers:
         raise SettingsError(
-            f"The scene has {len(scene.atlases)} lightmaps; '{graphics.name}' holds at most {layers}. "
-            "Let objects share lightmaps: give them the same atlas name."
+            f"The scene has {len(scene.atlases)} lightmaps, with those of its occluders; "
+            f"'{graphics.name}' holds at most {layers}. "
+            "Let objects share lightmaps: give them the same atlas name, or raise the resolution."
         )
 
     # Memory that grows with the lightmaps; hemicubes are drawn in batches that fit. OpenGL tells of none.
     if compute is None:
         return
-    texels = settings.resolution**2
-    needed = texels * (_LIST_BYTES + _OWNER_BYTES * len(scene.atlases)) + settings.batch_bytes
+    texels, atlases = settings.resolution**2, len(scene.atlases)
+    needed = texels * (_LIST_BYTES + _OWNER_BYTES * atlases) + settings.batch_bytes
+    if compute.device.host_unified_memory:
+        needed += texels * (_LIST_BYTES + (_OWNER_BYTES + _TOUCHED_BYTES) * atlases)
     available = compute.device.global_mem_size
     if needed > available:
         raise SettingsError(
-            f"{len(scene.atlases)} lightmaps of {settings.resolution} x {settings.resolution} texels need "
+            f"{atlases} lightmaps of {settings.resolution} x {settings.resolution} texels need "
             f"{needed / 2**30:.1f} GiB; '{compute.name}' has {available / 2**30:.1f} GiB. "
             "Lower the resolution, or bake fewer objects at once."
         )

@@ -48,8 +48,10 @@ def list_patches(graphics: Graphics, scene: Scene, resolution: int) -> PatchList
 
     Raises SceneError if no texel centre is covered.
     """
-    atlases = [_rasterise_atlas(graphics, scene, atlas, resolution) for atlas in range(len(scene.atlases))]
-    patches = [_compact(atlas, resolution, *targets) for atlas, targets in enumerate(atlases)]
+    patches = [
+        _compact(atlas, resolution, *_rasterise_atlas(graphics, scene, atlas, resolution))
+        for atlas in range(len(scene.atlases))
+    ]
     if not any(len(part) for part in patches):
         names = ", ".join(f"'{mesh.name}'" for mesh in scene.meshes[:5])
         raise SceneError(

@@ -1,3 +1,4 @@
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -68,6 +69,20 @@ def test_a_dropped_triangle_leaves_the_others_in_place(graphics):
     patches = list_patches(graphics, scene, 16)
     assert set(patches.subface) == {1}
     assert (patch_geometry(scene, gather_triangles(scene), patches).triangle == 0).all()
+
+
+def test_one_atlas_is_held_at_a_time(graphics):
+    """Both targets take 32 bytes a texel; what all atlases hold is the patches, few here."""
+    resolution, atlases = 512, 7
+    meshes = [replace(one_quad((3, 5, 7, 11), resolution), atlas=atlas) for atlas in range(atlases)]
+    scene = Scene(tuple(meshes), (GREY,), tuple(map(str, range(atlases))))
+    tracemalloc.start()
+    try:
+        patches = list_patches(graphics, scene, resolution)
+        most = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert len(patches) == atlases * 77 and most < 2 * 32 * resolution**2
 
 
 def test_nothing_covered_is_an_error(graphics):

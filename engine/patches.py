@@ -24,7 +24,7 @@ class PatchList:
     mesh         (n,) int32, index into `Scene.meshes`
     face         (n,) int32, polygon within the mesh
     subface      (n,) int32, triangle within the polygon
-    barycentric  (n, 3) float32, of the texel's centre within the triangle
+    barycentric  (n, 3) float32, of the texel's centre within the triangle; each in [0, 1], sum 1
     """
 
     resolution: int
@@ -120,5 +120,14 @@ def _compact(atlas: int, resolution: int, barycentric: np.ndarray, identity: np.
     flagged = (barycentric[..., 3] != 0).ravel()
     texel = np.flatnonzero(flagged).astype(np.int32)
     mesh, face, subface, _ = identity.reshape(-1, 4).compress(flagged, axis=0).T.astype(np.int32, order="C")
-    place = np.ascontiguousarray(barycentric.reshape(-1, 4).compress(flagged, axis=0)[:, :3])
+    place = _on_triangle(barycentric.reshape(-1, 4).compress(flagged, axis=0)[:, :3])
     return PatchList(resolution, np.full(len(texel), atlas, np.int32), texel, mesh, face, subface, place)
+
+
+def _on_triangle(barycentric: np.ndarray) -> np.ndarray:
+    """Return barycentrics, (n, 3), that lie on their triangles: those drawn on slivers do not, or are NaN."""
+    inside = np.clip(np.nan_to_num(barycentric), 0, 1)
+    total = inside.sum(axis=1, keepdims=True)
+    third = np.float32(1 / 3)
+    placed: np.ndarray = np.divide(inside, total, out=np.full_like(inside, third), where=total > 0)
+    return placed

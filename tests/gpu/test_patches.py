@@ -71,6 +71,29 @@ def test_a_dropped_triangle_leaves_the_others_in_place(graphics):
     assert (patch_geometry(scene, gather_triangles(scene), patches).triangle == 0).all()
 
 
+def test_places_on_slivers_lie_on_their_triangles(graphics):
+    """Rasterisation finds barycentrics of thousands, or NaN, for triangles thinner than its own grid."""
+    rng, count = np.random.default_rng(0), 20000
+    start, angle = rng.random((count, 2)), rng.random(count) * 2 * np.pi
+    along = np.stack([np.cos(angle), np.sin(angle)], axis=1) * rng.random((count, 1)) * 0.3
+    across = along[:, ::-1] * (-1, 1) * 10 ** rng.uniform(-9, -2, (count, 1))
+    corners = [start, start + along, start + along * rng.random((count, 1)) + across]
+    square = quads(
+        np.tile(rectangle((1e3, 0, 0), (1, 0, 0), (0, 1, 0)), (count, 1, 1)),
+        [(0, 0, 1, 1)] * count,
+        [0] * count,
+        1,
+    )
+    slivers = square.part(square.subface == 0)
+    slivers = replace(slivers, uvs=np.stack(corners, axis=1).clip(0, 1).astype(np.float32))
+    scene = Scene((slivers,), (GREY,))
+    patches = list_patches(graphics, scene, 331)
+    assert patches.barycentric.min() >= 0 and len(patches) > 10000
+    np.testing.assert_allclose(patches.barycentric.sum(axis=1), 1, rtol=1e-6)
+    center = patch_geometry(scene, gather_triangles(scene), patches).center
+    assert (np.abs(center - (1000.5, 0.5, 0)).max(axis=1) <= 0.501).all()
+
+
 def test_one_atlas_is_held_at_a_time(graphics):
     """Both targets take 32 bytes a texel; what all atlases hold is the patches, few here."""
     resolution, atlases = 512, 7

@@ -20,6 +20,9 @@ _HALF_STEP = 0.5 / _ONE
 #: Pixels of all alpha maps together: shaders and kernels count them in int32.
 MOST_PIXELS = 2**31 - 2
 
+#: Largest coordinate on a texture, widths of the image.
+FARTHEST = 1e9
+
 
 @dataclass(frozen=True)
 class Cutouts:
@@ -120,7 +123,12 @@ def _alpha_uvs(scene: Scene) -> np.ndarray:
 
 
 def map_uvs(texture: Texture, uvs: np.ndarray) -> np.ndarray:
-    """Return UVs, (..., 2), of a UV map as places on a texture, (..., 2) float32."""
+    """Return UVs, (..., 2), of a UV map as places on a texture, (..., 2) float32.
+
+    Beyond FARTHEST float32 tells no pixels apart: places end there, and those that are NaN are 0.
+    """
     matrix = texture.transform.astype(np.float64)
-    mapped: np.ndarray = (uvs.astype(np.float64) @ matrix[:, :2].T + matrix[:, 2]).astype(np.float32)
-    return mapped
+    with np.errstate(invalid="ignore"):
+        mapped = uvs.astype(np.float64) @ matrix[:, :2].T + matrix[:, 2]
+    placed: np.ndarray = np.nan_to_num(mapped).clip(-FARTHEST, FARTHEST).astype(np.float32)
+    return placed

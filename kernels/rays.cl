@@ -70,6 +70,14 @@ typedef struct {
 } Hit;
 
 #ifdef CUTOUTS
+// A place on an image that shows what another one far beyond its borders does: near enough for int32.
+float2 near_image(const float2 uv, const int extension)
+{
+    if (extension == 0)
+        return uv - floor(uv);
+    return extension == 1 ? uv - 2.0f * floor(0.5f * uv) : clamp(uv, -1.0f, 2.0f);
+}
+
 int wrapped(const int i, const int size, const int extension)
 {
     if (extension == 0)
@@ -92,7 +100,7 @@ float map_alpha(const Rays *rays, const float2 uv, const int4 map)
 {
     if (map.y == 0)
         return 1.0f;
-    const float2 place = uv * (float2)(map.y, map.z);
+    const float2 place = near_image(uv, map.w % 4) * (float2)(map.y, map.z);
     if (map.w >= 4)
         return alpha_pixel(rays, (int)floor(place.x), (int)floor(place.y), map);
     const float2 low = floor(place - 0.5f), f = place - 0.5f - low;

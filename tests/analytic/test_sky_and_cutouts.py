@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from engine import Material, Scene, Settings, Texture
+from engine.cutouts import EXTENSIONS, map_uvs
+from engine.surfaces import sample
 from tests.analytic.drive import drive, irradiance
 from tests.analytic.scenes import quads, rectangle
 
@@ -81,6 +83,37 @@ def test_alpha_maps_cut_holes(threshold):
     world = np.ones(3, np.float32)
     through = lit(world, (X, Y), material, rectangle((-100, -99.5, 0.05), 200 * Y, 200 * X))
     assert through == pytest.approx(np.full(3, 0.5), abs=0.03)
+
+
+#: Texture coordinates, near and so far away that no int32 counts their pixels.
+PLACES = np.float32(
+    [
+        (0.3, 0.65), (-0.3, 1.45), (2.25, -1.75), (70000.375, -70000.875), (1e8, 0.45), (0.1, -1e8),
+        (-3e8, 3e8), (2147483648, 0.7), (-1e9, 1e9), (1e30, 0.25), (-np.inf, 0.9), (np.nan, 0.1),
+    ]
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("visibility", ["raster", "rays"])
+@pytest.mark.parametrize("smooth", [False, True])
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_alpha_maps_go_on_beyond_their_borders(extension, smooth, visibility):
+    """Canopies of one texture coordinate each, 40 m apart: pixels as engine/surfaces.py finds them there."""
+    pixels = np.random.default_rng(7).choice(np.float32([0, 0.25, 0.5, 0.75, 1]), (5, 7, 1))
+    texture = Texture("Holes", pixels, "Map", extension=extension, smooth=smooth)
+    meshes = []
+    for index, place in enumerate(PLACES):
+        floor, roof = rectangle((0, 0, 0), 0.01 * X, 0.01 * Y), canopy(0.01, 20.0)
+        corners = np.stack([floor, roof]) + 40.0 * index * X
+        charts = [(1 + 4 * index, 1, 2, 2), (1 + 4 * index, 5, 2, 2)]
+        mesh = quads(corners, charts, [0, 1], 64, f"Canopy {index}")
+        meshes.append(dataclasses.replace(mesh, texture_uvs={"Map": np.tile(place, (4, 3, 1))}))
+    scene = Scene(tuple(meshes), (opaque(), opaque(alpha_map=texture)), world=np.ones(3, np.float32))
+    settings = dataclasses.replace(SETTINGS, resolution=64, visibility=visibility, directions="hemicube")
+    image = drive(scene, settings).image[0]
+    through = [image[1:3, 1 + 4 * index : 3 + 4 * index].mean() for index in range(len(PLACES))]
+    expected = 1 - sample(pixels, map_uvs(texture, PLACES), texture)[:, 0]
+    assert np.array(through) == pytest.approx(expected, abs=0.06)
 
 
 @pytest.mark.parametrize(("culled", "up", "expected"), [(True, True, 1), (True, False, 0), (False, True, 0)])

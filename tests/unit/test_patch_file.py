@@ -1,24 +1,28 @@
+import errno
+import os
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from engine.errors import PatchFileError
 from engine.patch_file import read_patches, write_patches
-from engine.patches import PatchList
+from engine.reference.cpu_patches import list_patches
 from tests.analytic.scenes import furnace
 
 
 @pytest.fixture
 def scene():
-    return furnace(0.5, 1.0)
+    """Two meshes in two atlases; the second one has polygons of two triangles and of one."""
+    room = furnace(0.5, 1.0)
+    other = room.meshes[0].part(np.arange(12) != 3)
+    return replace(room, meshes=(*room.meshes, replace(other, atlas=1)), atlases=("Room", "Other"))
 
 
 @pytest.fixture
-def patches():
-    rng = np.random.default_rng(3)
-    integers = [rng.integers(0, 1000, 50).astype(np.int32) for _ in range(5)]
-    return PatchList(64, *integers, rng.random((50, 3), np.float32))
+def patches(scene):
+    return list_patches(scene, 64)
 
 
 @pytest.fixture
@@ -67,6 +71,52 @@ def test_another_resolution_or_other_charts(path, scene):
     moved = replace(scene.meshes[0], uvs=scene.meshes[0].uvs * np.float32(0.5))
     with pytest.raises(PatchFileError, match="UVs have changed"):
         read_patches(path, replace(scene, meshes=(moved,)), 64)
+
+
+@pytest.mark.parametrize(
+    ("name", "index", "value"),
+    [("atlas", 0, -1), ("atlas", -1, 2), ("atlas", 0, 1), ("texel", 0, -1), ("texel", -1, 64 * 64),
+     ("texel", -1, 2**31 - 1), ("texel", 7, 0), ("mesh", 5, -1), ("mesh", 5, 2), ("mesh", 5, 2**31 - 1),
+     ("mesh", 5, 1), ("face", 9, -1), ("face", 9, 6), ("face", 9, 2**31 - 1), ("subface", 3, -1),
+     ("subface", 3, 2), ("subface", 3, 2**31 - 1), ("barycentric", 4, np.nan), ("barycentric", 4, np.inf),
+     ("barycentric", 4, -0.5), ("barycentric", 4, 0.9)],
+)  # fmt: skip
+def test_wrong_contents_with_right_checksums(tmp_path, scene, patches, name, index, value):
+    changed = getattr(patches, name).copy()
+    changed[index] = value
+    write_patches(tmp_path / "a.patches", scene, replace(patches, **{name: changed}))
+    with pytest.raises(PatchFileError, match="a.patches' has patches that are not in the scene.*[.] Delete"):
+        read_patches(tmp_path / "a.patches", scene, 64)
+
+
+def test_a_triangle_that_is_missing_and_no_patches_at_all(tmp_path, scene, patches):
+    """Polygon 1 of the second mesh has only its first triangle."""
+    last = np.flatnonzero((patches.mesh == 1) & (patches.face == 1))[-1:]
+    changed = patches.subface.copy()
+    changed[last] = 1
+    for wrong in (replace(patches, subface=changed), patches.part(last[:0])):
+        write_patches(tmp_path / "a.patches", scene, wrong)
+        with pytest.raises(PatchFileError, match="not in the scene"):
+            read_patches(tmp_path / "a.patches", scene, 64)
+
+
+def test_a_file_that_cannot_be_finished_leaves_the_one_before(path, scene, patches, monkeypatch):
+    """The disk fills up half-way through: the file of before is whole, and nothing else lies beside it."""
+    before, write = path.read_bytes(), Path.write_bytes
+
+    def fill_disk(file, data):
+        write(file, data[: len(data) // 2])
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_bytes", fill_disk)
+    with pytest.raises(PatchFileError, match="a.patches' cannot be written [(]No space left on device[)]"):
+        write_patches(path, scene, patches.part(np.arange(10)))
+    assert path.read_bytes() == before and list(path.parent.iterdir()) == [path]
+
+
+def test_a_file_is_replaced_whole(path, scene, patches):
+    write_patches(path, scene, patches.part(np.arange(10)))
+    assert len(read_patches(path, scene, 64)) == 10 and list(path.parent.iterdir()) == [path]
 
 
 def test_places_that_cannot_be_used(path, tmp_path, scene, patches):

@@ -98,7 +98,8 @@ def check_settings(settings: Settings) -> None:
     _check_range("tolerance", settings.tolerance, 0, 1, "of the mean")
     _check_range("dilation", settings.dilation, 0, 256, "texels")
     _check_range("light_samples", settings.light_samples, 1, 4096, "rays")
-    _check_range("samples", settings.samples, 0, 65536, "rays")
+    if settings.samples:
+        _check_range("samples", settings.samples, 4, 65536, "rays, or 0 for as many as a hemicube needs")
     _check_range("memory_budget", settings.memory_budget, 0, 1 << 50, "bytes")
     _check_range("batch_bytes", settings.batch_bytes, 1, 1 << 50, "bytes")
     _check_range("seed", settings.seed, 0, (1 << 32) - 1, "")

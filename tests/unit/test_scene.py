@@ -132,8 +132,14 @@ def test_no_mesh():
     ("name", "value"),
     [("resolution", 0), ("resolution", 100000), ("hemicube", 48), ("iterations", 0), ("tolerance", -1),
      ("tolerance", float("nan")), ("method", "magic"), ("dilation", -1), ("seed", -1), ("batch_bytes", 0),
-     ("outputs", ("direct", "direct")), ("outputs", ())],
+     ("outputs", ("direct", "direct")), ("outputs", ()), ("samples", -1), ("samples", 1), ("samples", 3),
+     ("samples", 65537)],
 )  # fmt: skip
 def test_settings_out_of_range(name, value):
     with pytest.raises(SettingsError, match=name):
         check_settings(Settings(**{name: value}))
+
+
+@pytest.mark.parametrize("samples", [0, 4, 65536])
+def test_samples_within_their_range(samples):
+    check_settings(Settings(samples=samples))

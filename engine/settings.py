@@ -1,89 +1,191 @@
-"""What a user may choose about a bake."""
+"""What a user may choose about a bake: each setting is described here, and nowhere else."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
-from .errors import SettingsError
+from .setting import Description, FilePath, OneOf, Option, Size, SomeOf, Span, Switch, described
 
-#: Methods in the order of the user interface.
-METHODS = ("auto", "cached", "stream", "paper")
+_METHODS = {
+    "auto": Option("Automatic", "Cached if there is memory for it, else Stream"),
+    "cached": Option(
+        "Cached",
+        "Find once what each patch sees; iterations only look radiance up. "
+        "Needs memory: where it is not enough, as Stream",
+    ),
+    "stream": Option(
+        "Stream", "Find anew in every iteration what each patch sees: slow, but needs no memory"
+    ),
+    "paper": Option("Paper", "Draw radiance hemicubes anew in every iteration, as in the paper"),
+}
+_VISIBILITIES = {
+    "auto": Option(
+        "Automatic",
+        "Take the faster one, found by a trial on the scene; bakes are repeatable with the others",
+    ),
+    "raster": Option("Raster", "Draw hemicubes with OpenGL"),
+    "rays": Option("Rays", "Cast rays with OpenCL"),
+}
+_DIRECTIONS = {
+    "cosine": Option("Cosine", "Low-discrepancy directions that follow the cosine: all weigh the same"),
+    "hemicube": Option("Hemicube", "The texels of a hemicube, as drawing has them"),
+}
+_OUTPUTS = {
+    "combined": Option("Combined", "All light that a surface receives"),
+    "direct": Option("Direct", "Light that comes straight from lights, emissive surfaces and the world"),
+    "indirect": Option("Indirect", "Light that other surfaces reflect"),
+    "ambient_occlusion": Option("Ambient Occlusion", "Share of the hemisphere without a surface nearby"),
+    "shadow_mask": Option("Shadow Masks", "A map for each light: 1 where it is seen whole, 0 in its shadow"),
+}
+_SHARED_BOUNCES = {
+    0: Option("Automatic", "Squares of 4 x 4 patches if memory is short"),
+    1: Option("Off", "Every patch is solved on its own"),
+    **{
+        width: Option(
+            f"{width} x {width}", f"Squares of {width} x {width} patches share all bounces but the last"
+        )
+        for width in (2, 4, 8)
+    },
+}
 
-#: Ways to find what patches see, and what directions rays may take, in the order of the user interface.
-VISIBILITIES = ("auto", "raster", "rays")
-DIRECTIONS = ("cosine", "hemicube")
+#: The column reduction of the paper halves the width of a hemicube, so it is a power of two.
+_HEMICUBES = {
+    width: Option(str(width), f"{width} texels wide: {3 * width * width} samples per patch")
+    for width in (8, 16, 32, 64, 128, 256)
+}
 
-#: Widths of squares of patches.
-SHARED_BOUNCES = (0, 1, 2, 4, 8)
-
-#: What a bake can give, in the order of the user interface.
-OUTPUTS = ("combined", "direct", "indirect", "ambient_occlusion", "shadow_mask")
-
-#: Hemicube resolutions: the column reduction halves the width, so a power of two.
-HEMICUBES = (8, 16, 32, 64, 128, 256)
+_BYTES = Span(0, 1 << 50, "bytes", ("MiB", 1 << 20))
 
 
 @dataclass(frozen=True)
 class Settings:
-    """The settings of one bake.
+    """The settings of one bake; what each does is told by its description."""
 
-    resolution  width and height of each lightmap, texels, 8 ... 16384
-    hemicube    width N of a hemicube, texels, one of HEMICUBES
-    iterations  largest number of iterations (bounces), 1 ... 1000
-    tolerance   stop once the estimated remaining error of the patches, each relative to its own
-                light, is below this on average; 0 never stops early
-    method      one of METHODS: "auto" is "cached" if that fits into memory, else "stream"
-    visibility  one of VISIBILITIES: "auto" casts rays, and tries drawing first where these take long; the
-                paper's method only draws
-    samples     rays of a patch, 4 ... 65536, or 0 for as many as give the error of a hemicube
-    directions  of rays, one of DIRECTIONS
-    shared_bounces  width of the squares of patches that share their bounces, one of SHARED_BOUNCES, texels:
-                each patch then gathers once more for itself; 1 for none, 0 to do so if memory is short
-    half_radiance  True draws the paper's hemicubes in 16-bit floats, where OpenGL sums them: faster where
-                pixels are what takes long
-    accelerate  False iterates as the paper does
-    memory_budget  device memory for what patches see, bytes; 0 for half of the device's
-    outputs     what the bake gives, some of OUTPUTS; shadow_mask gives a map for each light
-    light_samples  shadow rays a patch sends to each light, 1 ... 4096
-    sample_emission  False leaves emissive surfaces and the sky to the hemicubes, as in the paper
-    ao_samples  rays of a patch for ambient occlusion, 1 ... 65536
-    ao_distance how far they reach, m; 0 for any distance
-    seed        seed of the per-patch random rotations, 0 ... 2^32 - 1
-    rotate      False keeps every hemicube at rotation 0 (paper, Fig. 6, top row)
-    array_size  (width, height, layers) of the hemicube texture array in texels, or None to
-                size it from batch_bytes
-    batch_bytes memory for one batch of hemicubes, bytes
-    partials    False yields no partial lightmaps: nobody looks at them
-    dilation    how far charts are dilated for display, texels
-    patch_file  file that the patch list is loaded from, or stored in if it does not exist; or None
-    cache_dir   folder for compiled kernels, or None for PyOpenCL's own
-    """
-
-    resolution: int = 256
-    hemicube: int = 32
-    iterations: int = 50
-    tolerance: float = 0.002
-    method: str = "auto"
-    visibility: str = "auto"
-    samples: int = 0
-    directions: str = "cosine"
-    shared_bounces: int = 0
-    half_radiance: bool = False
-    accelerate: bool = True
-    memory_budget: int = 0
-    partials: bool = True
-    outputs: tuple[str, ...] = ("combined",)
-    light_samples: int = 64
-    sample_emission: bool = True
-    ao_samples: int = 256
-    ao_distance: float = 1.0
-    seed: int = 0
-    rotate: bool = True
-    array_size: tuple[int, int, int] | None = None
-    batch_bytes: int = 64 << 20
-    dilation: int = 8
-    patch_file: str | None = None
-    cache_dir: str | None = None
+    resolution: int = described(
+        256, "Resolution", "Width and height of each lightmap", Span(8, 16384, "texels"), "bake"
+    )
+    hemicube: int = described(
+        32, "Hemicube", "Width of the hemicubes: what each patch sees, in texels", OneOf(_HEMICUBES), "bake"
+    )
+    iterations: int = described(
+        50,
+        "Iterations",
+        "Largest number of light bounces",
+        Span(1, 1000, "iterations"),
+        "bake",
+    )
+    tolerance: float = described(
+        0.002,
+        "Tolerance",
+        "Stop once the estimated remaining error of the patches, each relative to its own light, is below "
+        "this on average; 0 never stops early",
+        Span(0, 1, "of the mean"),
+        "bake",
+    )
+    outputs: tuple[str, ...] = described(
+        ("combined",), "Outputs", "What a bake gives: an image of each", SomeOf(_OUTPUTS), "outputs"
+    )
+    ao_samples: int = described(
+        256, "AO Samples", "Rays of each patch for ambient occlusion", Span(1, 65536, "rays"), "outputs"
+    )
+    ao_distance: float = described(
+        1.0,
+        "AO Distance",
+        "How far ambient occlusion reaches; 0 for any distance",
+        Span(0, 1e9, "m"),
+        "outputs",
+    )
+    method: str = described(
+        "auto", "Method", "How the light that a patch receives is computed", OneOf(_METHODS)
+    )
+    visibility: str = described(
+        "auto", "Visibility", "How it is found what a patch sees; the paper's method only draws",
+        OneOf(_VISIBILITIES),
+    )  # fmt: skip
+    directions: str = described("cosine", "Directions", "Where the rays of a patch go", OneOf(_DIRECTIONS))
+    samples: int = described(
+        0,
+        "Samples",
+        "Rays of each patch, where rays are cast; 0 for as many as give the error of a hemicube",
+        Span(4, 65536, "rays", automatic=0),
+    )
+    light_samples: int = described(
+        64, "Light Samples", "Shadow rays from each patch to each light", Span(1, 4096, "rays")
+    )
+    sample_emission: bool = described(
+        True,
+        "Sample Emission",
+        "Sample small bright emissive surfaces and bright sky as lights; off leaves them to the hemicubes, "
+        "as in the paper",
+        Switch(),
+    )
+    accelerate: bool = described(
+        True,
+        "Accelerate",
+        "Start with the ambient light that energy balance demands and mix iterates so that their errors "
+        "cancel; off iterates as in the paper",
+        Switch(),
+    )
+    seed: int = described(0, "Seed", "Seed of the random rotation of each hemicube", Span(0, (1 << 32) - 1))
+    dilation: int = described(
+        8, "Dilation", "How far charts are extended in the stored image", Span(0, 256, "texels")
+    )
+    patch_file: str | None = described(
+        None,
+        "Patch List",
+        "File that keeps the patch list between bakes of the same UVs; empty for none",
+        FilePath(),
+    )
+    memory_budget: int = described(
+        0,
+        "Memory Budget",
+        "Device memory for what patches see; 0 for half of the device's",
+        _BYTES,
+        "memory",
+    )
+    shared_bounces: int = described(
+        0,
+        "Shared Bounces",
+        "Squares of patches that share their bounces; each patch then gathers once more for itself",
+        OneOf(_SHARED_BOUNCES),
+        "memory",
+    )
+    batch_bytes: int = described(
+        64 << 20,
+        "Batch",
+        "Memory for one batch of hemicubes",
+        Span(1, 1 << 50, "bytes", ("MiB", 1 << 20)),
+        "memory",
+    )
+    rotate: bool = described(
+        True,
+        "Rotate Hemicubes",
+        "Turn every hemicube at random about its normal, for life (paper, Fig. 6); off aligns them",
+        Switch(),
+        "paper",
+    )
+    half_radiance: bool = described(
+        False,
+        "Half Floats",
+        "Draw the paper's hemicubes in 16-bit floats where OpenGL sums them: faster where pixels are what "
+        "takes long",
+        Switch(),
+        "paper",
+    )
+    array_size: tuple[int, int, int] = described(
+        (0, 0, 0),
+        "Texture Array",
+        "Width, height and layers of the array that hemicubes are drawn into, in texels; 0 for as many as "
+        "the batch holds",
+        Size(),
+        "paper",
+    )
+    partials: bool = described(
+        True, "Partial Lightmaps", "Yield the lightmaps so far after each iteration", Switch(), None
+    )
+    cache_dir: str | None = described(
+        None, "Kernel Cache", "Folder for compiled kernels; None for PyOpenCL's own", FilePath(), None
+    )
 
     @property
     def bounces(self) -> bool:
@@ -91,38 +193,17 @@ class Settings:
         return not {"combined", "indirect"}.isdisjoint(self.outputs)
 
 
+def descriptions() -> dict[str, Description]:
+    """Return what is known of each setting, by name, in the order of the interface."""
+    return {entry.name: entry.metadata["description"] for entry in fields(Settings)}
+
+
+def shown_in(panel: str) -> list[str]:
+    """Return the names of the settings that a panel of the interface shows, one of `setting.PANELS`."""
+    return [name for name, description in descriptions().items() if description.panel == panel]
+
+
 def check_settings(settings: Settings) -> None:
     """Raise a SettingsError that names the first setting out of its range."""
-    _check_range("resolution", settings.resolution, 8, 16384, "texels")
-    _check_range("iterations", settings.iterations, 1, 1000, "iterations")
-    _check_range("tolerance", settings.tolerance, 0, 1, "of the mean")
-    _check_range("dilation", settings.dilation, 0, 256, "texels")
-    _check_range("light_samples", settings.light_samples, 1, 4096, "rays")
-    if settings.samples:
-        _check_range("samples", settings.samples, 4, 65536, "rays, or 0 for as many as a hemicube needs")
-    _check_range("memory_budget", settings.memory_budget, 0, 1 << 50, "bytes")
-    _check_range("batch_bytes", settings.batch_bytes, 1, 1 << 50, "bytes")
-    _check_range("seed", settings.seed, 0, (1 << 32) - 1, "")
-    _check_range("ao_samples", settings.ao_samples, 1, 65536, "rays")
-    _check_range("ao_distance", settings.ao_distance, 0, 1e9, "m")
-    outputs = set(settings.outputs)
-    if not outputs or not outputs <= set(OUTPUTS) or len(outputs) < len(settings.outputs):
-        chosen = ", ".join(settings.outputs) or "empty"
-        raise SettingsError(
-            f"outputs is {chosen}; choose at least one of {', '.join(OUTPUTS)}, each once at most."
-        )
-    _check_choice("hemicube", settings.hemicube, HEMICUBES)
-    _check_choice("shared_bounces", settings.shared_bounces, SHARED_BOUNCES)
-    _check_choice("method", settings.method, METHODS)
-    _check_choice("visibility", settings.visibility, VISIBILITIES)
-    _check_choice("directions", settings.directions, DIRECTIONS)
-
-
-def _check_range(name: str, value: float, low: float, high: float, unit: str) -> None:
-    if not low <= value <= high:
-        raise SettingsError(f"{name} is {value:g}; choose {low:g} to {high:g} {unit}".rstrip() + ".")
-
-
-def _check_choice(name: str, value: str | int, choices: tuple[str, ...] | tuple[int, ...]) -> None:
-    if value not in choices:
-        raise SettingsError(f"{name} is {value!r}; choose one of {', '.join(map(str, choices))}.")
+    for name, description in descriptions().items():
+        description.check(name, getattr(settings, name))

@@ -7,6 +7,7 @@ import json
 import bpy
 
 from ..engine.naming import first_line
+from ..engine.settings import shown_in
 
 
 class _Sidebar:
@@ -25,7 +26,7 @@ class HEMIBAKE_PT_bake(_Sidebar, bpy.types.Panel):
         layout.use_property_split = True
         layout.use_property_decorate = False
         column = layout.column()
-        for name in ("resolution", "hemicube", "iterations", "tolerance"):
+        for name in shown_in("bake"):
             column.prop(settings, name)
         button = layout.row()
         button.scale_y = 1.6
@@ -52,10 +53,11 @@ class HEMIBAKE_PT_outputs(_Sidebar, bpy.types.Panel):
             layout.prop(settings, "ao_distance")
 
 
-_ADVANCED = (
-    "method", "visibility", "samples", "light_samples", "sample_emission", "seed", "dilation", "uv_layer",
-    "directory", "patch_file",
-)  # fmt: skip
+#: Settings of the add-on that the engine does not know.
+_OWN = ("uv_layer", "directory")
+
+#: Headings of the groups that follow the settings without one.
+_GROUPS = (("memory", "Memory"), ("paper", "Method Paper"))
 
 
 class HEMIBAKE_PT_advanced(_Sidebar, bpy.types.Panel):
@@ -69,8 +71,13 @@ class HEMIBAKE_PT_advanced(_Sidebar, bpy.types.Panel):
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        for name in _ADVANCED:
-            layout.prop(context.scene.hemibake, name)
+        settings = context.scene.hemibake
+        for name in (*shown_in("advanced"), *_OWN):
+            layout.prop(settings, name)
+        for group, heading in _GROUPS:
+            column = layout.column(heading=heading)
+            for name in shown_in(group):
+                column.prop(settings, name)
 
 
 #: Objects that a bake sees, and those that make instances.

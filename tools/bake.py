@@ -23,39 +23,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from headless import ROOT, blender, quiet_stdout
+from setting_options import add_settings, setting_names
 from signals import Signals, Stopped, ignore
 
 if TYPE_CHECKING:
     import bpy
 
 
-def names(text: str) -> set[str]:
-    """Return the words between commas."""
-    return {word for part in text.split(",") if (word := choice(part))}
-
-
-def choice(text: str) -> str:
-    """Return one word of a choice as the settings spell it."""
-    return text.strip().lower()
-
-
-#: Bake settings that an option of the same name sets, and the option's type.
-_SETTINGS = {
-    "resolution": (int, "width and height of each lightmap, texels"),
-    "hemicube": (str, "width of the hemicubes, texels"),
-    "iterations": (int, "largest number of light bounces"),
-    "tolerance": (float, "stop below this remaining error of the texels, relative to each one's light"),
-    "light_samples": (int, "shadow rays from each texel to each light"),
-    "method": (choice, "how the received light is computed: auto, cached, stream or paper"),
-    "visibility": (choice, "how it is found what texels see: auto, raster or rays"),
-    "outputs": (names, "combined, direct, indirect, ambient_occlusion, shadow_mask; with commas"),
-    "samples": (int, "rays of each texel; 0 for as many as give the error of a hemicube"),
-    "ao_samples": (int, "rays of each texel for ambient occlusion"),
-    "ao_distance": (float, "how far ambient occlusion reaches, m; 0 for any distance"),
-    "seed": (int, "seed of the hemicubes' random rotations"),
-    "uv_layer": (str, "name of the lightmap UV layer"),
-    "patch_file": (str, "file that keeps the patch list between bakes of the same UVs"),
-}
+#: Options that set what the add-on adds to the engine's settings.
+_OWN = {"uv_layer": "name of the lightmap UV layer"}
 
 
 class CommandError(Exception):
@@ -95,8 +71,9 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     parser = Parser(prog="bake.py", description=__doc__.splitlines()[0], allow_abbrev=False)
     parser.add_argument("scene", type=Path, help=".blend, .glb, .gltf or .obj")
     parser.add_argument("--out", type=Path, required=True, help="folder for the lightmaps")
-    for name, (kind, text) in _SETTINGS.items():
-        parser.add_argument(f"--{name.replace('_', '-')}", type=kind, help=text)
+    add_settings(parser)
+    for name, text in _OWN.items():
+        parser.add_argument(f"--{name.replace('_', '-')}", help=text)
     parser.add_argument(
         "--verify", type=int, nargs="?", const=256, metavar="SPP",
         help="bake with Cycles, too, so many samples a texel, and tell the difference",
@@ -202,7 +179,7 @@ def apply_settings(options: argparse.Namespace, out: Path) -> None:
 
     settings = bpy.context.scene.hemibake
     settings.directory = str(out)
-    for name in _SETTINGS:
+    for name in (*setting_names(), *_OWN):
         value = getattr(options, name)
         if value is None:
             continue

@@ -67,7 +67,7 @@ def plan_tiles(settings: Settings, patches: int, texel_bytes: int = COPIED_RADIA
     a batch takes a single draw. Raises SettingsError if array_size holds no hemicube.
     """
     n = settings.hemicube
-    if settings.array_size is None:
+    if not any(settings.array_size):
         layer_bytes = TILES_PER_DRAW * 3 * n * n * texel_bytes
         layers = max(1, settings.batch_bytes // layer_bytes)
         needed = -(-patches // TILES_PER_DRAW)

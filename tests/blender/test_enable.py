@@ -44,15 +44,6 @@ def test_blender_finds_no_violation_of_its_extension_policy():
     assert addon_utils._extensions_warnings_get() == {}
 
 
-def test_hemicube_sizes_are_those_of_the_engine():
-    import bpy
-
-    from engine.settings import HEMICUBES
-
-    items = bpy.context.scene.hemibake.bl_rna.properties["hemicube"].enum_items
-    assert tuple(int(item.identifier) for item in items) == HEMICUBES
-
-
 WINDOWED = """
 import sys
 from types import SimpleNamespace

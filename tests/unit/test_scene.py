@@ -3,9 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.errors import SceneError, SettingsError
+from engine.errors import SceneError
 from engine.scene import Light, Material, Mesh, Scene, Texture, check_scene
-from engine.settings import Settings, check_settings
 
 
 def triangle(**changes):
@@ -126,20 +125,3 @@ def test_triangles_out_of_order(face, subface):
 def test_no_mesh():
     with pytest.raises(SceneError, match="no mesh with faces"):
         check_scene(scene())
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [("resolution", 0), ("resolution", 100000), ("hemicube", 48), ("iterations", 0), ("tolerance", -1),
-     ("tolerance", float("nan")), ("method", "magic"), ("dilation", -1), ("seed", -1), ("batch_bytes", 0),
-     ("outputs", ("direct", "direct")), ("outputs", ()), ("samples", -1), ("samples", 1), ("samples", 3),
-     ("samples", 65537)],
-)  # fmt: skip
-def test_settings_out_of_range(name, value):
-    with pytest.raises(SettingsError, match=name):
-        check_settings(Settings(**{name: value}))
-
-
-@pytest.mark.parametrize("samples", [0, 4, 65536])
-def test_samples_within_their_range(samples):
-    check_settings(Settings(samples=samples))

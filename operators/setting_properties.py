@@ -1,0 +1,99 @@
+"""Blender properties of the engine's settings, made from their descriptions.
+
+The limits of numbers are soft: a script that leaves them gets the engine's message, not a silent clamp.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    EnumProperty,
+    FloatProperty,
+    IntProperty,
+    IntVectorProperty,
+    StringProperty,
+)
+
+from ..engine.setting import Description, FilePath, OneOf, Option, Size, SomeOf, Span, Switch
+from ..engine.settings import Settings, descriptions
+from .compat import PATH_OPTIONS
+
+#: Blender's integers have 32 bits.
+_LARGEST = (1 << 31) - 1
+
+
+def setting_properties() -> dict[str, Any]:
+    """Return the annotations of a property group with every setting that a person chooses."""
+    defaults = {entry.name: entry.default for entry in fields(Settings)}
+    return {
+        name: _property(description, defaults[name])
+        for name, description in descriptions().items()
+        if description.panel is not None
+    }
+
+
+def setting_values(properties: bpy.types.PropertyGroup) -> dict[str, Any]:
+    """Return the settings that a property group with `setting_properties` holds, as the engine takes them."""
+    return {
+        name: _value(description, getattr(properties, name))
+        for name, description in descriptions().items()
+        if description.panel is not None
+    }
+
+
+def _property(description: Description, default: Any) -> Any:
+    """Return the Blender property of a setting."""
+    told = {"name": description.label, "description": description.text}
+    match description.values:
+        case Span() as span:
+            return _number(span, default, told)
+        case OneOf(options):
+            return EnumProperty(items=_items(options), default=str(default), **told)
+        case SomeOf(options):
+            return EnumProperty(items=_items(options), default=set(default), options={"ENUM_FLAG"}, **told)
+        case Switch():
+            return BoolProperty(default=default, **told)
+        case Size():
+            return IntVectorProperty(default=default, size=3, soft_min=0, **told)
+        case FilePath():
+            return StringProperty(subtype="FILE_PATH", options=PATH_OPTIONS, **told)
+
+
+def _number(span: Span, default: float, told: dict[str, str]) -> Any:
+    """Return the property of a number, in the unit that people read."""
+    unit, scale = span.shown or (span.unit, 1)
+    low = span.low if span.automatic is None else span.automatic
+    limits = {"soft_min": -(-low // scale), "soft_max": min(span.high // scale, _LARGEST)}
+    if unit == "m":
+        return FloatProperty(default=default, subtype="DISTANCE", **limits, **told)
+    if isinstance(default, float):
+        return FloatProperty(default=default, precision=4, step=0.1, **limits, **told)
+    if unit:
+        told["description"] += f", in {unit}"
+    limits = {name: int(value) for name, value in limits.items()}
+    return IntProperty(default=default // scale, **limits, **told)
+
+
+def _items(options: dict[Any, Option]) -> list[tuple[str, str, str]]:
+    """Return the items of an enumeration."""
+    return [(str(value), option.label, option.text) for value, option in options.items()]
+
+
+def _value(description: Description, value: Any) -> Any:
+    """Return what a property holds as the engine takes it."""
+    match description.values:
+        case Span(shown=(_, scale)):
+            return value * scale
+        case OneOf(options):
+            return next(option for option in options if str(option) == value)
+        case SomeOf(options):
+            return tuple(option for option in options if option in value)
+        case Size():
+            return tuple(value)
+        case FilePath():
+            return bpy.path.abspath(value) or None
+    return value

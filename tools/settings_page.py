@@ -1,0 +1,76 @@
+"""Write the page of the documentation that lists every setting, from the settings' descriptions.
+
+python tools/settings_page.py            # docs/settings.md
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+from headless import ROOT
+from setting_options import setting_names
+
+from engine.setting import Description, OneOf, SomeOf, Span
+from engine.settings import Settings, descriptions
+
+PAGE = ROOT / "docs" / "settings.md"
+
+_HEAD = """# Settings
+
+The panel, `bpy.context.scene.hemibake`, `tools/bake.py` and `engine.Settings` have the same settings under
+the same names. This page is written by `tools/settings_page.py` from their descriptions in
+`engine/settings.py`.
+
+| Setting | Default | Values | What it does |
+|---|---|---|---|
+"""
+
+
+def page() -> str:
+    """Return the page."""
+    known, defaults = descriptions(), {entry.name: entry.default for entry in fields(Settings)}
+    rows = [_row(name, known[name], defaults[name]) for name in setting_names()]
+    choices = [_options(name, known[name]) for name in setting_names()]
+    return _HEAD + "\n".join(rows) + "\n" + "".join(choices)
+
+
+def _row(name: str, description: Description, default: Any) -> str:
+    """Return the row of a setting."""
+    cells = (f"**{description.label}** `{name}`", _shown(description, default), _values(description))
+    return f"| {' | '.join(cells)} | {description.text}. |"
+
+
+def _shown(description: Description, value: Any) -> str:
+    """Return a value in the unit that people read."""
+    match description.values:
+        case Span(shown=(_, scale)):
+            return f"{value // scale}"
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    return "" if value is None else ", ".join(map(str, value if isinstance(value, tuple) else (value,)))
+
+
+def _values(description: Description) -> str:
+    """Return the values that a setting takes."""
+    match description.values:
+        case Span(low, high, unit, shown, automatic):
+            unit, scale = shown or (unit, 1)
+            first = "" if automatic is None else f"{automatic:g}, "
+            return f"{first}{-(-low // scale):g} … {int(high // scale):,} {unit}".strip()
+        case OneOf(options) | SomeOf(options):
+            return ", ".join(map(str, options))
+    return ""
+
+
+def _options(name: str, description: Description) -> str:
+    """Return a list of what a choice offers, if the setting is one."""
+    match description.values:
+        case OneOf(options) | SomeOf(options):
+            items = [f"- `{value}` {option.label}: {option.text}.\n" for value, option in options.items()]
+            return f"\n## {description.label}: `{name}`\n\n{''.join(items)}"
+    return ""
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

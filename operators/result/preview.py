@@ -15,6 +15,7 @@ import numpy as np
 from ...engine.scene import Material, Texture
 from ..compat import new_node_tree
 from ..scene.materials import read_material
+from ..scene.meshes import read_array
 from ..scene.pixels import PixelCache
 from ..scene.sockets import ComplexError
 
@@ -57,11 +58,20 @@ def hide_preview(objects: Sequence[bpy.types.Object]) -> None:
             slot.link = before.link
     for obj in objects:
         if obj.hemibake.slot_added and len(obj.data.materials) == 1:
-            obj.data.materials.clear()
+            _remove_slot(obj.data)
         obj.hemibake.slot_added = False
         obj.hemibake.slots.clear()
     for material in [item for item in bpy.data.materials if item.get(MARK) and not item.users]:
         bpy.data.materials.remove(material)
+
+
+def _remove_slot(mesh: bpy.types.Mesh) -> None:
+    """Take the only slot away from a mesh; the faces keep the indices that Blender would drop."""
+    before = read_array(mesh.polygons, "material_index", 1, np.int32)[:, 0]
+    stored = "material_index" in mesh.attributes or before.any()
+    mesh.materials.clear()
+    if stored:
+        mesh.polygons.foreach_set("material_index", before)
 
 
 def _remember(obj: bpy.types.Object) -> None:

@@ -2,7 +2,18 @@
 
 import pytest
 
-from tests.blender.things import furnace, material, part, report, snapshot, square
+from tests.blender.things import (
+    CUBE,
+    INWARD,
+    bpy_link,
+    furnace,
+    material,
+    mesh_object,
+    part,
+    report,
+    snapshot,
+    square,
+)
 
 
 @pytest.fixture
@@ -40,6 +51,26 @@ def test_switched_off_everything_is_as_before(baked):
     bpy.ops.hemibake.preview()
     assert snapshot() == before
     assert [len(obj.data.materials) for obj in baked] == [1, 0, 1]
+
+
+@pytest.mark.parametrize("mode", ["OBJECT", "EDIT"])
+def test_faces_of_a_mesh_without_slots_keep_their_material_indices(mode):
+    import bpy
+
+    first, plain = mesh_object("First", CUBE, INWARD), mesh_object("Plain", CUBE, INWARD)
+    first.data.polygons.foreach_set("material_index", [3, 1, 0, 2, 32767, 4])
+    second = bpy_link(bpy.data.objects.new("Second", first.data))
+    second.location, plain.location = (3, 0, 0), (0, 3, 0)
+    bpy.ops.hemibake.bake()
+    bpy.context.view_layer.objects.active = second
+    bpy.ops.object.mode_set(mode=mode)
+    before = snapshot()
+    bpy.ops.hemibake.preview()
+    assert [len(obj.material_slots) for obj in (first, second, plain)] == [1, 1, 1]
+    bpy.ops.hemibake.preview()
+    assert snapshot() == before
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert [polygon.material_index for polygon in first.data.polygons] == [3, 1, 0, 2, 32767, 4]
 
 
 def test_originals_survive_saving_and_loading(baked, tmp_path):

@@ -124,7 +124,8 @@ def _mesh_state(mesh) -> tuple:
         values = np.empty(2 * len(layer.uv), np.float32)
         layer.uv.foreach_get("vector", values)
         uvs.append(values.tobytes())
-    return layers, mesh.uv_layers.active_index, uvs
+    slots = [polygon.material_index for polygon in mesh.polygons]
+    return layers, mesh.uv_layers.active_index, uvs, slots, "material_index" in mesh.attributes
 
 
 def files_below(folder: Path) -> dict[str, bytes]:

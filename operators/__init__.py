@@ -16,7 +16,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Stop the worker, then unregister the operators and the properties."""
+    """Stop all that bakes, then unregister the operators and the properties."""
     owner.stop()
     properties.unbind()
     for cls in reversed(_CLASSES):

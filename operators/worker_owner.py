@@ -13,17 +13,26 @@ from ..engine import session
 
 if TYPE_CHECKING:
     from ..engine.worker import Worker
+    from .window_bake import WindowBake
 
 #: Where the worker finds the package `engine`.
 _ROOT = str(Path(__file__).parents[1])
 
 
 class WorkerOwner:
-    """Starts a worker when one is needed and none is alive; ends all that bakes with the add-on."""
+    """Starts a worker when one is needed and none is alive; ends all that bakes with the add-on.
+
+    running  the bake that a window follows
+    """
 
     def __init__(self) -> None:
         self._worker: Worker | None = None
-        self.busy = False
+        self.running: WindowBake | None = None
+
+    @property
+    def busy(self) -> bool:
+        """True while a window follows a bake."""
+        return self.running is not None
 
     def bake(self) -> Callable:
         """Return the `engine.bake` to use: in a window that of the worker, which keeps crashes out of it."""
@@ -38,8 +47,10 @@ class WorkerOwner:
         return self._worker
 
     def stop(self) -> None:
-        """End the worker process if there is one, and free the devices of this process."""
-        worker, self._worker, self.busy = self._worker, None, False
+        """Cancel the bake that is running, end the worker process, and free the devices of this process."""
+        if self.running is not None:
+            self.running.cancel()
+        worker, self._worker = self._worker, None
         if worker is not None:
             worker.stop()
         session.close()

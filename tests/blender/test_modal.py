@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from tests.blender.things import furnace, part, pixels, snapshot
+from tools.headless import disable, enable
 
 TIMER = SimpleNamespace(type="TIMER", value="NOTHING")
 ESCAPE = SimpleNamespace(type="ESC", value="PRESS")
@@ -71,7 +72,9 @@ class Window:
 @pytest.fixture
 def window(monkeypatch):
     result, find = Window(), part("operators.lookup").find
-    monkeypatch.setattr(part("operators.bake"), "find", lambda collection, uid: find(result.workspaces, uid))
+    monkeypatch.setattr(
+        part("operators.window_bake"), "find", lambda collection, uid: find(result.workspaces, uid)
+    )
     return result
 
 
@@ -169,6 +172,23 @@ def test_status_is_cleared_in_every_workspace_it_was_shown_in(operator, context,
     assert drive(operator, context) == {"FINISHED"}
     assert len(window.workspaces[1].texts) > 1
     assert window.is_as_before()
+
+
+def test_disabling_the_extension_in_mid_bake_leaves_nothing_behind(operator, context, window):
+    import bpy
+
+    furnace()
+    before = snapshot()
+    operator.invoke(context, None)
+    drive(operator, context, until=image_shown)
+    process = part("operators.worker_owner").owner.worker().process
+    disable()
+    try:
+        assert window.is_as_before() and process.poll() is not None
+    finally:
+        enable()
+    assert snapshot() == before
+    assert bpy.ops.hemibake.bake.poll()
 
 
 def test_script_in_a_window_has_the_worker_bake_and_waits(monkeypatch):

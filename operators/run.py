@@ -13,6 +13,7 @@ import numpy as np
 
 from ..engine.errors import EngineError, SceneError
 from ..engine.lightmap import Lightmap
+from ..engine.naming import naming
 from ..engine.outputs import output_names
 from ..engine.progress import Progress
 from ..engine.scene import Scene
@@ -65,6 +66,9 @@ class Run:
         objects = visible_meshes(context)
         made = unwrap_missing(context, objects, self._uv_layer, self._settings.resolution, self._changes)
         usable = [obj for obj in objects if obj not in made.skipped]
+        self._unwrapped = {
+            obj.session_uid: obj.name for obj in usable if self._uv_layer in obj.data.uv_layers
+        }
         return gather(context, usable, self._uv_layer, self._settings.resolution, made.notes)
 
     def step(self) -> Progress | None:
@@ -101,9 +105,10 @@ class Run:
         self._show(pixels)
         targets = [find(bpy.data.images, uid) for uid in self._images]
         files = self._store(targets, pixels)
-        self._remember_images(targets)
+        lost = self._lost_uvs()
+        self._remember_images(targets, lost)
         self._seconds["store"] = time.perf_counter() - start
-        report = self._report(lightmap, [image.name for image in targets], files)
+        report = self._report(lightmap, [image.name for image in targets], files, lost)
         scene = find(bpy.data.scenes, self._scene_uid)
         if scene is not None:
             scene.hemibake.report = json.dumps(report)
@@ -130,34 +135,48 @@ class Run:
             images.show(image, pixels)
             self._images[index : index + 1] = [image.session_uid]
 
-    def _remember_images(self, targets: list[bpy.types.Image]) -> None:
-        """Write on each baked object which image, of the first output, and which UV layer belong to it."""
+    def _lost_uvs(self) -> dict[int, str]:
+        """Return session uid and name of the objects that lost their lightmap UVs, as an undo makes them."""
+        return {
+            obj.session_uid: self._unwrapped[obj.session_uid]
+            for obj in bpy.data.objects
+            if obj.session_uid in self._unwrapped and self._uv_layer not in getattr(obj.data, "uv_layers", ())
+        }
+
+    def _remember_images(self, targets: list[bpy.types.Image], lost: dict[int, str]) -> None:
+        """Write on each baked object which image, of the first output, and which UV layer belong to it.
+
+        lost: objects without lightmap UVs, which stay as they are
+        """
         image = dict(zip(self._gathered.scene.atlases, targets, strict=False))
+        editable = {obj.session_uid: obj for obj in bpy.data.objects if obj.is_editable}
         instances: dict[int, list[dict]] = {}
         for uid, name, number, place in self._gathered.instances:
-            entry = {"object": name, "persistent_id": number, "image": image[place.atlas].name}
-            instances.setdefault(uid, []).append({**entry, "scale": place.scale, "offset": place.offset})
+            if uid in editable and name not in lost.values():
+                entry = {"object": name, "persistent_id": number, "image": image[place.atlas].name}
+                instances.setdefault(uid, []).append({**entry, "scale": place.scale, "offset": place.offset})
         for uid, entries in instances.items():
-            obj = find(bpy.data.objects, uid)
-            if obj is not None and obj.is_editable:
-                obj.hemibake.instances = json.dumps(entries)
+            editable[uid].hemibake.instances = json.dumps(entries)
         for uid, place in self._gathered.objects:
-            obj = find(bpy.data.objects, uid)
-            if obj is not None and obj.is_editable:
-                obj.hemibake.image, obj.hemibake.uv_layer = image[place.atlas], self._uv_layer
-                obj.hemibake.uv_scale, obj.hemibake.uv_offset = place.scale, place.offset
+            if uid in editable and uid not in lost:
+                properties = editable[uid].hemibake
+                properties.image, properties.uv_layer = image[place.atlas], self._uv_layer
+                properties.uv_scale, properties.uv_offset = place.scale, place.offset
 
-    def _report(self, lightmap: Lightmap, names: list[str], files: list[str]) -> dict:
+    def _report(self, lightmap: Lightmap, names: list[str], files: list[str], lost: dict[int, str]) -> dict:
         facts = lightmap.report
         notes = [*self._gathered.notes, *facts.warnings]
+        if lost:
+            sentence = "These objects lost their lightmap UVs during the bake, as by an undo: {}. Bake again."
+            notes.append(naming(sentence, list(lost.values())))
         if self._places.folder is None:
             notes.append(
                 "The .blend is not saved yet: the lightmaps are packed into it. Save it to write EXR files."
             )
         seconds = {**self._seconds, **facts.seconds, "total": time.perf_counter() - self._start}
         return {
-            "objects": len(self._gathered.objects),
-            "instances": len(self._gathered.instances),
+            "objects": sum(uid not in lost for uid, _ in self._gathered.objects),
+            "instances": sum(name not in lost.values() for _, name, *_ in self._gathered.instances),
             "triangles": self._gathered.triangles,
             "scene_bytes": self._gathered.bytes,
             "patches": int(facts.patches),

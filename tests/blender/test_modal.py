@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from tests.blender.things import furnace, part, pixels, snapshot
+from tests.blender.things import furnace, part, pixels, report, snapshot, square
 from tools.headless import disable, enable
 
 TIMER = SimpleNamespace(type="TIMER", value="NOTHING")
@@ -189,6 +189,26 @@ def test_disabling_the_extension_in_mid_bake_leaves_nothing_behind(operator, con
         enable()
     assert snapshot() == before
     assert bpy.ops.hemibake.bake.poll()
+
+
+def test_object_whose_uvs_were_undone_in_mid_bake_is_named_and_not_written(operator, context, window):
+    import bpy
+
+    furnace()
+    square("Kept", [(0.4, 0.4), (0.6, 0.4), (0.6, 0.6), (0.4, 0.6)]).location = (0.2, 0.2, 0.5)
+    bpy.data.objects["Kept"].hemibake.atlas = "Own"
+    bpy.ops.ed.undo_push(message="Both objects are there")
+    bpy.data.objects["Kept"].scale = (0.5, 0.5, 0.5)
+    bpy.ops.ed.undo_push(message="One is smaller")
+    operator.invoke(context, None)
+    drive(operator, context, until=image_shown)
+    bpy.ops.ed.undo()
+    assert drive(operator, context) == {"FINISHED"}
+    lost, kept = bpy.data.objects["Furnace"], bpy.data.objects["Kept"]
+    (warning,) = [text for kind, text in operator.reports if kind == {"WARNING"} and "Furnace" in text]
+    assert "Bake again" in warning and "Kept" not in warning
+    assert "Lightmap" not in lost.data.uv_layers and lost.hemibake.image is None
+    assert kept.hemibake.image.name == "Own" and report()["objects"] == 1
 
 
 def test_script_in_a_window_has_the_worker_bake_and_waits(monkeypatch):

@@ -158,6 +158,16 @@ def shining_lights(scene: Scene) -> tuple[Light, ...]:
 #: Greater radiances count as infinite: sums of them would leave float32.
 MAX_RADIANCE = 1e30
 
+#: Largest coordinate, m: areas, and squares of areas, then fit float32. Furnaces of 4e9 m are right, of 1e10
+#: black.
+LARGEST = 1e9
+
+#: Least size of a scene, m. Furnaces of 2.5e-10 m are right; at 1e-10 areas of triangles count as none.
+SMALLEST = 1e-9
+
+#: Largest distance of a light, m: its square, times areas, fits float32.
+FARTHEST_LIGHT = 1e15
+
 #: Polygons of a mesh: shaders count them in float32.
 MOST_FACES = 1 << 24
 
@@ -179,11 +189,39 @@ def check_scene(scene: Scene) -> None:
     for mesh in scene.meshes:
         check_mesh(mesh)
         check_references(mesh, scene)
+    check_size(scene)
     for material in scene.materials:
         check_material(material)
     for light in scene.lights:
         check_light(light)
     check_world(scene.world)
+
+
+def check_size(scene: Scene) -> None:
+    """Raise a SceneError that names an object if the scene is too large or too small for float32."""
+    meshes = [mesh for mesh in scene.meshes if len(mesh.positions)]
+    low, high = np.transpose([_box(mesh) for mesh in meshes], (1, 0, 2))
+    reach = np.maximum(-low, high).max(axis=1)
+    farthest = int(reach.argmax())
+    if reach[farthest] > LARGEST:
+        raise SceneError(
+            f"Object '{meshes[farthest].name}' reaches {reach[farthest]:.3g} m from the middle of the scene; "
+            f"at most {LARGEST:.0e} m can be baked. Delete its far vertices, move it closer, or scale the "
+            "scene down."
+        )
+    size = (high.max(axis=0) - low.min(axis=0)).max()
+    if size < np.float32(SMALLEST):
+        largest = meshes[int((high - low).max(axis=1).argmax())].name
+        raise SceneError(
+            f"The scene is only {size:.3g} m large, and object '{largest}' is its largest; at least "
+            f"{SMALLEST:.0e} m can be baked. Scale the scene up."
+        )
+
+
+def _box(mesh: Mesh) -> np.ndarray:
+    """Return the low and the high corner of a mesh, (2, 3) float64, metres."""
+    axes = mesh.positions.reshape(-1, 3).T
+    return np.array([[axis.min() for axis in axes], [axis.max() for axis in axes]], np.float64)
 
 
 def check_world(world: np.ndarray) -> None:
@@ -303,6 +341,11 @@ def check_light(light: Light) -> None:
     )
     if not all(np.isfinite(values).all() for values in place):
         raise SceneError(f"Light '{light.name}' has a place or size that is NaN or infinite. Mend it.")
+    if np.abs(light.position).max() > FARTHEST_LIGHT or max(light.radius, *light.size) > LARGEST:
+        raise SceneError(
+            f"Light '{light.name}' is farther than {FARTHEST_LIGHT:.0e} m or larger than {LARGEST:.0e} m. "
+            "Move it closer, or make it smaller."
+        )
     lengths = np.linalg.norm(light.axes, axis=1)[_AXES_NEEDED.get(light.kind, slice(0))]
     if (np.abs(lengths - 1) > _UNIT_TOLERANCE).any() or (np.asarray(light.stretch) <= 0).any():
         raise SceneError(

@@ -13,6 +13,10 @@ typedef struct {
     float sky_total;
 } Lights;
 
+// Least square of a distance; light nearer than this share of a texel's width is spread over the texel.
+#define LEAST 1e-36f
+#define SPREAD 0.1f
+
 // About how much light an emitter brings without shadow; 0 only if it brings none.
 float emitter_weight(__global const float4 *e, const Receiver *r, const float sky_total)
 {
@@ -33,7 +37,8 @@ float emitter_weight(__global const float4 *e, const Receiver *r, const float sk
         const float spot = e[2].w >= -1.0f && e[1].w == 0.0f && widest > -1.0f
             ? in_cone(e, -to / fmax(d, 1e-20f), widest, 1.0f) + 1e-4f : 1.0f;
         const float cosine = d < reach ? 1.0f : fmax(dot(r->normal, to) / fmax(d, 1e-20f), 0.05f);
-        return strength * spot * cosine / fmax(fmax(d2, e[1].w * e[1].w), 1e-12f);
+        const float near = fmax(e[1].w, SPREAD * r->size);
+        return strength * spot * cosine / fmax(fmax(d2, near * near), LEAST);
     }
     const float3 a = e[1].xyz - r->at, b = a + e[2].xyz, c = a + e[3].xyz;
     const float top = fmax(fmax(dot(a, r->geometric), dot(b, r->geometric)), dot(c, r->geometric));
@@ -60,7 +65,7 @@ float node_weight(__global const float4 *node, const Receiver *r, bool *open)
 {
     const float3 to = node[0].xyz - r->at;
     const float radius = node[0].w, extent = radius + r->size;
-    const float d2 = fmax(dot(to, to), 1e-12f), d = sqrt(d2), height = dot(r->normal, to);
+    const float d2 = fmax(dot(to, to), LEAST), d = sqrt(d2), height = dot(r->normal, to);
     *open = false;
     if (height < -extent || dot(r->geometric, to) < -extent)
         return 0.0f;
@@ -78,7 +83,8 @@ float node_weight(__global const float4 *node, const Receiver *r, bool *open)
     const float3 products = (float3)(away.x * away.y, away.x * away.z, away.y * away.z);
     const float spread = sqrt(fmax(dot(node[3].xyz, squares) + 2.0f * dot(node[4].xyz, products), 0.0f));
     const float directed = fmax(spread + dot(node[2].xyz, away), 0.02f + 0.1f * fmin(radius / d, 1.0f));
-    return (node[2].w + node[3].w * directed) * fmax(height / d, 0.05f + 0.1f * fmin(radius / d, 1.0f)) / d2;
+    return (node[2].w + node[3].w * directed) * fmax(height / d, 0.05f + 0.1f * fmin(radius / d, 1.0f))
+        / fmax(d2, SPREAD * SPREAD * r->size * r->size);
 }
 
 // The weight of an inner node or an emitter.

@@ -185,15 +185,20 @@ class Run:
             "samples": facts.samples,
             "reasons": list(facts.reasons),
             "iterations": int(facts.iterations),
-            "residual": float(facts.residual) if math.isfinite(facts.residual) else None,
+            "residual": _number(facts.residual),
             "converged": bool(facts.converged),
-            "energies": [float(energy) for energy in facts.energies],
+            "energies": [_number(energy) for energy in facts.energies],
             "seconds": {stage: round(float(value), 4) for stage, value in seconds.items()},
             "devices": dict(facts.devices),
             "images": names,
             "files": files,
             "warnings": list(dict.fromkeys(notes)),
         }
+
+
+def _number(value: float) -> float | None:
+    """Return a number as JSON takes it: None if it is NaN or infinite."""
+    return float(value) if math.isfinite(value) else None
 
 
 def _image_names(scene: Scene, settings: Settings) -> list[str]:

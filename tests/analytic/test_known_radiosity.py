@@ -5,8 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from engine import Scene, Settings
+from engine import Light, Scene, Settings
 from engine.reference import analytic
+from engine.scene import LARGEST, SMALLEST
 from tests.analytic import scenes
 from tests.analytic.drive import Prepared, drive, drive_with_progress, irradiance, prepare
 
@@ -39,6 +40,38 @@ def test_furnace_away_from_the_origin(distance):
     moved = dataclasses.replace(scene, meshes=(dataclasses.replace(scene.meshes[0], positions=positions),))
     lightmap = drive(moved, Settings(resolution=32, hemicube=16, iterations=30, tolerance=1e-4))
     assert irradiance(lightmap) == pytest.approx(np.full((384, 3), 2.0), rel=0.005)
+
+
+@pytest.mark.parametrize("size", [LARGEST, SMALLEST])
+@pytest.mark.parametrize("settings", [{"visibility": "rays"}, {"visibility": "raster"}, {"method": "paper"}])
+def test_furnaces_of_the_largest_and_the_smallest_size(size, settings):
+    scene = scenes.furnace(0.5, 1.0)
+    positions = scene.meshes[0].positions * np.float32(size)
+    sized = dataclasses.replace(scene, meshes=(dataclasses.replace(scene.meshes[0], positions=positions),))
+    lightmap = drive(sized, Settings(resolution=32, hemicube=16, iterations=30, tolerance=1e-3, **settings))
+    assert irradiance(lightmap) == pytest.approx(np.full((384, 3), 2.0), rel=0.005)
+
+
+@pytest.mark.parametrize("size", [LARGEST, 1.0, SMALLEST])
+def test_lamps_in_rooms_of_the_largest_and_the_smallest_size(size):
+    """A point in the middle and an area light under the ceiling; the light of the room of 1 m."""
+    room = scenes.furnace(0.0, 0.0)
+    positions = room.meshes[0].positions * np.float32(size)
+    middle, high = np.full(3, size / 2), np.array([0.5, 0.5, 0.9]) * size
+    lamps = (
+        Light("Point", "point", middle, np.eye(3), np.full(3, np.float32(size) ** 2), radius=size / 100),
+        Light("Area", "area", high, np.eye(3), np.ones(3, np.float32), size=np.full(2, size / 2)),
+    )
+    sized = dataclasses.replace(room.meshes[0], positions=positions)
+    settings = Settings(resolution=32, hemicube=8, iterations=1, visibility="rays", light_samples=256)
+    light = irradiance(drive(Scene((sized,), room.materials, lights=lamps), settings))
+    patch = 1 / 8
+    centre = 1 / np.pi * 0.5 / (0.25 + 2 * (patch / 2) ** 2) ** 1.5
+    square = scenes.rectangle((0.25, 0.25, 0.9), (0, 0.5, 0), (0.5, 0, 0))
+    lit = np.abs(
+        analytic.polygon(np.array([[0.5 + patch / 2, 0.5 + patch / 2, 0]]), np.eye(3)[2:], square)
+    ).max()
+    assert light.max() == pytest.approx(centre + lit, rel=0.02)
 
 
 def test_furnace_on_a_plain_of_ten_kilometres():

@@ -81,6 +81,22 @@ def test_single_iteration_cannot_tell_the_residual():
     assert report()["residual"] is None and not report()["converged"]
 
 
+def test_a_report_is_json_also_of_light_beyond_float32():
+    """A furnace of 9e8 m that sends out 9e29 W per m^2 and sr: its flux is infinite."""
+    import bpy
+
+    obj = furnace()
+    obj.scale = (9e8,) * 3
+    node = obj.data.materials[0].node_tree.nodes["Principled BSDF"]
+    node.inputs["Emission Strength"].default_value = 9e29
+    bpy.context.scene.hemibake.iterations = 3
+    assert bake() == {"FINISHED"}
+    assert (
+        "NaN" not in bpy.context.scene.hemibake.report and "Infinity" not in bpy.context.scene.hemibake.report
+    )
+    assert None in report()["energies"]
+
+
 def test_stored_pixels_are_those_of_the_engine_bit_by_bit(tmp_path):
     import bpy
 

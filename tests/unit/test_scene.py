@@ -80,6 +80,38 @@ def test_a_light_of_an_unknown_kind():
         check_scene(replace(scene(triangle()), lights=(lamp("beam"),)))
 
 
+@pytest.mark.parametrize("factor", [1e9, 1e-9])
+def test_scenes_of_sizes_that_can_be_baked(factor):
+    check_scene(scene(triangle(positions=triangle().positions * np.float32(factor))))
+
+
+def test_an_object_that_reaches_too_far_is_named():
+    far = triangle(name="Far", positions=triangle().positions - np.float32([0, 1.01e9, 0]))
+    empty = np.zeros((0, 3, 3), np.float32)
+    nothing = triangle(
+        name="Nothing", positions=empty, face=np.zeros(0, np.int32), subface=np.zeros(0, np.int32)
+    )
+    with pytest.raises(SceneError, match="Object 'Far' reaches 1.01e[+]09 m.*[.] [A-Z]"):
+        check_scene(scene(triangle(), nothing, far))
+
+
+def test_a_scene_that_is_too_small_is_told_with_its_largest_object():
+    small, large = (
+        triangle(name=name, positions=triangle().positions * np.float32(size))
+        for name, size in (("A", 1e-11), ("B", 9e-10))
+    )
+    with pytest.raises(SceneError, match="only 9e-10 m.*'B'.*[.] [A-Z]"):
+        check_scene(scene(small, large))
+
+
+@pytest.mark.parametrize(
+    "values", [{"position": np.array([0, -2e15, 0])}, {"radius": 2e9}, {"size": np.array([1, 2e9])}]
+)
+def test_lights_beyond_what_float32_holds(values):
+    with pytest.raises(SceneError, match="Light 'Lamp' is farther than 1e[+]15 m or larger than 1e[+]09 m"):
+        check_scene(replace(scene(triangle()), lights=(lamp("point", **values),)))
+
+
 def lamp(kind, **values):
     return Light(
         "Lamp", **{"kind": kind, "position": np.zeros(3), "axes": np.eye(3), "strength": np.ones(3)} | values

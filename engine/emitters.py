@@ -136,7 +136,7 @@ def _area_records(light: Light, origin: np.ndarray) -> np.ndarray:
     records[:, 0, 2] = light.casts_shadow
     records[:, 0, 3] = light.half_angle >= _WIDEST
     records[:, 4, 3] = light.half_angle
-    records[:, 5, 3] = -1
+    surface_numbers(records)[:] = -1
     return records
 
 
@@ -151,8 +151,17 @@ def surface_records(
     records[:, 0, 2], records[:, 0, 3] = 1, bright.even
     records[:, 4, 3] = triangles.atlas[bright.triangles]
     records[:, 5, 2] = culled[triangles.material[bright.triangles]]
-    records[:, 5, 3] = bright.triangles
+    surface_numbers(records)[:] = bright.triangles
     return records
+
+
+def surface_numbers(records: np.ndarray) -> np.ndarray:
+    """Return a view of the numbers of triangles in their records, (k,) int32; -1 for parts of area lights.
+
+    They are the bits of float32: counted in it, 16,777,217 would be 16,777,216.
+    """
+    numbers: np.ndarray = records.view(np.int32)[:, 5, 3]
+    return numbers
 
 
 def sky_record() -> np.ndarray:

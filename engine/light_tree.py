@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .emitters import POINT, RECORD, SKY_MAP, SUN
+from .emitters import POINT, RECORD, SKY_MAP, SUN, surface_numbers
 
 #: float4 a record of an inner node.
 NODE = 5
@@ -90,7 +90,8 @@ def _emitters(records: np.ndarray) -> _Emitters:
     normal = np.cross(offsets[:, 1], offsets[:, 2])
     twice = np.linalg.norm(normal, axis=1)
     normal /= np.maximum(twice, 1e-30)[:, None]
-    one_sided = ~point & ((last[:, 5] < 0) | (rows[:, 5, 2] > 0))
+    lamp = ~point & (surface_numbers(records) < 0)
+    one_sided = lamp | (~point & (rows[:, 5, 2] > 0))
     alike = np.where(point, strength, 0)
     along = np.where(point, 0, strength * twice / 2)
     share = np.where(one_sided, along / 2, along)
@@ -104,7 +105,7 @@ def _emitters(records: np.ndarray) -> _Emitters:
     stretch = [1 / np.maximum(np.linalg.norm(rows[:, row], axis=1), 1e-30) for row in (4, 5)]
     half = np.arccos(np.clip(last[:, 2], 0, 1))
     half = np.arctan2(np.sin(half) * np.maximum(*stretch) * np.abs(last[:, 5]), np.cos(half))
-    spread = np.where(last[:, 5] < 0, np.minimum(last[:, 4], np.pi / 2), np.pi / 2)
+    spread = np.where(lamp, np.minimum(last[:, 4], np.pi / 2), np.pi / 2)
     angle = np.where(spot, half, np.where(one_sided, spread, np.pi))
     return _Emitters(low, high, np.where(spot[:, None], rows[:, 2], normal), angle, totals)
 

@@ -50,6 +50,9 @@ float3 point_of_texel(const Receiver *r, const float2 place)
     return in_triangle(r, r->at - offset) ? r->at - offset : r->at;
 }
 
+// The number of the surface's triangle that an emitter is; -1 for a part of an area light.
+int surface_of(__global const float4 *e) { return as_int(e[5].w); }
+
 // What a sample brings: direction and distance of the light, E/pi without shadow.
 typedef struct {
     float3 direction;
@@ -203,7 +206,7 @@ Sample sample_triangle(__global const float4 *e, const Glow *glow, const float3 
     // The front of an area light shines, emissive surfaces shine on both sides.
     const float cosine = -dot(normal, s.direction) / twice;
     float3 radiance;
-    if (e[5].w < 0.0f) {
+    if (surface_of(e) < 0) {
         if (cosine <= 0.0f)
             return s;
         radiance = e[4].xyz;
@@ -216,7 +219,7 @@ Sample sample_triangle(__global const float4 *e, const Glow *glow, const float3 
     } else if (e[5].z > 0.0f && cosine <= 0.0f) {
         return s;
     } else {
-        __global const float2 *corner = glow->uvs + 3 * (int)e[5].w;
+        __global const float2 *corner = glow->uvs + 3 * (size_t)surface_of(e);
         const float2 uv = corner[0] * (1.0f - w.x - w.y) + corner[1] * w.x + corner[2] * w.y;
         const int page = (int)e[4].w, limit = glow->resolution - 1;
         const int x = clamp((int)(uv.x * glow->resolution), 0, limit);
@@ -298,7 +301,7 @@ float3 open_light(__global const float4 *e, const float3 p, const float3 normal,
 {
     const float3 a = e[1].xyz - p, facing = cross(e[2].xyz, e[3].xyz);
     const bool front = dot(facing, a) < 0.0f;
-    if (!front && (e[5].w < 0.0f || e[5].z > 0.0f))
+    if (!front && (surface_of(e) < 0 || e[5].z > 0.0f))
         return (float3)(0.0f);
     const float3 triangle[3] = {a, a + e[2].xyz, a + e[3].xyz};
     float3 above[4], corners[5];

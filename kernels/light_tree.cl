@@ -46,7 +46,7 @@ float emitter_weight(__global const float4 *e, const Receiver *r, const float sk
         return 0.0f;
     const float3 normal = cross(e[2].xyz, e[3].xyz);
     const float facing = -dot(normal, a), twice = length(normal);
-    if ((e[5].w < 0.0f || e[5].z > 0.0f) && facing <= -r->size * twice)
+    if ((surface_of(e) < 0 || e[5].z > 0.0f) && facing <= -r->size * twice)
         return 0.0f;
     const float3 middle = (a + b + c) / 3.0f;
     const float d2 = dot(middle, middle), d = sqrt(d2);

@@ -6,6 +6,9 @@ import pytest
 
 from engine.device.compute import Compute
 from engine.device.source import kernel_source
+from engine.emitters import BrightTriangles, lamp_records, surface_records
+from engine.geometry import Triangles
+from engine.scene import Light
 
 #: Clips to a plane through the origin; what lies beyond the fifth corner has to stay as it is.
 CLIPPING = """
@@ -47,6 +50,41 @@ def clipped(device, quads, normals):
     cl.enqueue_copy(device.queue, counts, outputs[0])
     cl.enqueue_copy(device.queue, results, outputs[1])
     return counts, results[..., :3]
+
+
+#: Triangles of a scene: as float32, the numbers of the last ones would be even.
+MANY = 2**24 + 8
+
+
+def test_the_numbers_of_emissive_triangles_are_exact_however_many_there_are(device):
+    triangles = Triangles(
+        np.broadcast_to(np.float32([(0, 0, 0), (1, 0, 0), (0, 1, 0)]), (MANY, 3, 3)),
+        *[np.broadcast_to(np.zeros(1, np.float32), (MANY, 3, width)) for width in (3, 2)],
+        *[np.broadcast_to(np.zeros(1, np.int32), MANY)] * 3,
+    )
+    numbers = np.array([0, 1, 2**23 - 1, 2**24 + 1, 2**24 + 3, MANY - 1])
+    bright = BrightTriangles(
+        numbers, np.ones((6, 3), np.float32), np.ones(6, bool), np.zeros((0, 3), np.float32)
+    )
+    lamp = Light("Lamp", "area", np.zeros(3), np.eye(3), np.ones(3, np.float32), size=np.ones(2))
+    surfaces = surface_records(triangles, bright, np.zeros(1, bool), np.zeros(3))
+    records = np.concatenate([lamp_records(lamp, np.zeros(3)), surfaces])
+    source = """
+    __kernel void numbers(__global const float4 *records, __global int *result)
+    {
+        const int i = get_global_id(0);
+        result[i] = surface_of(records + EMITTER * i);
+    }"""
+    files = ("receiver.cl", "emitters.cl")
+    kernel = cl.Kernel(
+        cl.Program(device.context, "\n".join([*map(kernel_source, files), source])).build(), "numbers"
+    )
+    result = np.zeros(len(records), np.int32)
+    read = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
+    output = cl.Buffer(device.context, cl.mem_flags.WRITE_ONLY, result.nbytes)
+    kernel(device.queue, (len(records),), None, cl.Buffer(device.context, read, hostbuf=records), output)
+    cl.enqueue_copy(device.queue, result, output)
+    assert result.tolist() == [-1, -1, *numbers]
 
 
 def area(corners):

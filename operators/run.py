@@ -22,6 +22,7 @@ from .bake_settings import read_settings
 from .changes import Changes
 from .lookup import find
 from .result import images
+from .result.contents import lightmap_contents
 from .result.places import choose_places
 from .scene import Gathered, gather, visible_meshes
 from .scene.unwrap import unwrap_missing
@@ -117,7 +118,8 @@ class Run:
     def _store(self, targets: list[bpy.types.Image], lightmaps: np.ndarray) -> list[str]:
         """Store lightmaps and return their files."""
         try:
-            return images.store(targets, lightmaps, self._places)
+            contents = lightmap_contents(self._gathered, self._settings, self._uv_layer)
+            return images.store(targets, lightmaps, self._places, contents)
         except EngineError as error:
             self.failure = str(error)
             return []

@@ -12,6 +12,7 @@ from ..changes import Changes
 from ..lookup import find
 from .exr import rgba, write_exr
 from .files import reason, replace_all, staging_folder
+from .manifest import NAME, write_manifest
 from .places import Places
 
 #: Custom property that marks an image as ours; its value is the atlas name.
@@ -45,11 +46,14 @@ def show(image: bpy.types.Image, pixels: np.ndarray) -> None:
     image.update()
 
 
-def store(images: list[bpy.types.Image], lightmaps: np.ndarray, places: Places) -> list[str]:
+def store(
+    images: list[bpy.types.Image], lightmaps: np.ndarray, places: Places, facts: list[dict]
+) -> list[str]:
     """Write each lightmap as 32-bit EXR, let its image use the file, and return the paths.
 
     images     show the lightmaps already
     lightmaps  (images, h, w, 3) float32, scene-linear, bottom row first
+    facts      what the manifest tells of each
 
     Without a folder the images are packed into the .blend and the list is empty. If the files cannot
     be written those that were there stay, the images are packed, and an EngineError says so.
@@ -58,7 +62,7 @@ def store(images: list[bpy.types.Image], lightmaps: np.ndarray, places: Places) 
         _pack_all(images, places)
         return []
     try:
-        _write_all(lightmaps, places)
+        _write_all(lightmaps, places, facts)
     except (OSError, RuntimeError) as error:
         _pack_all(images, places)
         raise EngineError(
@@ -103,13 +107,15 @@ def _set_image(scene_uid: int, atlas: str, image_uid: int | None) -> None:
         entry.image = image_uid and find(bpy.data.images, image_uid)
 
 
-def _write_all(lightmaps: np.ndarray, places: Places) -> None:
-    """Write all files, or none."""
+def _write_all(lightmaps: np.ndarray, places: Places, facts: list[dict]) -> None:
+    """Write all files and the manifest, or none: the manifest comes first and knows old and new files."""
     with staging_folder(places.folder) as staging:
         staged = [staging / f"{index}.exr" for index in range(len(lightmaps))]
         for path, pixels in zip(staged, lightmaps, strict=True):
-            write_exr(path, pixels, places.owner)
-        replace_all(staged, places.paths, staging)
+            write_exr(path, pixels)
+        manifest, told = staging / NAME, [{"blend": places.blend, **fact} for fact in facts]
+        write_manifest(manifest, places.folder, staged, places.names, told)
+        replace_all([manifest, *staged], [places.folder / NAME, *places.paths], staging)
 
 
 def _use_file(image: bpy.types.Image, path: str) -> None:

@@ -13,8 +13,8 @@ import bpy
 
 from ...engine.errors import EngineError
 from ..changes import Changes
-from .exr import read_owner
 from .files import reason
+from .manifest import is_ours, read_manifest
 
 #: Longest file name without its ending, bytes: file systems allow 255 in all.
 _LONGEST = 200
@@ -27,13 +27,13 @@ class Places:
     folder     None where the .blend has no folder yet: they are packed into it
     names      file name of each lightmap
     packed_as  folder that packed images name as theirs
-    owner      the .blend as seen from the folder, empty for one that is not saved
+    blend      the .blend as seen from the folder, empty for one that is not saved
     """
 
     folder: Path | None
     names: tuple[str, ...]
     packed_as: str
-    owner: str = ""
+    blend: str = ""
 
     @property
     def paths(self) -> list[Path]:
@@ -54,20 +54,21 @@ def choose_places(scene: bpy.types.Scene, atlases: Sequence[str], directory: str
     if relative and not bpy.data.filepath:
         return Places(None, tuple(_names(scene.name, "", atlases, set(), lambda name: True)), directory)
     folder = Path(os.path.abspath(bpy.path.abspath(directory)))
-    owner = _owner(folder)
+    blend = _blend_from(folder)
     try:
         _try_folder(folder, changes)
         others = {path.name.casefold() for path in _files_of_other_scenes(scene) if path.parent == folder}
         stem = Path(bpy.data.filepath).stem if relative else ""
-        names = _names(scene.name, stem, atlases, others, lambda name: _is_free(folder / name, owner))
-        return Places(folder, tuple(names), directory, owner)
+        known = read_manifest(folder)
+        names = _names(scene.name, stem, atlases, others, lambda name: _is_free(known, folder / name, blend))
+        return Places(folder, tuple(names), directory, blend)
     except OSError as error:
         raise EngineError(
             f"The lightmaps cannot be written to '{folder}': {reason(error)}. Choose another folder."
         ) from error
 
 
-def _owner(folder: Path) -> str:
+def _blend_from(folder: Path) -> str:
     """Return the path of the .blend as seen from a folder; absolute if it is on another drive."""
     blend = bpy.data.filepath
     try:
@@ -100,11 +101,9 @@ def _files_of_other_scenes(scene: bpy.types.Scene) -> Iterator[Path]:
                 yield Path(os.path.abspath(bpy.path.abspath(entry.image.filepath_raw)))
 
 
-def _is_free(path: Path, owner: str) -> bool:
+def _is_free(known: dict[str, dict], path: Path, blend: str) -> bool:
     """Return whether there is no such file, or one that Hemibake wrote for the same .blend."""
-    if not os.path.lexists(path):
-        return True
-    return path.is_file() and read_owner(path) == owner
+    return not os.path.lexists(path) or is_ours(known, path, blend)
 
 
 def _names(scene: str, stem: str, atlases: Sequence[str], others: set[str], is_free) -> Iterator[str]:

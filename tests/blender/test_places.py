@@ -1,5 +1,6 @@
 """Where lightmaps are stored, and what is never overwritten."""
 
+import json
 import os
 import shutil
 import signal
@@ -10,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.blender.things import files_below, furnace, part, pixels, report, snapshot
+from tests.blender.things import files_below, furnace, material, part, pixels, report, snapshot, square
 from tools.headless import ROOT
 
 
@@ -54,7 +55,7 @@ def test_scenes_of_a_file_have_images_and_files_of_their_own(tmp_path):
     images = [scene.hemibake.lightmaps["Lightmap"].image for scene in (first, second)]
     assert [image.name for image in images] == ["Lightmap", "Lightmap Night"]
     assert [brightest(image) for image in images] == pytest.approx([2, 4], rel=0.01)
-    names = ["house_Lightmap.exr", "house_Night_Lightmap.exr"]
+    names = ["hemibake.json", "house_Lightmap.exr", "house_Night_Lightmap.exr"]
     assert sorted(files_below(tmp_path / "lightmaps")) == names
     before = files_below(tmp_path / "lightmaps")
     bake()
@@ -103,7 +104,8 @@ def test_two_files_in_a_folder_do_not_share_lightmaps(tmp_path, directory):
     save_blend(tmp_path / "second.blend")
     bake()
     both = files_below(tmp_path / "lightmaps")
-    assert len(both) == 2 and first.items() < both.items()
+    assert len(both) == 3 and first["hemibake.json"] != both["hemibake.json"]
+    assert [name for name in first if first[name] != both[name]] == ["hemibake.json"]
     bake()
     assert files_below(tmp_path / "lightmaps") == both
 
@@ -119,14 +121,68 @@ def test_file_of_the_user_is_not_overwritten(tmp_path):
     assert report()["files"] == [str(own.with_name("scene_Lightmap.001.exr"))]
 
 
-def test_owner_in_an_exr_survives_reading_and_blender_reads_the_pixels(tmp_path):
-    import numpy as np
+def test_map_that_was_painted_over_is_not_overwritten(tmp_path):
+    save_blend(tmp_path / "scene.blend")
+    furnace()
+    bake()
+    path = tmp_path / "lightmaps" / "scene_Lightmap.exr"
+    path.write_bytes(path.read_bytes() + b"painted")
+    bake()
+    assert path.read_bytes().endswith(b"painted")
+    assert report()["files"] == [str(path.with_name("scene_Lightmap.001.exr"))]
 
-    exr = part("operators.result.exr")
-    exr.write_exr(tmp_path / "a.exr", np.ones((70, 50, 3), np.float32), "../a room.blend")
-    assert exr.read_owner(tmp_path / "a.exr") == "../a room.blend"
-    (tmp_path / "b.exr").write_bytes(b"v/1\1 not ours")
-    assert exr.read_owner(tmp_path / "b.exr") is None
+
+def test_map_that_a_killed_bake_was_about_to_replace_is_replaced_by_the_next(tmp_path):
+    """The manifest has its place before the first map: it knows the old and the new one."""
+    import bpy
+
+    save_blend(tmp_path / "scene.blend")
+    furnace()
+    bake()
+    path = tmp_path / "lightmaps" / "scene_Lightmap.exr"
+    old = path.read_bytes()
+    glow = bpy.data.materials["Glow"].node_tree.nodes["Principled BSDF"]
+    glow.inputs["Emission Strength"].default_value = 3
+    bake()
+    path.write_bytes(old)
+    bake()
+    assert report()["files"] == [str(path)] and path.read_bytes() != old
+
+
+@pytest.mark.parametrize("text", ["", "[1, 2]", '{"lightmaps": 3}', "\0\xff"])
+def test_manifest_that_cannot_be_read_owns_nothing_and_is_written_anew(tmp_path, text):
+    manifest = part("operators.result.manifest")
+    save_blend(tmp_path / "scene.blend")
+    furnace()
+    bake()
+    path = tmp_path / "lightmaps" / manifest.NAME
+    path.write_text(text, encoding="utf-8")
+    bake()
+    assert list(manifest.read_manifest(path.parent)) == ["scene_Lightmap.001.exr"]
+
+
+def test_manifest_tells_what_each_map_shows(tmp_path):
+    import bpy
+
+    save_blend(tmp_path / "scene.blend")
+    square("Room", surface=material(emission=1.0))
+    first = square("First")
+    other = bpy.data.objects.new("Second", first.data)
+    bpy.context.collection.objects.link(other)
+    bpy.context.scene.hemibake.outputs = {"combined", "ambient_occlusion"}
+    bake()
+    known = json.loads((tmp_path / "lightmaps" / "hemibake.json").read_text())["lightmaps"]
+    assert set(known) == {Path(path).name for path in report()["files"]}
+    assert {entry["output"] for entry in known.values()} == {"combined", "ambient_occlusion"}
+    room = known["scene_Lightmap.exr"]
+    assert room["blend"] == "../scene.blend"
+    assert room["objects"] == [{"object": "Room", "uv_layer": "Lightmap", "scale": 1.0, "offset": [0.0, 0.0]}]
+    atlas = other.hemibake.image["hemibake_atlas"]
+    for name in (f"scene_{atlas}.exr", f"scene_{atlas} ambient occlusion.exr"):
+        tile = next(tile for tile in known[name]["objects"] if tile["object"] == "Second")
+        assert known[name]["atlas"] == atlas
+        assert tile["scale"] == pytest.approx(other.hemibake.uv_scale)
+        assert tile["offset"] == pytest.approx(list(other.hemibake.uv_offset))
 
 
 def test_atlases_that_map_to_one_file_name_get_numbers(tmp_path):
@@ -250,7 +306,7 @@ def test_leftovers_of_a_killed_bake_are_swept_by_the_next_one(tmp_path):
     script = KILLED.format(root=str(ROOT), folder=str(out))
     places = os.environ | {"TMPDIR": str(tmp_path), "BLENDER_USER_RESOURCES": str(tmp_path)}
     killed = subprocess.run([sys.executable, "-c", script], timeout=120, check=False, env=places)
-    assert killed.returncode == -signal.SIGKILL and len(files_below(out)) == 2
+    assert killed.returncode == -signal.SIGKILL and len(files_below(out)) == 3
     (folder,) = out.iterdir()
 
     # Another Blender that is just writing keeps its files.
@@ -262,7 +318,7 @@ def test_leftovers_of_a_killed_bake_are_swept_by_the_next_one(tmp_path):
         furnace()
         bake()
         assert (other / "0.exr").read_text() == "unfinished"
-    assert [path.name for path in out.iterdir()] == ["Lightmap.exr"]
+    assert sorted(path.name for path in out.iterdir()) == ["Lightmap.exr", "hemibake.json"]
 
 
 @pytest.fixture
@@ -299,14 +355,14 @@ def test_limit_of_file_sizes_is_told_as_such(tmp_path):
     resource = pytest.importorskip("resource")
     exr, path = part("operators.result.exr"), tmp_path / "map.exr"
     pixels = np.random.default_rng(3).random((47, 47, 3), np.float32)
-    exr.write_exr(path, pixels, "owner")
+    exr.write_exr(path, pixels)
     whole, limits = path.stat().st_size, resource.getrlimit(resource.RLIMIT_FSIZE)
     images = len(bpy.data.images)
     for limit in (100, whole // 2, whole - 1):
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limits[1]))
         try:
             with pytest.raises(OSError, match="File too large"):
-                exr.write_exr(path, pixels, "owner")
+                exr.write_exr(path, pixels)
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert len(bpy.data.images) == images

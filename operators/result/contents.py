@@ -1,0 +1,40 @@
+"""What lightmaps show: the atlas, the output and the objects of each, as the manifest tells it."""
+
+from __future__ import annotations
+
+import bpy
+
+from ...engine.outputs import output_names
+from ...engine.settings import Settings
+from ..lookup import find
+from ..scene import Gathered
+
+
+def lightmap_contents(gathered: Gathered, settings: Settings, uv_layer: str) -> list[dict]:
+    """Return "atlas", "output" and "objects" of each lightmap, output after output as they are baked."""
+    objects = _objects_by_atlas(gathered, uv_layer)
+    return [
+        {"atlas": atlas, "output": output, "objects": objects.get(atlas, [])}
+        for output in output_names(gathered.scene, settings)
+        for atlas in gathered.scene.atlases
+    ]
+
+
+def _objects_by_atlas(gathered: Gathered, uv_layer: str) -> dict[str, list[dict]]:
+    """Return the objects and instances in each atlas: lightmap UV = UV of the mesh * scale + offset."""
+    found: dict[str, list[dict]] = {}
+    for uid, place in gathered.objects:
+        obj = find(bpy.data.objects, uid)
+        if obj is not None:
+            found.setdefault(place.atlas, []).append({"object": obj.name, **_placed(place, uv_layer)})
+    for uid, name, number, place in gathered.instances:
+        instancer = find(bpy.data.objects, uid)
+        if instancer is not None:
+            entry = {"object": name, "instancer": instancer.name, "persistent_id": number}
+            found.setdefault(place.atlas, []).append({**entry, **_placed(place, uv_layer)})
+    return found
+
+
+def _placed(place, uv_layer: str) -> dict:
+    """Return where charts lie in their atlas, JSON-ready."""
+    return {"uv_layer": uv_layer, "scale": float(place.scale), "offset": [float(x) for x in place.offset]}

@@ -1,0 +1,64 @@
+"""The manifest beside lightmap files: what made each of them, and which objects show it.
+
+A folder of lightmaps holds one `hemibake.json`:
+
+    {"lightmaps": {"house_Lightmap.exr": {
+        "blend": "../house.blend", "atlas": "Lightmap", "output": "combined",
+        "encoding": "OpenEXR, 32-bit float, scene-linear Rec.709", "sha256": "...", "replaced": "...",
+        "objects": [{"object": "Floor", "uv_layer": "Lightmap", "scale": 1.0, "offset": [0.0, 0.0]}]}}}
+
+A file is Hemibake's as long as its bytes are those that were written, `sha256`, or those that it replaced,
+`replaced`: a bake may have been killed when the manifest was in place and the file was not.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+#: File name of the manifest.
+NAME = "hemibake.json"
+
+#: How the pixels of a lightmap file are stored.
+ENCODING = "OpenEXR, 32-bit float, scene-linear Rec.709"
+
+
+def read_manifest(folder: Path) -> dict[str, dict]:
+    """Return what the manifest of a folder tells of each file; nothing if there is none that can be read."""
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        return dict(json.loads((folder / NAME).read_text(encoding="utf-8"))["lightmaps"])
+    return {}
+
+
+def is_ours(known: dict[str, dict], path: Path, blend: str) -> bool:
+    """Return whether Hemibake wrote a file for a .blend and nobody has changed it; raises OSError."""
+    entry = known.get(path.name)
+    if entry is None or entry.get("blend") != blend or not path.is_file():
+        return False
+    return _checksum(path) in (entry.get("sha256"), entry.get("replaced"))
+
+
+def write_manifest(
+    path: Path, folder: Path, staged: Sequence[Path], names: Sequence[str], facts: Sequence[dict]
+) -> None:
+    """Write the manifest that a folder has once staged files have got their names; raises OSError.
+
+    facts  of each file: "blend", "atlas", "output", "objects"
+    """
+    known = {name: entry for name, entry in read_manifest(folder).items() if (folder / name).exists()}
+    for new, name, fact in zip(staged, names, facts, strict=True):
+        sha256 = _checksum(new)
+        before = _checksum(folder / name) if (folder / name).exists() else sha256
+        known[name] = {**fact, "encoding": ENCODING, "sha256": sha256}
+        if before != sha256:
+            known[name]["replaced"] = before
+    path.write_text(json.dumps({"lightmaps": known}, indent=1), encoding="utf-8")
+
+
+def _checksum(path: Path) -> str:
+    """Return the SHA-256 of a file's bytes, hexadecimal; raises OSError."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -80,6 +80,7 @@ class ProfiledCompute(Compute):
 class _Noted:
     def __init__(self, kernel: Kernel, name: str, events: list) -> None:
         self._kernel, self._name, self._events = kernel, name, events
+        self.group = kernel.group
 
     def __call__(self, *arguments: Any, **options: Any) -> cl.Event:
         event = self._kernel(*arguments, **options)

@@ -16,6 +16,9 @@ from .ray_scene import RayScene
 from .subdivision import Subdivision
 from .surfaces import PatchSurfaces
 
+#: Squares of patches that a work group has along u and v, where the device can run so many.
+_SQUARES = 8
+
 
 class SharedPatches:
     """Patches that stand for squares of others.
@@ -60,9 +63,9 @@ def _leaders(rays: RayScene, parts: Subdivision, width: int) -> np.ndarray:
     arrays = (parts.owners, patches.texel, parts.geometry.material)
     owners, texels, materials = (upload(compute, array) for array in arrays)
     leaders = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * len(patches))
-    squares = -(-patches.resolution // (8 * width)) * 8
+    squares = -(-patches.resolution // (_SQUARES * width)) * _SQUARES
     share(
-        compute.queue, (squares, squares, len(parts.owners)), (8, 8, 1),
+        compute.queue, (squares, squares, len(parts.owners)), share.group(_SQUARES, _SQUARES, 1),
         owners, np.int32(patches.resolution), np.int32(width), texels, materials, rays.receivers, leaders,
     )  # fmt: skip
     result = np.empty(len(patches), np.uint32)

@@ -5,7 +5,6 @@
 
 #define FAR 8
 #define CHUNK 32  // values that one work item sums
-#define GROUP 256
 #define LEAF_BITS 3
 
 typedef struct {
@@ -190,11 +189,9 @@ __kernel void sum_chunks(__global int2 *values, __global int2 *totals, const int
 }
 
 // Sums before each chunk, in place, and after the last the sum of all. One work group.
-__kernel __attribute__((reqd_work_group_size(GROUP, 1, 1)))
-void sum_totals(__global int2 *totals, const int count)
+__kernel void sum_totals(__global int2 *totals, const int count, __local int2 *sums)
 {
-    __local int2 sums[GROUP];
-    const int item = get_local_id(0), each = (count + GROUP - 1) / GROUP;
+    const int item = get_local_id(0), items = get_local_size(0), each = (count + items - 1) / items;
     const int first = min(item * each, count), last = min(first + each, count);
     int2 sum = 0;
     for (int i = first; i < last; ++i)
@@ -203,7 +200,7 @@ void sum_totals(__global int2 *totals, const int count)
     barrier(CLK_LOCAL_MEM_FENCE);
     if (item == 0) {
         int2 before = 0;
-        for (int i = 0; i < GROUP; ++i) {
+        for (int i = 0; i < items; ++i) {
             const int2 value = sums[i];
             sums[i] = before;
             before += value;

@@ -43,11 +43,17 @@ __kernel void reduce_row(__global const float4 *workspace, __global float4 *rows
     rows[(size_t)hemicube_row * width + x] = sum;
 }
 
-// One work group of n items halves the number of columns of one hemicube until one value is left.
-__kernel void reduce_column(__global const float4 *rows, __global float4 *irradiance, __local float4 *partial)
+// One work group, of n items if there may be so many, halves the number of columns of one hemicube until one
+// value is left.
+__kernel void reduce_column(__global const float4 *rows, __global float4 *irradiance, const int n,
+                            __local float4 *partial)
 {
     const int item = get_local_id(0);
-    partial[item] = rows[get_global_id(0)];
+    __global const float4 *row = rows + (size_t)get_group_id(0) * n;
+    float4 sum = row[item];
+    for (int x = item + get_local_size(0); x < n; x += get_local_size(0))
+        sum += row[x];
+    partial[item] = sum;
     barrier(CLK_LOCAL_MEM_FENCE);
     for (int step = get_local_size(0) / 2; step > 0; step /= 2) {
         if (item < step)

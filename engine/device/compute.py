@@ -23,7 +23,8 @@ _PROBE = "__kernel void probe(__global float *x) { x[get_global_id(0)] = sqrt(2.
 class Compute:
     """An OpenCL context with one in-order queue; the first GPU found, else the first device.
 
-    group  work items that share a patch: processors take a patch at a time
+    group  work items that share a patch, where a kernel can run in groups of so many: processors take a
+           patch at a time
 
     Raises DeviceError if there is no device that can build kernels.
     """
@@ -50,7 +51,7 @@ class Compute:
             self._programs[key] = self._build(self.context, text, options)
         for name in names:
             if (key, name) not in self._kernels:
-                self._kernels[key, name] = Kernel(self._programs[key], name)
+                self._kernels[key, name] = Kernel(self._programs[key], name, self.device)
         return [self._kernels[key, name] for name in names]
 
     def run(self, kernel: Kernel, items: int, *arguments: object) -> None:
@@ -58,7 +59,8 @@ class Compute:
 
         Work groups have one size whatever the number of items, since PoCL compiles a kernel anew for each.
         """
-        kernel(self.queue, (-(-items // _ITEMS) * _ITEMS,), (_ITEMS,), *arguments)
+        (size,) = kernel.group(_ITEMS)
+        kernel(self.queue, (-(-items // size) * size,), (size,), *arguments)
 
     def _first_working_context(self, devices: list[cl.Device]) -> cl.Context:
         """Return a context of the first device that builds a kernel.

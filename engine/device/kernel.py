@@ -1,6 +1,8 @@
-"""An OpenCL kernel that starts quickly."""
+"""An OpenCL kernel that starts quickly, in groups that its device can run."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 import pyopencl as cl
@@ -12,8 +14,22 @@ class Kernel:
     Starting a kernel whose types are known takes a quarter of the host's time.
     """
 
-    def __init__(self, program: cl.Program, name: str) -> None:
+    def __init__(self, program: cl.Program, name: str, device: cl.Device) -> None:
         self._kernel, self._typed = cl.Kernel(program, name), False
+        limit = cl.kernel_work_group_info.WORK_GROUP_SIZE
+        self._items, self._sides = self._kernel.get_work_group_info(limit, device), device.max_work_item_sizes
+
+    def group(self, *sides: int) -> tuple[int, ...]:
+        """Return the work group of this kernel that is nearest to one of these sides, powers of two.
+
+        Sides are halved, the last first, until the device can run it: how many items that is may depend on
+        the kernel, as on the registers that it needs.
+        """
+        fitting = [_halved(side, most) for side, most in zip(sides, self._sides, strict=False)]
+        for axis in reversed(range(len(fitting))):
+            others = math.prod(fitting) // fitting[axis]
+            fitting[axis] = _halved(fitting[axis], self._items // others)
+        return tuple(fitting)
 
     def __call__(
         self,
@@ -30,6 +46,13 @@ class Kernel:
             self._kernel.set_arg_types([_type(argument) for argument in arguments])
             self._typed = True
         return self._kernel(queue, items, group, *arguments)
+
+
+def _halved(side: int, most: int) -> int:
+    """Return a power of two halved until it is at most `most`, but no more often than to 1."""
+    while side > max(most, 1):
+        side //= 2
+    return side
 
 
 def _type(argument: object) -> np.dtype | None:

@@ -34,7 +34,7 @@ class _Gather:
 
     def gather(self, cache: cl.Buffer, first: int, last: int, light: Light, column: int) -> None:
         """Gather for the patches whose samples a cache holds."""
-        group = self._compute.group
+        (group,) = self._gather.group(self._compute.group)
         self._gather(
             self._queue, (group * (last - first),), (group,),
             cache, self._multiplier, light.radiance, self.constant, *light.outputs(column),

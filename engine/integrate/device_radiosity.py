@@ -76,7 +76,7 @@ class DeviceRadiosity:
             np.int32(self.count),
         )  # fmt: skip
         kind = 0 if compute.group > 1 else 1
-        self._items, self._adding = _ITEMS[kind], _ADDING[kind]
+        self._items, self._adding = _ITEMS[kind], self._add_up.group(_ADDING[kind])[0]
 
         # Sums of kernels/solve.cl: a product for each pair of columns, and three more.
         self._numbers = len(self._pairs[0]) + 3

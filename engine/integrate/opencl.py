@@ -12,7 +12,7 @@ from ..device.share import HostCopy
 from ..hemicube import multiplier_map
 from ..visibility.tiles import Tiles
 
-#: Work-group shapes of the paper, V.C; the last is (hemicube width, 1).
+#: Work-group shapes of the paper, V.C, where the device can run them; the last is (hemicube width, 1).
 _MULTIPLY_GROUP = (32, 16, 1)
 _REDUCE_ROW_GROUP = (32, 1)
 
@@ -36,7 +36,10 @@ class HemicubeIntegrator:
         self._sky_size = np.int32(sky.shape[1]), np.int32(sky.shape[0])
         self._sky = upload_float4(compute, sky.reshape(-1, 3))
         self._irradiance = cl.Buffer(compute.context, flags.WRITE_ONLY, 16 * tiles.capacity)
-        self._columns = cl.LocalMemory(16 * tiles.n)
+        self._multiply_group = self._multiply.group(*_MULTIPLY_GROUP)
+        self._reduce_row_group = self._reduce_row.group(*_REDUCE_ROW_GROUP)
+        self._reduce_column_group = self._reduce_column.group(tiles.n)
+        self._columns = cl.LocalMemory(16 * self._reduce_column_group[0])
 
     def integrate(self, hemicubes: cl.Buffer, frames: np.ndarray) -> np.ndarray:
         """Return E/pi and the share of front faces for the first m slots.
@@ -53,23 +56,23 @@ class HemicubeIntegrator:
         layers = -(-count // tiles.per_layer)
         self._multiply(
             self._queue,
-            _rounded_up((tiles.width, tiles.height, layers), _MULTIPLY_GROUP),
-            _MULTIPLY_GROUP,
+            _rounded_up((tiles.width, tiles.height, layers), self._multiply_group),
+            self._multiply_group,
             hemicubes, self._multiplier, self._frames, self._workspace,
             self._sky, *self._sky_size, width, height, n,
         )  # fmt: skip
         hemicube_rows = layers * tiles.rows
         self._reduce_row(
             self._queue,
-            _rounded_up((tiles.width, hemicube_rows), _REDUCE_ROW_GROUP),
-            _REDUCE_ROW_GROUP,
+            _rounded_up((tiles.width, hemicube_rows), self._reduce_row_group),
+            self._reduce_row_group,
             self._workspace, self._rows, width, n,
         )  # fmt: skip
         self._reduce_column(
             self._queue,
-            (hemicube_rows * tiles.width,),
-            (tiles.n,),
-            self._rows, self._irradiance, self._columns,
+            (hemicube_rows * tiles.columns * self._reduce_column_group[0],),
+            self._reduce_column_group,
+            self._rows, self._irradiance, n, self._columns,
         )  # fmt: skip
         result = np.empty((count, 4), np.float32)
         cl.enqueue_copy(self._queue, result, self._irradiance)

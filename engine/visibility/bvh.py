@@ -11,9 +11,11 @@ from ..device.buffers import upload
 from ..device.compute import Compute
 from .treetop import Treetop
 
-#: Clusters beyond either end of a row, values that a work item sums, and items of a work group, as in
-#: kernels/bvh.cl.
-_FAR, _CHUNK, _GROUP = 8, 32, 256
+#: Clusters beyond either end of a row, and values that a work item sums, as in kernels/bvh.cl.
+_FAR, _CHUNK = 8, 32
+
+#: Items of a work group, where the device can run so many.
+_GROUP = 256
 
 #: So many clusters are split from the top down: this makes better boxes than merging, but takes longer.
 _TOP = 2048
@@ -233,14 +235,17 @@ class _Builder:
 
     def _sum_totals(self, totals: cl.Buffer, chunks: int) -> tuple[int, int]:
         """Sum up the sums of chunks; return the sum of all."""
-        self._run("sum_totals", _GROUP, totals, np.int32(chunks))
+        kernel = self._kernels["sum_totals"]
+        group = kernel.group(_GROUP)
+        kernel(self._queue, group, group, totals, np.int32(chunks), cl.LocalMemory(8 * group[0]))
         sums = np.empty(2, np.int32)
         cl.enqueue_copy(self._queue, sums, totals, src_offset=8 * chunks)
         return int(sums[0]), int(sums[1])
 
     def _run(self, name: str, items: int, *arguments: object) -> None:
         """Run a kernel in whole groups, of one size, since PoCL compiles it anew for each."""
-        self._kernels[name](self._queue, (-(-items // _GROUP) * _GROUP,), (_GROUP,), *arguments)
+        (size,) = self._kernels[name].group(_GROUP)
+        self._kernels[name](self._queue, (-(-items // size) * size,), (size,), *arguments)
 
     def _buffer(self, size: int) -> cl.Buffer:
         return cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, size)

@@ -61,7 +61,7 @@ class RasterIdentity:
     def _keep(self, start: int, end: int, frames: np.ndarray, seen: SeenBuffers) -> None:
         """Move the hemicubes that were drawn into the cache."""
         rows = upload_float4(self._compute, frames.reshape(-1, 3))
-        group, around = self._compute.group, self._around
+        (group,), around = self._resolve.group(self._compute.group), self._around
         self._resolve(
             self._queue, (group * (end - start),), (group,),
             self._copy.update(), self._weights, rows,

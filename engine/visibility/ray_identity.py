@@ -72,7 +72,7 @@ class RayIdentity:
 
     def _run(self, kernel: Kernel, first: int, last: int, outputs: tuple) -> Generator[float, None, None]:
         """Run a kernel over some patches, slice by slice, a group each."""
-        group = self._compute.group
+        (group,) = kernel.group(self._compute.group)
         partial = cl.LocalMemory(16 * group)
 
         def launch(start: int, end: int) -> None:

@@ -1,0 +1,62 @@
+"""Bakes with every kernel of the engine; prints each mean as JSON. Run in a process of its own."""
+
+import json
+import sys
+from dataclasses import replace
+
+import numpy as np
+
+from engine import Light, Scene, Settings
+from engine.device import devices
+from engine.device.compute import Compute
+from engine.device.graphics import Graphics
+from engine.scene import OCCLUDER
+from tests.analytic.drive import drive
+from tests.analytic.scenes import furnace, quads, rectangle
+
+SETTINGS = Settings(resolution=32, hemicube=8, iterations=2, tolerance=0, light_samples=4, ao_samples=4)
+BAKES = {
+    "paper": replace(SETTINGS, method="paper"),
+    "raster": replace(SETTINGS, visibility="raster"),
+    "rays": replace(SETTINGS, visibility="rays", outputs=("combined", "shadow_mask", "ambient_occlusion")),
+    "stream": replace(SETTINGS, visibility="rays", method="stream", directions="hemicube"),
+    "shared": replace(SETTINGS, visibility="rays", shared_bounces=4),
+}
+
+
+class WithoutComputeShaders(Graphics):
+    """OpenGL 4.1: OpenCL sums hemicubes."""
+
+    def __init__(self):
+        super().__init__()
+        self.computes = self.indirect = False
+
+
+class InGroups(Compute):
+    """A device whose patches are shared by the items of a group, as a graphics card's are."""
+
+    def __init__(self, cache_dir=None):
+        super().__init__(cache_dir)
+        self.group = 64
+
+
+def room() -> Scene:
+    """Return a furnace with a lamp and with dust: more triangles than are split from the top down."""
+    place = np.random.default_rng(0).random((1500, 3)) * 0.9 + 0.05
+    dust = np.stack([rectangle(point, (1e-3, 0, 0), (0, 1e-3, 0)) for point in place])
+    mesh = replace(quads(dust, [(0, 0, 1, 1)] * 1500, [0] * 1500, 32, "Dust"), atlas=OCCLUDER)
+    closed = furnace(0.5, 1.0)
+    lamp = Light("Lamp", "point", np.full(3, 0.5), np.eye(3), np.ones(3, np.float32), radius=0.1)
+    return replace(closed, meshes=(*closed.meshes, mesh), lights=(lamp,))
+
+
+if __name__ == "__main__":
+    devices.Graphics = WithoutComputeShaders
+    devices.Compute = InGroups if "groups" in sys.argv else Compute
+    compute = devices.Compute()
+    told = {"limit": compute.device.max_work_group_size}
+    for name, settings in BAKES.items():
+        lightmap = drive(room(), settings)
+        told |= {f"{name} {key}": float(image.mean()) for key, image in lightmap.passes.items()}
+        assert lightmap.report.integrator == "opencl"
+    sys.stdout.write(json.dumps(told))

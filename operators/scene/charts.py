@@ -96,12 +96,17 @@ def _make_charts(mesh: PolygonMesh) -> Charts:
     torn = np.union1d(_torn_polygons(mesh, uvs, chart), _doubled_polygons(mesh))
     loop_uvs = np.zeros((len(mesh.corners), 2))
     loop_uvs[mesh.triangles.reshape(-1)] = uvs.reshape(-1, 2)
-    for number, polygon in enumerate(torn):
+
+    # Triangles in the order of their polygons: those of each torn one follow each other.
+    order = np.argsort(mesh.polygon, kind="stable")
+    first, last = (np.searchsorted(mesh.polygon[order], torn, side) for side in ("left", "right"))
+    unused = chart.max(initial=-1) + 1
+    for number, (polygon, start, end) in enumerate(zip(torn, first, last, strict=True)):
         loops = slice(mesh.starts[polygon], mesh.starts[polygon + 1])
-        triangles = mesh.polygon == polygon
+        triangles = order[start:end]
         local = mesh.triangles[triangles] - mesh.starts[polygon]
         loop_uvs[loops] = _flatten(mesh.positions[mesh.corners[loops]], local)
-        chart[triangles] = chart.max() + 1 + number
+        chart[triangles] = unused + number
     return Charts(loop_uvs, chart)
 
 

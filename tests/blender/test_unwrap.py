@@ -1,5 +1,7 @@
 """Lightmap UVs made by xatlas are sound."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -220,3 +222,34 @@ def test_doubled_faces_get_charts_of_their_own():
     uvs = loop_uvs(obj).reshape(2, 4, 2)
     low, high = uvs.min(axis=1), uvs.max(axis=1)
     assert (high[0] < low[1]).any() or (high[1] < low[0]).any()
+
+
+def torn_quads(count):
+    """Return quads apart from each other, and what xatlas is to say of them: no triangle has a chart."""
+    charts = part("operators.scene.charts")
+    corner = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]) + np.arange(count)[:, None, None] * 2.0
+    quad = np.arange(count, dtype=np.int32)
+    mesh = charts.PolygonMesh(
+        name="Quads",
+        positions=corner.reshape(-1, 3),
+        corners=np.arange(4 * count, dtype=np.int32),
+        starts=np.arange(0, 4 * count + 1, 4, dtype=np.int32),
+        triangles=(4 * quad[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]]))
+        .reshape(-1, 3)
+        .astype(np.int32),
+        polygon=np.repeat(quad, 2),
+    )
+    return mesh, (np.zeros((2 * count, 3, 2)), np.full(2 * count, -1))
+
+
+def test_many_torn_polygons_take_their_time_each_and_are_numbered_without_gaps(monkeypatch):
+    charts, seconds = part("operators.scene.charts"), []
+    for count in (1000, 16000):
+        mesh, said = torn_quads(count)
+        monkeypatch.setattr(charts, "_segment", lambda mesh, said=said: said)
+        began = time.process_time()
+        made = charts._make_charts(mesh)
+        seconds.append(time.process_time() - began)
+        assert (made.chart == np.repeat(np.arange(count), 2)).all()
+        assert made.uvs[-4:] == pytest.approx(made.uvs[:4], abs=1e-6)
+    assert seconds[1] < 3 * 16 * seconds[0]

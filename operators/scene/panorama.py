@@ -20,6 +20,7 @@ def render_world(world: bpy.types.World) -> np.ndarray:
 
     A scene of its own is rendered, so that nothing of the user's is touched.
     """
+    images = {image.session_uid for image in bpy.data.images}
     scene = bpy.data.scenes.new("hemibake")
     camera_data = bpy.data.cameras.new("hemibake")
     camera = bpy.data.objects.new("hemibake", camera_data)
@@ -41,6 +42,10 @@ def render_world(world: bpy.types.World) -> np.ndarray:
         bpy.data.objects.remove(camera)
         bpy.data.cameras.remove(camera_data)
         bpy.data.scenes.remove(scene)
+
+        # Rendering makes the "Render Result" of a file that has none.
+        for image in [image for image in bpy.data.images if image.session_uid not in images]:
+            bpy.data.images.remove(image)
 
 
 def _set_up(scene: bpy.types.Scene) -> None:

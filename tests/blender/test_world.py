@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.blender.things import gather, part, square
+from tests.blender.things import bpy_link, gather, part, square
 
 
 def world(**links):
@@ -82,3 +82,40 @@ def test_no_world_is_black():
     square()
     bpy.context.scene.world = None
     assert (gather().scene.world == 0).all()
+
+
+@pytest.fixture
+def small_pictures(monkeypatch):
+    monkeypatch.setattr(part("operators.scene.panorama"), "_ROWS", 16)
+
+
+def checkered_world():
+    """Let the world show what only Blender can evaluate."""
+    tree, background = world()
+    checker = tree.nodes.new("ShaderNodeTexChecker")
+    tree.links.new(checker.outputs["Color"], background.inputs["Color"])
+
+
+def test_a_rendered_world_leaves_no_render_result(small_pictures):
+    import bpy
+
+    square()
+    checkered_world()
+    assert gather().scene.world.ndim == 3
+    assert not len(bpy.data.images)
+
+
+def test_a_render_result_of_the_user_stays(small_pictures):
+    import bpy
+
+    square()
+    checkered_world()
+    bpy.data.images.new("Mine", 2, 2)
+    scene = bpy.context.scene
+    scene.camera = bpy_link(bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera")))
+    scene.render.engine, scene.cycles.samples = "CYCLES", 1
+    scene.render.resolution_x = scene.render.resolution_y = 8
+    bpy.ops.render.render()
+    before = {image.session_uid for image in bpy.data.images}
+    gather()
+    assert {image.session_uid for image in bpy.data.images} == before and len(before) == 2

@@ -13,6 +13,7 @@ from .device.kernel import Kernel
 from .device.slices import sliced
 from .emitters import BrightTriangles, lamp_records, sky_record, surface_records
 from .light_tree import NODE, LightTree, build_light_tree
+from .modulation import pack_modulations
 from .scene import Light
 from .settings import Settings
 from .sky import solid_angles
@@ -22,7 +23,7 @@ from .visibility.rays import Rays
 #: However many lights there are, a patch samples at most as many times as for so many.
 _MOST_LIGHTS = 8
 
-_SOURCES = ("receiver.cl", "emitters.cl", "light_tree.cl", "direct.cl")
+_SOURCES = ("receiver.cl", "modulation.cl", "emitters.cl", "light_tree.cl", "direct.cl")
 
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
@@ -54,7 +55,11 @@ class DirectLight:
         self._result = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * self._count)
 
         # Emitters: each lamp's, the surfaces', the sky's.
-        self._groups = [lamp_records(lamp, rays.origin) for lamp in lamps]
+        modulations, places = pack_modulations(lamps)
+        self._modulations = upload(compute, modulations)
+        self._groups = [
+            lamp_records(lamp, rays.origin, place) for lamp, place in zip(lamps, places, strict=True)
+        ]
         self._groups.append(surface_records(parts.triangles, bright, rays.culled, rays.origin))
         if sky is not None:
             self._groups.append(sky_record())
@@ -93,7 +98,7 @@ class DirectLight:
         tree = build_light_tree(emitters)
         buffers = [upload(self._compute, array) for array in (emitters, *_never_empty(tree))]
         arguments = (
-            *buffers, np.int32(tree.root), np.int32(budget),
+            *buffers, np.int32(tree.root), self._modulations, np.int32(budget),
             *self._glow, *self._sky, np.uint32(self._settings.seed),
         )  # fmt: skip
         return (yield from self._sliced(self._direct, arguments))

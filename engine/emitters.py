@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .geometry import PatchGeometry, Triangles
+from .modulation import is_modulated
 from .scene import Light
 
 #: A triangle is sampled if it sends out so many times the mean radiance that surfaces emit.
@@ -20,7 +21,10 @@ _WIDEST = 1.57
 
 #: Kinds, as in kernels/emitters.cl, and float4 a record.
 POINT, SUN, TRIANGLE, SKY_MAP = range(4)
-RECORD = 6
+RECORD = 7
+
+#: Which of them tells where the lamp's modulation begins (the bits of an int), and the power of its falloff.
+MODULATION = 6
 
 #: Emission that differs by less from its mean, relative, is even.
 _EVEN = 1e-4
@@ -96,13 +100,22 @@ def _mean_radiance(
     return mean
 
 
-def lamp_records(light: Light, origin: np.ndarray) -> np.ndarray:
+def lamp_records(light: Light, origin: np.ndarray, modulation: int = 0) -> np.ndarray:
     """Return the records of one lamp, (k, RECORD, 4) float32: area lights are made of triangles.
 
-    origin: (3,) float64, metres: positions of the records are relative to it.
+    origin: (3,) float64, metres: positions of the records are relative to it; modulation: where the lamp's
+    own begins, see modulation.pack_modulations, 0 for none.
     """
-    if light.kind == "area":
-        return _area_records(light, origin)
+    records = _area_records(light, origin) if light.kind == "area" else _lamp_record(light, origin)
+    records[:, MODULATION, 0].view(np.int32)[:] = modulation
+    records[:, MODULATION, 1] = light.falloff_power
+    if light.profile is not None:
+        records[:, 0, 1] *= light.profile.mean @ _LUMINANCE
+    return records
+
+
+def _lamp_record(light: Light, origin: np.ndarray) -> np.ndarray:
+    """Return the record of a point, spot or sun."""
     record = np.zeros((1, RECORD, 4), np.float64)
     strength = light.strength.astype(np.float64) / np.pi
     record[0, 0, :3] = SUN if light.kind == "sun" else POINT, strength @ _LUMINANCE, light.casts_shadow
@@ -134,7 +147,7 @@ def _area_records(light: Light, origin: np.ndarray) -> np.ndarray:
         corners = corners[:, [0, 2, 1]]
     records = _triangle_records(corners, np.tile(light.strength, (len(corners), 1)))
     records[:, 0, 2] = light.casts_shadow
-    records[:, 0, 3] = light.half_angle >= _WIDEST
+    records[:, 0, 3] = light.half_angle >= _WIDEST and not is_modulated(light)
     records[:, 4, 3] = light.half_angle
     surface_numbers(records)[:] = -1
     return records

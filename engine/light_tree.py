@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .emitters import POINT, RECORD, SKY_MAP, SUN, surface_numbers
+from .emitters import MODULATION, POINT, RECORD, SKY_MAP, SUN, surface_numbers
 
 #: float4 a record of an inner node.
 NODE = 5
@@ -50,11 +50,12 @@ class _Emitters:
 def build_light_tree(records: np.ndarray) -> LightTree:
     """Build the tree of emitters, (k, RECORD, 4) float32 as of engine/emitters.py, at least one.
 
-    Each node halves its emitters along the widest axis, so that it is ceil(log2 k) deep; those without
-    a place, suns and sky, form a chain above it. Bounds as in Conty Estevez and Kulla 2018.
+    Each node halves its emitters along the widest axis, so that it is ceil(log2 k) deep; those whose light
+    does not fade with the square of the distance, suns, sky and lamps with a falloff, form a chain above it.
+    Bounds as in Conty Estevez and Kulla 2018.
     """
     assert records.shape[1:] == (RECORD, 4)
-    endless = np.isin(records[:, 0, 0], (SUN, SKY_MAP))
+    endless = np.isin(records[:, 0, 0], (SUN, SKY_MAP)) | (records[:, MODULATION, 1] > 0)
     chain, placed = np.flatnonzero(endless), np.flatnonzero(~endless)
     if not len(placed):
         placed, chain = chain[-1:], chain[:-1]

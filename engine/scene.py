@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from .errors import SceneError
+from .profile import Profile, check_profile
 
 
 @dataclass(frozen=True)
@@ -110,10 +111,14 @@ class Light:
     soft         point, spot: True for a disk that faces the receiver, False for a sphere
     half_angle   spot: of the cone; sun: of its disk; area: half its spread, pi/2 for none; radians
     blend        spot: share of the cone in which it fades
-    stretch      (3,) float64, spot: scale along x, y, z; unequal ones make the cone elliptical
+    stretch      (3,) float64, scale along x, y, z: unequal ones make the cone of a spot elliptical and turn
+                 the directions of a profile
     size         (2,) float64, area: full widths along x and y, m
     ellipse      area: True for an ellipse, False for a rectangle
     casts_shadow False lights through surfaces
+    profile      factors of strength over directions, None for 1 everywhere; not of a sun
+    falloff_power   strength is multiplied by the distance to the receiver, m, to this power
+    falloff_smooth  and by d^2 / (smooth + d^2), m^2; neither of a sun
     """
 
     name: str
@@ -129,6 +134,9 @@ class Light:
     size: np.ndarray = field(default_factory=lambda: np.zeros(2))
     ellipse: bool = False
     casts_shadow: bool = True
+    profile: Profile | None = None
+    falloff_power: int = 0
+    falloff_smooth: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -338,6 +346,8 @@ def check_light(light: Light) -> None:
         light.half_angle,
         light.blend,
         light.stretch,
+        light.falloff_power,
+        light.falloff_smooth,
     )
     if not all(np.isfinite(values).all() for values in place):
         raise SceneError(f"Light '{light.name}' has a place or size that is NaN or infinite. Mend it.")
@@ -352,6 +362,8 @@ def check_light(light: Light) -> None:
             f"Light '{light.name}' has axes that are no unit vectors, or a stretch that is not positive. "
             "Give it a scale other than 0."
         )
+    if light.profile is not None:
+        check_profile(light.profile, light.name)
 
 
 def _textures(material: Material) -> list[Texture]:

@@ -17,6 +17,7 @@ from typing import Any
 
 from . import errors
 from .lightmap import Lightmap, Report
+from .profile import Profile
 from .progress import Progress
 from .scene import Light, Material, Mesh, Scene, Texture
 from .settings import Settings
@@ -24,7 +25,7 @@ from .settings import Settings
 #: The dataclasses that may travel, by name.
 RECORDS: dict[str, type] = {
     record.__name__: record
-    for record in (Light, Lightmap, Material, Mesh, Progress, Report, Scene, Settings, Texture)
+    for record in (Light, Lightmap, Material, Mesh, Profile, Progress, Report, Scene, Settings, Texture)
 }
 
 #: The errors that arrive as what they were, by name; all others arrive as a WorkerError.

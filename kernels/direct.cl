@@ -56,7 +56,7 @@ void finish_run(const Run *run, Sum *sum)
 // luminance if nothing cast a shadow.
 __kernel void direct(RAYS_ARGUMENTS, __global const float4 *receivers, __global const float4 *emitters,
                      __global const float4 *light_nodes, __global const int2 *branches, const int root,
-                     const int budget,
+                     __global const float *modulations, const int budget,
                      __global const float4 *radiance, __global const uint *owners, __global const float2 *uvs,
                      const int resolution, __global const float4 *sky_pixels, __global const float *cumulative,
                      __global const int *listed, const int sky_width, const int sky_height, const int sky_count,
@@ -67,7 +67,7 @@ __kernel void direct(RAYS_ARGUMENTS, __global const float4 *receivers, __global 
     if (patch >= end)
         return;
     const Rays rays = RAYS;
-    const Lights lights = {emitters, light_nodes, branches, sky_total};
+    const Lights lights = {emitters, light_nodes, branches, sky_total, modulations};
     const Glow glow = {radiance, owners, uvs, resolution};
     const Bright sky = {sky_pixels, cumulative, listed, sky_width, sky_height, sky_count, sky_total};
     const Receiver r = load_receiver(receivers + RECEIVER * patch);
@@ -101,7 +101,7 @@ __kernel void direct(RAYS_ARGUMENTS, __global const float4 *receivers, __global 
             continue;
         const float4 u = sample_point(index, key);
         const float3 p = point_of_texel(&r, u.zw);
-        const Sample s = sample_emitter(e, &glow, &sky, p, r.normal, u.xy);
+        const Sample s = sample_emitter(e, &glow, &sky, modulations, p, r.normal, u.xy);
         const float cosine = dot(s.direction, r.normal);
         if (!(cosine > 0.0f && dot(s.direction, r.geometric) > 0.0f && luminance(s.light) > 0.0f))
             continue;

@@ -5,7 +5,7 @@
 #define SUN 1
 #define TRIANGLE 2
 #define SKY_MAP 3
-#define EMITTER 6
+#define EMITTER 7
 
 // Solid angle above which triangles are sampled by direction instead of by area, sr.
 #define WIDE 0.01f
@@ -261,13 +261,16 @@ Sample sample_sky(const Bright *sky, const float2 u)
     return s;
 }
 
-Sample sample_emitter(__global const float4 *e, const Glow *glow, const Bright *sky, const float3 p, const float3 up,
-                      const float2 u)
+Sample sample_emitter(__global const float4 *e, const Glow *glow, const Bright *sky, __global const float *modulations,
+                      const float3 p, const float3 up, const float2 u)
 {
-    const int kind = (int)e[0].x;
-    return kind == POINT ? sample_point_light(e, p, up, u)
+    const int kind = (int)e[0].x, nodes = as_int(e[6].x);
+    Sample s = kind == POINT ? sample_point_light(e, p, up, u)
         : kind == SUN ? sample_sun(e, u)
         : kind == TRIANGLE ? sample_triangle(e, glow, p, up, u) : sample_sky(sky, u);
+    if (nodes > 0)
+        s.light *= modulation(modulations + nodes, modulations, -s.direction, s.distance);
+    return s;
 }
 
 // Clip a convex polygon to what is in front of a plane through the origin (Sutherland and Hodgman 1974);

@@ -11,18 +11,29 @@ typedef struct {
     __global const float4 *nodes;
     __global const int2 *branches;  // an inner node, or the complement of an emitter
     float sky_total;
+    __global const float *modulations;
 } Lights;
 
 // Least square of a distance; light nearer than this share of a texel's width is spread over the texel.
 #define LEAST 1e-36f
 #define SPREAD 0.1f
 
+// How strong a point or spot is in a direction: some of its mean, too, since the texel sees it from others.
+float own_strength(const Lights *lights, __global const float4 *e, const float3 away, const float distance)
+{
+    const int nodes = as_int(e[6].x);
+    if (nodes == 0)
+        return e[0].y;
+    const float3 factor = modulation(lights->modulations + nodes, lights->modulations, away, distance);
+    return luminance(e[3].xyz * factor) + 0.05f * e[0].y;
+}
+
 // About how much light an emitter brings without shadow; 0 only if it brings none.
-float emitter_weight(__global const float4 *e, const Receiver *r, const float sky_total)
+float emitter_weight(const Lights *lights, __global const float4 *e, const Receiver *r)
 {
     const int kind = (int)e[0].x;
     if (kind == SKY_MAP)
-        return sky_total * M_1_PI_F;
+        return lights->sky_total * M_1_PI_F;
     const float strength = e[0].y;
     if (kind == SUN)
         return dot(r->normal, -e[2].xyz) > -e[1].w ? strength : 0.0f;
@@ -38,7 +49,8 @@ float emitter_weight(__global const float4 *e, const Receiver *r, const float sk
             ? in_cone(e, -to / fmax(d, 1e-20f), widest, 1.0f) + 1e-4f : 1.0f;
         const float cosine = d < reach ? 1.0f : fmax(dot(r->normal, to) / fmax(d, 1e-20f), 0.05f);
         const float near = fmax(e[1].w, SPREAD * r->size);
-        return strength * spot * cosine / fmax(fmax(d2, near * near), LEAST);
+        const float towards = own_strength(lights, e, -to / fmax(d, 1e-20f), d);
+        return towards * spot * cosine / fmax(fmax(d2, near * near), LEAST);
     }
     const float3 a = e[1].xyz - r->at, b = a + e[2].xyz, c = a + e[3].xyz;
     const float top = fmax(fmax(dot(a, r->geometric), dot(b, r->geometric)), dot(c, r->geometric));
@@ -91,7 +103,7 @@ float node_weight(__global const float4 *node, const Receiver *r, bool *open)
 float weight_of(const Lights *lights, const int code, const Receiver *r, bool *open)
 {
     *open = false;
-    return code < 0 ? emitter_weight(lights->emitters + EMITTER * ~code, r, lights->sky_total)
+    return code < 0 ? emitter_weight(lights, lights->emitters + EMITTER * ~code, r)
         : node_weight(lights->nodes + NODE * code, r, open);
 }
 

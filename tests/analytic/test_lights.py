@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from engine import Light, Material, Scene, Settings
+from engine.profile import Profile
 from engine.reference.analytic import polygon
 from tests.analytic.drive import drive
 from tests.analytic.scenes import quads, rectangle
@@ -235,3 +236,83 @@ def test_the_underside_of_something_that_stands_on_a_floor_is_hidden():
     shown, lit = lightmap.display[0, 1:7, 1:7], lightmap.image[0, 1:7, 1:7]
     assert (shown[:2] == lit[:2]).all() and (lit[:2] > 0).all()
     assert (shown[2:4, 2:4] == 0).all()
+
+
+def profile(azimuths=37, polars=46):
+    """Return a profile that is bright to the side of +x, and coloured; and what it stands for."""
+    azimuth, polar = np.linspace(0, 2 * np.pi, azimuths), np.linspace(0, np.pi, polars)
+    factors = shape(azimuth[:, None], polar)
+    return Profile(azimuth.astype(np.float32), polar.astype(np.float32), factors.astype(np.float32))
+
+
+def shape(azimuth, polar):
+    grey = (1.2 + np.cos(polar)) * (1 + 0.5 * np.cos(azimuth - 1) * np.sin(polar) ** 2)
+    return np.stack([grey, 0.5 * grey, 0 * grey + 1], axis=-1)
+
+
+def towards(lamp, point):
+    """Return the profile's factor from a lamp to a point, (..., 3)."""
+    own = (point - lamp.position) @ (lamp.axes * lamp.stretch[:, None]).T
+    azimuth = np.arctan2(own[..., 0], own[..., 1]) + np.pi
+    return shape(azimuth, np.arctan2(np.hypot(own[..., 0], own[..., 1]), -own[..., 2]))
+
+
+def colours(lamp, size=0.02):
+    """Return mean direct E/pi of a square at the origin, (3,)."""
+    floor = rectangle((-size / 2, -size / 2, 0), size * X, size * Y)
+    scene = Scene((quads(floor[None], [(1, 1, 6, 6)], [0], 16, "Floor"),), (BLACK,), lights=(lamp,))
+    return drive(scene, SETTINGS).image[0, 1:7, 1:7].mean(axis=(0, 1))
+
+
+TURNED = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+
+
+@pytest.mark.parametrize(
+    ("axes", "stretch", "place"),
+    [
+        (DOWN, (1, 1, 1), (0, 0, 2)),
+        (TURNED, (1, 1, 1), (1, -2, 1.5)),
+        (TURNED * [[-1], [1], [1]], (1, 0.4, 2), (0.3, 0.1, 2)),
+    ],
+)
+def test_a_profile_turns_and_stretches_with_its_lamp(axes, stretch, place):
+    lamp = light("point", profile=profile())
+    place, stretch = np.array(place, float), np.array(stretch, float)
+    lamp = dataclasses.replace(lamp, position=place, axes=axes, stretch=stretch)
+    expected = 5 * place[2] / np.linalg.norm(place) ** 3 / np.pi * towards(lamp, np.zeros(3))
+    assert colours(lamp) == pytest.approx(expected, rel=5e-3)
+
+
+def test_a_profile_of_an_area_light():
+    lamp = light("area", size=np.array([1.0, 0.6]), profile=profile())
+    lamp = dataclasses.replace(lamp, position=np.array([0.5, 0.2, 1.5]))
+    x, y = np.stack(np.meshgrid(*[(np.arange(200) + 0.5) / 200 - 0.5] * 2), axis=0) * [[[1.0]], [[0.6]]]
+    points = lamp.position + np.stack([x, y, 0 * x], axis=-1)
+    d2 = (points**2).sum(axis=-1)
+    lit = dataclasses.replace(lamp, position=np.zeros(3))
+    brought = towards(lit, -points) * (points[..., 2] ** 2 / d2**2)[..., None]
+    assert colours(lamp) == pytest.approx(5 * 0.6 / np.pi * brought.mean(axis=(0, 1)), rel=1e-2)
+
+
+def test_a_profile_that_shines_only_straight_down_is_not_lost_among_others():
+    """At its pole it has no solid angle of its own, so that its mean power must not be 0."""
+    factors = np.zeros((2, 19, 3), np.float32)
+    factors[:, 0] = 1
+    angles = np.array([0, 2 * np.pi], np.float32), np.linspace(0, np.pi, 19).astype(np.float32)
+    narrow = light("point", profile=Profile(*angles, factors))
+    others = [dataclasses.replace(narrow, position=np.array([x, 9.0, 2.0])) for x in range(8)]
+    size = 0.02
+    floor = rectangle((-size / 2, -size / 2, 0), size * X, size * Y)
+    meshes = (quads(floor[None], [(1, 1, 6, 6)], [0], 16, "Floor"),)
+    lightmap = drive(Scene(meshes, (BLACK,), lights=(narrow, *others)), SETTINGS)
+    assert lightmap.image[0, 1:7, 1:7].mean() == pytest.approx(5 / (np.pi * 4), rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("kind", "power", "smooth"), [("point", 0, 0.7), ("spot", 1, 0), ("area", 2, 0), ("point", 2, 3.0)]
+)
+def test_falloff(kind, power, smooth):
+    size = {"size": np.array([1e-2, 1e-2])} if kind == "area" else {}
+    plain = light(kind, height=3.0, **size)
+    lamp = dataclasses.replace(plain, falloff_power=power, falloff_smooth=smooth)
+    assert colours(lamp) == pytest.approx(colours(plain) * 3**power * 9 / (smooth + 9), rel=5e-3)

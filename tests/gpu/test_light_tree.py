@@ -16,7 +16,7 @@ __kernel void looked_at(__global const float4 *receivers, __global const float4 
                         __global int *counts)
 {
     const Receiver r = load_receiver(receivers + RECEIVER * get_global_id(0));
-    const Lights lights = {emitters, nodes, branches, 0.0f};
+    const Lights lights = {emitters, nodes, branches, 0.0f, 0};
     int stack[TREE_STACK], depth = 0, code = root, count = 0;
     for (;;) {
         bool open;
@@ -39,7 +39,7 @@ __kernel void chosen(__global const float4 *receivers, __global const float4 *em
                      const int budget, const int seeds, __global float2 *shares)
 {
     const Receiver r = load_receiver(receivers);
-    const Lights lights = {emitters, nodes, branches, 0.0f};
+    const Lights lights = {emitters, nodes, branches, 0.0f, 0};
     const float total = total_weight(&lights, root, &r);
     for (int seed = 0; seed < seeds; ++seed) {
         Walk walk;
@@ -65,7 +65,7 @@ def device():
 
 @pytest.fixture(scope="module")
 def counting(device):
-    files = ("receiver.cl", "emitters.cl", "light_tree.cl")
+    files = ("receiver.cl", "modulation.cl", "emitters.cl", "light_tree.cl")
     return cl.Program(device.context, "\n".join([*map(kernel_source, files), COUNTING])).build()
 
 

@@ -45,16 +45,13 @@ class Profile:
     def packed(self) -> np.ndarray:
         """Numbers of angles, angles and factors with a border as kernels/modulation.cl reads it, float32.
 
-        The border holds what cubics look up beyond the outermost angles: the other end of a full circle,
-        the same value again where there is an end (Cycles, kernel/util/ies.h).
+        The border holds what cubics look up beyond the outermost angles, as it was measured in Cycles 5.0:
+        the values around the lower pole mirrored, the first azimuth and the last polar again, and for the
+        last azimuth the one before it.
         """
-        full = self.azimuths[0] < 1e-6 and self.azimuths[-1] > 2 * np.pi - 1e-6
-        columns = np.arange(len(self.azimuths))
-        columns = np.r_[columns[-2] if full else 0, columns, 1 if full else columns[-2]]
-        rows = np.arange(len(self.polars))
-        below = 1 if self.polars[0] < 1e-6 else 0
-        above = rows[-2] if self.polars[-1] > np.pi - 1e-6 else rows[-1]
-        bordered = self.factors[columns][:, np.r_[below, rows, above]]
+        columns, rows = np.arange(len(self.azimuths)), np.arange(len(self.polars))
+        below = 1 if self.polars[0] == 0 else 0
+        bordered = self.factors[np.r_[0, columns, columns[-2]]][:, np.r_[below, rows, rows[-1]]]
         sizes = np.array([len(self.azimuths), len(self.polars)])
         parts = (sizes, self.azimuths, self.polars, bordered.ravel())
         return np.concatenate([part.astype(np.float32) for part in parts])

@@ -37,6 +37,34 @@ def light_temperature(lamp: bpy.types.Light) -> np.ndarray:
     return np.array(lamp.temperature_color, np.float64)[:3]
 
 
+def blackbody(temperature: float) -> np.ndarray | None:
+    """Return the colour of a Blackbody node, (3,) float64; None before 4.5, where only Cycles knows."""
+    lamp = bpy.data.lights.new("hemibake", "POINT")
+    try:
+        if not hasattr(lamp, "temperature_color"):
+            return None
+        lamp.use_temperature, lamp.temperature = True, temperature
+        return np.array(lamp.temperature_color, np.float64)[:3]
+    finally:
+        bpy.data.lights.remove(lamp)
+
+
+def plain_lamp(lamp: bpy.types.Light) -> bpy.types.Light:
+    """Return a lamp of which nothing but shape, energy and nodes counts; a spot becomes a point."""
+    lamp.animation_data_clear()
+    if lamp.type == "SPOT":
+        lamp.type = "POINT"
+        lamp = lamp.type_recast()
+    plain = {
+        "color": (1, 1, 1), "exposure": 0, "use_temperature": False, "normalize": True, "use_shadow": False,
+        "shadow_soft_size": 0, "spread": np.pi, "angle": 0,
+    }  # fmt: skip
+    for name, value in plain.items():
+        if hasattr(lamp, name):
+            setattr(lamp, name, value)
+    return lamp
+
+
 def set_panorama(camera: bpy.types.Camera) -> None:
     """Make a camera equirectangular; before 5.0 that is a setting of Cycles."""
     camera.type = "PANO"

@@ -11,8 +11,9 @@ from ...engine.naming import naming
 from ...engine.scene import Light
 from ..compat import light_nodes, light_power, light_temperature
 from .items import SceneItem
-from .materials import ShaderReader
-from .sockets import ComplexError, feeder
+from .lamp_bake import bake_lamp
+from .lamp_nodes import LampNodes, LampReader, own_constants
+from .sockets import ComplexError
 
 #: Axes along which a lamp of a type must not be scaled to 0 to shine, as in Cycles (measured in 5.0.1).
 _SHINING_AXES = {"POINT": (), "SUN": (2,), "SPOT": (0, 1, 2), "AREA": (0, 1, 2)}
@@ -28,14 +29,14 @@ class Lamps:
     """
 
     def __init__(self, notes: list[str]) -> None:
-        self._notes = notes
-        self._lights: list[Light] = []
+        self._notes, self._reader = notes, LampReader(notes)
+        self._lights: list[tuple[Light, bpy.types.Light, np.ndarray]] = []
         self._portals: list[str] = []
         self._linked: list[str] = []
         self._flat: list[str] = []
 
     def add(self, item: SceneItem) -> None:
-        """Read one lamp."""
+        """Read one lamp but for its nodes."""
         name, lamp = item.object.name, item.object.data
         if lamp.type == "AREA" and getattr(lamp, "cycles", None) and lamp.cycles.is_portal:
             self._portals.append(name)
@@ -45,13 +46,14 @@ class Lamps:
             return
         if _is_linked(item.object):
             self._linked.append(name)
-        self._lights.append(_read_light(item, self._notes))
+        self._lights.append((_read_light(item), item.source.data, item.matrix))
 
     def finish(self, origin: np.ndarray) -> tuple[Light, ...]:
-        """Return the lamps read, and say what is special about some.
+        """Read the nodes, return the lamps, and say what is special about some.
 
         origin: (3,) float64, world space: positions are relative to it.
         """
+        lights = [_with_nodes(light, self._nodes(light.name, *where)) for light, *where in self._lights]
         if self._portals:
             sentence = "Portals give no light of their own and are not used: {}."
             self._notes.append(naming(sentence, self._portals))
@@ -60,7 +62,51 @@ class Lamps:
         if self._linked:
             sentence = "Light linking is not baked; these light and shadow everything: {}."
             self._notes.append(naming(sentence, self._linked))
-        return tuple(replace(light, position=light.position - origin) for light in self._lights)
+        return tuple(replace(light, position=light.position - origin) for light in lights)
+
+    def _nodes(self, name: str, lamp: bpy.types.Light, matrix: np.ndarray) -> LampNodes:
+        """Return what the nodes of a lamp do, read, evaluated by Cycles, or else guessed from constants."""
+        tree = light_nodes(lamp)
+        if tree is None:
+            return LampNodes()
+        try:
+            nodes = self._reader.read(tree, name)
+            return _along_axis(nodes) if lamp.type == "SUN" else nodes
+        except ComplexError:
+            pass
+        try:
+            nodes = bake_lamp(lamp, matrix)
+        except RuntimeError as error:
+            reason = str(error).strip().splitlines()[-1]
+            self._notes.append(
+                f"Cycles could not evaluate the nodes of light '{name}' ({reason}): the Emission's own "
+                "colour and strength are baked."
+            )
+            return own_constants(tree)
+        if lamp.type == "AREA":
+            self._notes.append(f"The nodes of light '{name}' are baked as their mean over its face.")
+        elif any(node.bl_idname == "ShaderNodeLightFalloff" for node in tree.nodes):
+            self._notes.append(f"The nodes of light '{name}' are baked as they are 1 m away from it.")
+        return nodes
+
+
+def _with_nodes(light: Light, nodes: LampNodes) -> Light:
+    """Return a lamp with its nodes."""
+    power, smooth = nodes.falloff or (0, 0.0)
+    strength = (light.strength * nodes.colour).astype(np.float32)
+    return replace(
+        light, strength=strength, profile=nodes.profile, falloff_power=power, falloff_smooth=smooth
+    )
+
+
+def _along_axis(nodes: LampNodes) -> LampNodes:
+    """Return the nodes of a sun, which shines in one direction from far away."""
+    if nodes.falloff is not None and nodes.falloff[0] > 0:
+        raise ComplexError
+    if nodes.profile is None:
+        return LampNodes(nodes.colour)
+    ahead = nodes.profile.factors[:, 0].mean(axis=0) if nodes.profile.polars[0] == 0 else np.zeros(3)
+    return LampNodes(nodes.colour * ahead)
 
 
 def _is_linked(obj: bpy.types.Object) -> bool:
@@ -73,17 +119,21 @@ def _scale(item: SceneItem) -> np.ndarray:
     return np.linalg.norm(np.array(item.matrix, np.float64)[:3, :3], axis=0)
 
 
-def _read_light(item: SceneItem, notes: list[str]) -> Light:
-    """Return one lamp (formulas: Cycles, scene/light.cpp; units: Blender manual, Light Objects)."""
+def _read_light(item: SceneItem) -> Light:
+    """Return one lamp without its nodes.
+
+    Formulas: Cycles, scene/light.cpp; units: Blender manual, Light Objects.
+    """
     lamp, matrix = item.object.data, np.array(item.matrix, np.float64)
     scale = _scale(item)
     axes = (matrix[:3, :3] / np.where(scale > 0, scale, 1)).T
-    power = _power(lamp, item.object.name, notes)
+    power = _power(lamp)
     common = {
         "name": item.object.name,
         "position": matrix[:3, 3],
         "axes": axes,
         "casts_shadow": bool(lamp.use_shadow),
+        "stretch": np.maximum(scale / max(scale.max(), 1e-30), 1e-6),
     }
     if lamp.type == "SUN":
         return Light(kind="sun", strength=_sun(lamp, power), half_angle=lamp.angle / 2, **common)
@@ -96,37 +146,13 @@ def _read_light(item: SceneItem, notes: list[str]) -> Light:
         return Light(kind="point", strength=strength, radius=radius, soft=soft, **common)
     return Light(
         kind="spot", strength=strength, radius=radius, soft=soft,
-        half_angle=lamp.spot_size / 2, blend=float(lamp.spot_blend),
-        stretch=np.maximum(scale / max(scale.max(), 1e-30), 1e-6), **common,
+        half_angle=lamp.spot_size / 2, blend=float(lamp.spot_blend), **common,
     )  # fmt: skip
 
 
-def _power(lamp: bpy.types.Light, name: str, notes: list[str]) -> np.ndarray:
-    """Return power times colour, (3,) float64: W, of a sun W/m^2."""
-    power = light_power(lamp) * np.array(lamp.color, np.float64) * light_temperature(lamp)
-    tree = light_nodes(lamp)
-    if tree is None:
-        return power
-    output = next((node for node in tree.nodes if node.bl_idname == "ShaderNodeOutputLight"), None)
-    if output is None:
-        return power * 0
-    owner = f"Light '{name}'"
-    try:
-        return power * ShaderReader(owner, notes).surface(output.inputs["Surface"]).emission.constant
-    except ComplexError:
-        notes.append(
-            f"{owner} has nodes that are not evaluated: the Emission's own colour and strength are baked."
-        )
-        return power * _own_emission(output.inputs["Surface"])
-
-
-def _own_emission(socket: bpy.types.NodeSocket) -> np.ndarray:
-    """Return the unlinked colour times strength of the Emission that feeds a socket, white of any other."""
-    node = feeder(socket).node
-    if node.bl_idname != "ShaderNodeEmission":
-        return np.ones(3)
-    colour = np.array(node.inputs["Color"].default_value, np.float64)[:3]
-    return colour * node.inputs["Strength"].default_value
+def _power(lamp: bpy.types.Light) -> np.ndarray:
+    """Return power times colour without nodes, (3,) float64: W, of a sun W/m^2."""
+    return light_power(lamp) * np.array(lamp.color, np.float64) * light_temperature(lamp)
 
 
 def _normalized(lamp: bpy.types.Light) -> bool:

@@ -11,6 +11,9 @@ from .device.graphics import Graphics
 from .errors import SceneError
 from .scene import Mesh, Scene
 
+#: By how much drawn barycentrics may miss a sum of 1.
+_SUM = 1e-5
+
 #: The arrays of a patch list, one entry a patch.
 _COLUMNS = ("atlas", "texel", "mesh", "face", "subface", "barycentric")
 
@@ -126,8 +129,10 @@ def _compact(atlas: int, resolution: int, barycentric: np.ndarray, identity: np.
 
 def _on_triangle(barycentric: np.ndarray) -> np.ndarray:
     """Return barycentrics, (n, 3), that lie on their triangles: those drawn on slivers do not, or are NaN."""
-    inside = np.clip(np.nan_to_num(barycentric), 0, 1)
+    placed = np.ascontiguousarray(barycentric)
+    off = ~((placed >= 0).all(axis=1) & (np.abs(placed.sum(axis=1) - 1) <= _SUM))
+    inside = np.clip(np.nan_to_num(placed[off]), 0, 1)
     total = inside.sum(axis=1, keepdims=True)
     third = np.float32(1 / 3)
-    placed: np.ndarray = np.divide(inside, total, out=np.full_like(inside, third), where=total > 0)
+    placed[off] = np.divide(inside, total, out=np.full_like(inside, third), where=total > 0)
     return placed

@@ -26,10 +26,15 @@ def coverage(obj, size: int) -> np.ndarray:
     points = np.stack(np.meshgrid(centre, centre), axis=-1)
     count = np.zeros((size, size), int)
     for triangle in corners:
-        sides = [np.cross(triangle[(i + 1) % 3] - triangle[i], points - triangle[i]) for i in range(3)]
+        sides = [cross(triangle[(i + 1) % 3] - triangle[i], points - triangle[i]) for i in range(3)]
         inside = (np.array(sides) > 1e-9).all(axis=0) | (np.array(sides) < -1e-9).all(axis=0)
         count += inside
     return count
+
+
+def cross(a, b) -> np.ndarray:
+    """Return the cross product of vectors in the plane, (..., 2)."""
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
 def area_ratio(obj) -> np.ndarray:
@@ -40,7 +45,7 @@ def area_ratio(obj) -> np.ndarray:
     places = np.array([obj.matrix_world @ vertex.co for vertex in obj.data.vertices])[vertices]
     uvs = loop_uvs(obj)[loops].astype(np.float64)
     world = np.linalg.norm(np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0]), axis=1)
-    return np.abs(np.cross(uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0])) / world
+    return np.abs(cross(uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0])) / world
 
 
 def bumpy_grid(n=6):

@@ -39,7 +39,7 @@ def texels(uvs, resolution):
     found = []
     for a, b, c in uvs.astype(np.float64):
         sides = [(q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0]) for p, q in ((a, b), (b, c), (c, a))]
-        inside = np.all([side >= 0 for side in sides], axis=0) & (np.abs(np.cross(b - a, c - a)) > 0)
+        inside = np.all([side >= 0 for side in sides], axis=0) & (np.linalg.det([b - a, c - a]) != 0)
         found.append(set(np.flatnonzero(inside).tolist()))
     return found
 

@@ -12,7 +12,7 @@ from .errors import SceneError
 from .scene import Mesh, Scene
 
 #: By how much drawn barycentrics may miss a sum of 1.
-_SUM = 1e-5
+_SUM = 1e-6
 
 #: The arrays of a patch list, one entry a patch.
 _COLUMNS = ("atlas", "texel", "mesh", "face", "subface", "barycentric")

@@ -74,7 +74,7 @@ def build_bvh(
 ) -> Bvh:
     """Build the hierarchy of triangles, (t, 3, 3) float32, at least one; boxes are relative to the origin.
 
-    origin: (3,), the middle of the scene, which reaches that far from it along any axis. Clusters along a
+    origin: (3,), in the middle of the scene, which reaches that far from it along any axis. Clusters along a
     Morton curve are merged with their best neighbours (PLOC; Meister and Bittner 2018), those left are split
     from the top down, and binary nodes joined to wide ones.
     """

@@ -26,7 +26,7 @@ class Rays:
         self.origin = triangles.middle
         self.culled = cutouts.culled
         bvh = build_bvh(
-            compute, triangles.positions, self.origin, float((triangles.box[1] - self.origin).max())
+            compute, triangles.positions, self.origin, float(np.abs(triangles.box - self.origin).max())
         )
         self._options = bvh.options
         arrays: list[np.ndarray] = []

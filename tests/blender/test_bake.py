@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.blender.things import files_below, furnace, part, pixels, report, snapshot, square
+from tests.blender.things import files_below, furnace, mesh_object, part, pixels, report, snapshot, square
 
 
 def bake():
@@ -57,6 +57,19 @@ def test_light_far_from_the_origin_is_the_same(place):
     obj.location = place
     bake()
     assert (pixels(bpy.data.images["Lightmap"]) == near).all()
+
+
+@pytest.mark.parametrize("distance", [1e5, 9e8])
+def test_object_of_great_extent_leaves_the_others_their_light(distance):
+    import bpy
+
+    bpy.context.scene.hemibake.visibility = "rays"
+    room = furnace()
+    ground = mesh_object("Ground", [(2, 0, 0), (distance, 0, 0), (2, distance, 0)], [(0, 1, 2)])
+    ground.hemibake.role = "OCCLUDER"
+    bake()
+    values = pixels(room.hemibake.image)
+    np.testing.assert_allclose(values[values[..., 0] > 0][:, :3], 2.0, rtol=0.05)
 
 
 def test_report_tells_what_was_done(tmp_path):

@@ -26,6 +26,7 @@ from .result.contents import lightmap_contents
 from .result.places import choose_places
 from .scene import Gathered, gather, visible_meshes
 from .scene.unwrap import unwrap_missing
+from .scene.uv_modifier import has_uvs, uv_source
 
 Job = Generator[Progress | None, None, Lightmap]
 
@@ -68,7 +69,9 @@ class Run:
         made = unwrap_missing(context, objects, self._uv_layer, self._settings.resolution, self._changes)
         usable = [obj for obj in objects if obj not in made.skipped]
         self._unwrapped = {
-            obj.session_uid: obj.name for obj in usable if self._uv_layer in obj.data.uv_layers
+            obj.session_uid: (obj.name, uv_source(obj, self._uv_layer))
+            for obj in usable
+            if has_uvs(obj, self._uv_layer)
         }
         return gather(context, usable, self._uv_layer, self._settings.resolution, made.notes)
 
@@ -140,10 +143,15 @@ class Run:
     def _lost_uvs(self) -> dict[int, str]:
         """Return session uid and name of the objects that lost their lightmap UVs, as an undo makes them."""
         return {
-            obj.session_uid: self._unwrapped[obj.session_uid]
+            obj.session_uid: self._unwrapped[obj.session_uid][0]
             for obj in bpy.data.objects
-            if obj.session_uid in self._unwrapped and self._uv_layer not in getattr(obj.data, "uv_layers", ())
+            if obj.session_uid in self._unwrapped and self._has_lost_uvs(obj)
         }
+
+    def _has_lost_uvs(self, obj: bpy.types.Object) -> bool:
+        """Return whether an object has no lightmap UVs any more, or other ones than it was baked with."""
+        _, source = self._unwrapped[obj.session_uid]
+        return not has_uvs(obj, self._uv_layer) or uv_source(obj, self._uv_layer) != source
 
     def _remember_images(self, targets: list[bpy.types.Image], lost: dict[int, str]) -> None:
         """Write on each baked object which image, of the first output, and which UV layer belong to it.

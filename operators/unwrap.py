@@ -32,7 +32,7 @@ class HEMIBAKE_OT_unwrap(bpy.types.Operator):
             tell(self, "ERROR", str(error))
             return {"CANCELLED"}
         for note in made.notes:
-            tell(self, "WARNING", note)
+            tell(self, "ERROR" if made.skipped and not made.objects else "WARNING", note)
         kept = len(objects) - len(made.objects) - len(made.skipped)
         self.report({"INFO"}, f"{len(made.objects)} objects unwrapped, {kept} had lightmap UVs or no faces")
         return {"FINISHED"} if made.objects else {"CANCELLED"}

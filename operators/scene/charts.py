@@ -7,11 +7,12 @@ their own, and then the charts, in world size, are packed.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ...engine.errors import EngineError, SceneError
+from ...engine.errors import EngineError
 
 #: Least distance of two charts, texels.
 PADDING = 4
@@ -24,6 +25,10 @@ _LEAST_CHART = 0.01
 
 #: Corners are the same if they agree to this many parts of the mesh's size.
 _DOUBLED_STEPS = 1 << 18
+
+#: Square root of the texels that charts are laid out on before they are packed, and longest chart there.
+_DRAFT = 887
+_LONGEST_DRAFT = 1 << 17
 
 _UNPLACED = 0xFFFFFFFF
 
@@ -64,21 +69,6 @@ class Charts:
     chart: np.ndarray
 
 
-def make_uvs(meshes: list[PolygonMesh], resolution: int) -> list[np.ndarray]:
-    """Return UVs of each mesh's loops, (l, 2) float32, all charts packed into one unit square.
-
-    Charts are in proportion to world area, do not overlap and keep PADDING texels of a
-    `resolution` x `resolution` image between them. Raises SceneError if the charts do not fit.
-    """
-    for mesh in meshes:
-        if not np.isfinite(mesh.positions).all():
-            raise SceneError(
-                f"Object '{mesh.name}' has NaN or infinite vertex coordinates. "
-                "Delete those vertices, or check the object's scale."
-            )
-    return _pack(meshes, [_make_charts(mesh) for mesh in meshes], resolution)
-
-
 def _xatlas():
     try:
         import xatlas
@@ -90,8 +80,8 @@ def _xatlas():
     return xatlas
 
 
-def _make_charts(mesh: PolygonMesh) -> Charts:
-    """Return a mesh's charts such that every loop has one UV."""
+def make_charts(mesh: PolygonMesh) -> Charts:
+    """Return a mesh's charts such that every loop has one UV; coordinates have to be finite."""
     uvs, chart = _segment(mesh)
     torn = np.union1d(_torn_polygons(mesh, uvs, chart), _doubled_polygons(mesh))
     loop_uvs = np.zeros((len(mesh.corners), 2))
@@ -117,13 +107,24 @@ def _segment(mesh: PolygonMesh) -> tuple[np.ndarray, np.ndarray]:
     scale = _unit_area_scale(positions[vertices])
     atlas = _xatlas().Atlas()
     atlas.add_mesh((positions * scale).astype(np.float32), vertices.astype(np.uint32))
-    atlas.generate()
+    atlas.generate(pack_options=_drafting(positions[vertices] * scale))
     _, indices, uvs = atlas.get_mesh(0)
     _, charts = atlas.get_mesh_vertex_assignment(0)
     size = np.array([atlas.width, atlas.height]) / max(atlas.texels_per_unit, 1e-30) / scale
     chart = charts[indices].astype(np.int64)
     chart[chart == _UNPLACED] = -1
     return (uvs * size)[indices], chart.min(axis=1)
+
+
+def _drafting(corners: np.ndarray):
+    """Return options for a layout that only shows the charts, (t, 3, 3) corners of a mean area of 1.
+
+    xatlas would choose a density by the area alone, and lay out a long thin mesh on an immense page.
+    """
+    options = _xatlas().PackOptions()
+    longest = float(np.ptp(corners.reshape(-1, 3), axis=0).max(initial=0.0))
+    options.texels_per_unit = min(_DRAFT / np.sqrt(len(corners)), _LONGEST_DRAFT / max(longest, 1e-30))
+    return options
 
 
 def _unit_area_scale(corners: np.ndarray) -> float:
@@ -197,13 +198,20 @@ def _signed_areas(corners: np.ndarray) -> np.ndarray:
     return (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2
 
 
-def _pack(meshes: list[PolygonMesh], charts: list[Charts], resolution: int) -> list[np.ndarray]:
-    """Return packed UVs at the largest texel density found at which the charts fill one page."""
+def pack_charts(
+    meshes: Sequence[PolygonMesh], charts: Sequence[Charts], resolution: int
+) -> list[np.ndarray] | None:
+    """Return UVs of each mesh's loops, (l, 2) float32, all charts packed into one unit square.
+
+    Charts are in proportion to world area, do not overlap and keep PADDING texels of a
+    `resolution` x `resolution` image between them. None if they do not fit; the density is the largest
+    one found at which they do.
+    """
     area = sum(np.abs(_signed_areas(c.uvs[m.triangles])).sum() for m, c in zip(meshes, charts, strict=True))
     if area == 0:
         return [np.zeros((len(mesh.corners), 2), np.float32) for mesh in meshes]
     low, high, best = 0.0, np.inf, None
-    scale = resolution * np.sqrt(0.7 / area)
+    scale = min(resolution * np.sqrt(0.7 / area), np.sqrt(2) * resolution / _longest_chart(meshes, charts))
     least = np.sqrt(_LEAST_CHART * sum(len(np.unique(c.chart)) for c in charts) / area)
     for _ in range(_ATTEMPTS):
         if scale < least:
@@ -219,15 +227,26 @@ def _pack(meshes: list[PolygonMesh], charts: list[Charts], resolution: int) -> l
             break
         scale = guess if low < guess < high else (low + high) / 2
     if best is None:
-        names = ", ".join(f"'{mesh.name}'" for mesh in meshes)
-        raise SceneError(
-            f"The charts of {names} do not fit into one lightmap of {resolution} texels. "
-            "Raise the resolution, or give some objects an atlas of their own."
-        )
+        return None
     return [(uvs / resolution).astype(np.float32) for uvs in best]
 
 
-def _pack_at(meshes: list[PolygonMesh], charts: list[Charts], scale: float) -> tuple[list[np.ndarray], int]:
+def _longest_chart(meshes: Sequence[PolygonMesh], charts: Sequence[Charts]) -> float:
+    """Return the greatest width or height of a chart, metres."""
+    longest = 0.0
+    for mesh, chart in zip(meshes, charts, strict=True):
+        _, number = np.unique(chart.chart, return_inverse=True)
+        corners = chart.uvs[mesh.triangles]
+        low, high = np.full((2, number.max(initial=-1) + 1, 2), np.inf)
+        np.minimum.at(low, number, corners.min(axis=1))
+        np.minimum.at(high, number, -corners.max(axis=1))
+        longest = max(longest, float((-high - low).max(initial=0.0)))
+    return longest
+
+
+def _pack_at(
+    meshes: Sequence[PolygonMesh], charts: Sequence[Charts], scale: float
+) -> tuple[list[np.ndarray], int]:
     """Return the loops' places in texels at `scale` texels per metre, and the page size they need.
 
     xatlas takes meshes at the same address for instances, so all inputs have to live until it is done.

@@ -11,14 +11,15 @@ import numpy as np
 from ...engine.errors import SceneError
 from ...engine.naming import first_line, naming
 from ...engine.scene import OCCLUDER, Mesh, Scene, check_scene
-from .copies import copies_message
 from .items import scene_items
 from .lights import Lamps
 from .material_table import MaterialTable
 from .meshes import world_mesh
 from .places import Place, choose_places
 from .readings import ItemReader, Reading
+from .sharing import shared_sources
 from .skipped import note_skipped
+from .troubles import Troubles
 from .world import read_world
 
 
@@ -77,19 +78,21 @@ def gather(
     for obj in objects:
         obj.update_from_editmode()
     depsgraph = context.evaluated_depsgraph_get()
-    table = MaterialTable(depsgraph, uv_layer, notes)
+    table, troubles = MaterialTable(depsgraph, uv_layer, notes), Troubles()
     try:
-        reader = ItemReader(depsgraph, table, {obj.session_uid for obj in objects}, uv_layer, notes)
+        baked = {obj.session_uid for obj in objects}
+        reader = ItemReader(depsgraph, table, baked, uv_layer, notes, troubles)
         lamps = Lamps(notes)
         for item in scene_items(context, depsgraph):
             if item.source.type == "LIGHT":
                 lamps.add(item)
             elif item.object.type == "MESH":
                 reader.add(item)
-        readings = reader.finish()
-        _check_read(readings, reader.copying, uv_layer, notes)
-        origin = _middle(readings)
-        atlases, places = choose_places(readings, resolution)
+        readings, origin = reader.finish()
+        atlases, places = choose_places(readings, shared_sources(uv_layer), resolution, troubles)
+        notes += troubles.tell()
+        if not any(places):
+            raise SceneError(_nothing_left({reading.name for reading in readings} - troubles.names, notes))
         meshes = [
             _mesh(reading, place, atlases, origin) for reading, place in zip(readings, places, strict=True)
         ]
@@ -105,13 +108,13 @@ def gather(
         table.discard()
     check_scene(scene)
     note_skipped(context, notes)
-    baked = [(reading, place) for reading, place in zip(readings, places, strict=True) if place is not None]
+    placed = [(reading, place) for reading, place in zip(readings, places, strict=True) if place is not None]
     return Gathered(
         scene,
-        tuple((reading.source, place) for reading, place in baked if reading.instancer is None),
+        tuple((reading.source, place) for reading, place in placed if reading.instancer is None),
         tuple(
             (reading.instancer, reading.name, reading.persistent_id, place)
-            for reading, place in baked
+            for reading, place in placed
             if reading.instancer is not None
         ),
         tuple(notes),
@@ -124,37 +127,19 @@ def _mesh(reading: Reading, place: Place | None, atlases: list[str], origin: np.
     return world_mesh(reading, origin, atlas, None if place is None else place.apply)
 
 
-def _middle(readings: Sequence[Reading]) -> np.ndarray:
-    """Return the middle of all boxes, (3,) float64, world space; 0 if that is not finite.
-
-    float32 positions relative to it keep their digits however far from the origin the scene is.
-    """
-    points = np.concatenate([reading.box for reading in readings])
-    centre = (points.min(axis=0) + points.max(axis=0)) / 2
-    return centre if np.isfinite(centre).all() else np.zeros(3)
-
-
-def _check_read(
-    readings: Sequence[Reading], copying: dict[str, list[str]], uv_layer: str, notes: Sequence[str]
-) -> None:
-    """Raise SceneError if nothing is left to bake, or if modifiers make UVs overlap."""
-    if copying:
-        raise SceneError(copies_message(copying, uv_layer))
-    if any(reading.atlas is not None for reading in readings):
-        return
+def _nothing_left(seen: set[str], notes: Sequence[str]) -> str:
+    """Return why there is nothing to bake; `seen` are objects that are occluders by choice."""
     reasons = " ".join(first_line(note) for note in notes)
     details = [line for note in notes for line in note.splitlines()[1:]]
-    if readings:
-        names = sorted({reading.name for reading in readings})
+    if seen:
         sentence = (
-            f"Nothing is left to bake: {{}} {'is' if len(readings) == 1 else 'are'} only seen. "
+            f"Nothing is left to bake: {{}} {'is' if len(seen) == 1 else 'are'} only seen. "
             f"Set the role of an object to Baked. {reasons}".strip()
         )
-        raise SceneError("\n".join([naming(sentence, names), *details]))
+        return "\n".join([naming(sentence, sorted(seen)), *details])
     if notes:
-        sentence = f"Nothing is left to bake. {reasons} Give an object faces that have an area."
-        raise SceneError("\n".join([sentence, *details]))
-    raise SceneError(
+        return "\n".join([f"Nothing is left to bake. {reasons}", *details])
+    return (
         "The scene has no mesh with faces to bake. Add a mesh object, or make one visible "
         "in the viewport and in renders."
     )

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...engine.errors import SceneError
 from .readings import Reading
+from .troubles import NO_TILE, UVS_OUTSIDE, Troubles
+from .uv_faults import is_inside
 
 #: Texels between two tiles.
 _GAP = 4
@@ -41,44 +42,68 @@ class Place:
         return (uvs * self.scale + np.array(self.offset)).astype(np.float32)
 
 
-def choose_places(readings: Sequence[Reading], resolution: int) -> tuple[list[str], list[Place | None]]:
-    """Return the names of all atlases, and the place of each reading, None for occluders."""
-    shared = _shared(readings)
+def choose_places(
+    readings: Sequence[Reading], shared: set[int], resolution: int, troubles: Troubles
+) -> tuple[list[str], list[Place | None]]:
+    """Return the names of all atlases, and the place of each reading, None for occluders.
+
+    shared    sources of UVs that may be shown several times, see `shared_sources`
+    troubles  is told of readings that become occluders since they have no place
+    """
+    tiled = _tiled(readings, shared)
     places: list[Place | None] = [
-        None if reading.atlas is None or several else Place(reading.atlas)
-        for reading, several in zip(readings, shared, strict=True)
+        None if several else _own_place(reading, troubles)
+        for reading, several in zip(readings, tiled, strict=True)
     ]
-    atlases = list(dict.fromkeys(place.atlas for place in places if place is not None))
+    own = list(dict.fromkeys(place.atlas for place in places if place is not None))
     groups: dict[str, list[int]] = {}
-    for index in np.flatnonzero(shared):
+    for index in np.flatnonzero(tiled):
         groups.setdefault(readings[index].atlas or "", []).append(int(index))
     for atlas, members in groups.items():
         alone = [reading for reading, place in zip(readings, places, strict=True) if place == Place(atlas)]
         base = _free_name(atlas, {reading.atlas for reading in readings})
         tiles = _place_tiles([readings[index] for index in members], alone, base, resolution)
-        for index, place in zip(members, tiles, strict=True):
-            places[index] = place
-        atlases += [name for name in dict.fromkeys(place.atlas for place in tiles) if name not in atlases]
-    return atlases, places
+        for index, tile in zip(members, tiles, strict=True):
+            places[index] = tile
+            if tile is None:
+                troubles.add(NO_TILE, readings[index].name)
+    atlases = dict.fromkeys([*own, *(place.atlas for place in places if place is not None)])
+    return list(atlases), places
 
 
-def _shared(readings: Sequence[Reading]) -> list[bool]:
-    """Return whether the charts of each reading are shown by another baked one, too."""
-    users = Counter((reading.mesh, reading.atlas) for reading in readings)
+def _own_place(reading: Reading, troubles: Troubles) -> Place | None:
+    """Return the place of a reading that keeps its UVs."""
+    if reading.atlas is None or reading.shape.corners.uvs is None:
+        return None
+    if is_inside(reading.shape.corners.uvs):
+        return Place(reading.atlas)
+    troubles.add(UVS_OUTSIDE, reading.name)
+    return None
+
+
+def _tiled(readings: Sequence[Reading], shared: set[int]) -> list[bool]:
+    """Return whether the charts of each reading may be shown by another baked one, too."""
+    users = Counter((reading.uvs, reading.atlas) for reading in readings)
     return [
         reading.atlas is not None
-        and (reading.instancer is not None or users[reading.mesh, reading.atlas] > 1)
+        and (reading.instancer is not None or reading.uvs in shared or users[reading.uvs, reading.atlas] > 1)
         for reading in readings
     ]
 
 
 def _place_tiles(
     members: Sequence[Reading], alone: Sequence[Reading], atlas: str, resolution: int
-) -> list[Place]:
-    """Return a tile for each member: as fine as objects that are alone, else as fine as fits one atlas."""
+) -> Sequence[Place | None]:
+    """Return a tile for each member: as fine as objects that are alone, else as fine as fits one atlas.
+
+    They are None if not all of them fit.
+    """
     low, sizes, density = zip(*(_chart_box(member) for member in members), strict=True)
     relative = [size / d for size, d in zip(sizes, density, strict=True)]
-    scale, corners = _fit(relative, _mean_density(alone) * resolution, atlas, resolution)
+    fitting = _fit(relative, _mean_density(alone) * resolution, resolution)
+    if fitting is None:
+        return [None] * len(members)
+    scale, corners = fitting
     places = []
     for (page, x, y), first, d in zip(corners, low, density, strict=True):
         factor = scale / d / resolution
@@ -99,12 +124,12 @@ def _page_name(atlas: str, page: int) -> str:
 
 
 def _fit(
-    sizes: Sequence[np.ndarray], wanted: float, atlas: str, resolution: int
-) -> tuple[float, list[tuple[int, int, int]]]:
+    sizes: Sequence[np.ndarray], wanted: float, resolution: int
+) -> tuple[float, list[tuple[int, int, int]]] | None:
     """Return the texels per metre at which tiles of some sizes, (2,) metres each, fit, and their corners.
 
     wanted: texels per metre, 0 for as many as fit one atlas. Tiles shrink before there are more atlases
-    than needed, but not below a few texels. Raises SceneError if that is not enough.
+    than needed, but not below a few texels. None if that is not enough.
     """
     largest = max(float(size.max()) for size in sizes)
     for pages in (1, _MOST_PAGES) if not wanted else (_MOST_PAGES,):
@@ -114,10 +139,7 @@ def _fit(
             if corners is not None:
                 return scale, corners
             scale *= _SHRINK
-    raise SceneError(
-        f"{len(sizes)} objects and instances that share meshes do not fit into {_MOST_PAGES} lightmaps of "
-        f"{resolution} texels (atlas '{atlas}'). Raise the resolution, or set the role of some to Occluder."
-    )
+    return None
 
 
 def _chart_box(reading: Reading) -> tuple[np.ndarray, np.ndarray, float]:

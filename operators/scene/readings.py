@@ -9,10 +9,14 @@ import bpy
 import numpy as np
 
 from ...engine.naming import naming
-from .copies import copying_modifiers
+from ...engine.scene import MOST_FACES
+from .extent import middle_of, trouble_with
 from .items import SceneItem
 from .material_table import MaterialTable
 from .meshes import Corners, read_corners
+from .troubles import NO_FACES, NO_UVS, NOT_FINITE, NOT_FINITE_UVS, TOO_MANY_FACES, Troubles
+from .uv_faults import is_finite
+from .uv_modifier import uv_source
 
 
 @dataclass(frozen=True)
@@ -38,13 +42,13 @@ class Reading:
     instancer      session uid of the object that makes the instance, None for an object
     persistent_id  Blender's number of the instance
     atlas          name of the atlas its charts go to, None for an occluder
-    mesh           session uid of the mesh whose UVs it has
+    uvs            session uid of what its UVs come from, see `uv_source`
     matrix         (4, 4) float64, object space to world space
     """
 
     name: str
     source: int
-    mesh: int
+    uvs: int
     instancer: int | None
     persistent_id: tuple[int, ...]
     atlas: str | None
@@ -54,14 +58,14 @@ class Reading:
     @property
     def box(self) -> np.ndarray:
         """Corners of the bounding box in world space, (8, 3) float64."""
-        return self.shape.box @ self.matrix[:3, :3].T + self.matrix[:3, 3]
+        with np.errstate(invalid="ignore", over="ignore"):
+            return self.shape.box @ self.matrix[:3, :3].T + self.matrix[:3, 3]
 
 
 class ItemReader:
     """Reads what a scene shows, each mesh once, and collects what there is to say about it.
 
-    baked    session uids of the objects that get a lightmap
-    copying  names of the modifiers that make lightmap UVs overlap, by object
+    baked  session uids of the objects that get a lightmap
     """
 
     def __init__(
@@ -71,15 +75,13 @@ class ItemReader:
         baked: set[int],
         uv_layer: str,
         notes: list[str],
+        troubles: Troubles,
     ) -> None:
         self._depsgraph, self._table, self._baked = depsgraph, table, baked
-        self._uv_layer, self._notes = uv_layer, notes
-        self._shapes: dict[tuple, Shape | None] = {}
+        self._uv_layer, self._notes, self._troubles = uv_layer, notes, troubles
+        self._shapes: dict[tuple, Shape | str] = {}
         self._readings: list[Reading] = []
-        self._generated: list[str] = []
-        self._faceless: list[str] = []
         self._degenerate: dict[str, int] = {}
-        self.copying: dict[str, list[str]] = {}
 
     def add(self, item: SceneItem) -> None:
         """Read an object or instance with faces."""
@@ -87,40 +89,41 @@ class ItemReader:
             return
         atlas = item.source.hemibake.atlas if self._gets_lightmap(item) else None
         shape = self._shape(item, atlas)
-        if shape is None:
+        if isinstance(shape, str):
+            self._troubles.add(shape, item.source.name)
             return
+        trouble = None if atlas is None else _uv_trouble(shape.corners.uvs)
+        if trouble:
+            self._troubles.add(trouble, item.source.name)
         instancer = item.instancer
         self._readings.append(
             Reading(
                 name=item.source.name,
                 source=item.source.session_uid,
-                mesh=item.source.data.session_uid,
+                uvs=uv_source(item.source, self._uv_layer),
                 instancer=None if instancer is None else instancer.session_uid,
                 persistent_id=item.persistent_id,
-                atlas=atlas if shape.corners.uvs is not None else None,
+                atlas=None if trouble else atlas,
                 matrix=item.matrix,
                 shape=shape,
             )
         )
 
-    def finish(self) -> list[Reading]:
-        """Return what was read, and say what is special about some of it."""
-        if self._faceless:
-            names = sorted(set(self._faceless))
-            verb = "has no faces and is" if len(names) == 1 else "have no faces and are"
-            self._notes.append(naming(f"{_objects(names)} {verb} left out.", names))
-        if self._generated:
-            names = sorted(set(self._generated))
-            sentence = (
-                f"{_objects(names)}: faces made by modifiers have no lightmap UVs. They are seen and reflect "
-                "but get no lightmap: apply the modifiers to bake them."
-            )
-            self._notes.append(naming(sentence, names))
+    def finish(self) -> tuple[list[Reading], np.ndarray]:
+        """Return what was read, and the point that positions are relative to, (3,) float64, world space."""
         if self._degenerate:
             names, count = sorted(self._degenerate), sum(self._degenerate.values())
             sentence = f"{_objects(names)}: {count} zero-area triangles were left out."
             self._notes.append(naming(sentence, names))
-        return self._readings
+        middle = middle_of([reading.box for reading in self._readings])
+        near = []
+        for reading in self._readings:
+            trouble = trouble_with(reading.box, middle)
+            if trouble:
+                self._troubles.add(trouble, reading.name)
+            else:
+                near.append(reading)
+        return near, middle
 
     def _instancer_ignored(self, item: SceneItem) -> bool:
         return item.instancer is not None and item.instancer.hemibake.role == "IGNORED"
@@ -131,8 +134,8 @@ class ItemReader:
             return False
         return item.instancer is None or item.instancer.hemibake.role == "BAKED"
 
-    def _shape(self, item: SceneItem, atlas: str | None) -> Shape | None:
-        """Return an item's mesh; None if it has no faces."""
+    def _shape(self, item: SceneItem, atlas: str | None) -> Shape | str:
+        """Return an item's mesh, or why it is left out."""
         materials = _slot_materials(item)
         slots = [self._table.index(material, atlas) for material in materials]
         key = (item.object.data.as_pointer(), tuple(slots), atlas is None)
@@ -140,7 +143,7 @@ class ItemReader:
             self._shapes[key] = self._read(item, slots, atlas)
         return self._shapes[key]
 
-    def _read(self, item: SceneItem, slots: Sequence[int], atlas: str | None) -> Shape | None:
+    def _read(self, item: SceneItem, slots: Sequence[int], atlas: str | None) -> Shape | str:
         """Read an item's mesh; of one that is being edited Blender has to make it."""
         if item.source.type != "MESH" or not item.source.data.is_editmode:
             return self._read_mesh(item, item.object.data, slots, atlas)
@@ -151,31 +154,33 @@ class ItemReader:
 
     def _read_mesh(
         self, item: SceneItem, mesh: bpy.types.Mesh, slots: Sequence[int], atlas: str | None
-    ) -> Shape | None:
-        obj = item.object
-        if not len(mesh.polygons):
-            self._faceless.append(item.source.name)
-            return None
-        layer = self._uv_layer
-        has_layer = layer in mesh.uv_layers
-        if atlas is not None and not has_layer:
-            self._generated.append(item.source.name)
-        elif atlas is not None:
-            copying = copying_modifiers(item.source, mesh, layer)
-            if copying:
-                self.copying[item.source.name] = copying
-        corners = read_corners(
-            mesh, layer if atlas is not None and has_layer else None, self._table.uv_maps(slots)
-        )
+    ) -> Shape | str:
+        if len(mesh.polygons) >= MOST_FACES:
+            return TOO_MANY_FACES
+        layer = None if atlas is None or self._uv_layer not in mesh.uv_layers else self._uv_layer
+        corners = read_corners(mesh, layer, self._table.uv_maps(slots))
         if corners.dropped:
             self._degenerate[item.source.name] = corners.dropped
         if not len(corners.positions):
-            self._faceless.append(item.source.name)
-            return None
-        self._table.keep(obj, slots)
+            return NO_FACES
+        if not np.isfinite(corners.positions).all():
+            return NOT_FINITE
+        self._table.keep(item.object, slots)
         index = np.clip(corners.slot, 0, len(slots) - 1)
-        box = np.array(obj.bound_box, np.float64)
-        return Shape(corners, np.asarray(slots, np.int32)[index], box)
+        return Shape(corners, np.asarray(slots, np.int32)[index], _box(corners.positions))
+
+
+def _uv_trouble(uvs: np.ndarray | None) -> str | None:
+    """Return what is wrong with lightmap UVs wherever they are placed."""
+    if uvs is None:
+        return NO_UVS
+    return None if is_finite(uvs) else NOT_FINITE_UVS
+
+
+def _box(positions: np.ndarray) -> np.ndarray:
+    """Return the corners of the box around triangles, (8, 3) float64."""
+    bounds = np.stack([positions.min(axis=(0, 1)), positions.max(axis=(0, 1))]).astype(np.float64)
+    return np.stack(np.meshgrid(*bounds.T, indexing="ij"), axis=-1).reshape(8, 3)
 
 
 def _objects(names: Sequence[str]) -> str:

@@ -1,11 +1,10 @@
-"""Lightmap UV layers for objects that have none."""
+"""Lightmap UVs for objects that have none, or whose modifiers spoil them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import bmesh
 import bpy
 import numpy as np
 
@@ -13,19 +12,28 @@ from ...engine.errors import SceneError
 from ...engine.naming import naming
 from ..changes import Changes
 from ..lookup import find
-from .charts import PolygonMesh, make_uvs
-from .meshes import read_array
-
-#: Blender's own limit.
-_MAX_UV_LAYERS = 8
+from .charts import pack_charts
+from .sharing import instanced_objects, shared_sources
+from .troubles import NO_ROOM, Troubles
+from .uv_layers import add_layer, remove_layer
+from .uv_modifier import (
+    NAME,
+    add_uv_modifier,
+    drop_uv_modifier,
+    fits,
+    has_uvs,
+    remove_unused_uvs,
+    uv_modifier,
+)
+from .uv_targets import Target, evaluated_mesh, evaluated_targets, own_targets
 
 
 @dataclass
 class Made:
     """What unwrapping did.
 
-    objects  those that have got a UV layer
-    skipped  those that need one but must not be changed
+    objects  those that have got lightmap UVs
+    skipped  those that need some but cannot have them
     notes    sentences for the user
     """
 
@@ -41,189 +49,192 @@ def unwrap_missing(
     resolution: int,
     changes: Changes,
 ) -> Made:
-    """Give a lightmap UV layer to each object with faces that has none; raises SceneError.
+    """Give lightmap UVs to each object with faces that has none; raises SceneError without a layer's name.
 
-    All new ones of an atlas are packed together, for an image of `resolution` texels. If other
-    objects hold that atlas already, the new ones move to a fresh atlas. Other UV layers, the
-    selection and the mode stay as they are.
+    An object's own mesh gets a layer. Where modifiers copy or make faces, so that the layer overlaps or is
+    missing on what they make, this is unwrapped instead and a last modifier keeps the UVs; it is made
+    anew once it no longer fits. All new UVs of an atlas are packed together, for an image of `resolution`
+    texels. If other objects hold that atlas already, the new ones move to a fresh atlas. Other UV layers,
+    the selection and the mode stay as they are. An object that cannot have UVs is skipped, with a note.
     """
     if not uv_layer:
         raise SceneError("The lightmap UV layer has no name. Type one, such as Lightmap.")
-    made = Made()
-    context.view_layer.update()
-    for obj in objects:
-        obj.update_from_editmode()
-        if len(obj.data.polygons) and uv_layer not in obj.data.uv_layers:
-            _sort_out(obj, made)
-    for atlas, members in _by_atlas(made.objects).items():
-        _unwrap_together(members, uv_layer, resolution, changes)
-        _move_to_free_atlas(context, members, atlas, uv_layer, changes, made.notes)
-    return made
+    unwrapping = _Unwrapping(context, uv_layer, resolution, changes)
+    unwrapping.prepare(objects)
+    return unwrapping.unwrap(objects)
 
 
-def _sort_out(obj: bpy.types.Object, made: Made) -> None:
-    """Decide whether an object without the layer can have one."""
-    if not obj.data.is_editable:
-        made.skipped.append(obj)
-        made.notes.append(
-            f"Object '{obj.name}' has no lightmap UV layer and its mesh is linked from another file: "
-            "it is seen and reflects, but gets no lightmap. Make the mesh local, or unwrap it in that file."
-        )
-    elif len(obj.data.uv_layers) >= _MAX_UV_LAYERS:
-        raise SceneError(
-            f"Object '{obj.name}' has {len(obj.data.uv_layers)} UV layers, as many as Blender allows, "
-            "and none is for the lightmap. Remove one."
-        )
-    else:
-        made.objects.append(obj)
+class _Unwrapping:
+    """Unwraps objects' own meshes first, then what modifiers make where that did not do."""
+
+    def __init__(self, context: bpy.types.Context, uv_layer: str, resolution: int, changes: Changes) -> None:
+        self._context, self._uv_layer = context, uv_layer
+        self._resolution, self._changes = resolution, changes
+        self._made, self._troubles = Made(), Troubles()
+
+    def prepare(self, objects: Sequence[bpy.types.Object]) -> None:
+        """Take edited meshes as they are, and drop modifiers whose UVs fit no longer."""
+        remove_unused_uvs()
+        self._context.view_layer.update()
+        for obj in objects:
+            obj.update_from_editmode()
+        kept = [(obj, modifier) for obj in objects if (modifier := uv_modifier(obj, self._uv_layer))]
+        depsgraph = self._context.evaluated_depsgraph_get()
+        outdated = [obj for obj, modifier in kept if obj.is_editable and _outdated(obj, modifier, depsgraph)]
+        for obj in outdated:
+            drop_uv_modifier(obj, self._uv_layer, self._changes)
+
+    def unwrap(self, objects: Sequence[bpy.types.Object]) -> Made:
+        """Make all UVs that are missing, and say what is special about some."""
+        own = own_targets(objects, self._uv_layer, self._leave)
+        pages = self._store(own)
+        made = {obj.data.session_uid for target in own for obj in target.objects}
+        left = {obj.session_uid for obj in self._made.skipped}
+        rest = [obj for obj in objects if obj.session_uid not in left]
+        depsgraph = self._context.evaluated_depsgraph_get()
+        evaluated = evaluated_targets(rest, self._uv_layer, made, depsgraph, self._leave)
+        if evaluated:
+            stored = [target for page in pages for target in page.targets]
+            for target in stored:
+                remove_layer(target.objects[0], self._uv_layer)
+            pages = self._store([*_without(stored, evaluated), *evaluated])
+        self._leave_atlases(pages)
+        self._finish(pages)
+        return self._made
+
+    def _leave(self, obj: bpy.types.Object, trouble: str) -> None:
+        """Let an object go without lightmap UVs."""
+        self._made.skipped.append(obj)
+        self._troubles.add(trouble, obj.name)
+
+    def _store(self, targets: Sequence[Target]) -> list[_Page]:
+        """Pack the charts of each atlas and store the UVs; return what lies together."""
+        shared, instanced = shared_sources(self._uv_layer), instanced_objects()
+        pages = []
+        for atlas, members in _by_atlas(targets).items():
+            tiled = [target for target in members if _is_shared(target, shared, instanced)]
+            alone = [target for target in members if not _is_shared(target, shared, instanced)]
+            area = sum(target.area for target in members)
+            pages += self._pack(alone, atlas, self._resolution)
+            for target in tiled:
+                width = _tile_width(target.area, area, self._resolution)
+                pages += self._pack([target], None, width)
+        return pages
+
+    def _pack(self, targets: Sequence[Target], atlas: str | None, resolution: int) -> list[_Page]:
+        """Store UVs such that targets lie side by side, on several pages if one has no room for all."""
+        if not targets:
+            return []
+        meshes, charts = zip(*((target.mesh, target.charts) for target in targets), strict=True)
+        packed = pack_charts(meshes, charts, resolution)
+        if packed is not None:
+            for target, uvs in zip(targets, packed, strict=True):
+                self._keep(target, uvs)
+            return [_Page(list(targets), atlas)]
+        if len(targets) == 1:
+            for obj in targets[0].objects:
+                self._leave(obj, NO_ROOM)
+            return []
+        ordered = sorted(targets, key=lambda target: -target.area)
+        half = len(ordered) // 2
+        return [
+            page for part in (ordered[:half], ordered[half:]) for page in self._pack(part, atlas, resolution)
+        ]
+
+    def _keep(self, target: Target, uvs: np.ndarray) -> None:
+        """Store the UVs of a target's loops, (l, 2)."""
+        if target.topology is None:
+            add_layer(target.objects[0], self._uv_layer, uvs, self._changes)
+        else:
+            add_uv_modifier(target.objects, uvs, target.topology, self._uv_layer, self._changes)
+
+    def _leave_atlases(self, pages: Sequence[_Page]) -> None:
+        """Let newly unwrapped objects leave an atlas that holds other ones."""
+        taken = {obj.hemibake.atlas for obj in bpy.data.objects}
+        full = self._atlases_of_others({obj.session_uid for page in pages for obj in page.objects})
+        for page in pages:
+            if page.atlas in full:
+                fresh = next(
+                    name for number in range(1, 10**6) if (name := f"{page.atlas}.{number:03d}") not in taken
+                )
+                taken.add(fresh)
+                self._move(page.objects, page.atlas, fresh)
+            elif page.atlas is not None:
+                full.add(page.atlas)
+
+    def _atlases_of_others(self, members: set[int]) -> set[str]:
+        """Return the atlases of objects that had lightmap UVs before."""
+        others = [obj for obj in self._context.scene.objects if obj.type == "MESH"]
+        return {
+            obj.hemibake.atlas
+            for obj in others
+            if obj.session_uid not in members and has_uvs(obj, self._uv_layer)
+        }
+
+    def _move(self, objects: Sequence[bpy.types.Object], atlas: str, fresh: str) -> None:
+        """Let objects go to another atlas."""
+        for obj in objects:
+            self._changes.add(lambda uid=obj.session_uid: _set_atlas(uid, atlas))
+            obj.hemibake.atlas = fresh
+        sentence = f"New lightmap UVs were made for {{}}: they have the lightmap '{fresh}'."
+        self._made.notes.append(naming(sentence, [obj.name for obj in objects]))
+
+    def _finish(self, pages: Sequence[_Page]) -> None:
+        """Say who has got UVs, and who has none."""
+        targets = [target for page in pages for target in page.targets]
+        self._made.objects = list(dict.fromkeys(obj for target in targets for obj in target.objects))
+        kept = sorted(obj.name for target in targets if target.topology for obj in target.objects)
+        if kept:
+            sentence = (
+                f"Modifiers of {{}} copy or make faces: a last modifier '{NAME}' keeps lightmap UVs of these."
+            )
+            self._made.notes.append(naming(sentence, kept))
+        self._made.notes += self._troubles.tell()
 
 
-def _by_atlas(objects: Sequence[bpy.types.Object]) -> dict[str, list[bpy.types.Object]]:
-    groups: dict[str, list[bpy.types.Object]] = {}
-    for obj in objects:
-        groups.setdefault(obj.hemibake.atlas, []).append(obj)
+@dataclass(frozen=True)
+class _Page:
+    """Targets whose charts lie side by side, in an atlas; None for a square of their own."""
+
+    targets: list[Target]
+    atlas: str | None
+
+    @property
+    def objects(self) -> list[bpy.types.Object]:
+        return [obj for target in self.targets for obj in target.objects]
+
+
+def _outdated(obj: bpy.types.Object, modifier: bpy.types.Modifier, depsgraph: bpy.types.Depsgraph) -> bool:
+    """Return whether what an object's modifiers make has changed since its UVs were made."""
+    with evaluated_mesh(obj, depsgraph) as mesh:
+        return mesh is not None and not fits(modifier, mesh)
+
+
+def _by_atlas(targets: Sequence[Target]) -> dict[str, list[Target]]:
+    groups: dict[str, list[Target]] = {}
+    for target in targets:
+        groups.setdefault(target.atlas, []).append(target)
     return groups
 
 
-def _unwrap_together(
-    objects: Sequence[bpy.types.Object], uv_layer: str, resolution: int, changes: Changes
-) -> None:
-    """Make the layer of each mesh, once for all users of a mesh."""
-    first_users = {obj.data.session_uid: obj for obj in reversed(objects)}
-    users = [obj for obj in objects if first_users[obj.data.session_uid] is obj]
-    users = [obj for obj in users if uv_layer not in obj.data.uv_layers]
-    shared = [obj for obj in users if _is_shared(obj)]
-    alone = [obj for obj in users if obj not in shared]
-    meshes = {obj: _read(obj) for obj in users}
-    area = sum(mesh.area for mesh in meshes.values())
-    groups = [([obj], _tile_width(meshes[obj].area, area, resolution)) for obj in shared]
-    for members, width in [(alone, resolution), *groups] if alone else groups:
-        for obj, uvs in zip(members, make_uvs([meshes[obj] for obj in members], width), strict=True):
-            _add_layer(obj, uv_layer, uvs, changes)
+def _without(targets: Sequence[Target], replaced: Sequence[Target]) -> list[Target]:
+    """Return the targets that have an object which no other target has replaced."""
+    gone = {obj.session_uid for target in replaced for obj in target.objects}
+    return [target for target in targets if any(obj.session_uid not in gone for obj in target.objects)]
 
 
-def _is_shared(obj: bpy.types.Object) -> bool:
-    """Return whether several objects, or instances, may show an object's mesh, which is then put on tiles."""
-    return obj.data.users > 1 or not obj.users_scene or _is_instanced(obj)
-
-
-def _is_instanced(obj: bpy.types.Object) -> bool:
-    """Return whether a collection that holds an object is instanced."""
-    instanced = {other.instance_collection for other in bpy.data.objects if other.instance_collection}
-    return any(collection in instanced for collection in obj.users_collection)
+def _is_shared(target: Target, shared: set[int], instanced: set[int]) -> bool:
+    """Return whether several objects, or instances, may show a mesh, which then gets a square to itself."""
+    first = target.objects[0]
+    if target.topology is None:
+        return first.data.session_uid in shared
+    return len(target.objects) > 1 or first.session_uid in instanced
 
 
 def _tile_width(area: float, total: float, resolution: int) -> int:
     """Return about how many texels wide the tile of a mesh will be."""
     share = np.sqrt(area / total) if total > 0 else 1.0
     return int(np.clip(resolution * share, min(64, resolution), resolution))
-
-
-def _read(obj: bpy.types.Object) -> PolygonMesh:
-    """Return an object's own mesh, before modifiers, in world space."""
-    mesh = obj.data
-    matrix = np.array(obj.matrix_world, np.float64)
-    mesh.calc_loop_triangles()
-    positions = read_array(mesh.vertices, "co", 3, np.float32).astype(np.float64)
-    starts = read_array(mesh.polygons, "loop_start", 1, np.int32)[:, 0]
-    return PolygonMesh(
-        name=obj.name,
-        positions=positions @ matrix[:3, :3].T + matrix[:3, 3],
-        corners=read_array(mesh.loops, "vertex_index", 1, np.int32)[:, 0],
-        starts=np.r_[starts, len(mesh.loops)],
-        triangles=read_array(mesh.loop_triangles, "loops", 3, np.int32),
-        polygon=read_array(mesh.loop_triangles, "polygon_index", 1, np.int32)[:, 0],
-    )
-
-
-def _add_layer(obj: bpy.types.Object, name: str, uvs: np.ndarray, changes: Changes) -> None:
-    """Add a UV layer without touching which one is active or rendered, in edit mode, too."""
-    add = _add_edited if obj.data.is_editmode else _add_stored
-    made = "" if name in obj.data.attributes else add(obj, name, uvs)
-    changes.add(lambda uid=obj.session_uid: _remove_layer(uid, made))
-    if made != name:
-        raise SceneError(
-            f"Object '{obj.name}' has an attribute called '{name}' that is not a UV layer. "
-            "Rename it, or choose another name for the lightmap UV layer."
-        )
-
-
-def _add_stored(obj: bpy.types.Object, name: str, uvs: np.ndarray) -> str:
-    """Add a layer to a mesh and return the name it got."""
-    layers = obj.data.uv_layers
-    active, rendered = layers.active_index, _rendered(layers)
-    layer = layers.new(name=name, do_init=False)
-    layer.uv.foreach_set("vector", uvs.reshape(-1))
-    made = layer.name
-    _set_current(layers, active, rendered)
-    obj.data.update()
-    return made
-
-
-def _add_edited(obj: bpy.types.Object, name: str, uvs: np.ndarray) -> str:
-    """Add a layer to a mesh that is being edited and return the name it got."""
-    edited = bmesh.from_edit_mesh(obj.data)
-    layer = edited.loops.layers.uv.new(name)
-    loops = (loop for face in edited.faces for loop in face.loops)
-    for loop, uv in zip(loops, uvs.tolist(), strict=True):
-        loop[layer].uv = uv
-    made = layer.name
-    _update_edited(obj)
-    return made
-
-
-def _update_edited(obj: bpy.types.Object) -> None:
-    """Show what has been done to a mesh in edit mode, and store it in the mesh."""
-    bmesh.update_edit_mesh(obj.data, loop_triangles=False, destructive=False)
-    obj.update_from_editmode()
-
-
-def _rendered(layers: bpy.types.UVLoopLayers) -> int:
-    return next((index for index, layer in enumerate(layers) if layer.active_render), -1)
-
-
-def _set_current(layers: bpy.types.UVLoopLayers, active: int, rendered: int) -> None:
-    if active >= 0:
-        layers.active_index = active
-    if rendered >= 0:
-        layers[rendered].active_render = True
-
-
-def _remove_layer(uid: int, name: str) -> None:
-    obj = find(bpy.data.objects, uid)
-    if obj is None or name not in obj.data.uv_layers:
-        return
-    if obj.data.is_editmode:
-        layers = bmesh.from_edit_mesh(obj.data).loops.layers.uv
-        layers.remove(layers[name])
-        _update_edited(obj)
-        return
-    layers = obj.data.uv_layers
-    active, rendered = layers.active_index, _rendered(layers)
-    layers.remove(layers[name])
-    _set_current(layers, min(active, len(layers) - 1), min(rendered, len(layers) - 1))
-
-
-def _move_to_free_atlas(
-    context: bpy.types.Context,
-    objects: Sequence[bpy.types.Object],
-    atlas: str,
-    uv_layer: str,
-    changes: Changes,
-    notes: list[str],
-) -> None:
-    """Let the newly unwrapped objects leave an atlas that holds other objects."""
-    members = {obj.session_uid for obj in objects}
-    others = [obj for obj in context.scene.objects if obj.type == "MESH" and obj.session_uid not in members]
-    if not any(obj.hemibake.atlas == atlas and uv_layer in obj.data.uv_layers for obj in others):
-        return
-    taken = {obj.hemibake.atlas for obj in bpy.data.objects}
-    fresh = next(name for number in range(1, 10**6) if (name := f"{atlas}.{number:03d}") not in taken)
-    for obj in objects:
-        changes.add(lambda uid=obj.session_uid: _set_atlas(uid, atlas))
-        obj.hemibake.atlas = fresh
-    sentence = f"New lightmap UVs were made for {{}}: they have the lightmap '{fresh}'."
-    notes.append(naming(sentence, [obj.name for obj in objects]))
 
 
 def _set_atlas(uid: int, atlas: str) -> None:

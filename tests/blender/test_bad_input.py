@@ -9,9 +9,12 @@ from tests.blender.things import (
     SQUARE,
     SQUARE_UVS,
     files_below,
+    furnace,
     material,
     mesh_object,
     part,
+    pixels,
+    report,
     snapshot,
     square,
 )
@@ -125,12 +128,39 @@ def test_error_names_the_cause_and_the_remedy_and_nothing_changes(case, tmp_path
     assert files_below(tmp_path) == files
 
 
-def test_uv_layers_made_for_a_bake_that_fails_are_removed():
+def test_what_was_made_for_a_bake_that_fails_is_removed():
     mesh_object("New", SQUARE, [(0, 1, 2, 3)])
-    square("Wide", uvs=[(0, 0), (1.5, 0), (1.5, 1), (0, 1)])
+    mesh_object("Copied", SQUARE, [(0, 1, 2, 3)]).modifiers.new("Array", "ARRAY")
+    with_material("Base Color", (np.nan, 0, 0, 1))()
     before = snapshot()
     bake()
     assert snapshot() == before
+
+
+#: Faults of one object: where there are others, these are baked.
+OF_ONE_OBJECT = [
+    "no faces",
+    "zero area",
+    "NaN coordinates",
+    "NaN coordinates with UVs",
+    "NaN UVs",
+    "UVs outside",
+    "linked without UVs",
+]
+
+
+@pytest.mark.parametrize("case", OF_ONE_OBJECT)
+def test_fault_of_one_object_is_told_and_the_others_are_baked(case, tmp_path):
+    import bpy
+
+    make, words = {**CASES, "linked without UVs": (linked_square(tmp_path), ["'Far'", "local"])}[case]
+    make()
+    room = furnace("Good")
+    room.location = (5, 5, 5)
+    assert bpy.ops.hemibake.bake() == {"FINISHED"}
+    assert any(all(word in warning for word in words) for warning in report()["warnings"])
+    assert pixels(room.hemibake.image)[..., :3].max() == pytest.approx(2, rel=0.01)
+    assert report()["objects"] == 1
 
 
 def test_folder_that_cannot_be_written_is_told(tmp_path):
@@ -144,27 +174,25 @@ def test_folder_that_cannot_be_written_is_told(tmp_path):
     assert snapshot() == before
 
 
-def test_object_without_faces_among_others_is_left_out_with_a_warning():
-    import bpy
+def linked_square(folder) -> Callable[[], None]:
+    """Return what links a square without UVs from another file."""
 
-    from tests.blender.things import report
+    def make():
+        import bpy
 
-    square()
-    no_faces()
-    assert bpy.ops.hemibake.bake() == {"FINISHED"}
-    assert any("'Points' has no faces" in warning for warning in report()["warnings"])
+        mesh_object("Far", SQUARE, [(0, 1, 2, 3)])
+        library = str(folder / "library.blend")
+        bpy.ops.wm.save_as_mainfile(filepath=library)
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        bpy.context.scene.hemibake.resolution, bpy.context.scene.hemibake.hemicube = 32, "16"
+        with bpy.data.libraries.load(library, link=True) as (_, linked):
+            linked.objects = ["Far"]
+        bpy.context.scene.collection.objects.link(linked.objects[0])
+
+    return make
 
 
 def test_linked_mesh_without_uvs_is_the_reason_told(tmp_path):
-    import bpy
-
-    mesh_object("Far", SQUARE, [(0, 1, 2, 3)])
-    library = str(tmp_path / "library.blend")
-    bpy.ops.wm.save_as_mainfile(filepath=library)
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    with bpy.data.libraries.load(library, link=True) as (_, linked):
-        linked.objects = ["Far"]
-    bpy.context.scene.collection.objects.link(linked.objects[0])
+    linked_square(tmp_path)()
     message = bake()
     assert "Nothing is left to bake" in message and "Make the mesh local" in message
-    assert "Give an object faces" not in message

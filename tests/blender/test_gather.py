@@ -67,6 +67,25 @@ def test_zero_area_triangles_are_left_out_with_a_note():
     assert gathered.notes == ("Object 'Sliver': 1 zero-area triangles were left out.",)
 
 
+@pytest.mark.parametrize("distance", [1e10, np.inf])
+def test_object_with_a_distant_vertex_is_left_out_and_the_others_keep_their_digits(distance):
+    square("Far", uvs=None).data.vertices[0].co.x = distance
+    mesh_object("Wide", [(0, 0, 0), (9e8, 0, 0), (0, 9e8, 0)], [(0, 1, 2)], SQUARE_UVS[:3])
+    square("Near", uvs=None).location = (1000, 2000, 3000)
+    square("Also near").location = (1001, 2000, 3000)
+    gathered = gather()
+    assert [mesh.name for mesh in gathered.scene.meshes] == ["Wide", "Near", "Also near"]
+    assert any("'Far'" in note and "left out" in note for note in gathered.notes)
+    positions = gathered.scene.meshes[1].positions + gathered.scene.origin
+    np.testing.assert_allclose(np.unique(positions[..., 0]), [1000, 1001], atol=1e-3)
+
+
+def test_loose_vertices_far_away_do_no_harm():
+    mesh_object("Loose", [*SQUARE, (1e30, 0, 0)], [(0, 1, 2, 3)], SQUARE_UVS)
+    gathered = gather()
+    assert gathered.notes == () and np.abs(gathered.scene.meshes[0].positions).max() <= 1
+
+
 def test_hidden_objects_are_not_baked():
     import bpy
 
@@ -141,13 +160,17 @@ def test_many_users_of_a_mesh_share_atlases():
     assert all(apart(boxes[i], boxes[j]) for i in range(40) for j in range(i))
 
 
-def test_more_users_of_a_mesh_than_fit_are_refused():
+def test_more_users_of_a_mesh_than_fit_become_occluders():
     import bpy
 
     bpy.context.scene.hemibake.resolution = 8
     duplicates(65)
-    with pytest.raises(part("engine.errors").SceneError, match=r"65 objects and instances.*do not fit"):
+    with pytest.raises(part("engine.errors").SceneError, match=r"more objects and instances.*than fit"):
         gather()
+    alone = square("Alone")
+    gathered = gather()
+    assert [uid for uid, _ in gathered.objects] == [alone.session_uid] and len(gathered.scene.meshes) == 66
+    assert any("'First'" in note and "Raise the resolution" in note for note in gathered.notes)
 
 
 def test_atlases_that_the_user_named_are_not_too_many():
@@ -211,21 +234,7 @@ def test_object_whose_faces_are_made_by_modifiers_is_an_occluder():
     gathered = gather()
     assert [(mesh.name, mesh.atlas) for mesh in gathered.scene.meshes] == [("Square", 0), ("Made", -1)]
     (note,) = gathered.notes
-    assert "'Made'" in note and "modifiers" in note and "apply" in note
-
-
-@pytest.mark.parametrize("kind", ["MIRROR", "ARRAY", "SOLIDIFY"])
-def test_modifiers_that_copy_lightmap_uvs_are_named(kind):
-    import bpy
-
-    obj = mesh_object("Chair", CUBE, INWARD)
-    obj.location.x = 1
-    obj.modifiers.new("Bevelled", "BEVEL").show_viewport = False
-    obj.modifiers.new("Copier", kind)
-    bpy.ops.hemibake.unwrap()
-    error = part("engine.errors").SceneError
-    with pytest.raises(error, match="Apply the modifiers 'Copier' of 'Chair', then bake"):
-        gather()
+    assert "'Made': faces without lightmap UVs" in note and "apply its modifiers" in note
 
 
 @pytest.mark.parametrize("kind", ["SUBSURF", "BEVEL", "TRIANGULATE"])

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from tests.blender.things import CUBE, INWARD, SQUARE, loop_uvs, mesh_object, part, square
+from tests.blender.things import CUBE, INWARD, SQUARE, loop_uvs, mesh_object, part, snapshot, square
 
 RESOLUTION = 128
 
@@ -162,19 +162,23 @@ def test_objects_in_edit_mode_are_unwrapped_as_edited(active):
 
 
 @pytest.mark.parametrize("mode", ["OBJECT", "EDIT"])
-def test_layers_are_taken_back_if_one_cannot_be_made(mode):
+def test_what_is_made_can_be_taken_back(mode):
     import bpy
 
-    obj, clash = mesh_object("Cube", CUBE, INWARD), mesh_object("Clash", CUBE, INWARD)
+    obj, copied = mesh_object("Cube", CUBE, INWARD), mesh_object("Copied", CUBE, INWARD)
     obj.data.uv_layers.new(name="One")
-    clash.data.attributes.new("Lightmap", "FLOAT", "POINT")
+    copied.modifiers.new("Array", "ARRAY")
+    for each in (obj, copied):
+        each.select_set(True)
     bpy.context.view_layer.objects.active = obj
     bpy.ops.object.mode_set(mode=mode)
-    with pytest.raises(RuntimeError, match="'Clash' has an attribute called 'Lightmap'"):
-        unwrap()
-    bpy.ops.object.mode_set(mode="OBJECT")
-    assert [layer.name for layer in obj.data.uv_layers] == ["One"]
-    assert "Lightmap" in clash.data.attributes
+    before, changes = snapshot(), part("operators.changes").Changes()
+    made = part("operators.scene.unwrap").unwrap_missing(
+        bpy.context, [obj, copied], "Lightmap", RESOLUTION, changes
+    )
+    assert len(made.objects) == 2 and snapshot() != before
+    changes.take_back()
+    assert snapshot() == before
 
 
 def test_layer_without_a_name_is_refused():
@@ -200,22 +204,108 @@ def test_unwrapping_twice_changes_nothing():
     assert (loop_uvs(obj) == before).all()
 
 
-def test_eight_layers_are_too_many():
-    obj = mesh_object("Cube", CUBE, INWARD)
+def eight_layers():
+    obj = mesh_object("Odd", CUBE, INWARD)
     for index in range(8):
         obj.data.uv_layers.new(name=f"Layer {index}")
-    with pytest.raises(RuntimeError, match="'Cube' has 8 UV layers.*Remove one"):
-        unwrap()
 
 
-def test_charts_that_cannot_fit_are_refused():
+def attribute_in_the_way():
+    mesh_object("Odd", CUBE, INWARD).data.attributes.new("Lightmap", "FLOAT", "POINT")
+
+
+def distant_vertex(distance):
+    return lambda: mesh_object("Odd", [*CUBE[:7], (distance, 1, 1)], INWARD)
+
+
+def infinite_scale():
+    mesh_object("Odd", CUBE, INWARD).scale = (np.inf, 1, 1)
+
+
+CANNOT = {
+    "8 layers": (eight_layers, "8 UV layers.*Remove one"),
+    "attribute": (attribute_in_the_way, "an attribute called 'Lightmap'.*Rename it"),
+    "1e10 m": (distant_vertex(1e10), "1,000,000 km.*Delete distant vertices"),
+    "1e38 m": (distant_vertex(1e38), "1,000,000 km.*Delete distant vertices"),
+    "infinite vertex": (distant_vertex(np.inf), "NaN or infinite vertex.*Delete those"),
+    "infinite scale": (infinite_scale, "(NaN or infinite|1,000,000 km).*scale"),
+    "thin": (distant_vertex(1e7), "too many charts.*Raise the resolution"),
+}
+
+
+@pytest.mark.parametrize("case", CANNOT)
+def test_object_that_cannot_have_uvs_is_named_and_the_others_have_some(case):
     import bpy
 
-    bpy.context.scene.hemibake.resolution = 8
-    obj = mesh_object("Cube", CUBE, INWARD)
-    with pytest.raises(RuntimeError, match="'Cube' do not fit.*Raise the resolution"):
+    make, words = CANNOT[case]
+    make()
+    with pytest.raises(RuntimeError, match=f"'Odd': .*{words}"):
         unwrap()
-    assert "Lightmap" not in obj.data.uv_layers
+    good = mesh_object("Good", CUBE, INWARD)
+    bpy.context.view_layer.update()
+    assert unwrap() == {"FINISHED"}
+    assert coverage(good, RESOLUTION).max() == 1
+    assert good.hemibake.atlas == "Lightmap" and coverage(good, RESOLUTION).sum() > 0.3 * RESOLUTION**2
+    assert "Lightmap" not in bpy.data.objects["Odd"].data.uv_layers
+
+
+def test_long_thin_mesh_is_laid_out_without_an_immense_page():
+    """Its charts are 1e7 texels long at the density that its area would have."""
+    charts = part("operators.scene.charts")
+    strip = [(x, y, 0) for y in (0, 1e-3) for x in (0, 3e4, 1e5)]
+    obj = mesh_object("Wire", strip, [(0, 1, 4, 3), (1, 2, 5, 4)])
+    sizes = []
+    pack_at = charts._pack_at
+
+    def watch(meshes, flat, scale):
+        places, size = pack_at(meshes, flat, scale)
+        sizes.append(size)
+        return places, size
+
+    charts._pack_at = watch
+    try:
+        unwrap()
+    finally:
+        charts._pack_at = pack_at
+    assert max(sizes, default=0) < 4 * RESOLUTION
+    assert "Lightmap" not in obj.data.uv_layers or np.ptp(loop_uvs(obj), axis=0).max() > 0.9
+
+
+def test_charts_that_do_not_fit_one_lightmap_go_to_several():
+    import bpy
+
+    bpy.context.scene.hemibake.resolution = 24
+    objects = [mesh_object(f"Cube {index}", CUBE, INWARD) for index in range(7)]
+    assert unwrap() == {"FINISHED"}
+    atlases = {obj.hemibake.atlas for obj in objects}
+    assert len(atlases) > 1 and "Lightmap" in atlases
+    for atlas in atlases:
+        assert sum(coverage(obj, 96) for obj in objects if obj.hemibake.atlas == atlas).max() == 1
+
+
+def test_mesh_whose_other_user_is_hidden_does_not_cover_the_others():
+    """It fills a square of its own, for a tile in the atlas."""
+    import bpy
+
+    shown, other = mesh_object("Shown", CUBE, INWARD), mesh_object("Other", CUBE, INWARD)
+    other.location.x = 3
+    hidden = bpy.data.objects.new("Hidden", shown.data)
+    bpy.context.scene.collection.objects.link(hidden)
+    hidden.hide_set(True)
+    assert bpy.ops.hemibake.bake() == {"FINISHED"}
+    assert shown.hemibake.image != other.hemibake.image
+
+
+def test_thousands_of_objects_are_looked_through_once():
+    import bpy
+
+    mesh = square("First", uvs=None).data
+    for number in range(4000):
+        bpy.context.scene.collection.objects.link(bpy.data.objects.new(f"Copy {number}", mesh.copy()))
+    sharing = part("operators.scene.sharing")
+    start = time.perf_counter()
+    assert sharing.shared_sources("Lightmap") == set()
+    assert time.perf_counter() - start < 1
 
 
 def test_doubled_faces_get_charts_of_their_own():
@@ -253,7 +343,7 @@ def test_many_torn_polygons_take_their_time_each_and_are_numbered_without_gaps(m
         mesh, said = torn_quads(count)
         monkeypatch.setattr(charts, "_segment", lambda mesh, said=said: said)
         began = time.process_time()
-        made = charts._make_charts(mesh)
+        made = charts.make_charts(mesh)
         seconds.append(time.process_time() - began)
         assert (made.chart == np.repeat(np.arange(count), 2)).all()
         assert made.uvs[-4:] == pytest.approx(made.uvs[:4], abs=1e-6)

@@ -109,6 +109,8 @@ def snapshot() -> dict:
         "images": {image.name: pixels(image).tobytes() for image in bpy.data.images if image.type == "IMAGE"},
         "materials": sorted(item.name for item in bpy.data.materials),
         "atlases": {obj.name: obj.hemibake.atlas for obj in bpy.data.objects},
+        "modifiers": {obj.name: [modifier.name for modifier in obj.modifiers] for obj in bpy.data.objects},
+        "node groups": sorted(group.name for group in bpy.data.node_groups),
         "meshes": {mesh.name: _mesh_state(mesh) for mesh in bpy.data.meshes},
         "slots": {
             obj.name: [(slot.link, slot.material and slot.material.name) for slot in obj.material_slots]

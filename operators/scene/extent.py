@@ -1,0 +1,30 @@
+"""Which coordinates can be baked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...engine.scene import LARGEST
+from .troubles import NOT_FINITE, TOO_FAR
+
+
+def trouble_with(points: np.ndarray, middle: np.ndarray | None = None) -> str | None:
+    """Return what is wrong with points, (n, 3) world space, seen from `middle`, else from their own."""
+    if not np.isfinite(points).all():
+        return NOT_FINITE
+    low, high = points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)
+    reach = high - low if middle is None else np.maximum(high - middle, middle - low)
+    return TOO_FAR if (reach > LARGEST).any() else None
+
+
+def middle_of(boxes: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the median of the corners of boxes, (8, 3) each, (3,) float64; 0 without a finite one.
+
+    float32 positions relative to it keep their digits however far from the origin the scene is, and
+    however far away one of its objects.
+    """
+    points = np.concatenate([np.zeros((0, 3)), *boxes])
+    points = points[np.isfinite(points).all(axis=1)]
+    return np.quantile(points, 0.5, axis=0, method="lower") if len(points) else np.zeros(3)

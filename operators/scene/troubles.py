@@ -1,0 +1,71 @@
+"""What is wrong with which objects, for the user: one sentence a kind, with a remedy."""
+
+from __future__ import annotations
+
+from ...engine.naming import naming
+from ...engine.scene import LARGEST, MOST_FACES
+
+#: What becomes of the object.
+_LEFT_OUT = "left out of the bake"
+_SEEN = "seen and reflecting, but without a lightmap"
+
+NO_FACES = f"no faces with an area: {_LEFT_OUT}. Give it some, or set its role to Ignored."
+NOT_FINITE = (
+    f"NaN or infinite vertex coordinates: {_LEFT_OUT}. Delete those vertices, "
+    "or check the modifiers and the object's scale."
+)
+TOO_FAR = (
+    f"reaching more than {LARGEST / 1000:,.0f} km away: {_LEFT_OUT}. Delete distant vertices, "
+    "or check the object's place and scale."
+)
+TOO_MANY_FACES = f"more than {MOST_FACES:,} polygons: {_LEFT_OUT}. Split it into several objects."
+NOT_FINITE_UVS = f"NaN or infinite lightmap UVs: {_SEEN}. Unwrap its lightmap UVs again."
+UVS_OUTSIDE = (
+    f"lightmap UVs outside 0-1: {_SEEN}. Pack its UV islands into the unit square, "
+    "or delete the lightmap UV layer to have one made."
+)
+NO_UVS = f"faces without lightmap UVs: {_SEEN}. Unwrap it, or apply its modifiers."
+NO_ROOM = (
+    f"too many charts for a lightmap of this resolution: {_SEEN}. Raise the resolution, "
+    "or merge faces into fewer UV islands."
+)
+NO_TILE = (
+    f"more objects and instances share the mesh than fit into lightmaps of this resolution: {_SEEN}. "
+    "Raise the resolution, or set the role of some to Occluder."
+)
+LINKED = (
+    f"no lightmap UVs of its own, and linked from another file: {_SEEN}. Make the mesh local, "
+    "or unwrap it in that file."
+)
+MANY_LAYERS = f"8 UV layers, as many as Blender allows, and none for the lightmap: {_SEEN}. Remove one."
+
+
+def attribute_in_the_way(uv_layer: str) -> str:
+    """Return the sentence for an attribute that is called as the lightmap UV layer and is none."""
+    return (
+        f"an attribute called '{uv_layer}' that is not a UV layer: {_SEEN}. Rename it, "
+        "or choose another name for the lightmap UV layer."
+    )
+
+
+class Troubles:
+    """Collects names of objects by what is wrong with them."""
+
+    def __init__(self) -> None:
+        self._names: dict[str, set[str]] = {}
+
+    def add(self, sentence: str, name: str) -> None:
+        """Remember what is wrong with an object."""
+        self._names.setdefault(sentence, set()).add(name)
+
+    @property
+    def names(self) -> set[str]:
+        """All names."""
+        return set().union(*self._names.values())
+
+    def tell(self) -> list[str]:
+        """Return a sentence for each kind, with the names."""
+        return [
+            naming(f"{'Objects' if len(names) > 1 else 'Object'} {{}}: {sentence}", sorted(names))
+            for sentence, names in self._names.items()
+        ]

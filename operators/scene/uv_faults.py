@@ -1,0 +1,87 @@
+"""Lightmap UVs that are no places for light: found before they reach a bake."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...engine.scene import UV_TOLERANCE
+
+#: Texels along the wider side of the charts' box when overlaps are looked for, and triangles at a time.
+_GRID = 512
+_CHUNK = 1 << 13
+
+#: Share of the covered texels that several triangles may cover.
+_DOUBLED = 0.0025
+
+#: Share of the surface that may have next to no place, and what that is relative to the mean.
+_MISSING = 0.005
+_FLAT = 0.01
+
+
+def is_finite(uvs: np.ndarray) -> bool:
+    """Return whether all UVs are numbers."""
+    return bool(np.isfinite(uvs).all())
+
+
+def is_inside(uvs: np.ndarray) -> bool:
+    """Return whether all UVs lie in a lightmap; true without any."""
+    return not uvs.size or bool(uvs.min() >= -UV_TOLERANCE and uvs.max() <= 1 + UV_TOLERANCE)
+
+
+def overlap(uvs: np.ndarray) -> bool:
+    """Return whether triangles, (t, 3, 2) finite, lie on each other by more than a rounding's worth."""
+    low = uvs.reshape(-1, 2).min(axis=0, initial=np.inf)
+    size = float((uvs.reshape(-1, 2).max(axis=0, initial=-np.inf) - low).max())
+    if not size > 0:
+        return False
+    corners = (uvs.astype(np.float64) - low) / size * _GRID
+    if _areas(corners).sum() / 2 > 1.01 * _GRID**2:
+        return True
+    steps = np.zeros(_GRID * (_GRID + 1), np.int64)
+    for first in range(0, len(corners), _CHUNK):
+        starts, ends = _spans(corners[first : first + _CHUNK])
+        steps += np.bincount(starts, minlength=len(steps)) - np.bincount(ends, minlength=len(steps))
+    count = np.cumsum(steps.reshape(_GRID, _GRID + 1), axis=1)
+    return bool((count > 1).sum() > _DOUBLED * (count > 0).sum())
+
+
+def cover(uvs: np.ndarray, positions: np.ndarray) -> bool:
+    """Return whether all but a sliver of a surface, (t, 3, 3), has places by its UVs, (t, 3, 2)."""
+    flat, surface = _areas(uvs), _areas(positions)
+    if not flat.sum() > 0:
+        return False
+    thin = flat < _FLAT * surface * flat.sum() / surface.sum()
+    return bool(surface[thin].sum() <= _MISSING * surface.sum())
+
+
+def _spans(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return where triangles, (t, 3, 2) texels, begin and end in the rows of the grid that they cross.
+
+    Both are (n,) int64, row * (_GRID + 1) + column. A texel's centre on an edge is in one triangle.
+    """
+    low, middle, high = np.take_along_axis(
+        corners, np.argsort(corners[..., 1], axis=1, kind="stable")[..., None], axis=1
+    ).transpose(1, 0, 2)
+    first = np.ceil(low[:, 1] - 0.5).astype(np.int64)
+    rows = np.ceil(high[:, 1] - 0.5).astype(np.int64) - first
+    triangle = np.repeat(np.arange(len(corners)), rows)
+    row = first[triangle] + np.arange(len(triangle)) - np.repeat(np.cumsum(rows) - rows, rows)
+    low, middle, high, y = low[triangle], middle[triangle], high[triangle], row + 0.5
+    lower = (y < middle[:, 1])[:, None]
+    one = _crossing(low, high, y)
+    other = _crossing(np.where(lower, low, middle), np.where(lower, middle, high), y)
+    columns = np.ceil(np.sort([one, other], axis=0) - 0.5).astype(np.int64)
+    starts, ends = row * (_GRID + 1) + np.clip(columns, 0, _GRID)
+    return starts, ends
+
+
+def _crossing(low: np.ndarray, high: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return the x at which edges from `low` to `high`, (n, 2), cross rows."""
+    return low[:, 0] + (y - low[:, 1]) / (high[:, 1] - low[:, 1]) * (high[:, 0] - low[:, 0])
+
+
+def _areas(corners: np.ndarray) -> np.ndarray:
+    """Return twice the area of each triangle, (t, 3, 2) or (t, 3, 3) -> (t,) float64."""
+    first, second = (corners[:, 1:].astype(np.float64) - corners[:, :1]).transpose(1, 0, 2)
+    gram = (first**2).sum(axis=1) * (second**2).sum(axis=1) - (first * second).sum(axis=1) ** 2
+    return np.sqrt(np.maximum(gram, 0))

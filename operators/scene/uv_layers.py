@@ -1,0 +1,77 @@
+"""A UV layer of an object's own mesh: added and removed with nothing else changed, in edit mode, too."""
+
+from __future__ import annotations
+
+import bmesh
+import bpy
+import numpy as np
+
+from ..changes import Changes
+from ..lookup import find
+
+#: Blender's own limit.
+MOST_LAYERS = 8
+
+
+def add_layer(obj: bpy.types.Object, name: str, uvs: np.ndarray, changes: Changes) -> None:
+    """Add a UV layer, (l, 2) of each loop, without touching which one is active or rendered."""
+    changes.add(lambda uid=obj.session_uid: _remove_from(uid, name))
+    (_add_edited if obj.data.is_editmode else _add_stored)(obj, name, uvs)
+
+
+def remove_layer(obj: bpy.types.Object, name: str) -> None:
+    """Remove a UV layer, if there is one of that name."""
+    if name not in obj.data.uv_layers:
+        return
+    if obj.data.is_editmode:
+        layers = bmesh.from_edit_mesh(obj.data).loops.layers.uv
+        layers.remove(layers[name])
+        _update_edited(obj)
+        return
+    layers = obj.data.uv_layers
+    active, rendered = layers.active_index, _rendered(layers)
+    layers.remove(layers[name])
+    _set_current(layers, min(active, len(layers) - 1), min(rendered, len(layers) - 1))
+    obj.data.update()
+
+
+def _remove_from(uid: int, name: str) -> None:
+    obj = find(bpy.data.objects, uid)
+    if obj is not None:
+        remove_layer(obj, name)
+
+
+def _add_stored(obj: bpy.types.Object, name: str, uvs: np.ndarray) -> None:
+    layers = obj.data.uv_layers
+    active, rendered = layers.active_index, _rendered(layers)
+    layer = layers.new(name=name, do_init=False)
+    layer.uv.foreach_set("vector", uvs.reshape(-1))
+    _set_current(layers, active, rendered)
+    obj.data.update()
+
+
+def _add_edited(obj: bpy.types.Object, name: str, uvs: np.ndarray) -> None:
+    """Add a layer to a mesh that is being edited."""
+    edited = bmesh.from_edit_mesh(obj.data)
+    layer = edited.loops.layers.uv.new(name)
+    loops = (loop for face in edited.faces for loop in face.loops)
+    for loop, uv in zip(loops, uvs.tolist(), strict=True):
+        loop[layer].uv = uv
+    _update_edited(obj)
+
+
+def _update_edited(obj: bpy.types.Object) -> None:
+    """Show what has been done to a mesh in edit mode, and store it in the mesh."""
+    bmesh.update_edit_mesh(obj.data, loop_triangles=False, destructive=False)
+    obj.update_from_editmode()
+
+
+def _rendered(layers: bpy.types.UVLoopLayers) -> int:
+    return next((index for index, layer in enumerate(layers) if layer.active_render), -1)
+
+
+def _set_current(layers: bpy.types.UVLoopLayers, active: int, rendered: int) -> None:
+    if active >= 0:
+        layers.active_index = active
+    if rendered >= 0:
+        layers[rendered].active_render = True

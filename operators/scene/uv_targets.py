@@ -1,0 +1,167 @@
+"""Meshes that lack lightmap UVs: objects' own ones, and those that their modifiers make of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+
+import bpy
+import numpy as np
+
+from .charts import Charts, PolygonMesh, make_charts
+from .extent import trouble_with
+from .meshes import read_array, read_corners
+from .troubles import LINKED, MANY_LAYERS, attribute_in_the_way
+from .uv_faults import cover, is_finite, is_inside, overlap
+from .uv_layers import MOST_LAYERS
+from .uv_modifier import has_uvs, topology, uv_modifier
+
+#: Called with an object that gets no lightmap UVs, and why.
+Leave = Callable[[bpy.types.Object, str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """A mesh to unwrap.
+
+    objects   all that show it
+    mesh      in world space, as the first of them shows it
+    topology  of a mesh that modifiers make; None for the objects' own mesh
+    """
+
+    objects: tuple[bpy.types.Object, ...]
+    mesh: PolygonMesh
+    topology: str | None = None
+
+    @cached_property
+    def charts(self) -> Charts:
+        """Its charts, made once."""
+        return make_charts(self.mesh)
+
+    @cached_property
+    def area(self) -> float:
+        """The surface, m^2."""
+        return self.mesh.area
+
+    @property
+    def atlas(self) -> str:
+        """Name of the atlas that its objects belong to."""
+        return self.objects[0].hemibake.atlas
+
+
+@contextmanager
+def evaluated_mesh(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Iterator[bpy.types.Mesh | None]:
+    """Give the mesh that an object's modifiers make; None if the depsgraph does not have the object."""
+    evaluated = obj.evaluated_get(depsgraph)
+    if not evaluated.is_evaluated:
+        yield None
+    elif obj.data.is_editmode:
+        try:
+            yield evaluated.to_mesh()
+        finally:
+            evaluated.to_mesh_clear()
+    else:
+        yield evaluated.data
+
+
+def own_targets(objects: Sequence[bpy.types.Object], uv_layer: str, leave: Leave) -> list[Target]:
+    """Return the meshes of objects that lack the layer and can have one of their own."""
+    users: dict[int, list[bpy.types.Object]] = {}
+    for obj in objects:
+        if obj.data.is_editable and not has_uvs(obj, uv_layer):
+            users.setdefault(obj.data.session_uid, []).append(obj)
+    return [
+        Target(tuple(members), mesh)
+        for members in users.values()
+        if (mesh := _read(members, members[0].data, uv_layer, leave)) is not None
+    ]
+
+
+def evaluated_targets(
+    objects: Sequence[bpy.types.Object],
+    uv_layer: str,
+    made: set[int],
+    depsgraph: bpy.types.Depsgraph,
+    leave: Leave,
+) -> list[Target]:
+    """Return the meshes that modifiers make such that the layer is missing or of no use.
+
+    made: session uids of the meshes whose layer has just been made. A layer of the user's that is of no
+    use before any modifier stays as it is.
+    """
+    users: dict[tuple[int, str, str], list[bpy.types.Object]] = {}
+    meshes: dict[tuple[int, str, str], PolygonMesh | None] = {}
+    for obj in objects:
+        with evaluated_mesh(obj, depsgraph) as mesh:
+            if mesh is None or not _lacks_uvs(obj, mesh, uv_layer, made):
+                continue
+            if not obj.is_editable:
+                leave(obj, LINKED)
+                continue
+            key = (obj.data.session_uid, obj.hemibake.atlas, topology(mesh))
+            if key not in meshes:
+                meshes[key] = _read([obj], mesh, uv_layer, leave)
+            users.setdefault(key, []).append(obj)
+    return [Target(tuple(users[key]), mesh, key[2]) for key, mesh in meshes.items() if mesh is not None]
+
+
+def _lacks_uvs(obj: bpy.types.Object, mesh: bpy.types.Mesh, uv_layer: str, made: set[int]) -> bool:
+    """Return whether an object's evaluated mesh needs UVs that its own mesh cannot have."""
+    if not len(mesh.polygons) or uv_modifier(obj, uv_layer):
+        return False
+    if uv_layer not in mesh.uv_layers:
+        return True
+    if len(mesh.polygons) == len(obj.data.polygons) and len(mesh.loops) == len(obj.data.loops):
+        return False
+    if _serve(mesh, uv_layer):
+        return False
+    return obj.data.session_uid in made or obj.data.is_editmode or _serve(obj.data, uv_layer)
+
+
+def _serve(mesh: bpy.types.Mesh, uv_layer: str) -> bool:
+    """Return whether a layer gives each part of a mesh a place of its own."""
+    corners = read_corners(mesh, uv_layer, ())
+    if not is_finite(corners.uvs) or not is_inside(corners.uvs):
+        return False
+    return not overlap(corners.uvs) and cover(corners.uvs, corners.positions)
+
+
+def _read(
+    objects: Sequence[bpy.types.Object], mesh: bpy.types.Mesh, uv_layer: str, leave: Leave
+) -> PolygonMesh | None:
+    """Return the mesh of objects, in world space as the first has it; None if it cannot have the layer."""
+    trouble = _trouble(objects[0], mesh, uv_layer) if len(mesh.polygons) else None
+    if trouble:
+        for obj in objects:
+            leave(obj, trouble)
+    if trouble or not len(mesh.polygons):
+        return None
+    mesh.calc_loop_triangles()
+    starts = read_array(mesh.polygons, "loop_start", 1, np.int32)[:, 0]
+    return PolygonMesh(
+        name=objects[0].name,
+        positions=_world_positions(objects[0], mesh),
+        corners=read_array(mesh.loops, "vertex_index", 1, np.int32)[:, 0],
+        starts=np.r_[starts, len(mesh.loops)],
+        triangles=read_array(mesh.loop_triangles, "loops", 3, np.int32),
+        polygon=read_array(mesh.loop_triangles, "polygon_index", 1, np.int32)[:, 0],
+    )
+
+
+def _trouble(obj: bpy.types.Object, mesh: bpy.types.Mesh, uv_layer: str) -> str | None:
+    """Return why a mesh cannot have the layer."""
+    if len(mesh.uv_layers) >= MOST_LAYERS:
+        return MANY_LAYERS
+    if uv_layer in mesh.attributes and uv_layer not in mesh.uv_layers:
+        return attribute_in_the_way(uv_layer)
+    return trouble_with(_world_positions(obj, mesh))
+
+
+def _world_positions(obj: bpy.types.Object, mesh: bpy.types.Mesh) -> np.ndarray:
+    """Return the vertices in world space, (v, 3) float64."""
+    matrix = np.array(obj.matrix_world, np.float64)
+    positions = read_array(mesh.vertices, "co", 3, np.float32).astype(np.float64)
+    with np.errstate(invalid="ignore", over="ignore"):
+        return positions @ matrix[:3, :3].T + matrix[:3, 3]

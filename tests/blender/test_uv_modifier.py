@@ -1,0 +1,315 @@
+"""Modifiers that copy or make faces: lightmap UVs of what they make, kept by one more modifier."""
+
+import numpy as np
+import pytest
+
+from tests.blender.things import (
+    CUBE,
+    INWARD,
+    SQUARE,
+    SQUARE_UVS,
+    bpy_link,
+    furnace,
+    gather,
+    material,
+    mesh_object,
+    part,
+    pixels,
+    report,
+    snapshot,
+    square,
+)
+
+NAME = "Lightmap UVs"
+
+
+@pytest.fixture(autouse=True)
+def resolution():
+    import bpy
+
+    bpy.context.scene.hemibake.resolution = 64
+
+
+def bake():
+    import bpy
+
+    return bpy.ops.hemibake.bake()
+
+
+def copied(kind="ARRAY", name="Chair", **settings):
+    """Return a cube with a modifier."""
+    obj = mesh_object(name, CUBE, INWARD, surface=material(name, emission=0.5))
+    modifier = obj.modifiers.new("Copier", kind)
+    for key, value in settings.items():
+        setattr(modifier, key, value)
+    return obj
+
+
+def evaluated_uvs(obj, layer="Lightmap") -> np.ndarray:
+    """Return a UV layer of the mesh that modifiers make, (l, 2)."""
+    import bpy
+
+    mesh = obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    return part("operators.scene.meshes").read_array(mesh.uv_layers[layer].uv, "vector", 2, np.float32)
+
+
+def coverage(*objects, size=256) -> np.ndarray:
+    """Return how many triangles cover each texel centre of a grid over the lightmap."""
+    triangles = np.concatenate([mesh.uvs for mesh in gather().scene.meshes if mesh.name in objects])
+    centre = (np.arange(size) + 0.5) / size
+    points = np.stack(np.meshgrid(centre, centre), axis=-1)
+    count = np.zeros((size, size), int)
+    for triangle in triangles.astype(np.float64):
+        sides = [np.cross(triangle[(i + 1) % 3] - triangle[i], points - triangle[i]) for i in range(3)]
+        count += (np.array(sides) > 1e-9).all(axis=0) | (np.array(sides) < -1e-9).all(axis=0)
+    return count
+
+
+@pytest.mark.parametrize("kind", ["ARRAY", "MIRROR", "SOLIDIFY", "SCREW", "WIREFRAME", "REMESH"])
+def test_what_a_modifier_makes_is_baked_beside_others(kind):
+    import bpy
+
+    chair, other = copied(kind), mesh_object("Other", CUBE, INWARD)
+    other.location.x = 9
+    assert bake() == {"FINISHED"}
+    assert [modifier.name for modifier in chair.modifiers] == ["Copier", NAME]
+    assert not chair.data.uv_layers and [layer.name for layer in other.data.uv_layers] == ["Lightmap"]
+    assert chair.hemibake.image == other.hemibake.image == bpy.data.images["Lightmap"]
+    assert report()["objects"] == 2
+    assert any("'Chair'" in warning and NAME in warning for warning in report()["warnings"])
+    covered = coverage("Chair", "Other")
+    assert (covered > 1).sum() <= 0.005 * (covered > 0).sum()
+
+
+def test_second_bake_keeps_the_uvs_and_says_nothing():
+    chair = copied()
+    bake()
+    before = evaluated_uvs(chair)
+    bake()
+    assert (evaluated_uvs(chair) == before).all()
+    assert not any(NAME in warning for warning in report()["warnings"])
+
+
+def test_copies_in_light_and_shadow_differ():
+    """Two squares of an array, one of them under a roof."""
+    import bpy
+
+    chair = mesh_object("Floor", SQUARE, [(0, 1, 2, 3)])
+    chair.modifiers.new("Array", "ARRAY").relative_offset_displace = (3, 0, 0)
+    roof = square("Roof", uvs=None)
+    roof.location, roof.hemibake.role = (0, 0, 0.05), "OCCLUDER"
+    world = bpy.context.scene.world = bpy.data.worlds.new("Sky")
+    nodes = part("operators.compat").new_node_tree(world).nodes
+    next(node for node in nodes if node.type == "BACKGROUND").inputs["Color"].default_value = (1, 1, 1, 1)
+    bake()
+    image = pixels(chair.hemibake.image)[..., 0]
+    means = []
+    for uvs in evaluated_uvs(chair).reshape(2, 4, 2):
+        column, row = (uvs.mean(axis=0) * 64).astype(int)
+        means.append(image[row - 3 : row + 4, column - 3 : column + 4].mean())
+    assert means[0] < 0.2 and means[1] == pytest.approx(1, rel=0.02)
+
+
+def test_changed_modifiers_are_noticed():
+    import bpy
+
+    chair = copied(count=2)
+    bake()
+    chair.modifiers["Copier"].count = 5
+    bake()
+    assert len(evaluated_uvs(chair)) == 5 * 24 and coverage("Chair").max() == 1
+    assert [modifier.name for modifier in chair.modifiers] == ["Copier", NAME]
+    chair.modifiers.remove(chair.modifiers["Copier"])
+    bake()
+    assert not chair.modifiers and "Lightmap" in chair.data.uv_layers
+    bake()
+    assert not [group for group in bpy.data.node_groups if group.name.startswith(".")]
+    assert not [obj for obj in bpy.data.objects if obj.name.startswith(".")]
+
+
+def test_modifier_added_later_comes_before_and_is_noticed():
+    chair = copied()
+    bake()
+    chair.modifiers.new("Bevel", "BEVEL")
+    assert [modifier.name for modifier in chair.modifiers] == ["Copier", "Bevel", NAME]
+    bake()
+    assert coverage("Chair").max() == 1
+
+
+def test_mesh_of_another_size_keeps_its_uvs():
+    """Until the next bake UVs meant for other corners are not shown."""
+    import bpy
+
+    chair = square("Chair")
+    array = chair.modifiers.new("Array", "ARRAY")
+    bake()
+    array.count = 3
+    bpy.context.view_layer.update()
+    assert (evaluated_uvs(chair).reshape(3, 4, 2) == np.float32(SQUARE_UVS)).all()
+    assert len(chair.data.uv_layers) == 1
+
+
+@pytest.mark.parametrize("again", [False, True])
+@pytest.mark.parametrize("how", ["cancel", "error"])
+def test_bake_that_ends_early_leaves_everything_as_before(how, again):
+    import bpy
+
+    chair = copied()
+    if again:
+        bake()
+        chair.modifiers["Copier"].count = 3
+    before = snapshot()
+    uvs = evaluated_uvs(chair) if again else None
+    if how == "cancel":
+        run = part("operators.run").Run(bpy.context, part("engine").bake)
+        run.step()
+        run.cancel()
+    else:
+        bpy.context.scene.hemibake.directory = ""
+        with pytest.raises(RuntimeError, match="Choose one"):
+            bake()
+    assert snapshot() == before
+    if again:
+        assert (evaluated_uvs(chair) == uvs).all()
+
+
+def test_uvs_survive_saving_and_the_preview_shows_them(tmp_path):
+    import bpy
+
+    chair = copied()
+    bake()
+    before = evaluated_uvs(chair)
+    path = str(tmp_path / "scene.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    chair = bpy.data.objects["Chair"]
+    assert (evaluated_uvs(chair) == before).all()
+    assert bpy.ops.hemibake.preview() == {"FINISHED"}
+    nodes = chair.material_slots[0].material.node_tree.nodes
+    (uv,) = [node for node in nodes if node.type == "UVMAP"]
+    assert uv.uv_map == chair.hemibake.uv_layer == "Lightmap"
+    assert (evaluated_uvs(chair, uv.uv_map) == before).all()
+
+
+def test_layer_of_the_user_stays_as_it_is():
+    chair = square("Chair")
+    chair.modifiers.new("Array", "ARRAY")
+    bake()
+    uvs = np.empty(8, np.float32)
+    chair.data.uv_layers["Lightmap"].uv.foreach_get("vector", uvs)
+    assert (uvs.reshape(4, 2) == np.float32(SQUARE_UVS)).all()
+    assert coverage("Chair").max() == 1
+
+
+def test_users_of_one_mesh_with_modifiers_of_their_own():
+    """The plain one keeps the mesh's layer, equal ones share UVs, all have a place of their own."""
+    import bpy
+
+    plain = mesh_object("Plain", CUBE, INWARD)
+    for number, count in enumerate((2, 2, 3), 1):
+        obj = bpy_link(bpy.data.objects.new(f"Row {number}", plain.data))
+        obj.location.y = 3 * number
+        obj.modifiers.new("Array", "ARRAY").count = count
+    names = ("Plain", "Row 1", "Row 2", "Row 3")
+    assert bake() == {"FINISHED"}
+    rows = [bpy.data.objects[name] for name in names[1:]]
+    groups = [row.modifiers[NAME].node_group for row in rows]
+    assert groups[0] == groups[1] != groups[2] and not plain.modifiers
+    assert "Lightmap" in plain.data.uv_layers and report()["objects"] == 4
+    for atlas in {obj.hemibake.image for obj in (plain, *rows)}:
+        assert coverage(*[obj.name for obj in (plain, *rows) if obj.hemibake.image == atlas]).max() == 1
+
+
+def test_instances_of_an_object_with_modifiers():
+    import bpy
+
+    chairs = bpy.data.collections.new("Chairs")
+    chair = copied()
+    bpy.context.scene.collection.objects.unlink(chair)
+    chairs.objects.link(chair)
+    for number in range(2):
+        empty = bpy_link(bpy.data.objects.new(f"Instance {number}", None))
+        empty.instance_type, empty.instance_collection, empty.location.y = "COLLECTION", chairs, 3 * number
+    assert bake() == {"FINISHED"}
+    assert report()["instances"] == 2 and coverage("Chair").max() == 1
+
+
+def test_object_that_also_makes_instances_goes_on_making_them():
+    """A Geometry Nodes modifier that keeps the mesh twice and puts another object on its points."""
+    import bpy
+
+    leaf, host = square("Leaf", uvs=None), mesh_object("Host", CUBE, INWARD)
+    leaf.scale, leaf.location = (0.1, 0.1, 0.1), (0, 0, 5)
+    group = bpy.data.node_groups.new("Group", "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        group.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    start, end = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
+    points, info = group.nodes.new("GeometryNodeInstanceOnPoints"), group.nodes.new("GeometryNodeObjectInfo")
+    join = group.nodes.new("GeometryNodeJoinGeometry")
+    info.inputs["Object"].default_value, info.inputs["As Instance"].default_value = leaf, True
+    group.links.new(start.outputs[0], points.inputs["Points"])
+    group.links.new(info.outputs["Geometry"], points.inputs["Instance"])
+    for output in (points.outputs[0], start.outputs[0], start.outputs[0]):
+        group.links.new(output, join.inputs[0])
+    array = host.modifiers.new("Array", "ARRAY")
+    array.count = 2
+    group.links.new(join.outputs[0], end.inputs[0])
+    host.modifiers.new("Group", "NODES").node_group = group
+    assert bake() == {"FINISHED"}
+    assert host.modifiers[-1].name == NAME
+    assert report()["instances"] == 16 and report()["objects"] == 2
+
+
+def test_faces_made_by_modifiers_alone_are_baked():
+    import bpy
+
+    made = mesh_object("Made", [(0, 0, 0), (1, 0, 0)], [])
+    made.data.edges.add(1)
+    made.data.edges[0].vertices = (0, 1)
+    made.modifiers.new("Screw", "SCREW").screw_offset = 1
+    bpy.context.view_layer.update()
+    furnace()
+    assert bake() == {"FINISHED"}
+    assert made.hemibake.image is not None and report()["objects"] == 2
+
+
+@pytest.mark.parametrize("mode", ["OBJECT", "EDIT"])
+def test_object_in_edit_mode(mode):
+    import bpy
+
+    chair = copied()
+    bpy.context.view_layer.objects.active = chair
+    bpy.ops.object.mode_set(mode=mode)
+    assert bake() == {"FINISHED"}
+    assert chair.mode == mode and coverage("Chair").max() == 1
+
+
+def test_linked_object_becomes_an_occluder_that_is_named(tmp_path):
+    import bpy
+
+    copied(name="Far")
+    library = str(tmp_path / "library.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=library)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.context.scene.hemibake.resolution = 64
+    with bpy.data.libraries.load(library, link=True) as (_, linked):
+        linked.objects = ["Far"]
+    bpy_link(linked.objects[0])
+    furnace()
+    assert bake() == {"FINISHED"}
+    assert report()["objects"] == 1
+    assert any("'Far'" in warning and "Make the mesh local" in warning for warning in report()["warnings"])
+
+
+def test_local_object_with_a_linked_mesh_is_baked(tmp_path):
+    import bpy
+
+    square("Far", uvs=None)
+    library = str(tmp_path / "library.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=library)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    with bpy.data.libraries.load(library, link=True) as (_, linked):
+        linked.meshes = ["Far"]
+    near = bpy_link(bpy.data.objects.new("Near", linked.meshes[0]))
+    assert bake() == {"FINISHED"}
+    assert near.hemibake.image is not None and near.modifiers[0].name == NAME

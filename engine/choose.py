@@ -11,6 +11,7 @@ import numpy as np
 import pyopencl as cl
 
 from .anderson import COLUMNS
+from .darkness import Darkness
 from .device.compute import Compute
 from .device.graphics import Graphics
 from .errors import DeviceError
@@ -25,7 +26,7 @@ from .scene import Scene
 from .settings import Settings
 from .shared_bounces import SharedPatches
 from .shared_solution import SharedSolution
-from .solve import Radiosity, Solver
+from .solve import Radiosity, Solution, Solver
 from .subdivision import Subdivision
 from .visibility.identity import Identity, SeenBuffers, Surroundings, sample_bytes, surroundings
 from .visibility.raster_identity import RasterIdentity
@@ -46,8 +47,8 @@ _SHARED = 4
 class Choice:
     """How patches gather.
 
-    method      "paper", "cached" or "stream"
-    visibility  "raster" or "rays"
+    method      "paper", "cached" or "stream"; "none" where there is no light to gather
+    visibility  "raster" or "rays"; "none" where nothing is looked for
     samples     of each patch
     reasons     sentences that say why
     integrator  what sums up, "opencl" or "glsl"
@@ -110,9 +111,18 @@ class Bake:
         """True if patches gather light before any is reflected."""
         return bool(self.emission.any() or self.sky.any())
 
+    @property
+    def dark(self) -> bool:
+        """True if no light reaches any patch, and nothing but light is asked for."""
+        lit = self.glowing or self.lights.any()
+        return not lit and self.settings.light_outputs == self.settings.outputs
 
-def choose_solver(bake: Bake) -> tuple[Solver | SharedSolution, Choice]:
+
+def choose_solver(bake: Bake) -> tuple[Solution, Choice]:
     """Return what solves a bake's light, and the way that was chosen for patches to gather."""
+    if bake.dark:
+        why = "No light reaches any patch: nothing is looked for."
+        return Darkness(len(bake.parts.patches)), Choice("none", "none", 0, (why,))
     width, reasons = _choose_width(bake)
     return _solver(bake) if width == 1 else _shared_solution(bake, width, reasons)
 

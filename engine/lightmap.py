@@ -12,8 +12,8 @@ class Report:
     """The facts of a bake.
 
     patches     number of patches
-    method      how they gathered, "paper", "cached" or "stream"
-    visibility  how it was found what they see, "raster" or "rays"
+    method      how they gathered, "paper", "cached" or "stream"; "none" if no light reached any
+    visibility  how it was found what they see, "raster" or "rays"; "none" if that was not looked for
     samples     of what each patch sees
     reasons     why, in sentences
     iterations  iterations run

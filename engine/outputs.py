@@ -15,9 +15,6 @@ from .solve import Solution
 if TYPE_CHECKING:
     from .sampled import SampledLight
 
-#: Outputs that hold light.
-_LIGHT = ("combined", "direct", "indirect")
-
 
 def output_names(scene: Scene, settings: Settings) -> list[str]:
     """Return the names of `Lightmap.passes`, in their order; instances of a light get numbers.
@@ -50,21 +47,21 @@ class Outputs:
     def done(self, solution: Solution) -> bool:
         """True once a solution is good enough for the outputs.
 
-        One iteration is needed by all of them: it tells which patches are hidden inside objects.
+        One iteration is needed by all that are lit: it tells which patches are hidden inside objects.
         """
-        return solution.done if self._settings.bounces else solution.iterations > 0
+        return solution.done or (solution.iterations > 0 and not self._settings.bounces)
 
     def light(self, solution: Solution) -> np.ndarray:
         """Return the first output that is light, so far, (n, 3) float32; direct light if none is."""
-        name = next((name for name in self._settings.outputs if name in _LIGHT), "direct")
-        return _light(name, solution)
+        first, *_ = (*self._settings.light_outputs, "direct")
+        return _light(first, solution)
 
     def make(self, solution: Solution) -> Generator[float, None, dict[str, np.ndarray]]:
         """Make every output, (n, 3) or (n,) float32, by name; yield the fraction done of each."""
         made: dict[str, np.ndarray] = {}
         masks = iter(range(len(self._names)))
         for name in self._names:
-            if name in _LIGHT:
+            if name in self._settings.light_outputs:
                 made[name] = _light(name, solution)
             elif name == "ambient_occlusion":
                 made[name] = yield from self._sampled.ambient_occlusion()

@@ -43,7 +43,7 @@ class SampledLight:
             )
             self._sky = Sky(whole_sky(scene.world), None)
         self.emission_left, self.sky_left = self._bright.emission_left, self._sky.rest
-        if not (self._lamps or emission.any() or scene.world.any()):
+        if settings.light_outputs and not (self._lamps or emission.any() or scene.world.any()):
             self.warnings.append(
                 "Nothing emits light: the lightmaps are black. Add a light, an emissive material or a world."
             )

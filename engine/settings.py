@@ -37,6 +37,7 @@ _OUTPUTS = {
     "ambient_occlusion": Option("Ambient Occlusion", "Share of the hemisphere without a surface nearby"),
     "shadow_mask": Option("Shadow Masks", "A map for each light: 1 where it is seen whole, 0 in its shadow"),
 }
+_LIGHT = ("combined", "direct", "indirect")
 _SHARED_BOUNCES = {
     0: Option("Automatic", "Squares of 4 x 4 patches if memory is short"),
     1: Option("Off", "Every patch is solved on its own"),
@@ -186,6 +187,11 @@ class Settings:
     cache_dir: str | None = described(
         None, "Kernel Cache", "Folder for compiled kernels; None for PyOpenCL's own", FilePath(), None
     )
+
+    @property
+    def light_outputs(self) -> tuple[str, ...]:
+        """The outputs that hold light."""
+        return tuple(name for name in self.outputs if name in _LIGHT)
 
     @property
     def bounces(self) -> bool:

@@ -35,7 +35,8 @@ def split_sky(world: np.ndarray) -> Sky:
         return Sky(whole_sky(world), None)
     luminance = world.astype(np.float64) @ _LUMINANCE
     mean = float((luminance.mean(axis=1) * _row_shares(len(world))).sum())
-    share = np.minimum(1.0, _BRIGHT * mean / np.maximum(luminance, 1e-30))[..., None]
+    most = np.full_like(luminance, _BRIGHT * mean)
+    share = np.divide(most, luminance, out=np.ones_like(most), where=luminance > most)[..., None]
     rest = world * share
     if (share == 1).all():
         return Sky(_shrunk(rest), None)

@@ -120,7 +120,7 @@ class HEMIBAKE_PT_report(_Sidebar, bpy.types.Panel):
         column = self.layout.column()
         column.label(text=f"{report['objects']} objects, {report['patches']} patches")
         column.label(text=f"{report['iterations']} iterations")
-        if "visibility" in report:
+        if report.get("samples"):
             column.label(
                 text=f"{report['method'].title()}, {report['visibility']}, {report['samples']} samples"
             )

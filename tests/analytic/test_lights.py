@@ -5,10 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from engine import Light, Material, Scene, Settings
+from engine import Light, Material, Scene, Settings, Texture
 from engine.profile import Profile
 from engine.reference.analytic import polygon
-from tests.analytic.drive import drive
+from tests.analytic.drive import drive, drive_with_progress
 from tests.analytic.scenes import quads, rectangle
 
 BLACK = Material("Black", np.zeros(3, np.float32), np.zeros(3, np.float32))
@@ -224,6 +224,33 @@ def test_without_light_the_lightmap_is_black_and_says_so():
     floor = quads(rectangle((0, 0, 0), X, Y)[None], [(1, 1, 6, 6)], [0], 16, "Floor")
     lightmap = drive(Scene((floor,), (BLACK,)), SETTINGS)
     assert (lightmap.image == 0).all() and lightmap.report.warnings[0].startswith("Nothing emits light")
+
+
+@pytest.mark.parametrize("outputs", [("combined",), ("direct",), ("indirect", "direct")])
+def test_without_light_nothing_is_cast(outputs):
+    """White surfaces, a lamp without power, a texture and a world that are black: all of it in vain."""
+    white = dataclasses.replace(BLACK, reflectance=np.ones(3, np.float32))
+    black = Texture("Black", np.zeros((3, 5, 3), np.float32), "UV")
+    screen = dataclasses.replace(white, emission=np.ones(3, np.float32), emission_map=black)
+    floor = quads(rectangle((0, 0, 0), X, Y)[None], [(1, 1, 6, 6)], [0], 16, "Floor")
+    wall = quads(rectangle((0, 0, 0), Y, Z)[None], [(9, 1, 5, 7)], [1], 16, "Wall")
+    wall = dataclasses.replace(wall, texture_uvs={"UV": wall.uvs})
+    lamp = light("point", strength=np.zeros(3, np.float32))
+    scene = Scene((floor, wall), (white, screen), world=np.zeros((2, 4, 3), np.float32), lights=(lamp,))
+    lightmap, told = drive_with_progress(scene, dataclasses.replace(SETTINGS, outputs=outputs))
+    assert {progress.stage for progress in told} <= {"patches", "outputs"}
+    assert all((image == 0).all() for image in lightmap.passes.values())
+    assert lightmap.covered.sum() > 60 and list(lightmap.passes) == list(outputs)
+    assert lightmap.report.warnings[0].startswith("Nothing emits light")
+    assert (lightmap.report.method, lightmap.report.samples, lightmap.report.iterations) == ("none", 0, 0)
+    assert lightmap.report.converged and lightmap.report.residual == 0
+
+
+def test_ambient_occlusion_needs_no_light():
+    floor = quads(rectangle((0, 0, 0), X, Y)[None], [(1, 1, 6, 6)], [0], 16, "Floor")
+    settings = dataclasses.replace(SETTINGS, outputs=("ambient_occlusion",))
+    lightmap = drive(Scene((floor,), (BLACK,)), settings)
+    assert (lightmap.image[0, 1:7, 1:7] == 1).all() and lightmap.report.warnings == ()
 
 
 def test_the_underside_of_something_that_stands_on_a_floor_is_hidden():

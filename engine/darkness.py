@@ -1,0 +1,25 @@
+"""The solution of a scene in which no light reaches any patch: known before anything is cast."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import numpy as np
+
+
+class Darkness:
+    """A `Solution` that is done from the start; see `Solver`."""
+
+    iterations = 0
+    residual = 0.0
+    converged = done = True
+
+    def __init__(self, count: int) -> None:
+        """Take the number of patches."""
+        self.energies: list[float] = []
+        self.gathered = np.zeros((count, 4), np.float32)
+        self.irradiance = self.direct = self.indirect = self.gathered[:, :3]
+
+    def iteration(self) -> Generator[float, None, None]:
+        """Do nothing."""
+        yield 1.0

@@ -36,6 +36,8 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
         try:
             run = Run(context, owner.bake(), watched=False)
             self._tell(run.finish(run.drain()), run.failure)
+            if not bpy.app.background:
+                _push_undo()
         except (EngineError, KeyboardInterrupt) as error:
             if run is not None:
                 run.cancel()
@@ -68,7 +70,8 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
         try:
             return self._follow(context)
         except EngineError as error:
-            self._bake.cancel(keep_images=True)
+            if self._bake.cancel(keep_images=True):
+                _push_undo()
             self._refuse(error)
             return {"CANCELLED"}
         except BaseException:
@@ -117,6 +120,11 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
         )
         if failure:
             self.report({"ERROR"}, failure)
+
+
+def _push_undo() -> None:
+    """Add an undo step where Blender does not: after an operator that a script calls, or that fails."""
+    bpy.ops.ed.undo_push(message=HEMIBAKE_OT_bake.bl_label)
 
 
 def _percent(residual: float | None) -> str:

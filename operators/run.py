@@ -90,16 +90,23 @@ class Run:
             except StopIteration as end:
                 return end.value
 
-    def cancel(self, keep_images: bool = False) -> None:
-        """Stop the engine and take everything back, but for the images if they are to be kept."""
+    def cancel(self, keep_images: bool = False) -> bool:
+        """Stop the engine; take everything back unless there are images and they are to be kept.
+
+        Returns whether anything is kept: an undo step must then follow.
+        """
+        kept = keep_images and bool(self._images)
         try:
             self._job.close()
         finally:
-            if not (keep_images and self._images):
+            if kept:
+                self._keep_images()
+            else:
                 self._changes.take_back()
+        return kept
 
     def finish(self, lightmap: Lightmap) -> dict:
-        """Store a lightmap and return the report, JSON-ready.
+        """Store a lightmap and return the report, JSON-ready; an undo step must follow.
 
         The residual is None if a single iteration could not tell it. If the files cannot be written
         `failure` says so, and the lightmaps are packed into the .blend.
@@ -109,6 +116,7 @@ class Run:
         self._show(pixels)
         targets = [find(bpy.data.images, uid) for uid in self._images]
         files = self._store(targets, pixels)
+        self._keep_images()
         lost = self._lost_uvs()
         self._remember_images(targets, lost)
         self._seconds["store"] = time.perf_counter() - start
@@ -139,6 +147,14 @@ class Run:
                 image = images.lightmap_image(scene, name, resolution, self._changes)
             images.show(image, pixels)
             self._images[index : index + 1] = [image.session_uid]
+
+    def _keep_images(self) -> None:
+        """Write on the scene which images it has from now on."""
+        scene = find(bpy.data.scenes, self._scene_uid)
+        for name, uid in zip(self._names, self._images, strict=False):
+            image = find(bpy.data.images, uid)
+            if scene is not None and image is not None:
+                images.remember(scene, name, image)
 
     def _lost_uvs(self) -> dict[int, str]:
         """Return session uid and name of the objects that lost their lightmap UVs, as an undo makes them."""

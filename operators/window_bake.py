@@ -45,10 +45,10 @@ class WindowBake:
                 workspace.status_text_set(None)
         _redraw(self._manager)
 
-    def cancel(self, keep_images: bool = False) -> None:
+    def cancel(self, keep_images: bool = False) -> bool:
         """Give the window back and leave the scene as it was; see `Run.cancel`."""
         self.leave()
-        self.run.cancel(keep_images)
+        return self.run.cancel(keep_images)
 
     def _tell_status(self, context: bpy.types.Context, text: str) -> None:
         """Show a text in the status bar, which each workspace has for itself."""

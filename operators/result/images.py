@@ -25,19 +25,32 @@ def lightmap_image(scene: bpy.types.Scene, atlas: str, resolution: int, changes:
     """Return a scene's own image of an atlas at a resolution, made if there is none.
 
     An image that another scene has, too (the scene was copied), is left to that one. An image of that
-    name that is not ours stays as it is: ours then gets Blender's number suffix.
+    name that is not ours stays as it is: ours then gets Blender's number suffix. A new one is the scene's
+    own once it is given to `remember`.
     """
     entry = scene.hemibake.lightmaps.get(atlas)
     image = entry and entry.image
     if image is None or _belongs_to_another(image, scene):
         image = _new_image(scene, atlas, resolution)
         changes.add(lambda uid=image.session_uid: _remove(uid))
-        _remember(scene, atlas, image, changes)
         return image
     changes.add(_restorer(image))
     if tuple(image.size) != (resolution, resolution):
         image.scale(resolution, resolution)
     return image
+
+
+def remember(scene: bpy.types.Scene, atlas: str, image: bpy.types.Image) -> None:
+    """Write on a scene which image an atlas has; an undo step must follow.
+
+    An undo frees images that no step knows, and leaves scenes that no step has changed as they are: a
+    pointer from such a scene to such an image would bring Blender down.
+    """
+    entry = scene.hemibake.lightmaps.get(atlas)
+    if entry is None:
+        entry = scene.hemibake.lightmaps.add()
+        entry.name = atlas
+    entry.image = image
 
 
 def show(image: bpy.types.Image, pixels: np.ndarray) -> None:
@@ -87,24 +100,6 @@ def _new_image(scene: bpy.types.Scene, atlas: str, resolution: int) -> bpy.types
     image.colorspace_settings.name = _LINEAR
     image[MARK] = atlas
     return image
-
-
-def _remember(scene: bpy.types.Scene, atlas: str, image: bpy.types.Image, changes: Changes) -> None:
-    """Write on a scene which image an atlas has."""
-    entry = scene.hemibake.lightmaps.get(atlas)
-    if entry is None:
-        entry = scene.hemibake.lightmaps.add()
-        entry.name = atlas
-    before = entry.image and entry.image.session_uid
-    changes.add(lambda uid=scene.session_uid: _set_image(uid, atlas, before))
-    entry.image = image
-
-
-def _set_image(scene_uid: int, atlas: str, image_uid: int | None) -> None:
-    scene = find(bpy.data.scenes, scene_uid)
-    entry = scene and scene.hemibake.lightmaps.get(atlas)
-    if entry is not None:
-        entry.image = image_uid and find(bpy.data.images, image_uid)
 
 
 def _write_all(lightmaps: np.ndarray, places: Places, facts: list[dict]) -> None:

@@ -239,6 +239,7 @@ def test_dead_worker_is_an_error_that_leaves_the_last_image(tmp_path):
 
     errors = part("engine.errors")
     owner = part("operators.worker_owner").owner
+    bpy.context.scene.hemibake.method = "paper"
     save_blend(tmp_path)
     furnace()
     run = part("operators.run").Run(bpy.context, owner.worker().bake)

@@ -211,6 +211,40 @@ def test_object_whose_uvs_were_undone_in_mid_bake_is_named_and_not_written(opera
     assert kept.hemibake.image.name == "Own" and report()["objects"] == 1
 
 
+def test_undo_in_mid_bake_leaves_no_pointer_to_an_image_that_it_frees(operator, context):
+    import bpy
+
+    obj = furnace()
+    for step in range(3):
+        obj.location.x = step
+        bpy.ops.ed.undo_push(message=f"Moved to {step}")
+    operator.invoke(context, None)
+    drive(operator, context, until=image_shown)
+    bpy.ops.ed.undo()
+    assert not image_shown() and len(bpy.context.scene.hemibake.lightmaps) == 0
+    assert drive(operator, context) == {"FINISHED"}
+    assert bpy.context.scene.hemibake.lightmaps["Lightmap"].image == bpy.data.images["Lightmap"]
+
+
+def test_image_that_stays_after_a_failure_is_known_to_undo_and_to_the_next_bake(operator, context):
+    import bpy
+
+    obj = furnace()
+    for step in range(3):
+        obj.location.x = step
+        bpy.ops.ed.undo_push(message=f"Moved to {step}")
+    operator.invoke(context, None)
+    drive(operator, context, until=image_shown)
+    part("operators.worker_owner").owner.worker().process.kill()
+    assert drive(operator, context) == {"CANCELLED"}
+    bpy.ops.ed.undo()
+    assert not image_shown() and len(bpy.context.scene.hemibake.lightmaps) == 0
+    assert bpy.data.objects["Furnace"].location.x == 2
+    bpy.ops.ed.redo()
+    bpy.ops.hemibake.bake()
+    assert [image.name for image in bpy.data.images if image.get("hemibake_atlas")] == ["Lightmap"]
+
+
 def test_script_in_a_window_has_the_worker_bake_and_waits(monkeypatch):
     import bpy
 

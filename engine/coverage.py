@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 
 from .device.graphics import Graphics
-from .errors import SceneError
+from .errors import OverlapError
 from .geometry import Triangles
 from .naming import naming
 from .patches import PatchList
@@ -47,7 +47,7 @@ def note_uncovered(scene: Scene, patches: PatchList) -> list[str]:
 def check_overlap(graphics: Graphics, scene: Scene, triangles: Triangles, patches: PatchList) -> list[str]:
     """Return a warning for each object a few of whose texels are covered by several triangles.
 
-    Raises SceneError, naming the objects, if charts truly overlap.
+    Raises OverlapError, naming the objects, if charts truly overlap.
     """
     counts = []
     for atlas in range(len(scene.atlases)):
@@ -61,7 +61,7 @@ def check_overlap(graphics: Graphics, scene: Scene, triangles: Triangles, patche
     doubled = np.bincount(patches.mesh[twice], minlength=len(scene.meshes))
     bad = doubled > np.maximum(_OVERLAP_TOLERANCE * total, 2)
     if bad.any():
-        raise SceneError(
+        raise OverlapError(
             _overlap_message(scene, triangles, patches, np.flatnonzero(twice & bad[patches.mesh]))
         )
     return [
@@ -115,8 +115,7 @@ def _overlap_message(scene: Scene, triangles: Triangles, patches: PatchList, dou
     share = len(doubled) / max(1, int(np.isin(patches.mesh, list(meshes)).sum()))
     sentence = (
         f"Lightmap UVs overlap in atlas '{atlas}' ({share:.0%} of the texels of {{}}). "
-        "Unwrap or pack them without overlaps, apply modifiers that copy geometry (Array, Mirror), "
-        "or give the objects atlases of their own."
+        "Unwrap or pack them without overlaps, or give the objects atlases of their own."
     )
     return naming(sentence, names)
 

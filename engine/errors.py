@@ -9,6 +9,10 @@ class SceneError(EngineError):
     """The scene cannot be baked as it is; the message names the object."""
 
 
+class OverlapError(SceneError):
+    """Lightmap UVs lie on each other."""
+
+
 class SettingsError(EngineError):
     """A setting is out of its range; the message names the setting and the range."""
 

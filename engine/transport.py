@@ -34,6 +34,7 @@ ERRORS: dict[str, type[errors.EngineError]] = {
     for error in (
         errors.EngineError,
         errors.SceneError,
+        errors.OverlapError,
         errors.SettingsError,
         errors.DeviceError,
         errors.PatchFileError,

@@ -11,7 +11,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ..engine.errors import EngineError, SceneError
+from ..engine.errors import EngineError, OverlapError, SceneError
 from ..engine.lightmap import Lightmap
 from ..engine.naming import naming
 from ..engine.outputs import output_names
@@ -25,6 +25,7 @@ from .result import images
 from .result.contents import lightmap_contents
 from .result.places import choose_places
 from .scene import Gathered, gather, visible_meshes
+from .scene.overlaps import without_overlaps
 from .scene.unwrap import unwrap_missing
 from .scene.uv_modifier import has_uvs, uv_source
 
@@ -55,6 +56,7 @@ class Run:
                 context.scene, self._names, context.scene.hemibake.directory, self._changes
             )
             self._seconds = {"gather": time.perf_counter() - self._start}
+            self._bake = bake
             self._job = bake(self._gathered.scene, self._settings)
         except BaseException:
             self._changes.take_back()
@@ -77,10 +79,22 @@ class Run:
 
     def step(self) -> Progress | None:
         """Let the engine do a slice of work; raises StopIteration(Lightmap) at the end."""
-        progress = next(self._job)
+        try:
+            progress = next(self._job)
+        except OverlapError as error:
+            self._leave_out_overlaps(error)
+            return None
         if progress is not None and progress.partial is not None:
             self._show(progress.partial)
         return progress
+
+    def _leave_out_overlaps(self, error: OverlapError) -> None:
+        """Start again without the objects whose charts lie on others'; raise the error if none is left."""
+        gathered = without_overlaps(self._gathered, self._settings.resolution)
+        if gathered.entries == self._gathered.entries or not any(gathered.entries):
+            raise error
+        self._gathered = gathered
+        self._job = self._bake(gathered.scene, self._settings)
 
     def drain(self) -> Lightmap:
         """Let the engine work to the end and return the lightmap."""

@@ -22,21 +22,32 @@ from .skipped import note_skipped
 from .troubles import Troubles
 from .world import read_world
 
+#: Session uid of a baked object, and where its charts are; of an instance session uid of the instancer,
+#: name of the object shown, persistent id, and where its charts are.
+Entry = tuple[int, Place] | tuple[int, str, tuple[int, ...], Place]
+
 
 @dataclass(frozen=True)
 class Gathered:
     """A scene ready for the engine.
 
-    objects    session uid of each baked object, and where its charts are
-    instances  session uid of the instancer, name of the object shown, persistent id, and where the
-               instance's charts are, for each baked instance
-    notes      sentences for the user
+    entries  of each mesh of the scene, None for an occluder
+    notes    sentences for the user
     """
 
     scene: Scene
-    objects: tuple[tuple[int, Place], ...]
-    instances: tuple[tuple[int, str, tuple[int, ...], Place], ...]
+    entries: tuple[Entry | None, ...]
     notes: tuple[str, ...]
+
+    @property
+    def objects(self) -> tuple[tuple[int, Place], ...]:
+        """The entries of objects."""
+        return tuple(entry for entry in self.entries if entry is not None and len(entry) == 2)
+
+    @property
+    def instances(self) -> tuple[tuple[int, str, tuple[int, ...], Place], ...]:
+        """The entries of instances."""
+        return tuple(entry for entry in self.entries if entry is not None and len(entry) == 4)
 
     @property
     def bytes(self) -> int:
@@ -97,7 +108,7 @@ def gather(
             _mesh(reading, place, atlases, origin) for reading, place in zip(readings, places, strict=True)
         ]
         scene = Scene(
-            meshes=tuple(mesh for mesh in meshes if len(mesh.positions)),
+            meshes=tuple(meshes),
             materials=table.finish(resolution),
             atlases=tuple(atlases),
             world=read_world(context.scene.world, notes),
@@ -108,17 +119,16 @@ def gather(
         table.discard()
     check_scene(scene)
     note_skipped(context, notes)
-    placed = [(reading, place) for reading, place in zip(readings, places, strict=True) if place is not None]
-    return Gathered(
-        scene,
-        tuple((reading.source, place) for reading, place in placed if reading.instancer is None),
-        tuple(
-            (reading.instancer, reading.name, reading.persistent_id, place)
-            for reading, place in placed
-            if reading.instancer is not None
-        ),
-        tuple(notes),
-    )
+    entries = tuple(_entry(reading, place) for reading, place in zip(readings, places, strict=True))
+    return Gathered(scene, entries, tuple(notes))
+
+
+def _entry(reading: Reading, place: Place | None) -> Entry | None:
+    if place is None:
+        return None
+    if reading.instancer is None:
+        return reading.source, place
+    return reading.instancer, reading.name, reading.persistent_id, place
 
 
 def _mesh(reading: Reading, place: Place | None, atlases: list[str], origin: np.ndarray) -> Mesh:

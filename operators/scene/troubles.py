@@ -24,6 +24,10 @@ UVS_OUTSIDE = (
     f"lightmap UVs outside 0-1: {_SEEN}. Pack its UV islands into the unit square, "
     "or delete the lightmap UV layer to have one made."
 )
+OVERLAPPING = (
+    f"lightmap UVs that lie on each other, or on those of others in the atlas: {_SEEN}. "
+    "Unwrap or pack them without overlaps, or give it an atlas of its own."
+)
 NO_UVS = f"faces without lightmap UVs: {_SEEN}. Unwrap it, or apply its modifiers."
 NO_ROOM = (
     f"too many charts for a lightmap of this resolution: {_SEEN}. Raise the resolution, "

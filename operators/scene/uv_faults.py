@@ -39,10 +39,24 @@ def overlap(uvs: np.ndarray) -> bool:
         return True
     steps = np.zeros(_GRID * (_GRID + 1), np.int64)
     for first in range(0, len(corners), _CHUNK):
-        starts, ends = _spans(corners[first : first + _CHUNK])
+        starts, ends = _spans(corners[first : first + _CHUNK], _GRID)
         steps += np.bincount(starts, minlength=len(steps)) - np.bincount(ends, minlength=len(steps))
     count = np.cumsum(steps.reshape(_GRID, _GRID + 1), axis=1)
     return bool((count > 1).sum() > _DOUBLED * (count > 0).sum())
+
+
+def covered_texels(uvs: np.ndarray, resolution: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the texels of a lightmap whose centres lie in triangles, (t, 3, 2) within 0-1, and in how many.
+
+    Texels are (n,) int64, row * (resolution + 1) + column, ascending.
+    """
+    corners = np.clip(uvs.astype(np.float64), 0, 1) * resolution
+    texels = [np.zeros(0, np.int64)]
+    for first in range(0, len(corners), _CHUNK):
+        starts, ends = _spans(corners[first : first + _CHUNK], resolution)
+        length = ends - starts
+        texels.append(np.arange(length.sum()) + np.repeat(ends - np.cumsum(length), length))
+    return np.unique(np.concatenate(texels), return_counts=True)
 
 
 def cover(uvs: np.ndarray, positions: np.ndarray) -> bool:
@@ -54,10 +68,10 @@ def cover(uvs: np.ndarray, positions: np.ndarray) -> bool:
     return bool(surface[thin].sum() <= _MISSING * surface.sum())
 
 
-def _spans(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return where triangles, (t, 3, 2) texels, begin and end in the rows of the grid that they cross.
+def _spans(corners: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return where triangles, (t, 3, 2) texels, begin and end in the rows of a square grid that they cross.
 
-    Both are (n,) int64, row * (_GRID + 1) + column. A texel's centre on an edge is in one triangle.
+    Both are (n,) int64, row * (size + 1) + column. A texel's centre on an edge is in one triangle.
     """
     low, middle, high = np.take_along_axis(
         corners, np.argsort(corners[..., 1], axis=1, kind="stable")[..., None], axis=1
@@ -71,7 +85,7 @@ def _spans(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     one = _crossing(low, high, y)
     other = _crossing(np.where(lower, low, middle), np.where(lower, middle, high), y)
     columns = np.ceil(np.sort([one, other], axis=0) - 0.5).astype(np.int64)
-    starts, ends = row * (_GRID + 1) + np.clip(columns, 0, _GRID)
+    starts, ends = row * (size + 1) + np.clip(columns, 0, size)
     return starts, ends
 
 

@@ -1,0 +1,55 @@
+"""Objects whose lightmap UVs lie on others': these become occluders, the rest is baked."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...engine.scene import OCCLUDER, Mesh, Scene
+from .gather import Gathered
+from .troubles import OVERLAPPING, Troubles
+from .uv_faults import covered_texels
+
+#: Texels that may lie in several triangles: of an object, and the share of all that it has.
+_ALLOWED = 2
+_ALLOWED_SHARE = 0.005
+
+
+def without_overlaps(gathered: Gathered, resolution: int) -> Gathered:
+    """Return what was gathered such that no two charts lie on each other: the first keeps its place."""
+    overlapping = set(_overlapping(gathered.scene, resolution))
+    troubles = Troubles()
+    for index in overlapping:
+        troubles.add(OVERLAPPING, gathered.scene.meshes[index].name)
+    meshes = tuple(
+        replace(mesh, atlas=OCCLUDER) if index in overlapping else mesh
+        for index, mesh in enumerate(gathered.scene.meshes)
+    )
+    gone = {gathered.entries[index] for index in overlapping}
+    return replace(
+        gathered,
+        scene=replace(gathered.scene, meshes=meshes),
+        entries=tuple(None if entry in gone else entry for entry in gathered.entries),
+        notes=(*gathered.notes, *troubles.tell()),
+    )
+
+
+def _overlapping(scene: Scene, resolution: int) -> list[int]:
+    """Return the meshes whose charts lie on themselves or on those of meshes before them."""
+    taken = np.zeros((len(scene.atlases), resolution * (resolution + 1)), bool)
+    return [
+        index
+        for index, mesh in enumerate(scene.meshes)
+        if mesh.atlas != OCCLUDER and _clashing(mesh, taken[mesh.atlas], resolution)
+    ]
+
+
+def _clashing(mesh: Mesh, taken: np.ndarray, resolution: int) -> bool:
+    """Return whether a mesh has no place among texels that are taken; if it has, it takes its own."""
+    texels, count = covered_texels(mesh.uvs, resolution)
+    clashing = (count > 1) | taken[texels]
+    if clashing.sum() > max(_ALLOWED_SHARE * len(texels), _ALLOWED):
+        return True
+    taken[texels] = True
+    return False

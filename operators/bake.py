@@ -56,6 +56,8 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
         except EngineError as error:
             self._refuse(error)
             return {"CANCELLED"}
+        if run.makes_uvs:
+            _push_undo("Make Lightmap UVs")
         self._bake = WindowBake(context, run)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
@@ -122,9 +124,12 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
             self.report({"ERROR"}, failure)
 
 
-def _push_undo() -> None:
-    """Add an undo step where Blender does not: after an operator that a script calls, or that fails."""
-    bpy.ops.ed.undo_push(message=HEMIBAKE_OT_bake.bl_label)
+def _push_undo(message: str = HEMIBAKE_OT_bake.bl_label) -> None:
+    """Add an undo step where Blender does not: in mid-bake, after a script's call, after a failure.
+
+    An undo frees datablocks that no step knows, even those that something else still refers to.
+    """
+    bpy.ops.ed.undo_push(message=message)
 
 
 def _percent(residual: float | None) -> str:

@@ -37,8 +37,9 @@ class Run:
 
     Making one gathers the scene and raises EngineError, with everything as before, if that fails.
 
-    watched  False shows no partial lightmaps: nobody sees them before the bake is done
-    failure  why the lightmaps could not be written, None if they were
+    watched    False shows no partial lightmaps: nobody sees them before the bake is done
+    makes_uvs  it has made lightmap UVs: an undo step must follow before anything else happens
+    failure    why the lightmaps could not be written, None if they were
     """
 
     def __init__(
@@ -69,6 +70,7 @@ class Run:
         self._uv_layer = properties.uv_layer
         objects = visible_meshes(context)
         made = unwrap_missing(context, objects, self._uv_layer, self._settings.resolution, self._changes)
+        self.makes_uvs = bool(made.objects)
         usable = [obj for obj in objects if obj not in made.skipped]
         self._unwrapped = {
             obj.session_uid: (obj.name, uv_source(obj, self._uv_layer))

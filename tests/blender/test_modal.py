@@ -245,6 +245,26 @@ def test_image_that_stays_after_a_failure_is_known_to_undo_and_to_the_next_bake(
     assert [image.name for image in bpy.data.images if image.get("hemibake_atlas")] == ["Lightmap"]
 
 
+def test_undo_in_mid_bake_takes_the_uv_modifier_back_with_all_it_refers_to(operator, context):
+    import bpy
+
+    room, other = furnace(), square("Other")
+    room.modifiers.new("Array", "ARRAY").constant_offset_displace = (2, 0, 0)
+    for step in range(3):
+        other.location.z = step
+        bpy.ops.ed.undo_push(message=f"Moved to {step}")
+    operator.invoke(context, None)
+    assert len(room.modifiers) == 2
+    drive(operator, context, until=image_shown)
+    bpy.ops.ed.undo()
+    room = bpy.data.objects["Furnace"]
+    assert [modifier.name for modifier in room.modifiers] == ["Array"]
+    assert len(bpy.data.node_groups) == 0 and bpy.data.objects["Other"].location.z == 2
+    assert drive(operator, context) == {"FINISHED"}
+    assert any("'Furnace'" in text and "Bake again" in text for _, text in operator.reports)
+    assert room.hemibake.image is None
+
+
 def test_script_in_a_window_has_the_worker_bake_and_waits(monkeypatch):
     import bpy
 

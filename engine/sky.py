@@ -61,7 +61,12 @@ def solid_angles(height: int, width: int) -> np.ndarray:
     return angles
 
 
+def shrink_sky(world: np.ndarray, height: int, width: int) -> np.ndarray:
+    """Return an equirectangular map averaged by solid angle, (h, w, 3) -> (height, width, 3) float32."""
+    return shrink(world, height, width, area=lambda rows: (1 - np.cos(np.pi * rows)) / 2)
+
+
 def _shrunk(world: np.ndarray) -> np.ndarray:
     """Return a map averaged, by solid angle, to at most _REST_SIZE."""
     height, width = np.minimum(world.shape[:2], _REST_SIZE)
-    return shrink(world, height, width, area=lambda rows: (1 - np.cos(np.pi * rows)) / 2)
+    return shrink_sky(world, height, width)

@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 
 from ...engine.color import srgb_to_linear
+from ...engine.sky import shrink_sky
 from ..compat import node_input, node_tree
 from .materials import ShaderReader
 from .panorama import render_world
@@ -95,11 +96,11 @@ def _rotation(socket: bpy.types.NodeSocket) -> np.ndarray | None:
 
 
 def _shrunk(pixels: np.ndarray) -> np.ndarray:
-    """Return an image with at most _ROWS rows, halved as often as needed."""
-    while len(pixels) > _ROWS and len(pixels) % 2 == 0 and pixels.shape[1] % 2 == 0:
-        height, width = pixels.shape[0] // 2, pixels.shape[1] // 2
-        pixels = pixels.reshape(height, 2, width, 2, 3).mean(axis=(1, 3), dtype=np.float32)
-    return pixels
+    """Return an image with at most _ROWS rows and pixels of the same shape."""
+    height, width = pixels.shape[:2]
+    if height <= _ROWS:
+        return pixels
+    return shrink_sky(pixels, _ROWS, max(1, round(width * _ROWS / height)))
 
 
 def _turned(pixels: np.ndarray, matrix: np.ndarray) -> np.ndarray:

@@ -43,6 +43,19 @@ def test_an_equirectangular_image_is_read_as_it_is():
     assert gather().scene.world == pytest.approx(2 * sky()[..., :3], rel=1e-5)
 
 
+def test_an_image_of_odd_size_is_shrunk_without_a_shift():
+    square()
+    tree, background = world()
+    environment(tree, background, sky(1543))
+    read = gather().scene.world
+    assert read.shape == (1024, 2048, 3)
+    middles = (np.arange(1024) + 0.5) / 1024
+    assert read[:, 7, 0] == pytest.approx(middles, abs=1e-3)
+    assert read[5, :, 1] == pytest.approx(
+        0.5 + 0.4 * np.cos(np.pi * (np.arange(2048) + 0.5) / 1024), abs=2e-3
+    )
+
+
 def test_a_turned_image_is_what_blender_renders():
     """The way without and the way with Blender's own evaluation agree."""
     import bpy

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cached_property
 
+import numpy as np
 import pyopencl as cl
 
 from .cutouts import gather_cutouts
@@ -46,5 +47,9 @@ class RayScene:
 
     @cached_property
     def receivers(self) -> cl.Buffer:
-        """The records of all patches, see `receivers.pack_receivers`."""
-        return pack_receivers(self.compute, self._parts.geometry, self.rays.origin)
+        """The records of all patches, see `receivers.pack_receivers`; their lifts end before other faces."""
+        count = len(self._parts.patches)
+        records = pack_receivers(self.compute, self._parts.geometry, self.rays.origin)
+        (bound,) = self.rays.kernels(("receiver.cl", "lift.cl"), "bound_lifts")
+        self.rays.run(bound, count, records, np.int32(count))
+        return records

@@ -11,7 +11,7 @@ from .geometry import PatchGeometry
 from .viewpoints import OF_COORDINATE, OF_DIAGONAL, OF_TEXEL
 
 #: float4 a record, see kernels/receiver.cl.
-RECORD = 7
+RECORD = 9
 
 
 def pack_receivers(compute: Compute, geometry: PatchGeometry, origin: np.ndarray) -> cl.Buffer:

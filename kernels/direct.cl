@@ -8,7 +8,7 @@
 // little before the light: that may be a surface, too.
 float seen(const Rays *rays, const Receiver *r, const float3 p, const Sample *s)
 {
-    const float3 start = r->lift + r->height * r->geometric;
+    const float3 start = start_of(r, p, s->direction);
     if (s->distance == INFINITY)
         return transmittance(rays, p + start, s->direction, INFINITY);
     return transmittance(rays, p + start, s->distance * s->direction - start, 0.9998f);
@@ -33,11 +33,11 @@ typedef struct {
 float3 open_over_texel(__global const float4 *e, const Receiver *r)
 {
     if (is_far(e, r))
-        return open_light(e, r->at, r->normal, r->geometric);
+        return open_light(e, r->at, r);
     float3 sum = (float3)(0.0f);
     for (int i = 0; i < PLACES * PLACES; ++i) {
         const float2 place = (float2)(i % PLACES + 0.5f, i / PLACES + 0.5f) / PLACES;
-        sum += open_light(e, point_of_texel(r, place), r->normal, r->geometric);
+        sum += open_light(e, point_of_texel(r, place), r);
     }
     return sum / (PLACES * PLACES);
 }
@@ -101,9 +101,10 @@ __kernel void direct(RAYS_ARGUMENTS, __global const float4 *receivers, __global 
             continue;
         const float4 u = sample_point(index, key);
         const float3 p = point_of_texel(&r, u.zw);
-        const Sample s = sample_emitter(e, &glow, &sky, modulations, p, r.normal, u.xy);
+        const Sample s = sample_emitter(e, &glow, &sky, modulations, &r, p, u.xy);
         const float cosine = dot(s.direction, r.normal);
-        if (!(cosine > 0.0f && dot(s.direction, r.geometric) > 0.0f && luminance(s.light) > 0.0f))
+        const float over = dot(s.direction, horizon_of(&r, s.back));
+        if (!(cosine > 0.0f && over > 0.0f && luminance(s.light) > 0.0f))
             continue;
         const float3 brought = s.light * (cosine / span.y);
         float share = 1.0f;
@@ -145,7 +146,7 @@ __kernel void occlusion(RAYS_ARGUMENTS, __global const float4 *receivers, const 
         const float3 direction = q.x * x + q.y * y + sqrt(fmax(1.0f - dot(q, q), 0.0f)) * r.normal;
         if (dot(direction, r.geometric) <= 0.0f)
             continue;
-        const float3 origin = point_of_texel(&r, u.zw) + r.lift + r.height * r.geometric;
+        const float3 p = point_of_texel(&r, u.zw), origin = p + start_of(&r, p, direction);
         open += transmittance(&rays, origin, direction, reach);
         all += 1.0f;
     }

@@ -34,22 +34,6 @@ float4 sample_point(const uint index, const uint seed)
 
 float luminance(const float3 colour) { return dot(colour, (float3)(0.2126f, 0.7152f, 0.0722f)); }
 
-bool in_triangle(const Receiver *r, const float3 p)
-{
-    const float3 q = p - r->corner, normal = cross(r->edge1, r->edge2);
-    const float u = dot(cross(q, r->edge2), normal), v = dot(cross(r->edge1, q), normal);
-    return u >= 0.0f && v >= 0.0f && u + v <= dot(normal, normal);
-}
-
-// A point of the patch's texel that lies in the patch's triangle: this one, the one opposite, or the centre.
-float3 point_of_texel(const Receiver *r, const float2 place)
-{
-    const float3 offset = (place.x - 0.5f) * r->edge_u + (place.y - 0.5f) * r->edge_v;
-    if (in_triangle(r, r->at + offset))
-        return r->at + offset;
-    return in_triangle(r, r->at - offset) ? r->at - offset : r->at;
-}
-
 // The number of the surface's triangle that an emitter is; -1 for a part of an area light.
 int surface_of(__global const float4 *e) { return as_int(e[5].w); }
 
@@ -58,6 +42,7 @@ typedef struct {
     float3 direction;
     float distance;
     float3 light;
+    bool back;  // of a surface
 } Sample;
 
 // How much of a spot's intensity goes along a direction away from it: the cone is round in the light's own,
@@ -166,8 +151,14 @@ typedef struct {
     int resolution;
 } Glow;
 
+// True if a patch is in front of a triangle, not in its plane: relative to the patch, its corner and normal.
+bool shows_front(const Receiver *r, const float3 corner, const float3 normal)
+{
+    return dot(normal, corner) < -r->height * length(normal);
+}
+
 // Emissive triangle, or part of an area light: by direction where it is seen wide, else by area.
-Sample sample_triangle(__global const float4 *e, const Glow *glow, const float3 p, const float3 up, const float2 u)
+Sample sample_triangle(__global const float4 *e, const Glow *glow, const Receiver *r, const float3 p, const float2 u)
 {
     const float3 a = e[1].xyz - p, edge1 = e[2].xyz, edge2 = e[3].xyz;
     const float3 normal = cross(edge1, edge2);
@@ -181,8 +172,8 @@ Sample sample_triangle(__global const float4 *e, const Glow *glow, const float3 
         const float3 first = normalize(a), second = normalize(a + edge1), third = normalize(a + edge2);
 
         // More samples where the receiver faces them: the cosines of the corners, interpolated (Hart et al. 2020).
-        const float at_a = fmax(dot(first, up), 0.01f), at_b = fmax(dot(second, up), 0.01f);
-        const float at_c = fmax(dot(third, up), 0.01f);
+        const float at_a = fmax(dot(first, r->normal), 0.01f), at_b = fmax(dot(second, r->normal), 0.01f);
+        const float at_c = fmax(dot(third, r->normal), 0.01f);
         float density = 1.0f;
         const float y = linear_sample(u.y, at_b, 0.5f * (at_a + at_c), &density);
         const float x = linear_sample(u.x, mix(at_b, at_a, y), mix(at_b, at_c, y), &density);
@@ -205,6 +196,7 @@ Sample sample_triangle(__global const float4 *e, const Glow *glow, const float3 
 
     // The front of an area light shines, emissive surfaces shine on both sides.
     const float cosine = -dot(normal, s.direction) / twice;
+    s.back = !shows_front(r, a, normal);
     float3 radiance;
     if (surface_of(e) < 0) {
         if (cosine <= 0.0f)
@@ -262,12 +254,12 @@ Sample sample_sky(const Bright *sky, const float2 u)
 }
 
 Sample sample_emitter(__global const float4 *e, const Glow *glow, const Bright *sky, __global const float *modulations,
-                      const float3 p, const float3 up, const float2 u)
+                      const Receiver *r, const float3 p, const float2 u)
 {
     const int kind = (int)e[0].x, nodes = as_int(e[6].x);
-    Sample s = kind == POINT ? sample_point_light(e, p, up, u)
+    Sample s = kind == POINT ? sample_point_light(e, p, r->normal, u)
         : kind == SUN ? sample_sun(e, u)
-        : kind == TRIANGLE ? sample_triangle(e, glow, p, up, u) : sample_sky(sky, u);
+        : kind == TRIANGLE ? sample_triangle(e, glow, r, p, u) : sample_sky(sky, u);
     if (nodes > 0)
         s.light *= modulation(modulations + nodes, modulations, -s.direction, s.distance);
     return s;
@@ -299,8 +291,8 @@ int clip(const float3 *corners, const int count, const float3 normal, float3 *cl
 }
 
 // E/pi at a point from all of a triangle of one radiance, if nothing is in between: the form factor of its
-// part above both horizons, the smooth and the flat (Lambert 1760; Arvo 1995).
-float3 open_light(__global const float4 *e, const float3 p, const float3 normal, const float3 geometric)
+// part above both horizons, the smooth one and the patch's (Lambert 1760; Arvo 1995).
+float3 open_light(__global const float4 *e, const float3 p, const Receiver *r)
 {
     const float3 a = e[1].xyz - p, facing = cross(e[2].xyz, e[3].xyz);
     const bool front = dot(facing, a) < 0.0f;
@@ -308,8 +300,8 @@ float3 open_light(__global const float4 *e, const float3 p, const float3 normal,
         return (float3)(0.0f);
     const float3 triangle[3] = {a, a + e[2].xyz, a + e[3].xyz};
     float3 above[4], corners[5];
-    const int kept = clip(triangle, 3, geometric, above);
-    const int count = kept > 2 ? clip(above, kept, normal, corners) : 0;
+    const int kept = clip(triangle, 3, horizon_of(r, !shows_front(r, a, facing)), above);
+    const int count = kept > 2 ? clip(above, kept, r->normal, corners) : 0;
     if (count < 3)
         return (float3)(0.0f);
     float sum = 0.0f;
@@ -317,7 +309,7 @@ float3 open_light(__global const float4 *e, const float3 p, const float3 normal,
     for (int i = 0; i < count; ++i) {
         const float3 to = normalize(corners[i]), side = cross(from, to);
         const float sine = length(side);
-        sum += sine > 1e-12f ? atan2(sine, dot(from, to)) / sine * dot(side, normal) : 0.0f;
+        sum += sine > 1e-12f ? atan2(sine, dot(from, to)) / sine * dot(side, r->normal) : 0.0f;
         from = to;
     }
     return e[4].xyz * (fabs(sum) * 0.5f * M_1_PI_F);

@@ -40,7 +40,7 @@ float emitter_weight(const Lights *lights, __global const float4 *e, const Recei
     if (kind == POINT) {
         const float3 to = e[1].xyz - r->at;
         const float d2 = dot(to, to), d = sqrt(d2), reach = e[1].w + r->size;
-        if (dot(r->normal, to) < -reach || dot(r->geometric, to) < -reach)
+        if (dot(r->normal, to) < -reach || dot(r->horizon, to) < -reach)
             return 0.0f;
 
         // A spot's cone is wider by what the texel spans.
@@ -53,10 +53,10 @@ float emitter_weight(const Lights *lights, __global const float4 *e, const Recei
         return towards * spot * cosine / fmax(fmax(d2, near * near), LEAST);
     }
     const float3 a = e[1].xyz - r->at, b = a + e[2].xyz, c = a + e[3].xyz;
-    const float top = fmax(fmax(dot(a, r->geometric), dot(b, r->geometric)), dot(c, r->geometric));
-    if (top <= 1e-5f * length(a))
+    const float3 normal = cross(e[2].xyz, e[3].xyz), horizon = horizon_of(r, !shows_front(r, a, normal));
+    const float top = fmax(fmax(dot(a, horizon), dot(b, horizon)), dot(c, horizon));
+    if (top <= fmax(1e-5f * length(a), r->height))
         return 0.0f;
-    const float3 normal = cross(e[2].xyz, e[3].xyz);
     const float facing = -dot(normal, a), twice = length(normal);
     if ((surface_of(e) < 0 || e[5].z > 0.0f) && facing <= -r->size * twice)
         return 0.0f;
@@ -68,7 +68,7 @@ float emitter_weight(const Lights *lights, __global const float4 *e, const Recei
         return about;
 
     // Of one radiance: exactly, but what the middle of the texel does not see may be seen beside it.
-    return fmax(luminance(open_light(e, r->at, r->normal, r->geometric)), 0.02f * about);
+    return fmax(luminance(open_light(e, r->at, r)), 0.02f * about);
 }
 
 // About how much light all emitters of an inner node bring without shadow; 0 only if they bring none.
@@ -79,7 +79,7 @@ float node_weight(__global const float4 *node, const Receiver *r, bool *open)
     const float radius = node[0].w, extent = radius + r->size;
     const float d2 = fmax(dot(to, to), LEAST), d = sqrt(d2), height = dot(r->normal, to);
     *open = false;
-    if (height < -extent || dot(r->geometric, to) < -extent)
+    if (height < -extent || dot(r->horizon, to) < -extent)
         return 0.0f;
 
     // Outside of the cone in which they shine, seen from anywhere on the texel?

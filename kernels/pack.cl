@@ -1,15 +1,5 @@
 // Records of patches (receiver.cl) from their triangles and barycentrics.
 
-// How far outside of its flat triangle the smooth surface is: the point is projected on the planes of the
-// three vertices, outwards only, against the shadow terminator (Hanika 2021).
-float3 smooth_lift(const float3 point, const float3 *corners, const float3 *normals, const float3 weights)
-{
-    const float3 below = (float3)(dot(point - corners[0], normals[0]), dot(point - corners[1], normals[1]),
-                                  dot(point - corners[2], normals[2]));
-    const float3 amount = -fmin(below, 0.0f) * weights;
-    return amount.x * normals[0] + amount.y * normals[1] + amount.z * normals[2];
-}
-
 // corners and normals hold 9 floats a triangle, steps 10: of a texel along u and v, geometric normal, area.
 // Heights of the eye as in engine/viewpoints.py: `heights` holds the share of a texel's width, the most,
 // and the share of the largest coordinate; positions are relative to origin.
@@ -33,15 +23,17 @@ __kernel void pack(__global const int *triangles, __global const float *barycent
     const float3 mean = w.x * normal[0] + w.y * normal[1] + w.z * normal[2];
     const float size = length(mean);
     const float3 shading = size > 1e-20f ? mean / size : geometric;
-    const float3 lift = smooth_lift(at, corner, normal, w), place = fabs(at + origin.xyz);
+    const float3 place = fabs(at + origin.xyz);
     const float coordinate = fmax(place.x, fmax(place.y, place.z));
     const float height = fmax(fmin(heights.x * sqrt(step[9]), heights.y), heights.z * coordinate);
     __global float4 *record = records + RECEIVER * patch;
     record[0] = (float4)(at, height);
-    record[1] = (float4)(shading, lift.x);
+    record[1] = (float4)(shading, 0.0f);
     record[2] = (float4)(geometric, corner[0].z);
     record[3] = (float4)(vload3(0, step), corner[0].x);
     record[4] = (float4)(vload3(1, step), corner[0].y);
-    record[5] = (float4)(corner[1] - corner[0], lift.y);
-    record[6] = (float4)(corner[2] - corner[0], lift.z);
+    record[5] = (float4)(corner[1] - corner[0], normal[0].x);
+    record[6] = (float4)(corner[2] - corner[0], normal[0].y);
+    record[7] = (float4)(normal[1], normal[0].z);
+    record[8] = (float4)(normal[2], 0.0f);
 }

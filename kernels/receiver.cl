@@ -1,21 +1,90 @@
 // Where light is received: a patch, the start of its rays, directions around its normal.
 
 // float4 of a record, which engine/receivers.py packs.
-#define RECEIVER 7
+#define RECEIVER 9
 
 typedef struct {
     float3 at, normal, geometric, edge_u, edge_v;  // world space, metres; steps of a texel
-    float3 corner, edge1, edge2, lift;             // its triangle; how far rays start outside of it
+    float3 corner, edge1, edge2;                   // its triangle
+    float3 normals[3];                             // of the triangle's corners
     float height, size;                            // of the start of rays above the surface; of the texel
+    float lifted;                                  // the share of `lift_at` that nothing is in the way of
+    float3 horizon;                                // normal of the plane beyond which no lamp is seen
 } Receiver;
 
 Receiver load_receiver(__global const float4 *record)
 {
-    const Receiver r = {record[0].xyz, record[1].xyz, record[2].xyz, record[3].xyz, record[4].xyz,
-                        (float3)(record[3].w, record[4].w, record[2].w), record[5].xyz, record[6].xyz,
-                        (float3)(record[1].w, record[5].w, record[6].w), record[0].w,
-                        fmax(length(record[3].xyz), length(record[4].xyz))};
+    const float4 normal = record[1], last = record[8];
+    const Receiver r = {
+        record[0].xyz, normal.xyz, record[2].xyz, record[3].xyz, record[4].xyz,
+        (float3)(record[3].w, record[4].w, record[2].w), record[5].xyz, record[6].xyz,
+        {(float3)(record[5].w, record[6].w, record[7].w), record[7].xyz, last.xyz},
+        record[0].w, fmax(length(record[3].xyz), length(record[4].xyz)), normal.w,
+        normal.w > 0.0f ? normal.xyz : record[2].xyz
+    };
     return r;
+}
+
+// A corner's normal that leans farther than by the first of these cosines tells of no smooth surface.
+#define LEANS_MUCH 0.64f
+#define LEANS_LITTLE 0.82f
+
+// What a surface rises by counts above this share of the longest edge: flat faces rise by rounding.
+#define FLAT 1e-4f
+
+// How far outside of its flat triangle the smooth surface is at a point: the point is projected on the planes
+// of the three vertices, outwards only (Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II 2021).
+float3 lift_at(const Receiver *r, const float3 p)
+{
+    const float3 q = p - r->corner, face = cross(r->edge1, r->edge2);
+    const float square = dot(face, face);
+    if (!(square > 0.0f))
+        return (float3)(0.0f);
+    const float v = dot(cross(q, r->edge2), face) / square, w = dot(cross(r->edge1, q), face) / square;
+    const float longest = sqrt(fmax(dot(r->edge1, r->edge1), dot(r->edge2, r->edge2)));
+    const float3 rise = -(float3)(dot(q, r->normals[0]), dot(q - r->edge1, r->normals[1]),
+                                  dot(q - r->edge2, r->normals[2]));
+    const float3 upright = (float3)(dot(r->normals[0], r->geometric), dot(r->normals[1], r->geometric),
+                                    dot(r->normals[2], r->geometric));
+    const float3 trusted = clamp((upright - LEANS_MUCH) / (LEANS_LITTLE - LEANS_MUCH), 0.0f, 1.0f);
+    const float3 amount = fmax(rise - fmax(FLAT * longest, 0.5f * r->height), 0.0f) * trusted
+        * clamp((float3)(1.0f - v - w, v, w), 0.0f, 1.0f);
+    return amount.x * r->normals[0] + amount.y * r->normals[1] + amount.z * r->normals[2];
+}
+
+// Rays that leave at less than this (the sine of their angle) above the flat or the smooth surface start at
+// the smooth one, others on their triangle: as Cycles (kernel/light/sample.h, shadow_ray_offset).
+#define GRAZING 0.1f
+
+// Normal of the plane beyond which a patch sees no lamp, or no back of a surface: faces that look away from
+// each other, as those of a ball do, see nothing of each other though their normals lean.
+float3 horizon_of(const Receiver *r, const bool back) { return back ? r->geometric : r->horizon; }
+
+// From a point of the patch to where its ray in a direction starts.
+float3 start_of(const Receiver *r, const float3 p, const float3 direction)
+{
+    const float3 start = r->height * r->geometric;
+    if (!(r->lifted > 0.0f))
+        return start;
+    const float over = dot(direction, r->geometric), up = dot(direction, r->normal);
+    const float amount = up < GRAZING ? 2.0f - (over + up) / GRAZING : 1.0f - over / GRAZING;
+    return amount > 0.0f ? start + r->lifted * fmin(amount, 1.0f) * lift_at(r, p) : start;
+}
+
+bool in_triangle(const Receiver *r, const float3 p)
+{
+    const float3 q = p - r->corner, normal = cross(r->edge1, r->edge2);
+    const float u = dot(cross(q, r->edge2), normal), v = dot(cross(r->edge1, q), normal);
+    return u >= 0.0f && v >= 0.0f && u + v <= dot(normal, normal);
+}
+
+// A point of the patch's texel that lies in the patch's triangle: this one, the one opposite, or the centre.
+float3 point_of_texel(const Receiver *r, const float2 place)
+{
+    const float3 offset = (place.x - 0.5f) * r->edge_u + (place.y - 0.5f) * r->edge_v;
+    if (in_triangle(r, r->at + offset))
+        return r->at + offset;
+    return in_triangle(r, r->at - offset) ? r->at - offset : r->at;
 }
 
 uint hash(uint x)

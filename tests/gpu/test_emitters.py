@@ -35,7 +35,7 @@ def device():
 
 def clipped(device, quads, normals):
     """Return how many corners are left of each quad, (n,), and which, (n, 8, 3), NaN for the others."""
-    source = "\n".join([*map(kernel_source, ("receiver.cl", "emitters.cl")), CLIPPING])
+    source = "\n".join([*map(kernel_source, ("receiver.cl", "modulation.cl", "emitters.cl")), CLIPPING])
     kernel = cl.Kernel(cl.Program(device.context, source).build(), "clipped")
     padded = [np.zeros((*array.shape[:-1], 4), np.float32) for array in (quads, normals)]
     for target, array in zip(padded, (quads, normals), strict=True):
@@ -75,7 +75,7 @@ def test_the_numbers_of_emissive_triangles_are_exact_however_many_there_are(devi
         const int i = get_global_id(0);
         result[i] = surface_of(records + EMITTER * i);
     }"""
-    files = ("receiver.cl", "emitters.cl")
+    files = ("receiver.cl", "modulation.cl", "emitters.cl")
     kernel = cl.Kernel(
         cl.Program(device.context, "\n".join([*map(kernel_source, files), source])).build(), "numbers"
     )

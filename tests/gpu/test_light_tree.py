@@ -8,6 +8,7 @@ from engine.device.compute import Compute
 from engine.device.source import kernel_source
 from engine.emitters import POINT, RECORD
 from engine.light_tree import build_light_tree
+from engine.receivers import RECORD as RECEIVER
 
 #: Counts what patches look at, and how often emitters are chosen; the widths are summed up, too.
 COUNTING = """
@@ -80,8 +81,8 @@ def lamps(count, seed=0):
 
 
 def receivers(count, seed=1):
-    """Return texels of the floor, 2 cm wide, (count, 7, 4) float32."""
-    records = np.zeros((count, 7, 4), np.float32)
+    """Return texels of the floor, 2 cm wide, (count, RECEIVER, 4) float32."""
+    records = np.zeros((count, RECEIVER, 4), np.float32)
     records[:, 0, :2] = np.random.default_rng(seed).uniform(0, 40, (count, 2))
     records[:, 1:3, 2] = 1
     records[:, 3, 0] = records[:, 4, 1] = 0.02

@@ -20,6 +20,7 @@ class SceneItem:
     matrix         (4, 4) float64, object space to world space
     instancer      the original object that makes the instance, None for an object itself
     persistent_id  Blender's number of the instance
+    random         Cycles' random number of it, in [0, 1]
     """
 
     object: bpy.types.Object
@@ -27,6 +28,7 @@ class SceneItem:
     matrix: np.ndarray
     instancer: bpy.types.Object | None
     persistent_id: tuple[int, ...]
+    random: float
 
 
 def scene_items(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> Iterator[SceneItem]:
@@ -41,4 +43,23 @@ def scene_items(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> I
         if source.hide_render:
             continue
         number = tuple(instance.persistent_id) if parent is not None else ()
-        yield SceneItem(instance.object, source, np.array(instance.matrix_world, np.float64), parent, number)
+        matrix = np.array(instance.matrix_world, np.float64)
+        bits = _name_hash(source.name) if parent is None else instance.random_id & 0xFFFFFFFF
+        yield SceneItem(instance.object, source, matrix, parent, number, bits / 0xFFFFFFFF)
+
+
+def _name_hash(name: str) -> int:
+    """Return the 32 bits that Cycles makes of an object's name: a polynomial in 37, mixed with 0.
+
+    Jenkins 2006, lookup3, final mix of two words (Cycles, util/hash.h).
+    """
+    word = 0
+    for byte in name.encode():
+        word = (word * 37 + byte) & 0xFFFFFFFF
+    state = [(0xDEADBEEF + 8 + 13) & 0xFFFFFFFF] * 3
+    state[0] = (state[0] + word) & 0xFFFFFFFF
+    for step, turn in enumerate((14, 11, 25, 16, 4, 14, 24)):
+        into, of = (step + 2) % 3, (step + 1) % 3
+        turned = (state[of] << turn | state[of] >> (32 - turn)) & 0xFFFFFFFF
+        state[into] = ((state[into] ^ state[of]) - turned) & 0xFFFFFFFF
+    return state[2]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
@@ -10,7 +11,10 @@ import numpy as np
 
 from ...engine.naming import naming
 from ...engine.scene import Material, Texture
+from ..compat import node_tree
+from .items import SceneItem
 from .materials import read_material
+from .object_nodes import Dependence, FrozenMaterial, Source, dependence, object_values
 from .pixels import PixelCache
 from .shader_bake import Shape, bake_textures, copy_shape, remove_shapes
 from .sockets import ComplexError
@@ -28,29 +32,49 @@ class MaterialTable:
     def __init__(self, depsgraph: bpy.types.Depsgraph, uv_layer: str, notes: list[str]) -> None:
         self._depsgraph, self._uv_layer, self._notes = depsgraph, uv_layer, notes
         self._cache = PixelCache(notes)
-        self._index: dict[tuple[int | None, str | None], int] = {}
+        self._index: dict[tuple, int] = {}
         self._materials: list[Material] = []
         self._complex: dict[int, bpy.types.Material] = {}
+        self._dependence: dict[int, Dependence] = {}
+        self._frozen: list[FrozenMaterial] = []
         self._shapes: list[tuple[Shape, frozenset[int]]] = []
         self._averaged: list[str] = []
 
-    def index(self, material: bpy.types.Material | None, atlas: str | None) -> int:
-        """Return the index into `Scene.materials` of a material on objects of an atlas (None: occluders)."""
-        key = (None if material is None else material.session_uid, None)
+    def index(self, material: bpy.types.Material | None, atlas: str | None, item: SceneItem) -> int:
+        """Return the index into `Scene.materials` of a material on an item of an atlas (None: occluders)."""
+        depends = self._depends(material)
+        values = object_values(depends.sources, item)
+        key = (None if material is None else material.session_uid, tuple(values.items()))
         if key in self._index:
             return self._index[key]
-        complex_key = (key[0], atlas or "")
+        complex_key = (*key, atlas or "", _overlapping(item, atlas, depends.placed))
         if complex_key in self._index:
             return self._index[complex_key]
+        number = len(self._materials)
         try:
-            entry = read_material(material, self._notes, self._cache)
-            self._index[key] = len(self._materials)
+            entry = read_material(material, self._notes, self._cache, values)
+            self._index[key] = number
         except ComplexError:
             entry = Material(material.name, np.full(3, 0.8, np.float32), np.zeros(3, np.float32))
-            self._index[complex_key] = len(self._materials)
-            self._complex[len(self._materials)] = material
+            self._index[complex_key] = number
+            self._complex[number] = self._freeze(material, values) if values else material
         self._materials.append(entry)
-        return len(self._materials) - 1
+        return number
+
+    def _depends(self, material: bpy.types.Material | None) -> Dependence:
+        """Return how a material depends on the object that shows it."""
+        if material is None:
+            return Dependence()
+        if material.session_uid not in self._dependence:
+            self._dependence[material.session_uid] = dependence(node_tree(material))
+        return self._dependence[material.session_uid]
+
+    def _freeze(
+        self, material: bpy.types.Material, values: dict[Source, tuple[float, ...]]
+    ) -> bpy.types.Material:
+        """Return a material as objects with some values show it."""
+        self._frozen.append(FrozenMaterial(material, values))
+        return self._frozen[-1].material
 
     def uv_maps(self, indices: Iterable[int]) -> set[str]:
         """Return the UV maps that textures of some materials need; "" is the one that renders use."""
@@ -63,49 +87,61 @@ class MaterialTable:
                 maps.add(self._uv_layer)
         return maps
 
-    def keep(self, evaluated: bpy.types.Object, indices: Sequence[int]) -> None:
-        """Keep a copy of an evaluated object if Blender has to evaluate the material of one of its slots."""
+    def keep(self, item: SceneItem, indices: Sequence[int]) -> None:
+        """Keep a copy of an item if Blender has to evaluate the material of one of its slots."""
         wanted = frozenset(index for index in indices if index in self._complex)
         if wanted:
             slots = [self._complex.get(index) for index in indices]
-            self._shapes.append((copy_shape(evaluated, self._depsgraph, slots), wanted))
+            self._shapes.append((copy_shape(item.object, item.matrix, self._depsgraph, slots), wanted))
 
     def discard(self) -> None:
-        """Remove the copies that `keep` made."""
+        """Remove the copies of meshes and materials."""
         remove_shapes([shape for shape, _ in self._shapes])
         self._shapes.clear()
+        for frozen in self._frozen:
+            frozen.remove()
+        self._frozen.clear()
 
     def finish(self, resolution: int) -> tuple[Material, ...]:
         """Evaluate what is left to Blender at a resolution, and return all materials."""
         failed = []
+        variants = Counter(self._materials[index].name for index in self._complex)
         for index, material in self._complex.items():
+            name = self._materials[index].name
             shapes = [shape for shape, wanted in self._shapes if index in wanted]
             try:
-                self._materials[index] = self._evaluate(material, shapes, resolution)
+                self._materials[index] = self._evaluate(name, material, shapes, (resolution, variants[name]))
             except RuntimeError as error:
-                failed.append(material.name)
+                failed.append(name)
                 reason = str(error).strip().splitlines()[-1]
         if failed:
             self._notes.append(
-                naming(f"Cycles could not evaluate the materials {{}} ({reason}): grey is baked.", failed)
+                naming(
+                    f"Cycles could not evaluate the materials {{}} ({reason}): grey is baked.", _once(failed)
+                )
             )
         if self._averaged:
             sentence = "Occluders have no lightmap UVs: a mean colour stands for the materials {}."
-            self._notes.append(naming(sentence, self._averaged))
+            self._notes.append(naming(sentence, _once(self._averaged)))
         return tuple(self._materials)
 
-    def _evaluate(self, material: bpy.types.Material, shapes: list[Shape], resolution: int) -> Material:
-        """Return a material as textures over the lightmap UVs; as means where shapes have none."""
+    def _evaluate(
+        self, name: str, material: bpy.types.Material, shapes: list[Shape], size: tuple[int, int]
+    ) -> Material:
+        """Return a material as textures over the lightmap UVs; as means where shapes have none.
+
+        size: resolution and variants of the material, see `bake_textures`.
+        """
         mapped = [shape for shape in shapes if shape.mesh.uv_layers.get(self._uv_layer)]
         chosen = mapped or shapes
         if not mapped:
             for shape in shapes:
                 shape.mesh.uv_layers.new(name=self._uv_layer)
-        pixels = bake_textures(material, chosen, self._uv_layer, resolution)
-        entry = Material(material.name, _ONES, np.zeros(3, np.float32), culled=material.use_backface_culling)
+        pixels = bake_textures(material, chosen, self._uv_layer, *size)
+        entry = Material(name, _ONES, np.zeros(3, np.float32), culled=material.use_backface_culling)
         if mapped:
-            return replace(entry, **self._maps(material.name, pixels))
-        self._averaged.append(material.name)
+            return replace(entry, **self._maps(name, pixels))
+        self._averaged.append(name)
         return replace(entry, **_means(pixels))
 
     def _maps(self, name: str, pixels: dict[str, np.ndarray]) -> dict:
@@ -118,6 +154,25 @@ class MaterialTable:
         if "emission_map" in maps:
             maps["emission"] = _ONES
         return maps
+
+
+def _once(names: Sequence[str]) -> list[str]:
+    """Return names without those that came before."""
+    return list(dict.fromkeys(names))
+
+
+def _overlapping(item: SceneItem, atlas: str | None, placed: bool) -> tuple:
+    """Return what tells items apart whose lightmap UVs may overlap, so that they need textures of their own.
+
+    Users of one mesh share its UVs, which may lie over those of other such meshes: each mesh has its texture,
+    and each user if it matters where that is. Of occluders, without such UVs, a mean is taken.
+    """
+    if atlas is None or (item.instancer is None and item.source.data.users < 2):
+        return ()
+    if not placed:
+        return (item.source.data.session_uid,)
+    instancer = None if item.instancer is None else item.instancer.session_uid
+    return (item.source.session_uid, instancer, item.persistent_id)
 
 
 def _means(pixels: dict[str, np.ndarray]) -> dict:

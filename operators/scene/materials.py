@@ -7,6 +7,7 @@ import numpy as np
 
 from ...engine.scene import Material
 from ..compat import node_input, node_tree
+from .object_nodes import Source, shown, source_of
 from .pixels import PixelCache
 from .sockets import ComplexError, feeder
 from .textures import read_texture
@@ -14,6 +15,8 @@ from .values import BLACK, HOLE, ONE, ZERO, Surface, Value, constant
 
 #: What Cycles shows where there is no material.
 _DEFAULT_GREY = np.full(3, 0.8, np.float32)
+
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 _CONSTANT_NODES = {"RGBA": "ShaderNodeRGB", "VALUE": "ShaderNodeValue"}
 
@@ -24,10 +27,17 @@ class ShaderReader:
     owner  how messages name the datablock
     notes  sentences for the user are appended here, each once
     cache  images; without one every texture is ComplexError
+    values  what nodes tell of the object that shows the material
     """
 
-    def __init__(self, owner: str, notes: list[str], cache: PixelCache | None = None) -> None:
-        self._owner, self._notes, self._cache = owner, notes, cache
+    def __init__(
+        self,
+        owner: str,
+        notes: list[str],
+        cache: PixelCache | None = None,
+        values: dict[Source, tuple[float, ...]] | None = None,
+    ) -> None:
+        self._owner, self._notes, self._cache, self._values = owner, notes, cache, values or {}
 
     def surface(self, socket: bpy.types.NodeSocket) -> Surface:
         """Return what the shader linked to a socket does; raises ComplexError if only Blender knows."""
@@ -67,12 +77,23 @@ class ShaderReader:
         output = feeder(socket)
         node = output.node
         if not output.is_output or node.bl_idname == _CONSTANT_NODES.get(output.type):
-            return _constant(output)
+            return _fitting(_constant(output), output, channels)
+        source = source_of(output)
+        if source in self._values:
+            return _fitting(constant(*shown(output, self._values[source])), output, channels)
+        if node.bl_idname == "ShaderNodeValToRGB":
+            return self._ramp(output, channels)
         if node.bl_idname == "ShaderNodeTexImage" and self._cache is not None:
             return Value(np.ones(3), read_texture(output, self._cache, self._owner, channels))
         if node.bl_idname in {"ShaderNodeMix", "ShaderNodeMixRGB"}:
             return self._product(node, channels)
         raise ComplexError
+
+    def _ramp(self, output: bpy.types.NodeSocket, channels: int) -> Value:
+        """Return the colour, or alpha, of a Color Ramp at a constant factor."""
+        colour = output.node.color_ramp.evaluate(self._value(output.node.inputs["Fac"], 1).number)
+        value = constant(colour[3]) if output.name == "Alpha" else constant(*colour[:3])
+        return _fitting(value, output, channels)
 
     def _product(self, node: bpy.types.Node, channels: int) -> Value:
         """Return what a Mix node that multiplies colours at full strength makes."""
@@ -89,6 +110,14 @@ def _constant(socket: bpy.types.NodeSocket) -> Value:
     """Return the own value of a socket."""
     value = getattr(socket, "default_value", 0.0)
     return constant(*list(value)[:3]) if hasattr(value, "__len__") else constant(value)
+
+
+def _fitting(value: Value, output: bpy.types.NodeSocket, channels: int) -> Value:
+    """Return what a socket takes of a constant: a number the luminance of a colour, the mean of a vector."""
+    if channels == 3 or output.type not in {"RGBA", "VECTOR"}:
+        return value
+    weights = _LUMINANCE if output.type == "RGBA" else np.full(3, 1 / 3)
+    return constant(float(value.constant @ weights))
 
 
 def _rest(value: Value) -> Value:
@@ -170,8 +199,15 @@ _SHADERS = {
 }
 
 
-def read_material(material: bpy.types.Material | None, notes: list[str], cache: PixelCache) -> Material:
+def read_material(
+    material: bpy.types.Material | None,
+    notes: list[str],
+    cache: PixelCache,
+    values: dict[Source, tuple[float, ...]] | None = None,
+) -> Material:
     """Return the diffuse surface of a material; an empty slot is Cycles' grey.
+
+    values: of nodes that tell of the object, see `object_nodes.object_values`.
 
     Sentences about what could not be taken over are appended to `notes`. Raises ComplexError if only Blender
     can evaluate it.
@@ -184,7 +220,7 @@ def read_material(material: bpy.types.Material | None, notes: list[str], cache: 
         colour = np.array(material.diffuse_color, np.float32)[:3]
         return Material(material.name, np.clip(colour, 0, 1), np.zeros(3, np.float32), culled=culled)
     output = tree.get_output_node("CYCLES")
-    reader = ShaderReader(f"Material '{material.name}'", notes, cache)
+    reader = ShaderReader(f"Material '{material.name}'", notes, cache, values)
     surface = reader.surface(output.inputs["Surface"]) if output else BLACK
     return to_material(material.name, surface, culled)
 

@@ -137,7 +137,7 @@ class ItemReader:
     def _shape(self, item: SceneItem, atlas: str | None) -> Shape | str:
         """Return an item's mesh, or why it is left out."""
         materials = _slot_materials(item)
-        slots = [self._table.index(material, atlas) for material in materials]
+        slots = [self._table.index(material, atlas, item) for material in materials]
         key = (item.object.data.as_pointer(), tuple(slots), atlas is None)
         if key not in self._shapes:
             self._shapes[key] = self._read(item, slots, atlas)
@@ -165,7 +165,7 @@ class ItemReader:
             return NO_FACES
         if not np.isfinite(corners.positions).all():
             return NOT_FINITE
-        self._table.keep(item.object, slots)
+        self._table.keep(item, slots)
         index = np.clip(corners.slot, 0, len(slots) - 1)
         return Shape(corners, np.asarray(slots, np.int32)[index], _box(corners.positions))
 

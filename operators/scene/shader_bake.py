@@ -8,12 +8,18 @@ from dataclasses import dataclass
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 
 from ..compat import new_node_tree, node_input
 from .sockets import feeder
 
-#: Smallest and largest width of such a texture, texels; samples of each; texels beyond chart borders.
+#: Smallest and largest width of such a texture, texels.
 _SMALLEST, _LARGEST = 512, 4096
+
+#: Textures of many variants of a material may be smaller by this.
+_SHRINKING = 4
+
+#: Samples of each texel; texels beyond chart borders.
 _SAMPLES = 4
 _MARGIN = 8
 
@@ -35,17 +41,18 @@ class Shape:
 
     mesh: bpy.types.Mesh
     slots: tuple[bpy.types.Material | None, ...]
-    matrix: object
+    matrix: Matrix
 
 
 def copy_shape(
     evaluated: bpy.types.Object,
+    matrix: np.ndarray,
     depsgraph: bpy.types.Depsgraph,
     slots: Sequence[bpy.types.Material | None],
 ) -> Shape:
-    """Copy an evaluated object with all its layers."""
+    """Copy an evaluated object with all its layers; matrix: (4, 4) float64, where it or its instance is."""
     mesh = bpy.data.meshes.new_from_object(evaluated, preserve_all_data_layers=True, depsgraph=depsgraph)
-    return Shape(mesh, tuple(slots), evaluated.matrix_world.copy())
+    return Shape(mesh, tuple(slots), Matrix(matrix.tolist()))
 
 
 def remove_shapes(shapes: Sequence[Shape]) -> None:
@@ -55,14 +62,20 @@ def remove_shapes(shapes: Sequence[Shape]) -> None:
 
 
 def bake_textures(
-    material: bpy.types.Material, shapes: Sequence[Shape], uv_layer: str, resolution: int
+    material: bpy.types.Material,
+    shapes: Sequence[Shape],
+    uv_layer: str,
+    resolution: int,
+    variants: int = 1,
 ) -> dict[str, np.ndarray]:
     """Return a material as textures over lightmap UVs, float32.
 
     They are "reflectance" and "emission", (h, w, 3), and "alpha", (h, w, 1), which is missing where it is
-    1. Raises RuntimeError if Cycles cannot bake.
+    1. There may be variants of a material for objects that share the lightmap, each on a part of it. Raises
+    RuntimeError if Cycles cannot bake.
     """
-    size = int(np.clip(resolution, _SMALLEST, _LARGEST))
+    share = np.sqrt(variants)
+    size = int(np.clip(resolution / share, _SMALLEST / min(share, _SHRINKING), _LARGEST))
     with _stage(shapes, material, uv_layer) as stage:
         textures = {}
         for name in _PASSES:

@@ -1,0 +1,170 @@
+"""Nodes whose values depend on the object that shows a material, frozen to those of one object."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import bpy
+
+from .items import SceneItem
+
+#: Outputs of the Object Info node that each object, or instance, has for itself.
+_INFO = ("Location", "Color", "Alpha", "Object Index", "Random")
+
+#: Outputs of nodes that tell where a surface is in the world.
+_PLACED = {
+    "ShaderNodeNewGeometry": ("Position", "Normal", "Tangent", "True Normal"),
+    "ShaderNodeTexCoord": ("Normal", "Reflection"),
+    "ShaderNodeVectorTransform": ("Vector",),
+    "ShaderNodeNormalMap": ("Normal",),
+}
+
+#: Attributes that belong to objects, not to meshes.
+_OWNERS = ("OBJECT", "INSTANCER")
+
+#: What a value is read from: "INFO" and an output, or the owner of an attribute and its name.
+Source = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """How a material depends on the object that shows it.
+
+    sources  the values that an object, or instance, has for itself
+    placed   True if it matters where the object is
+    """
+
+    sources: tuple[Source, ...] = ()
+    placed: bool = False
+
+
+def dependence(tree: bpy.types.NodeTree | None) -> Dependence:
+    """Return how the nodes of a tree, groups included, depend on the object."""
+    nodes = [] if tree is None else list(_nodes(tree))
+    sources = {source for node in nodes for source in _sources(node)}
+    return Dependence(tuple(sorted(sources)), any(_is_placed(node) for node in nodes))
+
+
+def object_values(sources: tuple[Source, ...], item: SceneItem) -> dict[Source, tuple[float, ...]]:
+    """Return the values of sources for an object or instance, four numbers each."""
+    return {
+        (owner, name): _info(name, item) if owner == "INFO" else _attribute(owner, name, item)
+        for owner, name in sources
+    }
+
+
+class FrozenMaterial:
+    """A copy of a material in which constants stand for an object's values; `remove` removes it."""
+
+    def __init__(self, material: bpy.types.Material, values: dict[Source, tuple[float, ...]]) -> None:
+        self.material = material.copy()
+        self._groups: list[bpy.types.NodeTree] = []
+        self._freeze(self.material.node_tree, values)
+
+    def remove(self) -> None:
+        """Remove the copies."""
+        bpy.data.materials.remove(self.material)
+        for group in self._groups:
+            bpy.data.node_groups.remove(group)
+
+    def _freeze(self, tree: bpy.types.NodeTree, values: dict[Source, tuple[float, ...]]) -> None:
+        for node in list(tree.nodes):
+            if getattr(node, "node_tree", None) is not None and dependence(node.node_tree).sources:
+                node.node_tree = node.node_tree.copy()
+                self._groups.append(node.node_tree)
+                self._freeze(node.node_tree, values)
+            for output in node.outputs:
+                source = source_of(output)
+                if output.is_linked and source in values:
+                    _replace(tree, output, values[source])
+
+
+def _nodes(tree: bpy.types.NodeTree) -> Iterator[bpy.types.Node]:
+    """Yield the nodes of a tree and of the groups in it."""
+    for node in tree.nodes:
+        yield node
+        if getattr(node, "node_tree", None) is not None:
+            yield from _nodes(node.node_tree)
+
+
+def source_of(output: bpy.types.NodeSocket) -> Source | None:
+    """Return what an output is read from, None if it is the same for all objects."""
+    node = output.node
+    if node.bl_idname == "ShaderNodeObjectInfo" and output.name in _INFO:
+        return "INFO", output.name
+    if node.bl_idname == "ShaderNodeAttribute" and node.attribute_type in _OWNERS:
+        return node.attribute_type, node.attribute_name
+    return None
+
+
+def shown(output: bpy.types.NodeSocket, value: tuple[float, ...]) -> tuple[float, ...]:
+    """Return what an output makes of a value: three numbers, or one."""
+    if output.type != "VALUE":
+        return value[:3]
+    return (value[3],) if output.name == "Alpha" else (sum(value[:3]) / 3,)
+
+
+def _sources(node: bpy.types.Node) -> list[Source]:
+    """Return what the linked outputs of a node are read from, where that is an object's own."""
+    sources = (source_of(output) for output in node.outputs if output.is_linked)
+    return [source for source in sources if source is not None]
+
+
+def _is_placed(node: bpy.types.Node) -> bool:
+    """Return whether a node tells where an object is."""
+    if getattr(node, "object", None) is not None:
+        return True
+    return any(output.is_linked and output.name in _PLACED.get(node.bl_idname, ()) for output in node.outputs)
+
+
+def _info(name: str, item: SceneItem) -> tuple[float, ...]:
+    """Return an output of the Object Info node, as four numbers (Cycles, blender/object.cpp)."""
+    obj = item.object
+    if name == "Location":
+        return (*item.matrix[:3, 3].tolist(), 1.0)
+    if name == "Color":
+        return tuple(obj.color)
+    number = {"Alpha": obj.color[3], "Object Index": obj.pass_index, "Random": item.random}[name]
+    return (float(number),) * 4
+
+
+def _attribute(owner: str, name: str, item: SceneItem) -> tuple[float, ...]:
+    """Return an attribute of an object, or first of what makes the instance; black without one.
+
+    Each is looked for as a custom property and as a property, of the object and then of its data
+    (Blender, BKE_object_dupli_find_rgba_attribute).
+    """
+    owners = [item.object, item.object.data]
+    if owner == "INSTANCER" and item.instancer is not None:
+        owners.insert(0, item.instancer)
+    for datablock in owners:
+        for path in (f'["{bpy.utils.escape_identifier(name)}"]', name):
+            try:
+                return _numbers(datablock.path_resolve(path))
+            except (ValueError, TypeError):
+                continue
+    return (0.0, 0.0, 0.0, 0.0)
+
+
+def _numbers(value: object) -> tuple[float, ...]:
+    """Return a number, or three or four, as four; raises TypeError for anything else."""
+    numbers = [float(number) for number in value] if hasattr(value, "__len__") else [float(value)] * 3
+    if len(numbers) not in (3, 4):
+        raise TypeError
+    return (*numbers, 1.0)[:4]
+
+
+def _replace(tree: bpy.types.NodeTree, output: bpy.types.NodeSocket, value: tuple[float, ...]) -> None:
+    """Let a constant feed all that an output feeds."""
+    kinds = {"RGBA": "ShaderNodeRGB", "VECTOR": "ShaderNodeCombineXYZ", "VALUE": "ShaderNodeValue"}
+    node = tree.nodes.new(kinds[output.type])
+    if output.type == "RGBA":
+        node.outputs[0].default_value = value
+    elif output.type == "VECTOR":
+        for socket, number in zip(node.inputs, value, strict=False):
+            socket.default_value = number
+    else:
+        (node.outputs[0].default_value,) = shown(output, value)
+    for link in list(output.links):
+        tree.links.new(node.outputs[0], link.to_socket)

@@ -191,10 +191,13 @@ def test_disabling_the_extension_in_mid_bake_leaves_nothing_behind(operator, con
     assert bpy.ops.hemibake.bake.poll()
 
 
-def test_object_whose_uvs_were_undone_in_mid_bake_is_named_and_not_written(operator, context, window):
+@pytest.mark.parametrize("copied", [False, True])
+def test_object_whose_uvs_were_undone_in_mid_bake_is_named_and_not_written(operator, context, window, copied):
     import bpy
 
-    furnace()
+    room = furnace()
+    if copied:
+        room.modifiers.new("Array", "ARRAY").relative_offset_displace = (3, 0, 0)
     square("Kept", [(0.4, 0.4), (0.6, 0.4), (0.6, 0.6), (0.4, 0.6)]).location = (0.2, 0.2, 0.5)
     bpy.data.objects["Kept"].hemibake.atlas = "Own"
     bpy.ops.ed.undo_push(message="Both objects are there")
@@ -205,9 +208,10 @@ def test_object_whose_uvs_were_undone_in_mid_bake_is_named_and_not_written(opera
     bpy.ops.ed.undo()
     assert drive(operator, context) == {"FINISHED"}
     lost, kept = bpy.data.objects["Furnace"], bpy.data.objects["Kept"]
-    (warning,) = [text for kind, text in operator.reports if kind == {"WARNING"} and "Furnace" in text]
-    assert "Bake again" in warning and "Kept" not in warning
+    (warning,) = [text for kind, text in operator.reports if kind == {"WARNING"} and "lost" in text]
+    assert "'Furnace'" in warning and "Bake again" in warning and "Kept" not in warning
     assert "Lightmap" not in lost.data.uv_layers and lost.hemibake.image is None
+    assert [modifier.name for modifier in lost.modifiers] == ["Array"] * copied
     assert kept.hemibake.image.name == "Own" and report()["objects"] == 1
 
 

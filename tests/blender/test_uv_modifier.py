@@ -110,6 +110,26 @@ def test_copies_in_light_and_shadow_differ():
     assert means[0] < 0.2 and means[1] == pytest.approx(1, rel=0.02)
 
 
+def test_render_of_the_preview_shows_the_light_of_each_copy(tmp_path):
+    import bpy
+
+    test_copies_in_light_and_shadow_differ()
+    assert bpy.ops.hemibake.preview() == {"FINISHED"}
+    scene = bpy.context.scene
+    bpy.data.objects["Roof"].hide_render, scene.world = True, None
+    camera = bpy_link(bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera")))
+    camera.data.type, camera.data.ortho_scale, camera.location = "ORTHO", 8, (2, 0.5, 3)
+    scene.camera, scene.render.engine, scene.cycles.samples = camera, "CYCLES", 16
+    scene.render.resolution_x, scene.render.resolution_y, scene.view_settings.view_transform = 64, 16, "Raw"
+    scene.cycles.use_denoising = False
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    scene.render.filepath = str(tmp_path / "shown.exr")
+    bpy.ops.render.render(write_still=True)
+    shown = pixels(bpy.data.images.load(scene.render.filepath))[..., 0]
+    dark, lit = shown[6:10, 18:22].mean(), shown[6:10, 42:46].mean()
+    assert dark < 0.2 * 0.8 and lit == pytest.approx(0.8, rel=0.03)
+
+
 def test_changed_modifiers_are_noticed():
     import bpy
 

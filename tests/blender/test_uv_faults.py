@@ -1,0 +1,74 @@
+"""Lightmap UVs that are of no use are told from those that are."""
+
+import numpy as np
+import pytest
+
+from tests.blender.things import part
+
+
+def grid(n, seed=1, low=0.1, high=0.9):
+    """Return the triangles of n x n crooked quads, (2 n^2, 3, 2) float32."""
+    axis = np.linspace(low, high, n + 1)
+    points = np.stack(np.meshgrid(axis, axis), axis=-1)
+    shift = np.random.default_rng(seed).uniform(-0.3, 0.3, (n - 1, n - 1, 2))
+    points[1:-1, 1:-1] += shift * (high - low) / n
+    a, b, c, d = points[:-1, :-1], points[:-1, 1:], points[1:, 1:], points[1:, :-1]
+    halves = [np.stack(corners, axis=2).reshape(-1, 3, 2) for corners in ((a, b, c), (a, c, d))]
+    return np.concatenate(halves).astype(np.float32)
+
+
+@pytest.mark.parametrize("place", [(1, 0, 0), (1e-3, 0.3, 0.7), (3, -70, 50), (-1, 1, 1)])
+@pytest.mark.parametrize("n", [2, 7, 53, 211])
+def test_neighbours_do_not_overlap_and_copies_do(n, place):
+    """Also in charts that are tiny, mirrored or outside the lightmap."""
+    faults = part("operators.scene.uv_faults")
+    scale, u, v = place
+    uvs = (grid(n) * (scale, abs(scale)) + (u, v)).astype(np.float32)
+    assert not faults.overlap(uvs)
+    assert faults.overlap(np.concatenate([uvs, uvs[: max(1, len(uvs) // 50)]]))
+    assert faults.overlap(np.concatenate([uvs, uvs[:, ::-1]]))
+
+
+def test_slivers_points_and_nothing_do_not_overlap():
+    faults = part("operators.scene.uv_faults")
+    fan = np.array([[(0, 0), (1, y), (1, y + 1e-4)] for y in np.arange(0, 1, 1e-4)], np.float32)
+    assert not faults.overlap(fan)
+    assert not faults.overlap(np.full((5, 3, 2), 0.25, np.float32))
+    assert not faults.overlap(np.zeros((0, 3, 2), np.float32))
+
+
+def test_part_that_lies_on_another_is_found_wherever_it_is():
+    faults = part("operators.scene.uv_faults")
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        low = rng.uniform(0, 0.4, 2)
+        patch = grid(3, low=0, high=0.3) + low.astype(np.float32)
+        assert faults.overlap(np.concatenate([grid(31, low=0, high=1), patch]))
+        assert not faults.overlap(np.concatenate([grid(31, low=0, high=1), patch + np.float32(1.5)]))
+
+
+def test_faces_without_a_place_are_missed():
+    faults = part("operators.scene.uv_faults")
+    uvs = grid(10)
+    positions = np.concatenate([uvs, np.zeros((len(uvs), 3, 1), np.float32)], axis=2)
+    assert faults.cover(uvs, positions)
+    uvs[::50] = uvs[::50, :1]
+    assert not faults.cover(uvs, positions)
+    assert not faults.cover(np.zeros_like(uvs), positions)
+
+
+@pytest.mark.parametrize("resolution", [8, 33, 257])
+def test_texels_of_triangles_are_those_whose_centres_they_hold(resolution):
+    faults = part("operators.scene.uv_faults")
+    uvs = np.random.default_rng(resolution).uniform(-0.2, 1.2, (30, 3, 2)).astype(np.float32)
+    clipped = np.clip(uvs.astype(np.float64), 0, 1) * resolution
+    centre = np.arange(resolution) + 0.5
+    points = np.stack(np.meshgrid(centre, centre), axis=-1)
+    expected = np.zeros((resolution, resolution), int)
+    for a, b, c in clipped:
+        sides = np.array([np.cross(q - p, points - p) for p, q in ((a, b), (b, c), (c, a))])
+        expected += (sides > 0).all(axis=0) | (sides < 0).all(axis=0)
+    found = np.zeros((resolution, resolution + 1), int)
+    texels, count = faults.covered_texels(uvs, resolution)
+    found.reshape(-1)[texels] = count
+    assert (found[:, :-1] == expected).all() and not found[:, -1].any()

@@ -364,6 +364,8 @@ def check_light(light: Light) -> None:
         )
     if light.profile is not None:
         check_profile(light.profile, light.name)
+        if not _is_light(light.strength * light.profile.factors.max(axis=(0, 1)).astype(np.float64)):
+            raise SceneError(f"Light '{light.name}' has a profile and a power that are too large. Lower one.")
 
 
 def _textures(material: Material) -> list[Texture]:

@@ -18,7 +18,7 @@ _AZIMUTHS, _POLARS = 361, 181
 _FEW = 9, 7
 
 #: Samples of each square, and of the mean over an area lamp's face.
-_SAMPLES, _FACE_SAMPLES = 4, 256
+_SAMPLES, _FACE_SAMPLES = 1, 256
 
 #: Width of the squares, of their distance from the lamp, and this distance, m; of an area lamp in its widths.
 _WIDTH = 1e-3
@@ -97,8 +97,16 @@ def _squares(away: np.ndarray, distance: float, centre: np.ndarray) -> bpy.types
     corners = centre + distance * (away[:, None] + _WIDTH * offsets)
     width = _image_width(len(away))
     cell = np.stack([np.arange(len(away)) % width, np.arange(len(away)) // width], axis=1)
+
+    # Arrays: `from_pydata` takes ten times as long for the 65,341 squares of a profile.
     mesh = bpy.data.meshes.new("hemibake")
-    mesh.from_pydata(corners.reshape(-1, 3), [], np.arange(4 * len(away)).reshape(-1, 4))
+    mesh.vertices.add(4 * len(away))
+    mesh.vertices.foreach_set("co", corners.astype(np.float32).ravel())
+    mesh.loops.add(4 * len(away))
+    mesh.loops.foreach_set("vertex_index", np.arange(4 * len(away), dtype=np.int32))
+    mesh.polygons.add(len(away))
+    mesh.polygons.foreach_set("loop_start", np.arange(0, 4 * len(away), 4, dtype=np.int32))
+    mesh.update(calc_edges=True)
     uvs = (cell[:, None] + outline + 0.5) / width
     mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", uvs.astype(np.float32).ravel())
     return mesh

@@ -1,0 +1,59 @@
+"""Profiles of lamps: packed once for all lamps that share one, refused if they cannot be looked up."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from engine import transport
+from engine.errors import SceneError
+from engine.modulation import pack_modulations
+from engine.profile import Profile
+from engine.scene import Light, check_light
+
+AZIMUTHS, POLARS = np.float32([0, 2, 2 * np.pi]), np.float32([0, 0.5, 1, np.pi])
+
+
+def lamp(**values):
+    factors = np.arange(36, dtype=np.float32).reshape(3, 4, 3)
+    profile = Profile(AZIMUTHS, POLARS, factors)
+    return Light("Lamp", "point", np.zeros(3), np.eye(3), np.ones(3, np.float32), profile=profile, **values)
+
+
+def test_lamps_that_share_a_profile_share_its_place_also_in_the_worker():
+    first, plain = lamp(), replace(lamp(), profile=None)
+    lights = (first, plain, replace(first, falloff_power=2), lamp())
+    parcel = transport.Parcel(lights)
+    memory = memoryview(bytearray(parcel.size))
+    parcel.write(memory)
+    packed, places = pack_modulations(transport.read(memory))
+    starts = [int(packed[place + 9 : place + 10].view(np.int32)[0]) for place in places if place]
+    assert places[1] == 0 and len(set(places)) == 4
+    assert starts[0] == starts[1] != starts[2]
+    assert packed[starts[0]] == 3 and packed[starts[0] + 1] == 4
+    assert len(packed) == starts[2] + len(first.profile.packed)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"azimuths": AZIMUTHS[::-1]},
+        {"polars": POLARS[:3]},
+        {"polars": np.float32([0, 0, 1, 2])},
+        {"azimuths": np.float32([0, np.nan, 6])},
+        {"factors": np.full((3, 4, 3), -1, np.float32)},
+        {"factors": np.full((3, 4, 3), np.inf, np.float32)},
+        {"factors": np.zeros((3, 4, 1), np.float32)},
+    ],
+)
+def test_a_profile_that_cannot_be_looked_up_is_refused_by_name(wrong):
+    light = lamp()
+    check_light(light)
+    with pytest.raises(SceneError, match="Light 'Lamp' has a profile"):
+        check_light(replace(light, profile=replace(light.profile, **wrong)))
+
+
+def test_profile_and_power_together_are_light():
+    light = replace(lamp(), strength=np.full(3, 1e20, np.float32))
+    with pytest.raises(SceneError, match="Light 'Lamp' has a profile and a power"):
+        check_light(replace(light, profile=replace(light.profile, factors=light.profile.factors * 1e15)))

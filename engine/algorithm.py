@@ -81,7 +81,7 @@ def _bake(
     while not outputs.done(solution):
         yield from _report(solution.iteration(), partial(_progress, solution))
         if outputs.done(solution) or (settings.partials and solution.iterations == 1):
-            store.hide(np.where(covered, 0, solution.gathered[:, 3]))
+            store.hide(solution.gathered[:, 3], covered)
         image = store.display(outputs.light(solution)) if settings.partials else None
         yield _progress(solution, 1.0, image)
     clock.lap("hemicubes")

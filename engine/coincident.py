@@ -8,7 +8,7 @@ import pyopencl as cl
 from .ray_scene import RayScene
 
 #: How far around its surface a patch looks for the other face, in heights of its eye.
-_ABOVE, _BELOW = 2.0, 1.0
+ABOVE, BELOW = 2.0, 1.0
 
 
 def covered_patches(scene: RayScene, count: int) -> np.ndarray:
@@ -19,7 +19,7 @@ def covered_patches(scene: RayScene, count: int) -> np.ndarray:
     rays, compute = scene.rays, scene.compute
     (kernel,) = rays.kernels(("receiver.cl", "covered.cl"), "covered")
     output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, count)
-    limits = (np.float32(_ABOVE), np.float32(_BELOW))
+    limits = (np.float32(ABOVE), np.float32(BELOW))
     rays.run(kernel, count, scene.receivers, *limits, output, np.int32(count))
     covered = np.empty(count, np.uint8)
     cl.enqueue_copy(compute.queue, covered, output)

@@ -30,9 +30,9 @@ class RayScene:
         return self._compute
 
     @property
-    def needed(self) -> bool:
-        """True once rays were asked for."""
-        return "rays" in self.__dict__
+    def possible(self) -> bool:
+        """True if there is a device to cast rays."""
+        return self._compute is not None
 
     def of(self, parts: Subdivision) -> RayScene:
         """Return the same triangles with other patches."""

@@ -10,6 +10,7 @@ from .coincident import covered_patches
 from .direct import DirectLight
 from .emitters import BrightTriangles, bright_triangles
 from .enclosed import note_enclosed
+from .host_coincident import covered_on_host
 from .ray_scene import RayScene
 from .scene import Scene, shining_lights
 from .settings import Settings
@@ -63,10 +64,10 @@ class SampledLight:
         return (yield from self._rays().ambient_occlusion())
 
     def covered(self) -> np.ndarray:
-        """Return which patches another face covers exactly, (n,) bool; none are known if no rays are cast."""
-        if not self._ray_scene.needed:
-            return np.zeros(len(self._parts.patches), bool)
-        return covered_patches(self._ray_scene, len(self._parts.patches))
+        """Return which patches another face covers, (n,) bool."""
+        if self._ray_scene.possible:
+            return covered_patches(self._ray_scene, len(self._parts.patches))
+        return covered_on_host(self._scene, self._parts)
 
     def _rays(self) -> DirectLight:
         """Return what casts rays, made when it is first needed."""

@@ -11,7 +11,8 @@ from .hemicube import frames, rotations
 from .settings import Settings
 
 #: Height of the eye above the surface: a share of a texel's width, at most a share of the scene's
-#: diagonal, and at least what float32 can tell apart at the patch's coordinates.
+#: diagonal, and at least what float32 can tell apart at the patch's coordinates, in the world and from the
+#: scene's middle.
 OF_TEXEL = 0.01
 OF_DIAGONAL = 2e-5
 OF_COORDINATE = 1e-6
@@ -46,7 +47,9 @@ class Viewpoints:
 def eye_heights(triangles: Triangles, geometry: PatchGeometry) -> np.ndarray:
     """Return how far above its surface each patch looks around, (n,) float64, metres."""
     height = np.minimum(OF_TEXEL * np.sqrt(geometry.area), OF_DIAGONAL * triangles.diagonal)
-    heights: np.ndarray = np.maximum(height, OF_COORDINATE * np.abs(geometry.center).max(axis=1))
+    center = geometry.center.astype(np.float64)
+    coordinate = np.maximum(np.abs(center), np.abs(center - triangles.middle)).max(axis=1)
+    heights: np.ndarray = np.maximum(height, OF_COORDINATE * coordinate)
     return heights
 
 

@@ -23,7 +23,7 @@ __kernel void pack(__global const int *triangles, __global const float *barycent
     const float3 mean = w.x * normal[0] + w.y * normal[1] + w.z * normal[2];
     const float size = length(mean);
     const float3 shading = size > 1e-20f ? mean / size : geometric;
-    const float3 place = fabs(at + origin.xyz);
+    const float3 place = fmax(fabs(at), fabs(at + origin.xyz));
     const float coordinate = fmax(place.x, fmax(place.y, place.z));
     const float height = fmax(fmin(heights.x * sqrt(step[9]), heights.y), heights.z * coordinate);
     __global float4 *record = records + RECEIVER * patch;

@@ -24,6 +24,7 @@ DEPTH_COMPONENT32F = 0x8CAC
 FLOAT = 0x1406
 LOWER_LEFT = 0x8CA1
 ZERO_TO_ONE = 0x935F
+DEPTH_CLAMP = 0x864F
 
 _UINT, _INT, _FLOAT, _POINTER = ctypes.c_uint, ctypes.c_int, ctypes.c_float, ctypes.c_void_p
 _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {

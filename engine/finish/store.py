@@ -25,18 +25,22 @@ class LightmapStore:
         self._rings = dilation
         self._dilations: list[Dilation] = []
         self._hidden = np.zeros(len(self._chosen), bool)
+        self._dark = self._place[:0]
         self.covered = np.zeros((atlases, resolution, resolution), bool)
         self.covered.ravel()[self._place] = True
         self._empty = np.flatnonzero(~self.covered)
         self._patch = np.zeros(self.covered.size, np.int64)
         self._patch[self._place] = self._chosen
 
-    def hide(self, front: np.ndarray) -> None:
-        """Take the share of front faces that each patch sees, (n,) float32.
+    def hide(self, front: np.ndarray, covered: np.ndarray) -> None:
+        """Take the share of front faces that each patch sees, (n,) float32, and which are covered, (n,) bool.
 
-        Patches inside closed objects see backs only and are unknown for display.
+        Patches inside closed objects see backs only and are unknown for display. So are those that another
+        face covers; they are dark, whatever they see beyond that face.
         """
-        hidden = front[self._chosen] < 1 - _HIDDEN
+        covered = covered[self._chosen]
+        self._dark = self._place[covered]
+        hidden = covered | (front[self._chosen] < 1 - _HIDDEN)
         if not np.array_equal(hidden, self._hidden):
             self._hidden, self._dilations = hidden, []
 
@@ -45,7 +49,7 @@ class LightmapStore:
         image = np.empty((self.covered.size, 3), np.float32)
         colors = np.broadcast_to(values.reshape(len(values), -1), (len(values), 3))
         np.take(colors, self._patch, axis=0, out=image, mode="clip")
-        image[self._empty] = 0
+        image[self._empty] = image[self._dark] = 0
         return image.reshape(*self.covered.shape, 3)
 
     def display(self, values: np.ndarray) -> np.ndarray:

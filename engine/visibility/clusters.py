@@ -46,7 +46,7 @@ class Clusters:
         """
         count = len(positions)
         size = _SIZE if culling and count >= _WORTHWHILE else count
-        self.order = np.argsort(_morton_codes(positions.mean(axis=1)), kind="stable")
+        self.order = np.argsort(morton_codes(positions.mean(axis=1)), kind="stable")
         self.first = np.append(np.arange(0, count, size), count)
         self.draws = whole_draws(self.first)
         low = np.minimum.reduceat(positions[self.order].min(axis=1), self.first[:-1], axis=0)
@@ -115,7 +115,7 @@ def _cones(positions: np.ndarray, one_sided: np.ndarray, first: np.ndarray) -> n
     return np.concatenate([axes, sine[:, None]], axis=1).astype(np.float32)
 
 
-def _morton_codes(points: np.ndarray) -> np.ndarray:
+def morton_codes(points: np.ndarray) -> np.ndarray:
     """Return the place of points on a Morton curve through their box, (n,) uint64 of 3 x 20 bits."""
     low = points.min(axis=0)
     extent = max(float((points.max(axis=0) - low).max()), 1e-30)

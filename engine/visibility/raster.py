@@ -10,6 +10,7 @@ import numpy as np
 
 from ..cutouts import Cutouts
 from ..device.graphics import Graphics
+from ..device.raw_gl import DEPTH_CLAMP
 from ..errors import DeviceError
 from ..geometry import Triangles
 from ..hemicube import FACES
@@ -152,6 +153,7 @@ class HemicubeRaster:
         context = self._graphics.context
         self._framebuffer.use()
         context.enable_only(moderngl.DEPTH_TEST)
+        context.enable_direct(DEPTH_CLAMP)
         context.depth_func = ">" if self._graphics.reversed_depth else "<"
         context.front_face = "cw"
         for unit, texture in enumerate(self._lookups.values()):

@@ -1,0 +1,182 @@
+"""Faces that touch, or nearly so: drawing, rays and OpenGL alone agree about what is dark under them."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from engine import Material, Scene, Settings, Texture, finished
+from engine.coincident import covered_patches
+from engine.device import devices
+from engine.device.compute import Compute
+from engine.host_coincident import covered_on_host
+from engine.ray_scene import RayScene
+from engine.session import Session
+from engine.subdivision import subdivide
+from tests.analytic.scenes import material, quads, rectangle, room_walls
+from tests.gpu.test_methods import NoCompute, OldGraphics
+
+SETTINGS = Settings(
+    resolution=64, hemicube=8, iterations=2, tolerance=0, accelerate=False, sample_emission=False
+)
+
+#: Ways to find what patches see; "old" is that of OpenGL 4.1, "opengl" that of a machine without OpenCL.
+WAYS = {
+    "raster": {"visibility": "raster"},
+    "rays": {"visibility": "rays", "directions": "hemicube"},
+    "paper": {"method": "paper"},
+    "old": {"method": "paper"},
+    "opengl": {},
+}
+
+NEAR, FAR = (0, 0, 0), (1000, -2000, 500)
+
+FLOOR, UNDERSIDE = (0, 0, 20, 20), (22, 0, 11, 11)
+
+
+def box_on_floor(low, shift=(0, 0, 0)):
+    """Return a grey floor of 4 m, a texel 0.2 m wide, and a box of 2.2 m; face 1 is the box's underside."""
+    floor = rectangle((-2, -2, 0), (4, 0, 0), (0, 4, 0))[None]
+    box = room_walls(2.2, 2.2, 0.6)[:, ::-1] + np.array(low)
+    charts = [FLOOR, UNDERSIDE, (35, 0, 11, 11), *[(x, 22, 11, 3) for x in (0, 13, 26, 39)]]
+    mesh = quads(np.concatenate([floor, box]) + np.array(shift), charts, [0] * 7, 64, "Box and floor")
+    return Scene((mesh,), (material("Grey", 0.5),), world=np.ones(3, np.float32))
+
+
+def shade_over_small_texels(gap):
+    """Return a floor of texels of 2 cm, half of it under a shade that faces it, in a scene 2 km wide."""
+    floor = rectangle((0, 0, 0), (0.4, 0, 0), (0, 0.4, 0))
+    shade = rectangle((0, 0, gap), (0, 0.4, 0), (0.2, 0, 0))
+    far = rectangle((2000, 0, -5), (1, 0, 0), (0, 1, 0))
+    charts = [FLOOR, (22, 0, 10, 20), (0, 50, 2, 2)]
+    mesh = quads(np.stack([floor, shade, far]), charts, [0] * 3, 64, "Shade")
+    return Scene((mesh,), (material("Black", 0),), world=np.ones(3, np.float32))
+
+
+class StandardDepth(OldGraphics):
+    """OpenGL 4.1: depth cannot be reversed either."""
+
+    def __init__(self):
+        super().__init__()
+        self.raw("glClipControl", 0x8CA1, 0x935E)
+        self.reversed_depth = False
+
+
+#: What stands in for the devices of a way.
+OTHERS = {"old": {"Graphics": StandardDepth}, "opengl": {"Compute": NoCompute}}
+
+
+@pytest.fixture(scope="module")
+def baked():
+    """Return a function that bakes a scene in every way; devices are opened once."""
+    common = Session()
+    sessions = {name: Session() if name in OTHERS else common for name in WAYS}
+
+    def bake(scene):
+        lightmaps = {}
+        for name, changes in WAYS.items():
+            with pytest.MonkeyPatch.context() as patched:
+                for kind, other in OTHERS.get(name, {}).items():
+                    patched.setattr(devices, kind, other)
+                work = sessions[name].bake(scene, dataclasses.replace(SETTINGS, **changes))
+                lightmaps[name] = finished(work)
+        return lightmaps
+
+    yield bake
+    for session in sessions.values():
+        session.close()
+
+
+def check_agreement(lightmaps):
+    """Ways agree but for what a texel on an edge sees."""
+    for kind in ("image", "display"):
+        images = [getattr(lightmap, kind) for lightmap in lightmaps.values()]
+        for image in images[1:]:
+            difference = np.abs(image - images[0])
+            assert difference.mean() < 1e-3 and difference.max() < 0.05
+
+
+def chart(lightmap, where, margin=2):
+    """Return E/pi in a chart without its border."""
+    x, y, width, height = where
+    return lightmap.image[0, y + margin : y + height - margin, x + margin : x + width - margin, 0]
+
+
+@pytest.mark.parametrize(
+    ("lift", "shift"),
+    [(0, NEAR), (1e-4, NEAR), (1e-3, NEAR), (0, FAR), (1e-3, FAR), (5e-3, FAR)],
+)
+def test_it_is_dark_under_what_stands_on_a_floor(baked, lift, shift):
+    """Or a little above it; far from the origin, too, where float32 is 0.1 mm coarse."""
+    lightmaps = baked(box_on_floor((-1.2, -1.2, lift), shift))
+    check_agreement(lightmaps)
+    for lightmap in lightmaps.values():
+        assert chart(lightmap, UNDERSIDE).max() < 1e-3
+        assert chart(lightmap, (4, 4, 11, 11)).max() < 1e-3
+        assert chart(lightmap, FLOOR)[:2].min() > 0.5
+
+
+def test_what_sticks_out_over_an_edge_is_lit_there(baked):
+    """The box covers the floor up to x = 2, and its underside is covered up to there."""
+    lightmaps = baked(box_on_floor((1.0, -1.2, 0)))
+    check_agreement(lightmaps)
+    for lightmap in lightmaps.values():
+        under = chart(lightmap, UNDERSIDE, 0)
+        assert (under[:, :5] == 0).all() and (under[:, 6:] > 0.9).all()
+        covered = chart(lightmap, (15, 4, 5, 11), 0)
+        assert (covered[1:-1, 1:] == 0).all()
+
+
+def test_one_face_on_another(baked):
+    """Two sheets that face away from each other, as two sides of a leaf: both are covered."""
+    sheet = rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0))
+    mesh = quads(np.stack([sheet, sheet[::-1]]), [FLOOR, (22, 0, 20, 20)], [0, 0], 64, "Leaf")
+    leaf = Scene((mesh,), (material("Grey", 0.5),), world=np.ones(3, np.float32))
+    lightmaps = baked(leaf)
+    check_agreement(lightmaps)
+    for lightmap in lightmaps.values():
+        assert not lightmap.image.any()
+
+
+@pytest.mark.parametrize("gap", [5e-4, 1.3e-3, 2.5e-3, 2.9e-3, 7e-3])
+def test_small_texels_of_a_large_scene_see_what_is_near(baked, gap):
+    """Nothing is cut off between the eye, 1 mm above the floor, and the near plane, 2 mm from it."""
+    lightmaps = baked(shade_over_small_texels(gap))
+    check_agreement(lightmaps)
+    for lightmap in lightmaps.values():
+        assert chart(lightmap, (0, 0, 10, 20)).max() < 0.05
+        assert chart(lightmap, (10, 0, 10, 20)).min() > 0.95
+
+
+def stacks(shift):
+    """Return boxes in a heap, some of which touch, with see-through, patterned and one-sided surfaces."""
+    random, boxes, charts = np.random.default_rng(11), [], []
+    for index in range(18):
+        low = np.round(random.uniform(0, 4, 3))
+        boxes.append(room_walls(*random.integers(1, 4, 3))[:, ::-1] + low + np.array(shift))
+        charts += [(14 * (index % 9), 61 * (index // 9) + 10 * side, 10, 6) for side in range(6)]
+    black = np.zeros(3, np.float32)
+    pixels = random.random((13, 7, 1), np.float32)
+    holes = Texture("Holes", pixels, "Map", np.array([[1.3, 0, 0.2], [0, 2.1, 0]]), "mirror")
+    plain = Material("Plain", black, black)
+    materials = (
+        plain,
+        dataclasses.replace(plain, culled=True),
+        dataclasses.replace(plain, alpha=0.3),
+        dataclasses.replace(plain, alpha_map=holes),
+        dataclasses.replace(plain, alpha_map=holes, alpha_threshold=0.6),
+    )
+    numbers = np.resize(np.arange(len(materials)), len(charts))
+    mesh = quads(np.concatenate(boxes), charts, numbers, 128, "Stacks")
+    mesh = dataclasses.replace(mesh, texture_uvs={"Map": mesh.uvs * 37})
+    return Scene((mesh,), materials)
+
+
+@pytest.mark.parametrize("shift", [NEAR, FAR])
+def test_covered_patches_are_the_same_without_opencl(graphics, shift):
+    scene = stacks(shift)
+    parts = subdivide(graphics, scene, dataclasses.replace(SETTINGS, resolution=128))
+    found = covered_patches(RayScene(Compute(), scene, parts), len(parts.patches))
+    on_host = covered_on_host(scene, parts)
+    assert 100 < found.sum() < len(found) / 2
+    assert (found != on_host).mean() < 5e-3

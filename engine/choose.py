@@ -237,7 +237,12 @@ def _choose_identity(bake: Bake) -> tuple[Identity, list[str]]:
     reasons = [f"Views of patches found in a second: {told}."]
     if len(tried) < len(makers):
         reasons.append(f"Nothing else was tried: {best} find all of them in {count / rates[best]:.2g} s.")
-    return tried[best], reasons
+
+    # The memory of what was rejected is free for the bake.
+    chosen = tried.pop(best)
+    tried.clear()
+    bake.graphics.collect()
+    return chosen, reasons
 
 
 def _choose_sweep(bake: Bake, identity: Identity) -> tuple[Sweep, str, str]:

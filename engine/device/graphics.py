@@ -107,14 +107,18 @@ class Graphics:
         for resource in resources:
             resource.release()
 
-    def clear(self) -> None:
+    def collect(self) -> None:
         """Release what nobody refers to any more; programs stay."""
         self._parking.use()
         while self.context.objects:
             unused = self.context.objects.popleft()
             if hasattr(unused, "release"):
                 unused.release()
-        self.raw.delete_textures()
+        self.raw.delete_unused()
+
+    def clear(self) -> None:
+        """Release what the last bake left; its programs are the next one's."""
+        self.collect()
         self._taken.clear()
 
     def release(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import sys
+import weakref
 from collections.abc import Callable
 from typing import Any
 
@@ -55,7 +56,7 @@ class RawGL:
         if sys.platform == "win32":
             prototype = ctypes.WINFUNCTYPE
         self._functions: dict[str, Callable[..., Any]] = {}
-        self._textures: list[int] = []
+        self._unused: list[int] = []
         for name, (result, arguments) in _SIGNATURES.items():
             address = address_of(name)
             if address:
@@ -79,14 +80,14 @@ class RawGL:
         )  # fmt: skip
         for filtering in (MIN_FILTER, MAG_FILTER):
             self("glTexParameteri", TEXTURE_2D_ARRAY, filtering, NEAREST)
-        self._textures.append(name.value)
-        return DepthArray(self, name.value)
+        depth = DepthArray(self, name.value)
+        weakref.finalize(depth, self._unused.append, name.value)
+        return depth
 
-    def delete_textures(self) -> None:
-        """Delete all textures made here."""
-        for name in self._textures:
-            self("glDeleteTextures", 1, ctypes.byref(_UINT(name)))
-        self._textures.clear()
+    def delete_unused(self) -> None:
+        """Delete the depth arrays that nobody refers to any more."""
+        while self._unused:
+            self("glDeleteTextures", 1, ctypes.byref(_UINT(self._unused.pop())))
 
     def instances_from(self, vertex_array: int, location: int, buffer: int, offset: int) -> None:
         """Let an attribute of one unsigned integer an instance start at a byte of a buffer."""

@@ -1,0 +1,78 @@
+"""OpenGL objects live as long as they are of use: a rejected trial's end with it, others with their bake."""
+
+import ctypes
+import dataclasses
+from collections import Counter
+
+import pytest
+
+from engine import Settings, choose, finished
+from engine.bake import bake_with
+from engine.device import devices, raw_gl
+from engine.device.compute import Compute
+from engine.device.devices import Devices
+from tests.analytic.scenes import furnace
+from tests.gpu.test_methods import NoCompute
+
+QUICK = Settings(resolution=64, hemicube=8, iterations=3, tolerance=0)
+KINDS = ("Texture", "Buffer", "Framebuffer", "VertexArray")
+
+
+def living():
+    """Return how many OpenGL objects there are in the current context, by kind."""
+    found = Counter()
+    for kind in KINDS:
+        address = raw_gl._address_finder()(f"glIs{kind}")
+        is_one = ctypes.CFUNCTYPE(ctypes.c_ubyte, ctypes.c_uint)(address)
+        found[kind] = sum(is_one(name) for name in range(1, 5000))
+    return found
+
+
+@pytest.fixture
+def opened():
+    """Return devices; what is made on them is released after the test."""
+    made = Devices()
+    yield made
+    made.release()
+
+
+def at_the_first_sweep(opened, settings):
+    """Return what lives once it is decided how patches gather, and the report."""
+    work, found = bake_with(opened, furnace(0.5, 1.0), settings), None
+    try:
+        while True:
+            if next(work).stage == "hemicubes" and found is None:
+                found = living()
+    except StopIteration as stop:
+        opened.clear()
+        return found, stop.value.report
+
+
+@pytest.mark.parametrize("best", ["rays", "raster"])
+def test_a_rejected_trial_leaves_nothing_behind(opened, monkeypatch, best):
+    alone, _ = at_the_first_sweep(opened, dataclasses.replace(QUICK, visibility=best))
+    monkeypatch.setattr(choose, "_SHORT", 0)
+    measured = choose._patches_per_second
+
+    def rigged(compute, identity, count, budget):
+        measured(compute, identity, count, budget)
+        return 2.0 if identity.name == best else 1.0
+
+    monkeypatch.setattr(choose, "_patches_per_second", rigged)
+    tried, report = at_the_first_sweep(opened, dataclasses.replace(QUICK, visibility="auto"))
+    assert report.visibility == best and all(way in report.reasons[0] for way in ("rays", "raster"))
+    assert tried == alone
+
+
+@pytest.mark.parametrize("compute", [Compute, NoCompute], ids=["opencl", "opengl"])
+def test_bakes_leave_no_objects_behind(monkeypatch, compute):
+    """Whatever they were; programs stay for the next one."""
+    monkeypatch.setattr(devices, "Compute", compute)
+    opened, counts = Devices(), []
+    for _ in range(3):
+        for changes in ({"method": "paper"}, {"visibility": "raster"}, {"visibility": "auto"}):
+            finished(bake_with(opened, furnace(0.5, 1.0), dataclasses.replace(QUICK, **changes)))
+            opened.clear()
+        counts.append(living())
+    opened.release()
+    assert counts[0] == counts[1] == counts[2]

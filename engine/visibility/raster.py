@@ -117,8 +117,7 @@ class HemicubeRaster:
 
     def _draw_slots(self, path: DrawPath, matrices: np.ndarray, first: int, last: int) -> None:
         """Draw some hemicubes, as many at a time as visibility is tested for at once."""
-        per_layer = self._tiles.per_layer
-        step = max(1, _TESTS // (len(self._clusters) * per_layer)) * per_layer
+        step = max(1, _TESTS // len(self._clusters))
         for start in range(first, last, step):
             end = min(start + step, last)
             path.draw(self._clusters, self._clusters.visible(matrices[start:end]), np.arange(start, end))

@@ -7,10 +7,12 @@ from collections import Counter
 import pytest
 
 from engine import Settings, choose, finished
-from engine.bake import bake_with
+from engine.algorithm import bake
+from engine.clock import Stopwatch
 from engine.device import devices, raw_gl
 from engine.device.compute import Compute
 from engine.device.devices import Devices
+from engine.visibility import raster
 from tests.analytic.scenes import furnace
 from tests.gpu.test_methods import NoCompute
 
@@ -38,7 +40,7 @@ def opened():
 
 def at_the_first_sweep(opened, settings):
     """Return what lives once it is decided how patches gather, and the report."""
-    work, found = bake_with(opened, furnace(0.5, 1.0), settings), None
+    work, found = bake(opened, furnace(0.5, 1.0), settings, Stopwatch()), None
     try:
         while True:
             if next(work).stage == "hemicubes" and found is None:
@@ -50,6 +52,7 @@ def at_the_first_sweep(opened, settings):
 
 @pytest.mark.parametrize("best", ["rays", "raster"])
 def test_a_rejected_trial_leaves_nothing_behind(opened, monkeypatch, best):
+    monkeypatch.setattr(raster, "available_paths", lambda graphics: ("geometry",))
     alone, _ = at_the_first_sweep(opened, dataclasses.replace(QUICK, visibility=best))
     monkeypatch.setattr(choose, "_SHORT", 0)
     measured = choose._patches_per_second
@@ -71,7 +74,8 @@ def test_bakes_leave_no_objects_behind(monkeypatch, compute):
     opened, counts = Devices(), []
     for _ in range(3):
         for changes in ({"method": "paper"}, {"visibility": "raster"}, {"visibility": "auto"}):
-            finished(bake_with(opened, furnace(0.5, 1.0), dataclasses.replace(QUICK, **changes)))
+            settings = dataclasses.replace(QUICK, **changes)
+            finished(bake(opened, furnace(0.5, 1.0), settings, Stopwatch()))
             opened.clear()
         counts.append(living())
     opened.release()

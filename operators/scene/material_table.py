@@ -14,7 +14,7 @@ from ...engine.scene import Material, Texture
 from ..compat import node_tree
 from .items import SceneItem
 from .materials import read_material
-from .object_nodes import Dependence, FrozenMaterial, Source, dependence, object_values
+from .object_nodes import Dependence, FrozenMaterial, Source, dependence, lost_attributes, object_values
 from .pixels import PixelCache
 from .shader_bake import Shape, bake_textures, copy_shape, remove_shapes
 from .sockets import ComplexError
@@ -37,6 +37,7 @@ class MaterialTable:
         self._complex: dict[int, bpy.types.Material] = {}
         self._dependence: dict[int, Dependence] = {}
         self._frozen: list[FrozenMaterial] = []
+        self._lost: dict[str, dict[str, None]] = {}
         self._shapes: list[tuple[Shape, frozenset[int]]] = []
         self._averaged: list[str] = []
 
@@ -44,6 +45,8 @@ class MaterialTable:
         """Return the index into `Scene.materials` of a material on an item of an atlas (None: occluders)."""
         depends = self._depends(material)
         values = object_values(depends.sources, item)
+        for name in lost_attributes(values, item):
+            self._lost.setdefault(name, {})[material.name] = None
         key = (None if material is None else material.session_uid, tuple(values.items()))
         if key in self._index:
             return self._index[key]
@@ -120,6 +123,9 @@ class MaterialTable:
                     f"Cycles could not evaluate the materials {{}} ({reason}): grey is baked.", _once(failed)
                 )
             )
+        for attribute, materials in self._lost.items():
+            sentence = f"Attribute '{attribute}' of instances cannot be read: 0 is baked in materials {{}}."
+            self._notes.append(naming(sentence, list(materials)))
         if self._averaged:
             sentence = "Occluders have no lightmap UVs: a mean colour stands for the materials {}."
             self._notes.append(naming(sentence, _once(self._averaged)))

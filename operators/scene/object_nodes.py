@@ -23,6 +23,9 @@ _PLACED = {
 #: Attributes that belong to objects, not to meshes.
 _OWNERS = ("OBJECT", "INSTANCER")
 
+#: Value of an attribute that nothing has.
+_MISSING = (0.0, 0.0, 0.0, 0.0)
+
 #: What a value is read from: "INFO" and an output, or the owner of an attribute and its name.
 Source = tuple[str, str]
 
@@ -52,6 +55,13 @@ def object_values(sources: tuple[Source, ...], item: SceneItem) -> dict[Source, 
         (owner, name): _info(name, item) if owner == "INFO" else _attribute(owner, name, item)
         for owner, name in sources
     }
+
+
+def lost_attributes(values: dict[Source, tuple[float, ...]], item: SceneItem) -> list[str]:
+    """Return the attributes that only Geometry Nodes may have given an instance: Python cannot see them."""
+    if item.instancer is None:
+        return []
+    return [name for (owner, name), value in values.items() if owner == "INSTANCER" and value is _MISSING]
 
 
 class FrozenMaterial:
@@ -144,7 +154,7 @@ def _attribute(owner: str, name: str, item: SceneItem) -> tuple[float, ...]:
                 return _numbers(datablock.path_resolve(path))
             except (ValueError, TypeError):
                 continue
-    return (0.0, 0.0, 0.0, 0.0)
+    return _MISSING
 
 
 def _numbers(value: object) -> tuple[float, ...]:

@@ -226,3 +226,50 @@ def test_many_variants_of_a_network_have_small_textures():
     maps = [item.emission_map.pixels for item in gather().scene.materials]
     assert len(maps) == 16 and sum(pixels.size for pixels in maps) <= 512 * 512 * 3
     assert len({pixels.tobytes() for pixels in maps}) == 16
+
+
+def scattered(material):
+    """Instance a square with Geometry Nodes in a row, each with an attribute "tint"."""
+    import bpy
+
+    square = mesh_object("Square", SQUARE, [(0, 1, 2, 3)], SQUARE_UVS, material)
+    square.hemibake.role, square.hide_viewport = "BAKED", False
+    square.location = (0, 90, 0)
+    group = bpy.data.node_groups.new("Row", "GeometryNodeTree")
+    group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    names = ("MeshLine", "InstanceOnPoints", "ObjectInfo", "StoreNamedAttribute")
+    line, place, info, store = (group.nodes.new(f"GeometryNode{name}") for name in names)
+    line.inputs["Count"].default_value, line.inputs["Offset"].default_value = _COUNT, (2, 0, 0)
+    info.inputs["Object"].default_value, info.inputs["As Instance"].default_value = square, True
+    store.domain, store.data_type = "INSTANCE", "FLOAT_VECTOR"
+    store.inputs["Name"].default_value = "tint"
+    group.links.new(line.outputs[0], place.inputs["Points"])
+    group.links.new(info.outputs["Geometry"], place.inputs["Instance"])
+    group.links.new(place.outputs[0], store.inputs["Geometry"])
+    group.links.new(store.outputs[0], group.nodes.new("NodeGroupOutput").inputs[0])
+    row = mesh_object("Row", [], [])
+    row.modifiers.new("Row", "NODES").node_group = group
+    bpy.context.view_layer.update()
+    return square
+
+
+def test_instances_of_geometry_nodes_have_their_own_random_numbers(tmp_path):
+    material, tree, emission = glowing()
+    info = tree.nodes.new("ShaderNodeObjectInfo")
+    tree.links.new(info.outputs["Random"], emission.inputs["Color"])
+    scattered(material)
+    scene = gather().scene
+    near = [mesh for mesh in scene.meshes if mesh.positions[0, 0, 1] + scene.origin[1] < 50]
+    near.sort(key=lambda mesh: mesh.positions[..., 0].min())
+    mine = np.array([_mean_emission(scene.materials[mesh.material[0]]) for mesh in near])
+    assert len(mine) == _COUNT and mine == pytest.approx(cycles(tmp_path), rel=0.01, abs=0.003)
+
+
+def test_attributes_that_geometry_nodes_give_to_instances_are_named():
+    material, tree, emission = glowing()
+    node = tree.nodes.new("ShaderNodeAttribute")
+    node.attribute_type, node.attribute_name = "INSTANCER", "tint"
+    tree.links.new(node.outputs["Color"], emission.inputs["Color"])
+    scattered(material)
+    (note,) = (note for note in gather().notes if "tint" in note)
+    assert "'Glow'" in note

@@ -1,0 +1,25 @@
+"""How many cases are tried: few and the same ones in every test run, many and new ones by `make fuzz`."""
+
+import faulthandler
+
+import pytest
+from hypothesis import HealthCheck, settings
+from hypothesis.database import DirectoryBasedExampleDatabase
+
+_COMMON = {
+    "deadline": None,  # `apart` has one that also ends what hangs
+    "suppress_health_check": list(HealthCheck),
+    "print_blob": False,
+    "report_multiple_bugs": True,
+}
+settings.register_profile("short", max_examples=300, derandomize=True, database=None, **_COMMON)
+settings.register_profile(
+    "long", max_examples=3000, database=DirectoryBasedExampleDatabase("out/fuzz/examples"), **_COMMON
+)
+settings.load_profile("short")
+
+
+@pytest.fixture(autouse=True)
+def no_limit() -> None:
+    """Let a test take its time: its cases have limits of their own."""
+    faulthandler.cancel_dump_traceback_later()

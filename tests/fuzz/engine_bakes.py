@@ -1,0 +1,143 @@
+"""Bakes a case of the engine and checks what comes out of it."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import tempfile
+from dataclasses import asdict, fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine import EngineError, Lightmap, PatchFileError, Progress, Scene, Settings
+from engine.outputs import output_names
+from engine.session import Session
+from tests.fuzz.engine_cases import Case, build
+
+_session = Session()
+
+#: What a message may name instead of an object in quotes: a setting, the world, lightmaps, a device's limit.
+_NAMED = "|".join(
+    [r"'[^']+'", *(field.name for field in fields(Settings)), "world", "no mesh", "Shadow masks"]
+)
+
+#: Largest relative error of the mean light of a room that is known, and of single texels of it.
+_MEAN, _TEXEL = 0.02, 0.3
+
+
+def check(case: Case) -> str:
+    """Bake a case; return how it ended, raise AssertionError if that is not how it should."""
+    scene, settings = build(case)
+    try:
+        if case.cancel is not None:
+            _cancel(scene, settings, case.cancel)
+            case = replace(case, cancel=None)
+        lightmap = _bake(scene, settings)
+    except EngineError as error:
+        message = str(error)
+        assert re.search(_NAMED, message) and message.rstrip().endswith("."), message
+        return f"refused: {case.spoil or re.sub(r'[0-9.,]+', 'N', message)[:60]}"
+    assert case.spoil is None, f"A scene with {case.spoil} is baked."
+    _check_lightmap(lightmap, scene, settings)
+    if case.room is not None:
+        _check_room(lightmap, case.room)
+    if case.other is not None:
+        _check_alike(lightmap, _bake(scene, Settings(**case.other)))
+    if case.damage is not None:
+        _check_patch_file(scene, settings, case.damage, lightmap)
+    return "baked"
+
+
+def _bake(scene: Scene, settings: Settings) -> Lightmap:
+    work = _session.bake(scene, settings)
+    while True:
+        try:
+            _check_progress(next(work))
+        except StopIteration as stop:
+            return stop.value
+
+
+def _cancel(scene: Scene, settings: Settings, slices: int) -> None:
+    """Cancel a bake after some slices, or at its end."""
+    work = _session.bake(scene, settings)
+    for _, progress in zip(range(slices), work, strict=False):
+        _check_progress(progress)
+    work.close()
+
+
+def _check_progress(progress: Progress) -> None:
+    assert progress.stage in {"patches", "direct", "hemicubes", "outputs"}
+    assert 0 <= progress.fraction <= 1, progress.fraction
+    assert math.isfinite(progress.energy), progress.energy
+    assert math.isnan(progress.residual) or progress.residual >= 0, progress.residual
+    if progress.partial is not None:
+        _check_light("partial", progress.partial)
+
+
+def _check_light(name: str, values: np.ndarray) -> None:
+    assert values.dtype == np.float32
+    assert np.isfinite(values).all(), f"{name} is not finite"
+    assert values.min(initial=0) >= 0, f"{name} is negative: {values.min()}"
+
+
+def _check_lightmap(lightmap: Lightmap, scene: Scene, settings: Settings) -> None:
+    shape = (len(scene.atlases), settings.resolution, settings.resolution)
+    assert lightmap.atlases == scene.atlases
+    assert lightmap.image.shape == lightmap.display.shape == (*shape, 3)
+    assert lightmap.covered.shape == shape and lightmap.covered.dtype == bool
+    assert list(lightmap.passes) == output_names(scene, settings)
+    for name, values in {"image": lightmap.image, **lightmap.passes}.items():
+        _check_light(name, values)
+        assert values.shape == (*shape, 3)
+        if name.startswith(("ambient_occlusion", "shadow_mask")):
+            assert values.max() <= 1 + 1e-5, f"{name} is {values.max()}"
+    assert not lightmap.image[~lightmap.covered].any()
+    _check_report(lightmap, settings)
+
+
+def _check_report(lightmap: Lightmap, settings: Settings) -> None:
+    report = lightmap.report
+    assert report.patches >= lightmap.covered.sum()
+    assert 1 <= report.iterations <= settings.iterations
+    assert len(report.energies) == report.iterations
+    assert math.isnan(report.residual) or report.residual >= 0
+    residual = None if math.isnan(report.residual) else report.residual
+    json.dumps(asdict(replace(report, residual=residual)), allow_nan=False, default=np.generic.item)
+
+
+def _check_room(lightmap: Lightmap, reflectance: float) -> None:
+    """Check the last atlas: E/pi in a closed room of radiance 1 is 1 / (1 - reflectance)."""
+    light = lightmap.image[-1][lightmap.covered[-1]] * (1 - reflectance)
+    assert len(light) and abs(light.mean() - 1) < _MEAN, f"mean of the known room: {light.mean()}"
+    assert np.abs(light - 1).max() < _TEXEL, f"known room: {light.min()} to {light.max()}"
+
+
+def _check_patch_file(scene: Scene, settings: Settings, damage: int, expected: Lightmap) -> None:
+    """Check that a bake from a patch file is the same, and that a damaged file is told."""
+    with tempfile.TemporaryDirectory(prefix="hemibake-fuzz-") as folder:
+        path = Path(folder) / "patches"
+        kept = replace(settings, patch_file=str(path))
+        _bake(scene, kept)
+        if damage >= 0:
+            data = bytearray(path.read_bytes())
+            data[damage % len(data)] ^= 0x55
+            path.write_bytes(data)
+        if damage >= 0:
+            with pytest.raises(PatchFileError):
+                _bake(scene, kept)
+        else:
+            assert (_bake(scene, kept).covered == expected.covered).all()
+
+
+def _check_alike(one: Lightmap, other: Lightmap) -> None:
+    """Check that two ways to bake give about the same: no more than a few texels may differ, at edges."""
+    assert (one.covered == other.covered).all()
+    first, second = one.image[one.covered], other.image[other.covered]
+    if not len(first):
+        return
+    mean = max(first.mean(), second.mean())
+    difference = np.abs(first - second).mean(axis=1)
+    assert np.median(difference) <= 0.05 * mean, f"median difference {np.median(difference)} of {mean}"

@@ -91,11 +91,13 @@ def remove_unused_uvs() -> None:
 
 
 def _attach(obj: bpy.types.Object, group: bpy.types.NodeTree) -> None:
-    """Add a last modifier with a node group."""
+    """Add a last modifier with a node group; the active one stays active."""
+    active = obj.modifiers.active
     modifier = obj.modifiers.new(NAME, "NODES")
     modifier.node_group = group
     modifier.use_pin_to_last = True
     modifier.show_expanded = False
+    obj.modifiers.active = active
 
 
 def _attach_again(uid: int, group_uid: int) -> None:

@@ -81,6 +81,12 @@ def test_what_a_modifier_makes_is_baked_beside_others(kind):
     assert (covered > 1).sum() <= 0.005 * (covered > 0).sum()
 
 
+def test_active_modifier_stays_active():
+    chair = copied()
+    bake()
+    assert len(chair.modifiers) == 2 and chair.modifiers.active == chair.modifiers["Copier"]
+
+
 def test_second_bake_keeps_the_uvs_and_says_nothing():
     chair = copied()
     bake()

@@ -133,6 +133,16 @@ _THINGS = st.builds(
     child=st.booleans(),
 )
 
+#: Seen and with faces, so that there is something to bake.
+_FIRST_THINGS = st.builds(
+    replace,
+    _THINGS,
+    kind=st.sampled_from(["quad", "cube", "inward cube", "ball", "ngon"]),
+    scale=st.just((1.0, 1.0, 1.0)),
+    role=st.just("BAKED"),
+    hidden=st.just(""),
+)
+
 _LAMPS = st.builds(
     Lamp,
     kind=st.sampled_from(["POINT", "SPOT", "SUN", "AREA"]),
@@ -168,7 +178,7 @@ _SETTINGS = st.fixed_dictionaries(
 
 CASES: st.SearchStrategy[Case] = st.builds(
     Case,
-    things=st.lists(_THINGS, min_size=1, max_size=4).map(tuple),
+    things=st.tuples(_FIRST_THINGS, st.lists(_THINGS, max_size=3)).map(lambda parts: (parts[0], *parts[1])),
     surfaces=st.lists(
         _among(["principled", "diffuse", "emission", "image"], list(SURFACES)), min_size=1, max_size=3
     ).map(tuple),

@@ -101,7 +101,8 @@ def _check_lightmap(lightmap: Lightmap, scene: Scene, settings: Settings) -> Non
 def _check_report(lightmap: Lightmap, settings: Settings) -> None:
     report = lightmap.report
     assert report.patches >= lightmap.covered.sum()
-    assert 1 <= report.iterations <= settings.iterations
+    assert 0 <= report.iterations <= settings.iterations
+    assert report.iterations or not lightmap.image.any(), "light without an iteration"
     assert len(report.energies) == report.iterations
     assert math.isnan(report.residual) or report.residual >= 0
     residual = None if math.isnan(report.residual) else report.residual

@@ -14,7 +14,7 @@ from .clock import Stopwatch
 from .device.devices import Devices
 from .finish.store import LightmapStore
 from .lightmap import Lightmap, Report
-from .limits import check_limits
+from .limits import check_limits, check_patch_count
 from .occluders import place_occluders
 from .outputs import Outputs
 from .progress import Progress
@@ -63,6 +63,7 @@ def _bake(
 
     # Texture space subdivision: which texels are patches, and where they are (III.A, IV.A).
     parts = subdivide(graphics, scene, settings)
+    check_patch_count(len(parts.patches))
     store = LightmapStore(parts.patches, len(atlases), settings.dilation)
     clock.lap("patches")
     yield Progress("patches", 1.0)

@@ -18,9 +18,10 @@ from .errors import DeviceError
 from .gather import GlslGather, PaperGather
 from .host_radiosity import HostRadiosity
 from .integrate.cached import CachedSweep, RayStreamSweep, StreamSweep
-from .integrate.device_radiosity import DeviceRadiosity, Sweep
+from .integrate.device_radiosity import DeviceRadiosity
 from .integrate.final_gather import FinalGather
 from .integrate.glsl_cached import fits_glsl_cache
+from .integrate.sweep import Sweep
 from .ray_scene import RayScene
 from .scene import Scene
 from .settings import Settings

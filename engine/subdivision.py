@@ -10,7 +10,6 @@ from .coverage import check_overlap, note_uncovered, touched_triangles
 from .device.graphics import Graphics
 from .geometry import PatchGeometry, Triangles, gather_triangles
 from .index_map import add_thin_patches
-from .limits import check_patch_count
 from .patch_file import list_or_load_patches
 from .patches import PatchList
 from .scene import Scene
@@ -41,6 +40,5 @@ def subdivide(graphics: Graphics, scene: Scene, settings: Settings) -> Subdivisi
     warnings = [*note_uncovered(scene, covered), *check_overlap(graphics, scene, triangles, covered)]
     touched = touched_triangles(graphics, triangles, len(scene.atlases), settings.resolution)
     patches, geometry, owners = add_thin_patches(scene, triangles, covered, touched)
-    check_patch_count(len(patches))
     surfaces = patch_surfaces(scene, triangles, patches, geometry)
     return Subdivision(triangles, patches, geometry, surfaces, owners, tuple(warnings))

@@ -12,7 +12,7 @@ from ..device.buffers import upload
 from ..device.compute import Compute
 from ..visibility.identity import Identity, SeenBuffers, sample_options
 from ..visibility.ray_identity import RayIdentity
-from .device_radiosity import Light
+from .sweep import Light
 
 #: The largest piece of a cache, bytes.
 _PIECE = 1 << 30
@@ -64,7 +64,7 @@ class CachedSweep:
         self._pieces: list[_Piece] = []
 
     def gather(self, light: Light, column: int) -> Generator[float, None, None]:
-        """Gather; see `device_radiosity.Sweep.gather`."""
+        """Gather; see `sweep.Sweep.gather`."""
         if not self._pieces:
             yield from self._find(light)
         for piece in self._pieces:
@@ -96,7 +96,7 @@ class StreamSweep:
         self._cache = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)
 
     def gather(self, light: Light, column: int) -> Generator[float, None, None]:
-        """Gather; see `device_radiosity.Sweep.gather`."""
+        """Gather; see `sweep.Sweep.gather`."""
         for first in range(0, self._count, self._step):
             last = min(first + self._step, self._count)
             seen = SeenBuffers(self._cache, first, self._kernels.constant, light.patches_seen)
@@ -113,7 +113,7 @@ class RayStreamSweep:
         self._kernels = _Gather(compute, identity, count)
 
     def gather(self, light: Light, column: int) -> Generator[float, None, None]:
-        """Gather; see `device_radiosity.Sweep.gather`."""
+        """Gather; see `sweep.Sweep.gather`."""
         constant = self._kernels.constant
         yield from self._identity.gather(self._count, light.radiance, constant, light.patches_seen)
         self._kernels.take(light, column)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from typing import Protocol
 
 import numpy as np
 import pyopencl as cl
@@ -11,33 +10,11 @@ import pyopencl as cl
 from ..device.buffers import download, upload, upload_float4, zeros
 from ..device.compute import Compute
 from ..solve import Step, Sums
+from .sweep import Sweep
 
 #: Work items of the kernels that sum over patches, and of a group that adds their sums up: on a graphics
 #: card, and on a processor. Many items keep float32 sums exact.
 _ITEMS, _ADDING = (2048, 512), (256, 1)
-
-
-class Light(Protocol):
-    """What a sweep reads and writes on the device.
-
-    count         patches that gather
-    radiance      float4 of each patch that is seen + 1; entry 0 is black
-    patches_seen  float of each patch: the share of its view that patches take
-    """
-
-    count: int
-    radiance: cl.Buffer
-    patches_seen: cl.Buffer
-
-    def outputs(self, column: int) -> tuple:
-        """Return what the kernels of kernels/gather.cl take to write a column of the ring."""
-
-
-class Sweep(Protocol):
-    """How patches gather on the device."""
-
-    def gather(self, light: Light, column: int) -> Generator[float, None, None]:
-        """Gather from `light.radiance` into a column of its ring; yield the fraction done."""
 
 
 class DeviceRadiosity:

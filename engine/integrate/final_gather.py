@@ -8,7 +8,7 @@ import numpy as np
 
 from ..device.buffers import download, upload_float4, zeros
 from ..device.compute import Compute
-from .device_radiosity import Sweep
+from .sweep import Sweep
 
 
 class FinalGather:

@@ -1,0 +1,31 @@
+"""How patches gather on the OpenCL device: what a sweep reads and writes there."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from typing import Protocol
+
+import pyopencl as cl
+
+
+class Light(Protocol):
+    """What a sweep reads and writes on the device.
+
+    count         patches that gather
+    radiance      float4 of each patch that is seen + 1; entry 0 is black
+    patches_seen  float of each patch: the share of its view that patches take
+    """
+
+    count: int
+    radiance: cl.Buffer
+    patches_seen: cl.Buffer
+
+    def outputs(self, column: int) -> tuple:
+        """Return what the kernels of kernels/gather.cl take to write a column of the ring."""
+
+
+class Sweep(Protocol):
+    """How patches gather on the device."""
+
+    def gather(self, light: Light, column: int) -> Generator[float, None, None]:
+        """Gather from `light.radiance` into a column of its ring; yield the fraction done."""

@@ -1,4 +1,4 @@
-"""How fast the kernel of `engine.integrate.cached` reads what it has kept."""
+"""How fast the kernel of `engine.gather.cached` reads what it has kept."""
 
 from __future__ import annotations
 

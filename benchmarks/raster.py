@@ -15,21 +15,21 @@ from typing import Any
 
 import numpy as np
 
-from engine.cutouts import gather_cutouts
 from engine.device.compute import Compute
 from engine.device.graphics import Graphics
 from engine.errors import DeviceError
-from engine.geometry import Triangles, gather_triangles
-from engine.hemicube import frames, matrices, rotations
-from engine.integrate.glsl import GlslIntegrator
-from engine.integrate.opencl import CopiedIntegrator
-from engine.integrate.protocol import Integrator
-from engine.scene import Scene
+from engine.gather.glsl import GlslIntegrator
+from engine.gather.opencl import CopiedIntegrator
+from engine.gather.protocol import Integrator
+from engine.patches.geometry import Triangles, gather_triangles
+from engine.scene.cutouts import gather_cutouts
+from engine.scene.model import Scene
 from engine.settings import Settings
-from engine.visibility.draw_paths import available_paths
-from engine.visibility.raster import HemicubeRaster
-from engine.visibility.targets import RadianceTarget
-from engine.visibility.tiles import COPIED_RADIANCE_BYTES, RADIANCE_BYTES, Tiles, plan_tiles
+from engine.visibility.raster.draw_paths import available_paths
+from engine.visibility.raster.raster import HemicubeRaster
+from engine.visibility.raster.targets import RadianceTarget
+from engine.visibility.raster.tiles import COPIED_RADIANCE_BYTES, RADIANCE_BYTES, Tiles, plan_tiles
+from engine.visibility.views.hemicube import frames, matrices, rotations
 from tests.analytic.scenes import material, quads, room_walls
 
 #: Hemicubes of an iteration: the patches of the paper's scene.

@@ -15,11 +15,11 @@ import time
 import numpy as np
 import pyopencl as cl
 
-from engine.cutouts import Cutouts
 from engine.device.buffers import upload
 from engine.device.compute import Compute
-from engine.geometry import Triangles
-from engine.visibility.rays import Rays
+from engine.patches.geometry import Triangles
+from engine.scene.cutouts import Cutouts
+from engine.visibility.rays.rays import Rays
 
 _REPEATS = 5
 _PER_POINT = 256

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine import Scene, Settings
-from engine.choose import Bake, choose_solver
 from engine.device.compute import Compute
 from engine.device.graphics import Graphics
-from engine.ray_scene import RayScene
-from engine.sky import whole_sky
-from engine.solve import Solver
-from engine.subdivision import subdivide
+from engine.direct.sky import whole_sky
+from engine.patches.subdivision import subdivide
+from engine.plan.choose import Bake, choose_solver
+from engine.solve.solver import Solver
+from engine.visibility.rays.ray_scene import RayScene
 
 #: A first part of an iteration that is not timed: shaders and kernels are built in it, s.
 _WARM_UP = 1.0

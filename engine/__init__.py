@@ -16,7 +16,7 @@ from collections.abc import Generator
 from .errors import DeviceError, EngineError, PatchFileError, SceneError, SettingsError
 from .lightmap import Lightmap
 from .progress import Progress, finished
-from .scene import Light, Material, Mesh, Scene, Texture
+from .scene.model import Light, Material, Mesh, Scene, Texture
 from .session import Session
 from .settings import Settings
 

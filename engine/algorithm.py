@@ -9,22 +9,22 @@ from typing import TypeVar
 
 import numpy as np
 
-from .choose import Bake, Choice, choose_solver
 from .clock import Stopwatch
 from .device.devices import Devices
+from .direct.sampled import SampledLight
+from .finish.outputs import Outputs
 from .finish.store import LightmapStore
 from .lightmap import Lightmap, Report
-from .limits import check_limits, check_patch_count
-from .occluders import place_occluders
-from .outputs import Outputs
+from .patches.occluders import place_occluders
+from .patches.subdivision import subdivide
+from .plan.choose import Bake, Choice, choose_solver
+from .plan.limits import check_limits, check_patch_count
+from .plan.without_opencl import without_opencl
 from .progress import Progress
-from .ray_scene import RayScene
-from .sampled import SampledLight
-from .scene import Scene
+from .scene.model import Scene
 from .settings import Settings
-from .solve import Solution
-from .subdivision import subdivide
-from .without_opencl import without_opencl
+from .solve.solver import Solution
+from .visibility.rays.ray_scene import RayScene
 
 Made = TypeVar("Made")
 

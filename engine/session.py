@@ -9,10 +9,10 @@ from collections.abc import Generator
 from typing import TYPE_CHECKING
 
 from .clock import Stopwatch
+from .device.packages import require_packages
 from .lightmap import Lightmap
-from .packages import require_packages
 from .progress import Progress
-from .scene import Scene, check_scene
+from .scene.model import Scene, check_scene
 from .settings import Settings, check_settings
 
 if TYPE_CHECKING:

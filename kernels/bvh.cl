@@ -1,7 +1,7 @@
 // Builds the hierarchy of kernels/rays.cl: clusters of triangles along a Morton curve, each merged with its
 // best neighbour if that one wants it, too (PLOC; Meister and Bittner 2018), until few are left, which are
 // split from the top down; then binary nodes are joined to nodes of WIDTH children with leaves of packets.
-// engine/visibility/bvh.py runs the kernels.
+// engine/visibility/rays/bvh.py runs the kernels.
 
 #define FAR 8
 #define CHUNK 32  // values that one work item sums

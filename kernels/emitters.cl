@@ -1,6 +1,6 @@
 // Emitters of direct light: samples of lamps, emissive triangles and bright sky.
 
-// Kinds of emitters; engine/emitters.py packs them, E records of EMITTER float4 each.
+// Kinds of emitters; engine/direct/emitters.py packs them, E records of EMITTER float4 each.
 #define POINT 0
 #define SUN 1
 #define TRIANGLE 2

@@ -1,4 +1,4 @@
-// A tree over emitters (engine/light_tree.py), and the way of a patch's samples down to emitters.
+// A tree over emitters (engine/direct/light_tree.py), and the way of a patch's samples down to emitters.
 
 #define NODE 5
 #define TREE_STACK 32  // the tree is balanced: enough for 2^31 emitters

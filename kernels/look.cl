@@ -13,7 +13,7 @@ typedef struct {
     uint2 shift;
 } View;
 
-// Where a patch looks from, turned about its normal at random for life (engine/hemicube.py: rotations).
+// Where a patch looks from, turned about its normal at random for life (engine/visibility/views/hemicube.py: rotations).
 View view_of(const Receiver *r, const int patch, const uint salt, const int rotate)
 {
     const uint mixed = hash((uint)patch ^ salt);

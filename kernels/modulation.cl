@@ -1,6 +1,6 @@
 // What the nodes of a lamp make of its strength: a profile over directions and a falloff over distance.
-// engine/modulation.py packs for each lamp a matrix from world to lamp, where its profile starts (the bits of an
-// int, 0 for none), power and smoothing of its falloff; engine/profile.py packs profiles.
+// engine/direct/modulation.py packs for each lamp a matrix from world to lamp, where its profile starts (the bits of an
+// int, 0 for none), power and smoothing of its falloff; engine/scene/profile.py packs profiles.
 
 // The interval of ascending angles that a value lies in.
 int interval_of(__global const float *angles, const int count, const float value)

@@ -1,5 +1,5 @@
 // Rays through a bounding volume hierarchy of triangles: nodes of WIDTH boxes, leaves of packets of PACKET
-// triangles, RECORD floats each, at most STACK nodes to come back to (engine/visibility/bvh.py). CUTOUTS is
+// triangles, RECORD floats each, at most STACK nodes to come back to (engine/visibility/rays/bvh.py). CUTOUTS is
 // defined for scenes with see-through surfaces.
 
 #define JOIN_(a, b) a##b
@@ -44,7 +44,7 @@ typedef struct {
                                       // node, or ~(first packet << LEAF_BITS | packets) for a leaf
     __global const PART *triangles;   // packets of first corner, two edges, number
 #ifdef CUTOUTS
-    __global const ushort *alpha;      // engine/cutouts.py
+    __global const ushort *alpha;      // engine/scene/cutouts.py
     __global const int4 *maps;
     __global const float4 *constants;  // alpha, threshold or -1, 1 for culled backs
     __global const float2 *places;     // of each corner of each triangle on its alpha map

@@ -1,6 +1,6 @@
 // Where light is received: a patch, the start of its rays, directions around its normal.
 
-// float4 of a record, which engine/receivers.py packs.
+// float4 of a record, which engine/visibility/rays/receivers.py packs.
 #define RECEIVER 9
 
 typedef struct {

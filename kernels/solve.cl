@@ -1,4 +1,4 @@
-// Sums over all patches and mixtures of iterates, for Anderson's acceleration (engine/anderson.py).
+// Sums over all patches and mixtures of iterates, for Anderson's acceleration (engine/solve/anderson.py).
 // COLUMNS is the number of iterates kept. The newest one is `newest` of the ring; those that are not
 // valid yet hold zeros.
 

@@ -12,11 +12,11 @@ import bpy
 import numpy as np
 
 from ..engine.errors import EngineError, OverlapError, SceneError
+from ..engine.finish.outputs import output_names
 from ..engine.lightmap import Lightmap
 from ..engine.naming import naming
-from ..engine.outputs import output_names
 from ..engine.progress import Progress
-from ..engine.scene import Scene
+from ..engine.scene.model import Scene
 from ..engine.settings import Settings
 from .bake_settings import read_settings
 from .changes import Changes

@@ -12,7 +12,7 @@ import bpy
 from ..engine import session
 
 if TYPE_CHECKING:
-    from ..engine.worker import Worker
+    from ..engine.worker.worker import Worker
     from .window_bake import WindowBake
 
 #: Where the worker finds the package `engine`.
@@ -40,7 +40,7 @@ class WorkerOwner:
 
     def worker(self) -> Worker:
         """Return the worker; it starts its process, anew if that has died, with the next bake."""
-        from ..engine.worker import Worker
+        from ..engine.worker.worker import Worker
 
         if self._worker is None:
             self._worker = Worker(search_path=[_ROOT, *sys.path])

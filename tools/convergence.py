@@ -23,15 +23,15 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from engine import Settings
 from engine.device.compute import Compute
 from engine.device.graphics import Graphics
-from engine.gather import PaperGather
-from engine.host_radiosity import HostRadiosity
+from engine.direct.sky import whole_sky
+from engine.gather.hemicube_gather import PaperGather
+from engine.patches.subdivision import Subdivision
+from engine.patches.surfaces import PatchSurfaces
 from engine.reference.cpu_patches import owner_map
 from engine.reference.form_factors import form_factors
 from engine.reference.gauss_seidel import gather, gauss_seidel
-from engine.sky import whole_sky
-from engine.solve import Solver
-from engine.subdivision import Subdivision
-from engine.surfaces import PatchSurfaces
+from engine.solve.host_radiosity import HostRadiosity
+from engine.solve.solver import Solver
 from tests.analytic.drive import Prepared, prepare
 from tests.analytic.scenes import nine_quad_room
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..patches import PatchList
+from ..patches.patch_list import PatchList
 from .dilation import Dilation
 
 #: A patch that sees more than this share of back faces lies inside something and is filled for display.

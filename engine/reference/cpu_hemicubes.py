@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry import PatchGeometry, Triangles
-from ..hemicube import face_axes, face_rows, multiplier_map
-from ..scene import Scene
+from ..patches.geometry import PatchGeometry, Triangles
+from ..scene.model import Scene
 from ..settings import Settings
-from ..viewpoints import place_hemicubes
+from ..visibility.views.hemicube import face_axes, face_rows, multiplier_map
+from ..visibility.views.viewpoints import place_hemicubes
 
 
 @dataclass(frozen=True)

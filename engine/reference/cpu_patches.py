@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..patches import PatchList
-from ..scene import Scene
+from ..patches.patch_list import PatchList
+from ..scene.model import Scene
 
 
 def list_patches(scene: Scene, resolution: int) -> PatchList:

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..geometry import PatchGeometry
-from ..scene import Scene
+from ..patches.geometry import PatchGeometry
+from ..scene.model import Scene
 from .analytic import polygon
 from .surfaces import Surfaces, blockers, surfaces
 

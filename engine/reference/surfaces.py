@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..scene import Scene
+from ..scene.model import Scene
 
 #: A corner closer to a plane than this share of the scene's extent lies in the plane.
 PLANE_TOLERANCE = 1e-5

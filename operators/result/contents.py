@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ...engine.outputs import output_names
+from ...engine.finish.outputs import output_names
 from ...engine.settings import Settings
 from ..lookup import find
 from ..scene import Gathered

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ...engine.scene import Material, Texture
+from ...engine.scene.model import Material, Texture
 from ..compat import new_node_tree
 from ..scene.materials import read_material
 from ..scene.meshes import read_array

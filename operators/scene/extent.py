@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...engine.scene import LARGEST
+from ...engine.scene.model import LARGEST
 from .troubles import NOT_FINITE, TOO_FAR
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...engine.errors import SceneError
 from ...engine.naming import first_line, naming
-from ...engine.scene import OCCLUDER, Mesh, Scene, check_scene
+from ...engine.scene.model import OCCLUDER, Mesh, Scene, check_scene
 from .items import scene_items
 from .lights import Lamps
 from .material_table import MaterialTable

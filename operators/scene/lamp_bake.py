@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ...engine.profile import Profile
+from ...engine.scene.profile import Profile
 from ..compat import new_node_tree, plain_lamp
 from .lamp_nodes import LampNodes
 
@@ -27,7 +27,7 @@ _DISTANCE, _FAR = 1.0, 30.0
 #: Factors that differ by less, of the largest one, are the same.
 _EVEN = 1e-3
 
-#: Radiances beyond it are no light (see engine.scene.MAX_RADIANCE).
+#: Radiances beyond it are no light (see engine.scene.model.MAX_RADIANCE).
 _MOST = 1e20
 
 

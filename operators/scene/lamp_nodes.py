@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from ...engine.errors import SceneError
-from ...engine.profile import Profile, read_ies
+from ...engine.scene.profile import Profile, read_ies
 from ..compat import blackbody
 from .sockets import ComplexError, feeder
 

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ...engine.naming import naming
-from ...engine.scene import Light
+from ...engine.scene.model import Light
 from ..compat import light_nodes, light_power, light_temperature
 from .items import SceneItem
 from .lamp_bake import bake_lamp

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from ...engine.naming import naming
-from ...engine.scene import Material, Texture
+from ...engine.scene.model import Material, Texture
 from ..compat import node_tree
 from .items import SceneItem
 from .materials import read_material

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
-from ...engine.scene import Mesh
+from ...engine.scene.model import Mesh
 
 if TYPE_CHECKING:
     from .readings import Reading

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...engine.scene import OCCLUDER, Mesh, Scene
+from ...engine.scene.model import OCCLUDER, Mesh, Scene
 from .gather import Gathered
 from .troubles import OVERLAPPING, Troubles
 from .uv_faults import covered_texels

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from ...engine.naming import naming
-from ...engine.scene import MOST_FACES
+from ...engine.scene.model import MOST_FACES
 from .extent import middle_of, trouble_with
 from .items import SceneItem
 from .material_table import MaterialTable

@@ -5,8 +5,8 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ...engine.color import srgb_to_linear
-from ...engine.sky import shrink_sky
+from ...engine.direct.sky import shrink_sky
+from ...engine.scene.color import srgb_to_linear
 from ..compat import node_input, node_tree
 from .materials import ShaderReader
 from .panorama import render_world

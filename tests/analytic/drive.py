@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine import Lightmap, Progress, Scene, Settings, bake
-from engine.gather import Gather
-from engine.geometry import PatchGeometry, Triangles, gather_triangles, patch_geometry
-from engine.host_radiosity import HostRadiosity
-from engine.patches import PatchList
+from engine.gather.hemicube_gather import Gather
+from engine.patches.geometry import PatchGeometry, Triangles, gather_triangles, patch_geometry
+from engine.patches.patch_list import PatchList
 from engine.reference.cpu_hemicubes import CpuHemicubes
 from engine.reference.cpu_patches import list_patches, owner_map
-from engine.solve import Solver
+from engine.solve.host_radiosity import HostRadiosity
+from engine.solve.solver import Solver
 
 
 def drive(scene: Scene, settings: Settings) -> Lightmap:

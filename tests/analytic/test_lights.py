@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from engine import Light, Material, Scene, Settings, Texture
-from engine.profile import Profile
 from engine.reference.analytic import polygon
+from engine.scene.profile import Profile
 from tests.analytic.drive import drive, drive_with_progress
 from tests.analytic.scenes import quads, rectangle
 

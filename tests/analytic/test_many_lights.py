@@ -8,10 +8,10 @@ import pytest
 from engine import Light, Material, Scene, Settings, finished
 from engine.device.compute import Compute
 from engine.device.graphics import Graphics
-from engine.ray_scene import RayScene
+from engine.direct.sampled import SampledLight
+from engine.patches.subdivision import Subdivision, subdivide
 from engine.reference.analytic import polygon
-from engine.sampled import SampledLight
-from engine.subdivision import Subdivision, subdivide
+from engine.visibility.rays.ray_scene import RayScene
 from tests.analytic.scenes import quads, rectangle
 
 X, Y, Z = np.eye(3)

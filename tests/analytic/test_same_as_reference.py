@@ -6,21 +6,21 @@ import numpy as np
 import pytest
 
 from engine import Scene, Settings
-from engine.cutouts import gather_cutouts
 from engine.device.compute import Compute
 from engine.device.graphics import Graphics
 from engine.device.share import HostCopy
-from engine.hemicube import matrices, multiplier_map
-from engine.integrate.opencl import HemicubeIntegrator
-from engine.patches import list_patches
+from engine.gather.opencl import HemicubeIntegrator
+from engine.patches.patch_list import list_patches
 from engine.reference import cpu_hemicubes
 from engine.reference.cpu_patches import owner_map
 from engine.reference.form_factors import form_factors
 from engine.reference.gauss_seidel import gather, gauss_seidel
-from engine.viewpoints import place_hemicubes
-from engine.visibility.raster import HemicubeRaster
-from engine.visibility.targets import RadianceTarget
-from engine.visibility.tiles import plan_tiles
+from engine.scene.cutouts import gather_cutouts
+from engine.visibility.raster.raster import HemicubeRaster
+from engine.visibility.raster.targets import RadianceTarget
+from engine.visibility.raster.tiles import plan_tiles
+from engine.visibility.views.hemicube import matrices, multiplier_map
+from engine.visibility.views.viewpoints import place_hemicubes
 from tests.analytic import scenes
 from tests.analytic.drive import Prepared, drive, irradiance, prepare
 

@@ -8,11 +8,11 @@ import pytest
 
 from engine import Light, Material, Mesh, Scene, Settings
 from engine.device.compute import Compute
-from engine.ray_scene import RayScene
-from engine.receivers import RECORD
+from engine.patches.subdivision import Subdivision
+from engine.patches.surfaces import PatchSurfaces
 from engine.reference.cpu_patches import owner_map
-from engine.subdivision import Subdivision
-from engine.surfaces import PatchSurfaces
+from engine.visibility.rays.ray_scene import RayScene
+from engine.visibility.rays.receivers import RECORD
 from tests.analytic.drive import drive, prepare
 from tests.analytic.scenes import quads, rectangle
 

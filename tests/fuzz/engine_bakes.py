@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from engine import EngineError, Lightmap, PatchFileError, Progress, Scene, Settings
-from engine.outputs import output_names
+from engine.finish.outputs import output_names
 from engine.session import Session
 from tests.fuzz.engine_cases import Case, build
 

@@ -10,7 +10,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from engine import Light, Material, Mesh, Scene, Settings, Texture
-from engine.scene import LIGHT_KINDS, OCCLUDER
+from engine.scene.model import LIGHT_KINDS, OCCLUDER
 from tests.analytic.scenes import material, quads, room_walls
 
 Vector = tuple[float, float, float]

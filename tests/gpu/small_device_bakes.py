@@ -10,7 +10,7 @@ from engine import Light, Scene, Settings
 from engine.device import devices
 from engine.device.compute import Compute
 from engine.device.graphics import Graphics
-from engine.scene import OCCLUDER
+from engine.scene.model import OCCLUDER
 from tests.analytic.drive import drive
 from tests.analytic.scenes import furnace, quads, rectangle
 

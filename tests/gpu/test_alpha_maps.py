@@ -5,9 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from engine import Material, Scene, SceneError, Settings, Texture, cutouts
-from engine.cutouts import gather_cutouts
-from engine.visibility import table
+from engine import Material, Scene, SceneError, Settings, Texture
+from engine.scene import cutouts
+from engine.scene.cutouts import gather_cutouts
+from engine.visibility.raster import table
 from tests.analytic.drive import drive
 from tests.analytic.scenes import quads, rectangle
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from engine import Material, Scene, Settings, Texture, finished
-from engine.coincident import covered_patches
 from engine.device import devices
 from engine.device.compute import Compute
-from engine.host_coincident import covered_on_host
-from engine.ray_scene import RayScene
+from engine.direct.coincident import covered_patches
+from engine.direct.host_coincident import covered_on_host
+from engine.patches.subdivision import subdivide
 from engine.session import Session
-from engine.subdivision import subdivide
+from engine.visibility.rays.ray_scene import RayScene
 from tests.analytic.scenes import material, quads, rectangle, room_walls
 from tests.gpu.test_methods import NoCompute, OldGraphics
 

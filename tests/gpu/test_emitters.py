@@ -6,9 +6,9 @@ import pytest
 
 from engine.device.compute import Compute
 from engine.device.source import kernel_source
-from engine.emitters import BrightTriangles, lamp_records, surface_records
-from engine.geometry import Triangles
-from engine.scene import Light
+from engine.direct.emitters import BrightTriangles, lamp_records, surface_records
+from engine.patches.geometry import Triangles
+from engine.scene.model import Light
 
 #: Clips to a plane through the origin; what lies beyond the fifth corner has to stay as it is.
 CLIPPING = """

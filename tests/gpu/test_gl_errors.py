@@ -60,7 +60,7 @@ def test_what_compute_shaders_refuse_is_told(monkeypatch, settings, compute):
     monkeypatch.setattr(devices, "Compute", compute)
     session = Session()
     with monkeypatch.context() as patched:
-        patched.setattr("engine.integrate.compute_shader._FRAMES", 1 << 20)
+        patched.setattr("engine.gather.compute_shader._FRAMES", 1 << 20)
         with pytest.raises(DeviceError, match="GL_INVALID_VALUE: summing hemicubes failed"):
             finished(session.bake(furnace(0.5, 1.0), settings))
     assert finished(session.bake(furnace(0.5, 1.0), settings)).image.any()

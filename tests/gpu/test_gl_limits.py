@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from engine import Settings
-from engine.visibility import raster
-from engine.visibility.tiles import Tiles, plan_tiles
+from engine.visibility.raster import raster
+from engine.visibility.raster.tiles import Tiles, plan_tiles
 from tests.analytic.drive import drive
 from tests.analytic.scenes import furnace
 from tests.gpu.test_raster import pictures

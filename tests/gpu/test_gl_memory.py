@@ -6,13 +6,14 @@ from collections import Counter
 
 import pytest
 
-from engine import Settings, choose, finished
+from engine import Settings, finished
 from engine.algorithm import bake
 from engine.clock import Stopwatch
 from engine.device import devices, raw_gl
 from engine.device.compute import Compute
 from engine.device.devices import Devices
-from engine.visibility import raster
+from engine.plan import choose
+from engine.visibility.raster import raster
 from tests.analytic.scenes import furnace
 from tests.gpu.test_methods import NoCompute
 

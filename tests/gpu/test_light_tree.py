@@ -6,9 +6,9 @@ import pytest
 
 from engine.device.compute import Compute
 from engine.device.source import kernel_source
-from engine.emitters import POINT, RECORD
-from engine.light_tree import build_light_tree
-from engine.receivers import RECORD as RECEIVER
+from engine.direct.emitters import POINT, RECORD
+from engine.direct.light_tree import build_light_tree
+from engine.visibility.rays.receivers import RECORD as RECEIVER
 
 #: Counts what patches look at, and how often emitters are chosen; the widths are summed up, too.
 COUNTING = """

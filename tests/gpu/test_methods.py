@@ -7,19 +7,20 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from engine import DeviceError, Light, Settings, choose
+from engine import DeviceError, Light, Settings
 from engine.device import devices
 from engine.device.compute import Compute
 from engine.device.graphics import Graphics
-from engine.integrate.glsl_cached import GlslCachedIntegrator
-from engine.ray_scene import RayScene
-from engine.subdivision import subdivide
+from engine.gather.glsl_cached import GlslCachedIntegrator
+from engine.patches.subdivision import subdivide
+from engine.plan import choose
 from engine.visibility import identity as identities
 from engine.visibility.identity import SeenBuffers, surroundings
-from engine.visibility.raster_identity import RasterIdentity
-from engine.visibility.ray_identity import RayIdentity
-from engine.visibility.targets import IdentityTarget
-from engine.visibility.tiles import Tiles
+from engine.visibility.raster.identity import RasterIdentity
+from engine.visibility.raster.targets import IdentityTarget
+from engine.visibility.raster.tiles import Tiles
+from engine.visibility.rays.identity import RayIdentity
+from engine.visibility.rays.ray_scene import RayScene
 from tests.analytic.drive import drive
 from tests.analytic.scenes import nine_quad_room
 from tests.analytic.test_sky_and_cutouts import sky

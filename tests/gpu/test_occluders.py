@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from engine import Mesh, Settings
-from engine.occluders import place_occluders
-from engine.scene import OCCLUDER
+from engine.patches.occluders import place_occluders
+from engine.scene.model import OCCLUDER
 from tests.analytic.drive import drive
 from tests.analytic.scenes import furnace, material, quads, room_walls
 

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from engine import Material, Mesh, Scene, SceneError
-from engine.coverage import check_overlap, touched_triangles
-from engine.geometry import gather_triangles, patch_geometry
-from engine.index_map import add_thin_patches
-from engine.patches import list_patches
+from engine.patches.coverage import check_overlap, touched_triangles
+from engine.patches.geometry import gather_triangles, patch_geometry
+from engine.patches.patch_list import list_patches
+from engine.patches.texel_owners import add_thin_patches
 from tests.analytic.scenes import furnace, nine_quad_room, quads, rectangle
 
 GREY = Material("grey", np.full(3, 0.5, np.float32), np.zeros(3, np.float32))

@@ -3,18 +3,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.cutouts import gather_cutouts
 from engine.device.compute import Compute
 from engine.device.graphics import Graphics
-from engine.geometry import gather_triangles
-from engine.hemicube import face_rows, frames, matrices, multiplier_map, rotations
-from engine.integrate.glsl import GlslIntegrator
-from engine.integrate.opencl import CopiedIntegrator
-from engine.visibility.clusters import Clusters
-from engine.visibility.draw_paths import available_paths
-from engine.visibility.raster import HemicubeRaster
-from engine.visibility.targets import RadianceTarget
-from engine.visibility.tiles import Tiles
+from engine.gather.glsl import GlslIntegrator
+from engine.gather.opencl import CopiedIntegrator
+from engine.patches.geometry import gather_triangles
+from engine.scene.cutouts import gather_cutouts
+from engine.visibility.raster.clusters import Clusters
+from engine.visibility.raster.draw_paths import available_paths
+from engine.visibility.raster.raster import HemicubeRaster
+from engine.visibility.raster.targets import RadianceTarget
+from engine.visibility.raster.tiles import Tiles
+from engine.visibility.views.hemicube import face_rows, frames, matrices, multiplier_map, rotations
 from tests.analytic.scenes import furnace, sphere
 
 #: Frame along the axes, nothing below the horizon.

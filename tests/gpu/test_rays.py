@@ -7,10 +7,10 @@ import pyopencl as cl
 import pytest
 
 from engine.device.compute import Compute
-from engine.geometry import Triangles
-from engine.visibility import bvh
-from engine.visibility.bvh import Shape
-from engine.visibility.rays import Rays
+from engine.patches.geometry import Triangles
+from engine.visibility.rays import bvh
+from engine.visibility.rays.bvh import Shape
+from engine.visibility.rays.rays import Rays
 
 SOLID = SimpleNamespace(needed=False, culled=np.zeros(1, bool))
 SHAPES = [Shape(8, 8, 8, 0.5), Shape(2, 1, 4, 0.35), Shape(4, 4, 8, 0.5)]

@@ -1,7 +1,7 @@
 import numpy as np
 
 from engine import Settings, bake, finished
-from engine.worker import Worker
+from engine.worker.worker import Worker
 from tests.analytic.scenes import furnace
 
 QUICK = Settings(resolution=32, hemicube=8, iterations=3, tolerance=0, visibility="rays")

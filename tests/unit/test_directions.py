@@ -1,6 +1,6 @@
 import numpy as np
 
-from engine.directions import r2_sequence
+from engine.visibility.views.directions import r2_sequence
 
 
 def test_points_are_those_of_the_r2_sequence_and_neighbours_follow_each_other():

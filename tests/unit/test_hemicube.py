@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from engine.hemicube import face_axes, face_rows, frames, matrices, multiplier_map, rotations
+from engine.visibility.views.hemicube import face_axes, face_rows, frames, matrices, multiplier_map, rotations
 
 
 @pytest.mark.parametrize("n", [8, 16, 32, 64, 128, 256])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from engine.errors import SceneError
-from engine.profile import read_ies
+from engine.scene.profile import read_ies
 
 WATT = 4 * np.pi / 177.83
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from engine import Light
-from engine.emitters import RECORD, SUN, TRIANGLE, lamp_records, sky_record
-from engine.light_tree import build_light_tree
+from engine.direct.emitters import RECORD, SUN, TRIANGLE, lamp_records, sky_record
+from engine.direct.light_tree import build_light_tree
 
 
 def emitters(count, seed=0):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from engine.errors import SettingsError
-from engine.limits import check_limits
-from engine.scene import Scene
+from engine.plan.limits import check_limits
+from engine.scene.model import Scene
 from engine.settings import Settings
 
 GRAPHICS = SimpleNamespace(

@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.occluders import place_occluders
-from engine.scene import OCCLUDER, Material, Mesh, Scene
+from engine.patches.occluders import place_occluders
+from engine.scene.model import OCCLUDER, Material, Mesh, Scene
 
 GREY = Material("Grey", np.full(3, 0.5, np.float32), np.zeros(3, np.float32))
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from engine import DeviceError, Settings, finished
-from engine.worker import Worker
+from engine.worker.worker import Worker
 from tests.analytic.scenes import furnace
 
 ROOT = Path(__file__).parents[2]
@@ -30,7 +30,7 @@ def without(request, tmp_path):
 
 
 def test_the_engine_and_its_worker_are_imported_without_gpu_packages():
-    code = f"import engine.worker_main, engine.worker\nprint({set(PACKAGES)} & sys.modules.keys())"
+    code = f"import engine.worker.child, engine.worker.worker\nprint({set(PACKAGES)} & sys.modules.keys())"
     assert python(code) == "set()"
 
 

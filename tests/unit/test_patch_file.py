@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from engine.errors import PatchFileError
-from engine.patch_file import read_patches, write_patches
+from engine.patches.patch_file import read_patches, write_patches
 from engine.reference.cpu_patches import list_patches
 from tests.analytic.scenes import furnace
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine import transport
+from engine.direct.modulation import pack_modulations
 from engine.errors import SceneError
-from engine.modulation import pack_modulations
-from engine.profile import Profile
-from engine.scene import Light, check_light
+from engine.scene.model import Light, check_light
+from engine.scene.profile import Profile
+from engine.worker import messages
 
 AZIMUTHS, POLARS = np.float32([0, 2, 2 * np.pi]), np.float32([0, 0.5, 1, np.pi])
 
@@ -23,10 +23,10 @@ def lamp(**values):
 def test_lamps_that_share_a_profile_share_its_place_also_in_the_worker():
     first, plain = lamp(), replace(lamp(), profile=None)
     lights = (first, plain, replace(first, falloff_power=2), lamp())
-    parcel = transport.Parcel(lights)
+    parcel = messages.Parcel(lights)
     memory = memoryview(bytearray(parcel.size))
     parcel.write(memory)
-    packed, places = pack_modulations(transport.read(memory))
+    packed, places = pack_modulations(messages.read(memory))
     starts = [int(packed[place + 9 : place + 10].view(np.int32)[0]) for place in places if place]
     assert places[1] == 0 and len(set(places)) == 4
     assert starts[0] == starts[1] != starts[2]

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from engine import Scene, Settings
-from engine.geometry import gather_triangles
-from engine.hemicube import multiplier_map
+from engine.patches.geometry import gather_triangles
 from engine.reference import analytic
 from engine.reference.cpu_hemicubes import integrate, nearest_hits, texel_directions
+from engine.visibility.views.hemicube import multiplier_map
 from tests.analytic import scenes
 from tests.analytic.drive import prepare
 

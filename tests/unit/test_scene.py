@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from engine.errors import SceneError
-from engine.scene import Light, Material, Mesh, Scene, Texture, check_scene
+from engine.scene.model import Light, Material, Mesh, Scene, Texture, check_scene
 
 
 def triangle(**changes):

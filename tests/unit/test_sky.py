@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from engine.sky import split_sky, whole_sky
+from engine.direct.sky import split_sky, whole_sky
 
 
 def test_a_uniform_world_is_one_pixel_without_lights():

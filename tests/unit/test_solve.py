@@ -3,10 +3,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from engine.anderson import COLUMNS, Anderson
-from engine.host_radiosity import HostRadiosity
 from engine.settings import Settings
-from engine.solve import Solver
+from engine.solve.anderson import COLUMNS, Anderson
+from engine.solve.host_radiosity import HostRadiosity
+from engine.solve.solver import Solver
 
 
 class Views:

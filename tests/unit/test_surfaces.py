@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from engine.geometry import gather_triangles, patch_geometry
+from engine.patches.geometry import gather_triangles, patch_geometry
+from engine.patches.surfaces import patch_surfaces, sample
 from engine.reference.cpu_patches import list_patches
-from engine.scene import Material, Mesh, Scene, Texture
-from engine.surfaces import patch_surfaces, sample
+from engine.scene.model import Material, Mesh, Scene, Texture
 
 BLACK = np.zeros(3, np.float32)
 

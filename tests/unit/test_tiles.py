@@ -2,7 +2,7 @@ import pytest
 
 from engine.errors import SettingsError
 from engine.settings import Settings
-from engine.visibility.tiles import Tiles, plan_tiles
+from engine.visibility.raster.tiles import Tiles, plan_tiles
 
 
 def test_paper_layouts():

@@ -15,13 +15,14 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from engine import shared_block, worker_process
 from engine.errors import DeviceError, SceneError, SettingsError, WorkerError
 from engine.lightmap import Lightmap
-from engine.scene import Material, Mesh, Scene
+from engine.scene.model import Material, Mesh, Scene
 from engine.settings import Settings
-from engine.transport import Parcel
-from engine.worker import Worker
+from engine.worker import process as worker_process
+from engine.worker import shared_block
+from engine.worker.messages import Parcel
+from engine.worker.worker import Worker
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -335,7 +336,7 @@ def test_child_ends_when_its_parent_is_killed_before_it_has_answered(tmp_path):
 EARLY_PARENT = """
 import time
 from test_worker import SETTINGS, _scene
-from engine.worker import Worker
+from engine.worker.worker import Worker
 worker = Worker(bake="worker_bakes:endless")
 job = worker.bake(_scene(), SETTINGS)
 next(job)
@@ -346,8 +347,8 @@ time.sleep(60)
 PARENT = """
 import sys
 from test_worker import RecordedMemory, SETTINGS, _first, _scene
-from engine import shared_block
-from engine.worker import Worker
+from engine.worker import shared_block
+from engine.worker.worker import Worker
 shared_block.SharedMemory = RecordedMemory
 worker = Worker(bake="worker_bakes:endless")
 job = worker.bake(_scene(atlases=(sys.argv[1],)), SETTINGS)
@@ -395,5 +396,5 @@ def test_parcel_takes_numbers_as_they_are():
     parcel = Parcel((math.nan, -0.0, "ü", None, True, b""))
     memory = memoryview(bytearray(parcel.size))
     parcel.write(memory)
-    nan, zero, *rest = shared_block.transport.read(memory)
+    nan, zero, *rest = shared_block.messages.read(memory)
     assert math.isnan(nan) and math.copysign(1, zero) == -1 and rest == ["ü", None, True, b""]

@@ -1,0 +1,1 @@
+"""Direct light: lamps, small bright surfaces and bright sky, by shadow rays."""

@@ -1,0 +1,43 @@
+"""Finds lamps that lie inside of something, where they light nothing but its inner side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..patches.geometry import Triangles
+from ..scene.model import Light, Scene
+from ..visibility.rays.rays import Rays
+
+#: Rays from each lamp, and the share of them that meets backs if it is enclosed.
+_RAYS = 256
+_SHARE = 0.98
+
+
+def note_enclosed(rays: Rays, scene: Scene, triangles: Triangles, lamps: Sequence[Light]) -> list[str]:
+    """Return a warning for each lamp that is inside of an object: nearly all it sees are backs."""
+    lamps = [lamp for lamp in lamps if lamp.kind != "sun" and lamp.casts_shadow]
+    if not lamps:
+        return []
+    directions = _directions()
+    origins = np.repeat([lamp.position for lamp in lamps], _RAYS, axis=0)
+    hit, front, _ = rays.cast(origins, np.tile(directions, (len(lamps), 1)))
+    warnings = []
+    for index, lamp in enumerate(lamps):
+        mine = slice(index * _RAYS, (index + 1) * _RAYS)
+        shines = directions @ -lamp.axes[2] > 0 if lamp.kind in ("spot", "area") else np.full(_RAYS, True)
+        back = (hit[mine] >= 0) & ~front[mine] & shines
+        if back.sum() >= _SHARE * shines.sum():
+            name = scene.meshes[int(np.bincount(triangles.mesh[hit[mine][back]]).argmax())].name
+            warnings.append(f"Light '{lamp.name}' is inside object '{name}' and lights nothing. Move it.")
+    return warnings
+
+
+def _directions() -> np.ndarray:
+    """Return directions spread evenly over the sphere, (_RAYS, 3) float64 (Fibonacci lattice)."""
+    index = np.arange(_RAYS) + 0.5
+    z = 1 - 2 * index / _RAYS
+    angle = np.pi * (1 + np.sqrt(5)) * index
+    radius = np.sqrt(1 - z * z)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)

@@ -1,0 +1,95 @@
+"""Finds covered patches as `coincident` does, on the host: for machines without OpenCL."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..patches.subdivision import Subdivision
+from ..patches.surfaces import sample
+from ..scene.cutouts import Cutouts, gather_cutouts
+from ..scene.model import Scene
+from ..visibility.raster.clusters import morton_codes
+from ..visibility.views.viewpoints import eye_heights
+from .coincident import ABOVE, BELOW
+
+#: Patches that look for triangles together, and pairs that are tested at once.
+_GROUP, _PAIRS = 64, 1 << 20
+
+#: How much wider than they are triangles are, in barycentrics, and the share of light that a surface stops
+#: if it covers another one: both as for rays (kernels/rays.cl).
+_RIM, _STOPS = 1e-6, 0.5
+
+
+def covered_on_host(scene: Scene, parts: Subdivision) -> np.ndarray:
+    """Return what `covered_patches` does, found without OpenCL."""
+    geometry, triangles = parts.geometry, parts.triangles
+    up = eye_heights(triangles, geometry)[:, None] * geometry.geometric
+    start = geometry.center - triangles.middle + ABOVE * up
+    step = -(ABOVE + BELOW) * up
+    corners = triangles.positions.astype(np.float64) - triangles.middle
+    cutouts, covered = gather_cutouts(scene), np.zeros(len(start), bool)
+    for patch, triangle in _neighbours(start, step, corners):
+        met, weights = _backs_met(start[patch], step[patch], corners[triangle])
+        triangle = triangle[met]
+        stops = _stops(scene, cutouts, triangle, triangles.material[triangle], weights[met])
+        covered[patch[met][stops]] = True
+    return covered
+
+
+def _neighbours(
+    start: np.ndarray, step: np.ndarray, corners: np.ndarray
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Yield pairs of a patch and a triangle, (k,) and (k,), whose boxes meet; patches lie on a Morton curve.
+
+    start, step: (n, 3) float64, what a patch looks along; corners: (t, 3, 3) float64.
+    """
+    order = np.argsort(morton_codes(start.astype(np.float32)), kind="stable")
+    low, high = np.minimum(start, start + step)[order], np.maximum(start, start + step)[order]
+    first = np.arange(0, len(order), _GROUP)
+    group_low, group_high = np.minimum.reduceat(low, first), np.maximum.reduceat(high, first)
+    box_low, box_high = corners.min(axis=1), corners.max(axis=1)
+    at_once = max(1, _PAIRS // len(corners))
+    for block in range(0, len(first), at_once):
+        some = slice(block, block + at_once)
+        meets = (group_low[some, None] <= box_high) & (group_high[some, None] >= box_low)
+        group, triangle = np.nonzero(meets.all(axis=2))
+        for part in range(0, len(group), _PAIRS // _GROUP):
+            chosen = slice(part, part + _PAIRS // _GROUP)
+            member = (block + group[chosen, None]) * _GROUP + np.arange(_GROUP)
+            pair, column = np.nonzero(member < len(order))
+            member, other = member[pair, column], triangle[chosen][pair]
+            near = ((low[member] <= box_high[other]) & (high[member] >= box_low[other])).all(axis=1)
+            yield order[member[near]], other[near]
+
+
+def _backs_met(start: np.ndarray, step: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return which segments, (k, 3) each, meet the back of their triangle, (k,) bool, and where.
+
+    Where is (k, 3) float64, barycentrics (Moeller and Trumbore 1997).
+    """
+    edge1, edge2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    across, offset = np.cross(step, edge2), start - corners[:, 0]
+    determinant = (edge1 * across).sum(axis=1)
+    inverse = np.divide(1.0, determinant, out=np.zeros_like(determinant), where=determinant < 0)
+    around = np.cross(offset, edge1)
+    u, v = (offset * across).sum(axis=1) * inverse, (step * around).sum(axis=1) * inverse
+    distance = (edge2 * around).sum(axis=1) * inverse
+    met = (u >= -_RIM) & (v >= -_RIM) & (u + v <= 1 + _RIM) & (distance > 0) & (distance <= 1)
+    return met & (determinant < 0), np.stack([1 - u - v, u, v], axis=1)
+
+
+def _stops(
+    scene: Scene, cutouts: Cutouts, triangle: np.ndarray, material: np.ndarray, weights: np.ndarray
+) -> np.ndarray:
+    """Return whether the backs of triangles (k,) stop light at barycentrics (k, 3), (k,) bool."""
+    alpha, threshold = cutouts.constants[material].T.copy()
+    places = np.einsum("nk,nkd->nd", weights, cutouts.uvs[triangle])
+    for number in np.unique(material):
+        texture = scene.materials[number].alpha_map
+        if texture is not None:
+            mine = material == number
+            alpha[mine] *= sample(texture.pixels, places[mine], texture)[:, 0]
+    stops: np.ndarray = alpha >= np.where(threshold < 0, _STOPS, threshold)
+    return stops & ~cutouts.culled[material]

@@ -1,0 +1,81 @@
+"""All that is found out with rays: light of lamps, small bright surfaces and bright sky; occlusion."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import numpy as np
+
+from ..patches.subdivision import Subdivision
+from ..scene.model import Scene, shining_lights
+from ..settings import Settings
+from ..visibility.rays.ray_scene import RayScene
+from .coincident import covered_patches
+from .emitters import BrightTriangles, bright_triangles
+from .enclosed import note_enclosed
+from .host_coincident import covered_on_host
+from .shadow_rays import DirectLight
+from .sky import Sky, split_sky, whole_sky
+
+
+class SampledLight:
+    """Splits a scene's light in what is sampled with rays and what is left to the hemicubes.
+
+    emission_left  (n, 3) float32, radiance of each patch that hemicubes have to see
+    sky_left       (h, w, 3) float32, radiance of the sky that hemicubes have to see
+    warnings       sentences for the user
+    """
+
+    def __init__(self, scene: Scene, parts: Subdivision, rays: RayScene, settings: Settings) -> None:
+        self._scene, self._parts, self._settings = scene, parts, settings
+        self._ray_scene = rays
+        self._lamps = shining_lights(scene)
+        self._direct: DirectLight | None = None
+        self.warnings: list[str] = []
+
+        # Small bright surfaces and bright sky, unless hemicubes are to see everything as in the paper.
+        emission = parts.surfaces.emission
+        if settings.sample_emission:
+            self._bright = bright_triangles(parts.triangles, parts.geometry, parts.owners, emission)
+            self._sky = split_sky(scene.world)
+        else:
+            self._bright = BrightTriangles(
+                np.zeros(0, int), np.zeros((0, 3), np.float32), np.zeros(0, bool), emission
+            )
+            self._sky = Sky(whole_sky(scene.world), None)
+        self.emission_left, self.sky_left = self._bright.emission_left, self._sky.rest
+        if settings.light_outputs and not (self._lamps or emission.any() or scene.world.any()):
+            self.warnings.append(
+                "Nothing emits light: the lightmaps are black. Add a light, an emissive material or a world."
+            )
+
+    def gather(self) -> Generator[float, None, np.ndarray]:
+        """Return E/pi of the sampled light, (n, 3) float32; yield the fraction done."""
+        if not (self._lamps or len(self._bright.triangles) or self._sky.bright is not None):
+            return np.zeros((len(self._parts.patches), 3), np.float32)
+        return (yield from self._rays().gather())
+
+    def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
+        """Return how much of a shining lamp each patch sees, (n,) float32; yield the fraction done."""
+        return (yield from self._rays().shadow_mask(lamp))
+
+    def ambient_occlusion(self) -> Generator[float, None, np.ndarray]:
+        """Return the open share of each patch's hemisphere, (n,) float32; yield the fraction done."""
+        return (yield from self._rays().ambient_occlusion())
+
+    def covered(self) -> np.ndarray:
+        """Return which patches another face covers, (n,) bool."""
+        if self._ray_scene.possible:
+            return covered_patches(self._ray_scene, len(self._parts.patches))
+        return covered_on_host(self._scene, self._parts)
+
+    def _rays(self) -> DirectLight:
+        """Return what casts rays, made when it is first needed."""
+        if self._direct is None:
+            rays, receivers = self._ray_scene.rays, self._ray_scene.receivers
+            self.warnings += note_enclosed(rays, self._scene, self._parts.triangles, self._lamps)
+            self._direct = DirectLight(
+                self._ray_scene.compute, rays, receivers, self._parts,
+                self._lamps, self._bright, self._sky.bright, self._settings,
+            )  # fmt: skip
+        return self._direct

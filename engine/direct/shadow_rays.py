@@ -1,0 +1,143 @@
+"""Direct light of lamps, small bright surfaces and bright sky, sampled with shadow rays."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+
+import numpy as np
+import pyopencl as cl
+
+from ..device.buffers import download, upload, upload_float4
+from ..device.compute import Compute
+from ..device.kernel import Kernel
+from ..device.slices import sliced
+from ..patches.subdivision import Subdivision
+from ..scene.model import Light
+from ..settings import Settings
+from ..visibility.rays.rays import Rays
+from .emitters import BrightTriangles, lamp_records, sky_record, surface_records
+from .light_tree import NODE, LightTree, build_light_tree
+from .modulation import pack_modulations
+from .sky import solid_angles
+
+#: However many lights there are, a patch samples at most as many times as for so many.
+_MOST_LIGHTS = 8
+
+_SOURCES = ("receiver.cl", "modulation.cl", "emitters.cl", "light_tree.cl", "direct.cl")
+
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+
+class DirectLight:
+    """Shadow rays from all patches to all that is sampled as a light.
+
+    receivers  from `RayScene.receivers`
+    lamps      every one gives light
+    bright     emissive triangles
+    sky        (h, w, 3) float32 radiance, equirectangular, or None
+    """
+
+    def __init__(
+        self,
+        compute: Compute,
+        rays: Rays,
+        receivers: cl.Buffer,
+        parts: Subdivision,
+        lamps: Sequence[Light],
+        bright: BrightTriangles,
+        sky: np.ndarray | None,
+        settings: Settings,
+    ) -> None:
+        self._compute, self._rays, self._settings = compute, rays, settings
+        self._count = len(parts.patches)
+        self._direct, self._occlusion = rays.kernels(_SOURCES, "direct", "occlusion")
+        self._receivers = receivers
+        self._result = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * self._count)
+
+        # Emitters: each lamp's, the surfaces', the sky's.
+        modulations, places = pack_modulations(lamps)
+        self._modulations = upload(compute, modulations)
+        self._groups = [
+            lamp_records(lamp, rays.origin, place) for lamp, place in zip(lamps, places, strict=True)
+        ]
+        self._groups.append(surface_records(parts.triangles, bright, rays.culled, rays.origin))
+        if sky is not None:
+            self._groups.append(sky_record())
+        self._glow = self._glow_arguments(parts)
+        self._sky = self._sky_arguments(sky)
+
+    def gather(self) -> Generator[float, None, np.ndarray]:
+        """Return E/pi of all emitters at every patch, (n, 3) float32; yield the fraction done."""
+        groups = [group for group in self._groups if len(group)]
+        if not groups:
+            return np.zeros((self._count, 3), np.float32)
+        budget = self._settings.light_samples * min(len(groups), _MOST_LIGHTS)
+        return (yield from self._light(np.concatenate(groups), budget))[:, :3].copy()
+
+    def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
+        """Return how much of its light a lamp brings to each patch, (n,) float32; yield the fraction done.
+
+        1 where nothing casts a shadow, 0 where all is shadow or the lamp does not shine.
+        """
+        light = yield from self._light(self._groups[lamp], self._settings.light_samples)
+        passed = light[:, :3] @ _LUMINANCE.astype(np.float32)
+        mask: np.ndarray = np.where(light[:, 3] > 0, passed / np.maximum(light[:, 3], 1e-30), 0)
+        return np.minimum(mask, 1).astype(np.float32)
+
+    def ambient_occlusion(self) -> Generator[float, None, np.ndarray]:
+        """Return the share of each patch's hemisphere that is open, (n,) float32; yield the fraction done.
+
+        It is weighted by the cosine; a surface within `Settings.ao_distance` closes it.
+        """
+        reach = np.float32(self._settings.ao_distance or np.inf)
+        arguments = (np.int32(self._settings.ao_samples), reach, np.uint32(self._settings.seed))
+        return (yield from self._sliced(self._occlusion, arguments))[:, 0].copy()
+
+    def _light(self, emitters: np.ndarray, budget: int) -> Generator[float, None, np.ndarray]:
+        """Return light and unshadowed luminance of some emitters, (n, 4) float32."""
+        tree = build_light_tree(emitters)
+        buffers = [upload(self._compute, array) for array in (emitters, *_never_empty(tree))]
+        arguments = (
+            *buffers, np.int32(tree.root), self._modulations, np.int32(budget),
+            *self._glow, *self._sky, np.uint32(self._settings.seed),
+        )  # fmt: skip
+        return (yield from self._sliced(self._direct, arguments))
+
+    def _sliced(self, kernel: Kernel, arguments: tuple) -> Generator[float, None, np.ndarray]:
+        """Run a kernel over all patches, some at a time, and return its result, (n, 4) float32."""
+
+        def launch(start: int, end: int) -> None:
+            slice_ = np.int32(start), np.int32(end)
+            self._rays.run(kernel, end - start, self._receivers, *arguments, self._result, *slice_)
+
+        for end in sliced(self._compute.queue, 0, self._count, launch):
+            yield end / self._count
+        return download(self._compute, self._result, (self._count, 4))
+
+    def _glow_arguments(self, parts: Subdivision) -> tuple:
+        """Return radiance of patches, owners of texels, UVs of triangles and the resolution."""
+        radiance = upload_float4(self._compute, parts.surfaces.emission, first=1)
+        lookups = (upload(self._compute, array) for array in (parts.owners, parts.triangles.uvs))
+        return (radiance, *lookups, np.int32(parts.patches.resolution))
+
+    def _sky_arguments(self, sky: np.ndarray | None) -> tuple:
+        """Return pixels, cumulative shares, numbers of the pixels that shine, sizes and total luminance."""
+        pixels = np.zeros((1, 1, 4), np.float32)
+        if sky is not None:
+            pixels = np.concatenate([sky, np.zeros((*sky.shape[:2], 1), np.float32)], axis=2)
+        shares = (pixels[..., :3] @ _LUMINANCE) * solid_angles(*pixels.shape[:2])[:, None]
+        listed = np.flatnonzero(shares)
+        total = float(shares.sum())
+        cumulative = np.cumsum(shares.ravel()[listed]) / max(total, 1e-30)
+        listed = listed if len(listed) else np.zeros(1, np.int64)
+        cumulative = cumulative if len(cumulative) else np.ones(1)
+        arrays = (pixels, cumulative.astype(np.float32), listed.astype(np.int32))
+        sizes = (pixels.shape[1], pixels.shape[0], len(listed))
+        return (*(upload(self._compute, array) for array in arrays), *map(np.int32, sizes), np.float32(total))
+
+
+def _never_empty(tree: LightTree) -> tuple[np.ndarray, np.ndarray]:
+    """Return nodes and children of a tree, one of each at least."""
+    if len(tree.nodes):
+        return tree.nodes, tree.children
+    return np.zeros((1, NODE, 4), np.float32), np.zeros((1, 2), np.int32)

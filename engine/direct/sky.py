@@ -1,0 +1,72 @@
+"""The surroundings in two parts: what hemicubes see, and what is bright enough to be sampled as a light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..scene.resampling import shrink
+
+#: Radiance above so many times the mean of the sky is sampled as a light.
+_BRIGHT = 3.0
+
+#: Largest map that hemicubes see, rows and columns; their own texels are no finer.
+_REST_SIZE = (256, 512)
+
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+
+@dataclass(frozen=True)
+class Sky:
+    """Both parts, equirectangular as `Scene.world`; together they are the world's radiance.
+
+    rest    (h, w, 3) float32, what hemicubes see
+    bright  (h, w, 3) float32, what is sampled as a light; None if nothing is bright
+    """
+
+    rest: np.ndarray
+    bright: np.ndarray | None
+
+
+def split_sky(world: np.ndarray) -> Sky:
+    """Split a world's radiance, (3,) or (h, w, 3), at a multiple of its mean luminance."""
+    if world.ndim == 1:
+        return Sky(whole_sky(world), None)
+    luminance = world.astype(np.float64) @ _LUMINANCE
+    mean = float((luminance.mean(axis=1) * _row_shares(len(world))).sum())
+    most = np.full_like(luminance, _BRIGHT * mean)
+    share = np.divide(most, luminance, out=np.ones_like(most), where=luminance > most)[..., None]
+    rest = world * share
+    if (share == 1).all():
+        return Sky(_shrunk(rest), None)
+    return Sky(_shrunk(rest), (world * (1 - share)).astype(np.float32))
+
+
+def whole_sky(world: np.ndarray) -> np.ndarray:
+    """Return a world's radiance, (3,) or (h, w, 3), as hemicubes see all of it."""
+    return _shrunk(world.reshape(-1, world.shape[-2] if world.ndim > 1 else 1, 3))
+
+
+def _row_shares(height: int) -> np.ndarray:
+    """Return the share of the sphere that each row covers, (h,) float64."""
+    borders = np.cos(np.linspace(0, np.pi, height + 1))
+    shares: np.ndarray = (borders[:-1] - borders[1:]) / 2
+    return shares
+
+
+def solid_angles(height: int, width: int) -> np.ndarray:
+    """Return the solid angle of the pixels of each row of an equirectangular map, (h,) float64, sr."""
+    angles: np.ndarray = _row_shares(height) * 4 * np.pi / width
+    return angles
+
+
+def shrink_sky(world: np.ndarray, height: int, width: int) -> np.ndarray:
+    """Return an equirectangular map averaged by solid angle, (h, w, 3) -> (height, width, 3) float32."""
+    return shrink(world, height, width, area=lambda rows: (1 - np.cos(np.pi * rows)) / 2)
+
+
+def _shrunk(world: np.ndarray) -> np.ndarray:
+    """Return a map averaged, by solid angle, to at most _REST_SIZE."""
+    height, width = np.minimum(world.shape[:2], _REST_SIZE)
+    return shrink_sky(world, height, width)

@@ -1,0 +1,84 @@
+"""What was asked of a bake: all light, its parts, ambient occlusion, shadow masks."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import SceneError
+from ..scene.model import Scene, shining_lights
+from ..settings import Settings
+from ..solve.solver import Solution
+
+if TYPE_CHECKING:
+    from ..direct.sampled import SampledLight
+
+
+def output_names(scene: Scene, settings: Settings) -> list[str]:
+    """Return the names of `Lightmap.passes`, in their order; instances of a light get numbers.
+
+    Raises SceneError if there is nothing to give.
+    """
+    names: list[str] = []
+    for name in settings.outputs:
+        if name == "shadow_mask":
+            names += [f"{name} {light.name}" for light in shining_lights(scene)]
+        else:
+            names.append(name)
+    if not names:
+        raise SceneError(
+            "Shadow masks need a light, and the scene has none. Add one, or choose other outputs."
+        )
+    taken: set[str] = set()
+    for index, name in enumerate(names):
+        names[index] = _unused(name, taken)
+        taken.add(names[index])
+    return names
+
+
+class Outputs:
+    """Makes the outputs that the settings name."""
+
+    def __init__(self, scene: Scene, settings: Settings, sampled: SampledLight) -> None:
+        self._names, self._settings, self._sampled = output_names(scene, settings), settings, sampled
+
+    def done(self, solution: Solution) -> bool:
+        """True once a solution is good enough for the outputs.
+
+        One iteration is needed by all that are lit: it tells which patches are hidden inside objects.
+        """
+        return solution.done or (solution.iterations > 0 and not self._settings.bounces)
+
+    def light(self, solution: Solution) -> np.ndarray:
+        """Return the first output that is light, so far, (n, 3) float32; direct light if none is."""
+        first, *_ = (*self._settings.light_outputs, "direct")
+        return _light(first, solution)
+
+    def make(self, solution: Solution) -> Generator[float, None, dict[str, np.ndarray]]:
+        """Make every output, (n, 3) or (n,) float32, by name; yield the fraction done of each."""
+        made: dict[str, np.ndarray] = {}
+        masks = iter(range(len(self._names)))
+        for name in self._names:
+            if name in self._settings.light_outputs:
+                made[name] = _light(name, solution)
+            elif name == "ambient_occlusion":
+                made[name] = yield from self._sampled.ambient_occlusion()
+            else:
+                made[name] = yield from self._sampled.shadow_mask(next(masks))
+        return made
+
+
+def _light(name: str, solution: Solution) -> np.ndarray:
+    """Return E/pi of all light, or of a part of it, (n, 3) float32."""
+    if name == "combined":
+        return solution.irradiance
+    return solution.direct if name == "direct" else solution.indirect
+
+
+def _unused(name: str, taken: set[str]) -> str:
+    """Return a name, with a number if it is taken."""
+    if name not in taken:
+        return name
+    return next(other for number in range(2, len(taken) + 3) if (other := f"{name} {number}") not in taken)

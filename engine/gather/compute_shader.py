@@ -1,0 +1,92 @@
+"""A compute shader that works on hemicubes: one group for each of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import moderngl
+import numpy as np
+
+from ..device.graphics import Graphics
+from ..device.raw_gl import DepthArray
+from ..visibility.raster.tiles import Tiles
+from ..visibility.views.hemicube import multiplier_map
+
+Textures = dict[str, moderngl.Texture | moderngl.TextureArray | DepthArray]
+Uniforms = Mapping[str, int | tuple[float, ...]]
+
+#: Storage blocks of shaders/hemicube.glsl; other blocks come after them.
+_FRAMES, _MULTIPLIER = 0, 1
+
+
+class HemicubeTables:
+    """What all such shaders read: frames of the hemicubes, and the multiplier map."""
+
+    def __init__(self, graphics: Graphics, tiles: Tiles) -> None:
+        self._multiplier = graphics.context.buffer(multiplier_map(tiles.n).tobytes())
+        self._frames = graphics.context.buffer(reserve=64 * tiles.capacity)
+
+    def set_frames(self, frames: np.ndarray) -> None:
+        """Replace the frames of the first m slots: (m, 4, 3) float32 from `Viewpoints.frames`."""
+        self._frames.write(four(frames))
+
+    def bind(self) -> None:
+        """Bind both storage blocks."""
+        self._frames.bind_to_storage_buffer(_FRAMES)
+        self._multiplier.bind_to_storage_buffer(_MULTIPLIER)
+
+
+class ComputeShader:
+    """shaders/<name>.comp, which includes shaders/hemicube.glsl."""
+
+    def __init__(
+        self,
+        graphics: Graphics,
+        name: str,
+        tiles: Tiles,
+        tables: HemicubeTables,
+        features: tuple[str, ...] = (),
+    ) -> None:
+        self._graphics, self._tables = graphics, tables
+        self._program = graphics.compute_program(name, features)
+        layout = {"n": tiles.n, "log_n": tiles.n.bit_length() - 1}
+        self._set(layout | {"columns": tiles.columns, "tiles_per_layer": tiles.per_layer})
+
+    def run(
+        self,
+        groups: int,
+        buffers: Mapping[int, moderngl.Buffer],
+        textures: Textures,
+        uniforms: Uniforms | None = None,
+    ) -> None:
+        """Run so many groups, one hemicube each; buffers are bound to storage blocks by number."""
+        self._tables.bind()
+        for binding, buffer in buffers.items():
+            buffer.bind_to_storage_buffer(binding)
+        for unit, texture in enumerate(textures.values()):
+            texture.use(unit)
+        self._set({name: unit for unit, name in enumerate(textures)})
+        self._set(uniforms or {})
+        self._program.run(groups)
+        self._graphics.context.memory_barrier()
+        self._graphics.check("summing hemicubes")
+
+    def _set(self, uniforms: Uniforms) -> None:
+        """Set those uniforms that the compiler has left in the shader."""
+        for name, value in uniforms.items():
+            if name in self._program:
+                self._program[name] = value
+
+
+def sky_texture(graphics: Graphics, sky: np.ndarray) -> moderngl.Texture:
+    """Return a sky, (h, w, 3) float32 radiance, as the texture that shaders/hemicube.glsl reads."""
+    texture = graphics.context.texture(sky.shape[1::-1], 4, four(sky).tobytes(), dtype="f4")
+    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    return texture
+
+
+def four(vectors: np.ndarray, first: int = 0) -> np.ndarray:
+    """Return (k, ..., 3) as (first + k, ..., 4) float32, zeros around it."""
+    padded = np.zeros((first + len(vectors), *vectors.shape[1:-1], 4), np.float32)
+    padded[first:, ..., :3] = vectors
+    return padded

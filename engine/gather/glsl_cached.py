@@ -1,0 +1,94 @@
+"""Integrates identity hemicubes that are kept on the OpenGL device, where there is no OpenCL."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+
+from ..device.graphics import Graphics
+from ..visibility.raster.tiles import Tiles
+from .compute_shader import ComputeShader, HemicubeTables, four, sky_texture
+
+#: OpenGL does not tell how much memory there is; so much is kept at most, bytes.
+_MOST = 1 << 30
+
+#: Storage blocks of shaders/fixed.comp and shaders/gather.comp.
+_RESULT, _CACHE, _RADIANCE, _FIXED = 2, 3, 4, 5
+
+
+def fits_glsl_cache(graphics: Graphics, tiles: Tiles, patches: int) -> bool:
+    """Return True if the identity hemicubes of so many patches can be kept, and gathered in one shader."""
+    largest = graphics.context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]
+    return patches * _hemicube_bytes(tiles) <= _MOST and 16 * (patches + 1) <= largest
+
+
+class GlslCachedIntegrator:
+    """Keeps batches of identity hemicubes and sums what they see; needs `Graphics.computes`.
+
+    texture   (layers, height, width) uint32, see `visibility.targets`
+    emission  (n, 3) float32 radiance of each patch, seen on back faces
+    sky       (h, w, 3) float32 radiance, equirectangular as `Scene.world`
+
+    What does not depend on the patches' radiance, sky and backs, is summed only once.
+    """
+
+    name = "glsl"
+
+    def __init__(
+        self,
+        graphics: Graphics,
+        tiles: Tiles,
+        texture: moderngl.TextureArray,
+        emission: np.ndarray,
+        sky: np.ndarray,
+    ) -> None:
+        self._context, self._tiles, self._texture = graphics.context, tiles, texture
+        self._tables = HemicubeTables(graphics, tiles)
+        self._fix = ComputeShader(graphics, "fixed", tiles, self._tables, ("sky",))
+        self._gather = ComputeShader(graphics, "gather", tiles, self._tables)
+        self._sky = sky_texture(graphics, sky)
+        self._emission = self._context.buffer(four(emission, first=1).tobytes())
+        self._radiance = self._context.buffer(reserve=self._emission.size)
+        self._result = self._context.buffer(reserve=16 * tiles.capacity)
+
+        # A storage block may be smaller than a batch: each batch is kept in parts.
+        largest = graphics.context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]
+        self._step = max(1, min(tiles.capacity, largest // _hemicube_bytes(tiles)))
+        self._kept: list[list[tuple[moderngl.Buffer, moderngl.Buffer, int]]] = []
+
+    @property
+    def batches(self) -> int:
+        """Batches kept so far."""
+        return len(self._kept)
+
+    def set_radiance(self, radiance: np.ndarray) -> None:
+        """Replace what the fronts of the patches send out: (n, 3) float32 radiance."""
+        self._radiance.write(four(radiance, first=1))
+
+    def keep(self, frames: np.ndarray) -> None:
+        """Keep the identity hemicubes that were drawn: those of frames (m, 4, 3) float32."""
+        self._tables.set_frames(frames)
+        textures = {"hemicubes": self._texture, "sky": self._sky}
+        parts = []
+        for first in range(0, len(frames), self._step):
+            count = min(self._step, len(frames) - first)
+            cache = self._context.buffer(reserve=count * _hemicube_bytes(self._tiles))
+            fixed = self._context.buffer(reserve=16 * count)
+            buffers = {_RESULT: fixed, _CACHE: cache, _RADIANCE: self._emission}
+            self._fix.run(count, buffers, textures, {"first_slot": first})
+            parts.append((cache, fixed, count))
+        self._kept.append(parts)
+
+    def gather(self, batch: int) -> np.ndarray:
+        """Return E/pi and the share of front faces of a batch's patches, (m, 4) float32."""
+        results = []
+        for cache, fixed, count in self._kept[batch]:
+            buffers = {_RESULT: self._result, _CACHE: cache, _RADIANCE: self._radiance, _FIXED: fixed}
+            self._gather.run(count, buffers, {})
+            results.append(np.frombuffer(self._result.read(16 * count), np.float32).reshape(-1, 4))
+        return np.concatenate(results)
+
+
+def _hemicube_bytes(tiles: Tiles) -> int:
+    """Return the memory of one identity hemicube, bytes."""
+    return 4 * 3 * tiles.n**2

@@ -1,0 +1,115 @@
+"""One iteration: every patch gathers what its hemicube sees (paper, IV.B and IV.C)."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from typing import Protocol
+
+import numpy as np
+
+from ..device.compute import Compute
+from ..device.graphics import Graphics
+from ..patches.subdivision import Subdivision
+from ..scene.model import Scene
+from ..settings import Settings
+from ..visibility.raster.targets import IdentityTarget, RadianceTarget
+from ..visibility.raster.tiles import COPIED_RADIANCE_BYTES, IDENTITY_BYTES, RADIANCE_BYTES, plan_tiles
+from ..visibility.views.hemicubes import Hemicubes
+from .glsl import GlslIntegrator
+from .glsl_cached import GlslCachedIntegrator
+from .opencl import CopiedIntegrator
+from .protocol import Integrator
+
+#: Stands in hemicubes where the integrator has to look the sky up.
+_LOOK_UP = (0.0, 0.0, 0.0, 2.0)
+
+
+class Gather(Protocol):
+    """A way to gather from radiance in host memory."""
+
+    def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
+        """Gather once from (n, 3) float32 radiance; yield the fraction done after each slice.
+
+        Returns (n, 4) float32: rgb is E/pi, a the share of the hemisphere not taken by back faces.
+        """
+
+
+class PaperGather:
+    """Gathers irradiance with radiance hemicubes that are drawn anew in every iteration (paper, IV.B)."""
+
+    def __init__(
+        self,
+        graphics: Graphics,
+        compute: Compute | None,
+        scene: Scene,
+        parts: Subdivision,
+        emission: np.ndarray,
+        sky: np.ndarray,
+        settings: Settings,
+    ) -> None:
+        """Prepare to gather.
+
+        emission  (n, 3) float32 radiance of each patch, seen on back faces
+        sky       (h, w, 3) float32, equirectangular, `Sky.rest`
+        """
+        # OpenGL integrates where it computes, else OpenCL does after a copy through the host. A rule and no
+        # timing: both differ in the last bits, and the same bake has to give the same bits.
+        copying = None if graphics.computes else compute
+        tiles = plan_tiles(
+            settings, len(parts.patches), RADIANCE_BYTES if copying is None else COPIED_RADIANCE_BYTES
+        )
+        nothing = None if copying is None else _LOOK_UP
+        half = settings.half_radiance and copying is None
+        self._target = RadianceTarget(graphics, tiles, emission, nothing, half)
+        self._hemicubes = Hemicubes(graphics, scene, parts, tiles, self._target, settings, again=True)
+        texture, depth = self._target.texture, self._hemicubes.depth
+        self._integrator: Integrator
+        if copying is None:
+            self._integrator = GlslIntegrator(graphics, tiles, texture, depth, sky)
+        else:
+            self._integrator = CopiedIntegrator(copying, tiles, texture, sky)
+        self.integrator = self._integrator.name
+
+    def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
+        """Gather once; see `Gather.iteration`."""
+        self._target.set_radiance(radiance)
+        result = np.empty((self._hemicubes.count, 4), np.float32)
+        for first, last in self._hemicubes.batches():
+            placed = self._hemicubes.place(first, last)
+            for drawn in self._hemicubes.draw(placed):
+                yield (first + drawn) / self._hemicubes.count
+            result[first:last] = self._integrator.integrate(placed.frames)
+        return result
+
+
+class GlslGather:
+    """Gathers with identity hemicubes that OpenGL draws once, keeps and sums: for machines without OpenCL."""
+
+    def __init__(
+        self,
+        graphics: Graphics,
+        scene: Scene,
+        parts: Subdivision,
+        emission: np.ndarray,
+        sky: np.ndarray,
+        settings: Settings,
+    ) -> None:
+        """Prepare to gather; parameters as of `PaperGather`."""
+        tiles = plan_tiles(settings, len(parts.patches), IDENTITY_BYTES)
+        target = IdentityTarget(graphics, tiles)
+        self._hemicubes = Hemicubes(graphics, scene, parts, tiles, target, settings)
+        self._integrator = GlslCachedIntegrator(graphics, tiles, target.texture, emission, sky)
+
+    def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
+        """Gather once; see `Gather.iteration`. The first iteration draws the hemicubes."""
+        self._integrator.set_radiance(radiance)
+        result = np.empty((self._hemicubes.count, 4), np.float32)
+        for index, (first, last) in enumerate(self._hemicubes.batches()):
+            if index >= self._integrator.batches:
+                placed = self._hemicubes.place(first, last)
+                for drawn in self._hemicubes.draw(placed):
+                    yield (first + drawn) / self._hemicubes.count
+                self._integrator.keep(placed.frames)
+            result[first:last] = self._integrator.gather(index)
+            yield last / self._hemicubes.count
+        return result

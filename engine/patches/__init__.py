@@ -1,0 +1,1 @@
+"""Lightmap texels that lie on surfaces."""

@@ -1,0 +1,157 @@
+"""Stores a patch list in a binary file and loads it again (paper, IV.A).
+
+Layout, little-endian: magic, version, resolution, number of patches, CRC-32 of the charts they were
+made from, CRC-32 of the body; then the body: atlas, texel, mesh, face, subface (int32 each) and
+barycentric (3 float32), array after array.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from pathlib import Path
+
+import numpy as np
+
+from ..device.graphics import Graphics
+from ..errors import PatchFileError
+from ..scene.model import Scene
+from ..settings import Settings
+from .patch_list import PatchList, list_patches
+
+_MAGIC = b"HEMIPATC"
+_VERSION = 1
+_HEADER = struct.Struct("<8sIIQII")
+_INTEGERS = ("atlas", "texel", "mesh", "face", "subface")
+_PATCH_BYTES = 4 * (len(_INTEGERS) + 3)
+
+#: Barycentrics may leave their triangle by this much.
+_BARYCENTRIC_TOLERANCE = 1e-3
+
+
+def list_or_load_patches(graphics: Graphics, scene: Scene, settings: Settings) -> PatchList:
+    """Load the patch list from `settings.patch_file`; without such a file make the list and store it there.
+
+    Raises PatchFileError if the file is unusable or cannot be written, SceneError as `list_patches`.
+    """
+    if settings.patch_file is None:
+        return list_patches(graphics, scene, settings.resolution)
+    path = Path(settings.patch_file)
+    if path.exists():
+        return read_patches(path, scene, settings.resolution)
+    patches = list_patches(graphics, scene, settings.resolution)
+    write_patches(path, scene, patches)
+    return patches
+
+
+def write_patches(path: Path, scene: Scene, patches: PatchList) -> None:
+    """Write the patch list of a scene; raises PatchFileError if the file cannot be written.
+
+    Under its name the file is whole or not there: it is written beside it.
+    """
+    body = b"".join(getattr(patches, name).astype("<i4").tobytes() for name in _INTEGERS)
+    body += patches.barycentric.astype("<f4").tobytes()
+    header = _HEADER.pack(
+        _MAGIC, _VERSION, patches.resolution, len(patches), charts_checksum(scene), zlib.crc32(body)
+    )
+    partial = path.with_name(f"{path.name}.partial")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            partial.write_bytes(header + body)
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
+    except OSError as error:
+        raise PatchFileError(
+            f"'{path}' cannot be written ({error.strerror}). Choose another place."
+        ) from error
+
+
+def read_patches(path: Path, scene: Scene, resolution: int) -> PatchList:
+    """Read the patch list of a scene from a file.
+
+    Raises PatchFileError if the file cannot be read, is not a patch file, of another version,
+    truncated or damaged, was made from other charts or for another resolution, or has patches that the
+    scene has not.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise PatchFileError(f"'{path}' cannot be read ({error.strerror}). Choose another file.") from error
+    if data[:8] != _MAGIC:
+        raise PatchFileError(f"'{path}' is not a Hemibake patch file. Choose another file or bake again.")
+    if len(data) < _HEADER.size:
+        raise PatchFileError(f"'{path}' ends within its header. Delete it and bake again.")
+    _, version, file_resolution, count, charts, checksum = _HEADER.unpack_from(data)
+    body = data[_HEADER.size :]
+    if version != _VERSION:
+        raise PatchFileError(
+            f"'{path}' has version {version}, this Hemibake reads version {_VERSION}. "
+            "Delete it and bake again."
+        )
+    if len(body) != count * _PATCH_BYTES:
+        raise PatchFileError(
+            f"'{path}' should hold {count} patches in {count * _PATCH_BYTES} bytes but has {len(body)}. "
+            "It is truncated or damaged: delete it and bake again."
+        )
+    if zlib.crc32(body) != checksum:
+        raise PatchFileError(f"'{path}' is damaged: its checksum is wrong. Delete it and bake again.")
+    if file_resolution != resolution or charts != charts_checksum(scene):
+        raise PatchFileError(
+            f"'{path}' was made for {file_resolution} x {file_resolution} texels of a scene whose lightmap "
+            "UVs have changed, or for another scene. Delete it and bake again."
+        )
+    patches = _unpack(body, resolution, count)
+    if not count or _wrong_places(patches, scene).any() or _wrong_triangles(patches, scene).any():
+        raise PatchFileError(
+            f"'{path}' has patches that are not in the scene, although its checksums are right. "
+            "Delete it and bake again."
+        )
+    return patches
+
+
+def charts_checksum(scene: Scene) -> int:
+    """Return a CRC-32 of all that a patch list depends on but its resolution: charts, faces, atlases."""
+    checksum = 0
+    for mesh in scene.meshes:
+        for values in (mesh.uvs, mesh.face, mesh.subface, np.array([mesh.atlas, len(mesh.face)], np.int32)):
+            checksum = zlib.crc32(np.ascontiguousarray(values).tobytes(), checksum)
+    return checksum
+
+
+def _wrong_places(patches: PatchList, scene: Scene) -> np.ndarray:
+    """Return which patches, (n,) bool, are on no texel, not in the order of texels, or beside a triangle."""
+    texels = patches.resolution**2
+    wrong = (patches.atlas < 0) | (patches.atlas >= len(scene.atlases))
+    wrong |= (patches.texel < 0) | (patches.texel >= texels)
+    wrong[1:] |= np.diff(patches.atlas.astype(np.int64) * texels + patches.texel) <= 0
+    place, slack = patches.barycentric, _BARYCENTRIC_TOLERANCE
+    on_triangle = (place >= -slack).all(axis=1) & (np.abs(place.sum(axis=1) - 1) <= slack)
+    return wrong | ~on_triangle
+
+
+def _wrong_triangles(patches: PatchList, scene: Scene) -> np.ndarray:
+    """Return which patches, (n,) bool, lie on no triangle of a mesh of their atlas."""
+    wrong = (patches.mesh < 0) | (patches.mesh >= len(scene.meshes))
+    owner = np.where(wrong, 0, patches.mesh)
+    wrong |= np.array([mesh.atlas for mesh in scene.meshes])[owner] != patches.atlas
+
+    # Triangles are in the order of meshes, faces and subfaces: one number stands for all three.
+    faces = np.array([mesh.face[-1] + 1 if len(mesh.face) else 0 for mesh in scene.meshes], np.int64)
+    subfaces = 1 + max(int(mesh.subface.max(initial=0)) for mesh in scene.meshes)
+    wrong |= (patches.face < 0) | (patches.face >= faces[owner])
+    wrong |= (patches.subface < 0) | (patches.subface >= subfaces)
+    first = np.cumsum(faces) - faces
+    meshes = zip(first, scene.meshes, strict=True)
+    there = np.concatenate([(start + mesh.face) * subfaces + mesh.subface for start, mesh in meshes])
+    code = (first[owner] + patches.face) * subfaces + patches.subface
+    missing: np.ndarray = there.take(np.searchsorted(there, code), mode="clip") != code
+    return wrong | missing
+
+
+def _unpack(body: bytes, resolution: int, count: int) -> PatchList:
+    integers = np.frombuffer(body, "<i4", 5 * count).astype(np.int32).reshape(5, count)
+    barycentric = np.frombuffer(body, "<f4", 3 * count, 20 * count).astype(np.float32).reshape(count, 3)
+    columns = {name: row.copy() for name, row in zip(_INTEGERS, integers, strict=True)}
+    return PatchList(resolution, barycentric=barycentric, **columns)

@@ -1,0 +1,44 @@
+"""Texture space subdivision: a scene's triangles and its patches, with all that is known about them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..device.graphics import Graphics
+from ..scene.model import Scene
+from ..settings import Settings
+from .coverage import check_overlap, note_uncovered, touched_triangles
+from .geometry import PatchGeometry, Triangles, gather_triangles
+from .patch_file import list_or_load_patches
+from .patch_list import PatchList
+from .surfaces import PatchSurfaces, patch_surfaces
+from .texel_owners import add_thin_patches
+
+
+@dataclass(frozen=True)
+class Subdivision:
+    """Which texels are patches, where they are, and what they are made of.
+
+    owners    (atlases, r, r) uint32 index map: patch + 1, or 0
+    warnings  sentences for the user
+    """
+
+    triangles: Triangles
+    patches: PatchList
+    geometry: PatchGeometry
+    surfaces: PatchSurfaces
+    owners: np.ndarray
+    warnings: tuple[str, ...]
+
+
+def subdivide(graphics: Graphics, scene: Scene, settings: Settings) -> Subdivision:
+    """Make the patches of a scene (paper, III.A and IV.A); raises Scene-, Settings-, PatchFileError."""
+    triangles = gather_triangles(scene)
+    covered = list_or_load_patches(graphics, scene, settings)
+    warnings = [*note_uncovered(scene, covered), *check_overlap(graphics, scene, triangles, covered)]
+    touched = touched_triangles(graphics, triangles, len(scene.atlases), settings.resolution)
+    patches, geometry, owners = add_thin_patches(scene, triangles, covered, touched)
+    surfaces = patch_surfaces(scene, triangles, patches, geometry)
+    return Subdivision(triangles, patches, geometry, surfaces, owners, tuple(warnings))

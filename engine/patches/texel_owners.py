@@ -1,0 +1,148 @@
+"""From a lightmap texel to the patch that owns it, also where no texel centre is covered.
+
+A look-up by lightmap UV can land on a texel that a triangle touches without covering its centre.
+Such a texel is owned by a patch nearby on the same surface, so that no light is lost at chart
+borders; the radiosity itself is never dilated during iterations (paper, VI.B). A surface too thin
+to cover any centre nearby gets a patch of its own.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..scene.model import Scene
+from .geometry import PatchGeometry, Triangles, patch_geometry
+from .patch_list import PatchList, concatenate
+
+#: Neighbours that may own a texel, nearest first.
+_OFFSETS = sorted(
+    ((dy, dx) for dy in range(-2, 3) for dx in range(-2, 3) if (dy, dx) != (0, 0)),
+    key=lambda offset: (offset[0] ** 2 + offset[1] ** 2, offset),
+)
+
+#: A point this near to a texel's centre, in texels along u and v, lies within it and not on its border.
+_WITHIN = 0.499
+
+
+def add_thin_patches(
+    scene: Scene, triangles: Triangles, patches: PatchList, touched: np.ndarray
+) -> tuple[PatchList, PatchGeometry, np.ndarray]:
+    """Give every touched texel an owner; return the grown patch list, its geometry and the index map.
+
+    touched: (atlases, r, r) int32 from `touched_triangles`. The index map is (atlases, r, r) uint32,
+    patch index + 1, or 0 where nothing is.
+    """
+    geometry = patch_geometry(scene, triangles, patches)
+    owners = _covered_map(patches, touched.shape)
+    border = np.argwhere((touched >= 0) & (owners == 0))
+    border_triangle = touched[tuple(border.T)]
+    barycentric, inside = _closest_points(triangles, border, border_triangle, patches.resolution)
+    neighbour = _owning_neighbour(geometry, triangles, owners, border, border_triangle, barycentric)
+
+    # Surfaces without a covered centre nearby become patches at the point nearest to the texel's centre.
+    thin = (neighbour == 0) & inside
+    if thin.any():
+        thin_patches = _patches_at(
+            scene, patches.resolution, triangles, border[thin], border_triangle[thin], barycentric[thin]
+        )
+        patches = _sorted(concatenate([patches, thin_patches]))
+        geometry = patch_geometry(scene, triangles, patches)
+        owners = _covered_map(patches, touched.shape)
+        rest = ~thin
+        neighbour = _owning_neighbour(
+            geometry, triangles, owners, border[rest], border_triangle[rest], barycentric[rest]
+        )
+        border = border[rest]
+    owners[tuple(border.T)] = neighbour
+    return patches, geometry, owners
+
+
+def _covered_map(patches: PatchList, shape: tuple[int, ...]) -> np.ndarray:
+    """Index map of the covered texels alone."""
+    owners = np.zeros(shape, np.uint32)
+    owners.reshape(shape[0], -1)[patches.atlas, patches.texel] = np.arange(1, len(patches) + 1)
+    return owners
+
+
+def _closest_points(
+    triangles: Triangles, texels: np.ndarray, triangle: np.ndarray, resolution: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the barycentrics (m, 3) of the point of each triangle nearest to a texel's centre in UV space.
+
+    The second array, (m,) bool, tells which of these points lie within their texel.
+    """
+    corners = triangles.uvs[triangle].astype(np.float64) * resolution
+    center = texels[:, [2, 1]] + 0.5
+    best = np.zeros((len(texels), 3))
+    best_distance = np.full(len(texels), np.inf)
+    inside = np.zeros(len(texels), bool)
+    for first, second in ((0, 1), (1, 2), (2, 0)):
+        start, edge = corners[:, first], corners[:, second] - corners[:, first]
+        length2 = np.maximum((edge * edge).sum(axis=1), 1e-20)
+        t = np.clip(((center - start) * edge).sum(axis=1) / length2, 0, 1)
+        offset = start + t[:, None] * edge - center
+        distance = np.linalg.norm(offset, axis=1)
+        nearer = distance < best_distance
+        best_distance[nearer] = distance[nearer]
+        inside[nearer] = np.abs(offset[nearer]).max(axis=1) < _WITHIN
+        best[nearer] = 0
+        best[nearer, first], best[nearer, second] = 1 - t[nearer], t[nearer]
+    return best.astype(np.float32), inside
+
+
+def _owning_neighbour(
+    geometry: PatchGeometry,
+    triangles: Triangles,
+    owners: np.ndarray,
+    texels: np.ndarray,
+    triangle: np.ndarray,
+    barycentric: np.ndarray,
+) -> np.ndarray:
+    """Return the owner (m,) uint32 of each border texel: the nearest patch of the same surface, or 0.
+
+    Same surface: the same mesh, and no farther away in the world than on the lightmap.
+    """
+    point = np.einsum("nk,nkd->nd", barycentric, triangles.positions[triangle])
+    height, width = owners.shape[1:]
+    result = np.zeros(len(texels), np.uint32)
+    for dy, dx in _OFFSETS:
+        y, x = texels[:, 1] + dy, texels[:, 2] + dx
+        inside = (result == 0) & (y >= 0) & (y < height) & (x >= 0) & (x < width)
+        candidate = np.where(inside, owners[texels[:, 0], y % height, x % width], 0)
+        chosen = np.flatnonzero(candidate)
+        nearby = geometry.part(candidate[chosen].astype(np.int64) - 1)
+        texel_size = np.maximum(np.linalg.norm(nearby.edge_u, axis=1), np.linalg.norm(nearby.edge_v, axis=1))
+        distance = np.linalg.norm(nearby.center - point[chosen], axis=1)
+        near = distance <= 2 * texel_size * np.hypot(dy, dx)
+        same = triangles.mesh[nearby.triangle] == triangles.mesh[triangle[chosen]]
+        accepted = near & same
+        result[chosen[accepted]] = candidate[chosen[accepted]]
+    return result
+
+
+def _patches_at(
+    scene: Scene,
+    resolution: int,
+    triangles: Triangles,
+    texels: np.ndarray,
+    triangle: np.ndarray,
+    barycentric: np.ndarray,
+) -> PatchList:
+    """Return patches for texels at given points of given triangles."""
+    face = np.concatenate([mesh.face for mesh in scene.meshes])
+    subface = np.concatenate([mesh.subface for mesh in scene.meshes])
+    return PatchList(
+        resolution,
+        texels[:, 0].astype(np.int32),
+        (texels[:, 1] * resolution + texels[:, 2]).astype(np.int32),
+        triangles.mesh[triangle],
+        face[triangle].astype(np.int32),
+        subface[triangle].astype(np.int32),
+        barycentric,
+    )
+
+
+def _sorted(patches: PatchList) -> PatchList:
+    """Order patches by atlas, then texel."""
+    order = np.lexsort((patches.texel, patches.atlas))
+    return patches.part(order)

@@ -1,0 +1,34 @@
+"""What a bake still can do on a machine without OpenCL: OpenGL sums the hemicubes, no rays are cast."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ..device.devices import Devices
+from ..errors import DeviceError
+from ..scene.model import Scene, shining_lights
+from ..settings import Settings
+
+#: Outputs that take rays.
+_RAY_OUTPUTS = {"ambient_occlusion": "ambient occlusion", "shadow_mask": "shadow masks"}
+
+
+def without_opencl(devices: Devices, scene: Scene, settings: Settings) -> tuple[Settings, tuple[str, ...]]:
+    """Return what is left of the settings if there is no OpenCL, and sentences for the user.
+
+    Raises DeviceError if there is none and the bake needs rays, or OpenGL is older than 4.3.
+    """
+    if devices.compute is not None:
+        return settings, ()
+    error, graphics = devices.missing, devices.graphics
+    needs = [text for name, text in _RAY_OUTPUTS.items() if name in settings.outputs]
+    if shining_lights(scene):
+        needs.insert(0, "the light of lamps")
+    if settings.visibility == "rays":
+        needs.append("rays")
+    if needs:
+        raise DeviceError(f"OpenCL is needed for {' and '.join(needs)}. {error}")
+    if not graphics.computes:
+        raise DeviceError(f"'{graphics.name}' has no OpenGL 4.3, so OpenCL is needed. {error}")
+    note = f"Baked without OpenCL: small bright surfaces and bright sky give more noise. {error}"
+    return replace(settings, sample_emission=False, shared_bounces=1), (note,)

@@ -1,0 +1,1 @@
+"""What is baked: the data of a scene, and the checks on it."""

@@ -1,0 +1,108 @@
+"""The light of all patches on the OpenCL device: a sweep reads it there and leaves it there."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import numpy as np
+import pyopencl as cl
+
+from ..device.buffers import download, upload, upload_float4, zeros
+from ..device.compute import Compute
+from ..gather.sweep import Sweep
+from .solver import Step, Sums
+
+#: Work items of the kernels that sum over patches, and of a group that adds their sums up: on a graphics
+#: card, and on a processor. Many items keep float32 sums exact.
+_ITEMS, _ADDING = (2048, 512), (256, 1)
+
+
+class DeviceRadiosity:
+    """See `solve.Radiosity`; parameters as of `host_radiosity.HostRadiosity` but for emission.
+
+    emission      float4 of each patch + 1, on the device, radiance that the patches see; entry 0 is black
+    radiance      float4 of each patch + 1; entry 0 is black
+    patches_seen  float of each patch: the share of its view that other patches take
+    """
+
+    def __init__(
+        self,
+        compute: Compute,
+        sweep: Sweep,
+        reflectance: np.ndarray,
+        emission: cl.Buffer,
+        area: np.ndarray,
+        lights: np.ndarray,
+        glowing: bool,
+        columns: int,
+    ) -> None:
+        self._compute, self._queue, self._sweep = compute, compute.queue, sweep
+        self.count, self.area = len(reflectance), float(area.sum(dtype=np.float64))
+        self.columns, self._pairs = columns, np.triu_indices(columns)
+        names = ("begin", "products", "mix_iterates", "add_up")
+        options = (f"-DCOLUMNS={columns}",)
+        begin, self._products, self._mix, self._add_up = compute.kernels("solve.cl", *names, options=options)
+        self._emission, self._reflectance = emission, upload_float4(compute, reflectance)
+        self._lights, self._area = upload_float4(compute, lights), upload(compute, area)
+        self.patches_seen = zeros(compute, 4 * self.count)
+        self._gathered, self._defects = (zeros(compute, 16 * self.count * columns) for _ in range(2))
+        self._irradiance = zeros(compute, 16 * self.count) if glowing else upload_float4(compute, lights)
+        self.radiance = zeros(compute, 16 * (self.count + 1))
+        compute.run(
+            begin, self.count, self._emission, self._reflectance, self._irradiance, self.radiance,
+            np.int32(self.count),
+        )  # fmt: skip
+        kind = 0 if compute.group > 1 else 1
+        self._items, self._adding = _ITEMS[kind], self._add_up.group(_ADDING[kind])[0]
+
+        # Sums of kernels/solve.cl: a product for each pair of columns, and three more.
+        self._numbers = len(self._pairs[0]) + 3
+        self._sums, self._totals = (zeros(compute, 16 * self._numbers * items) for items in (self._items, 1))
+        self._mixture = np.zeros((columns + 1, 4), np.float32)
+        self._weights = upload(compute, self._mixture)
+
+    def outputs(self, column: int) -> tuple:
+        """Return what the kernels of kernels/gather.cl take to write a column of the ring."""
+        ring = (self._gathered, self._defects, np.int32(column), np.int32(self.count))
+        return (self._lights, self._irradiance, *ring)
+
+    def sweep(self, column: int) -> Generator[float, None, None]:
+        """Gather from the current radiance into a column of the ring; yield the fraction done."""
+        yield from self._sweep.gather(self, column)
+
+    def sums(self, newest: int, least: float) -> Sums:
+        """Return the sums after a sweep; see `solve.Radiosity.sums`."""
+        self._products(
+            self._queue, (self._items,), None,
+            self._gathered, self._defects, np.int32(newest), self._reflectance, self._area,
+            self.patches_seen, np.float32(least), np.int32(self.count), self._sums,
+        )  # fmt: skip
+        sums, (rows, columns) = self._read_sums(self._numbers), self._pairs
+        products = np.zeros((self.columns, self.columns, 3))
+        products[rows, columns] = products[columns, rows] = sums[:-3]
+        return Sums(products, sums[-3], sums[-2], sums[-1, 0] / self.count)
+
+    def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> Step:
+        """Make the next irradiance; see `solve.Radiosity.mix`."""
+        self._mixture[:-1, :3], self._mixture[-1, :3] = weights, ambient
+        cl.enqueue_copy(self._queue, self._weights, self._mixture, is_blocking=False)
+        self._mix(
+            self._queue, (self._items,), None,
+            self._gathered, self._weights, self.patches_seen,
+            self._reflectance, self._emission, self._area, np.float32(least), np.int32(self.count),
+            self._irradiance, self.radiance, self._sums,
+        )  # fmt: skip
+        change, relative, flux = self._read_sums(1)[0]
+        return Step(change / self.count, relative / self.count, np.pi * flux)
+
+    def iterate(self, column: int) -> np.ndarray:
+        """Return E/pi and the share that is no back, (n, 4) float32, of a column."""
+        return download(self._compute, self._gathered, (self.count, 4), 16 * self.count * column)
+
+    def _read_sums(self, numbers: int) -> np.ndarray:
+        """Return the sums of all work items together, (numbers, 3) float64."""
+        self._add_up(
+            self._queue, (self._adding * numbers,), (self._adding,),
+            self._sums, np.int32(self._items), self._totals, cl.LocalMemory(16 * self._adding),
+        )  # fmt: skip
+        return download(self._compute, self._totals, (numbers, 4))[:, :3].astype(np.float64)

@@ -1,0 +1,90 @@
+"""The light of patches that share their bounces: solved for squares of them, then gathered by each."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import numpy as np
+
+from ..gather.final_gather import FinalGather
+from .patch_groups import SharedPatches
+from .solver import Solver
+
+
+class SharedSolution:
+    """What a `Solver` is, for all patches, from a solver of shared ones.
+
+    lights    (n, 3) float32, E/pi of lights that patches do not gather
+    emission  (m, 3) float32, radiance of shared patches that patches see
+    parted    True if direct and indirect light are wanted apart
+    """
+
+    def __init__(
+        self,
+        solver: Solver,
+        shared: SharedPatches,
+        final: FinalGather,
+        lights: np.ndarray,
+        emission: np.ndarray,
+        parted: bool,
+    ) -> None:
+        self._solver, self._shared, self._final = solver, shared, final
+        self._emission, self._reflectance = emission, shared.parts.surfaces.reflectance
+        self._direct: np.ndarray | None = None if parted else lights
+        self._gathered: np.ndarray | None = None
+
+    @property
+    def iterations(self) -> int:
+        """Sweeps so far; the last gather is none."""
+        return self._solver.iterations
+
+    @property
+    def energies(self) -> list[float]:
+        """Flux that each iteration added, W, sum of the channels."""
+        return self._solver.energies
+
+    @property
+    def residual(self) -> float:
+        """See `Solver.residual`."""
+        return self._solver.residual
+
+    @property
+    def converged(self) -> bool:
+        """See `Solver.converged`."""
+        return self._solver.converged
+
+    @property
+    def done(self) -> bool:
+        """True once every patch has gathered."""
+        return self._gathered is not None
+
+    def iteration(self) -> Generator[float, None, None]:
+        """Sweep once, or gather for the last time if the sweeps are done; yield the fraction done."""
+        if not self._solver.done:
+            yield from self._solver.iteration()
+            return
+        if self._direct is None:
+            self._direct = (yield from self._final.gather(self._emission))[:, :3]
+        radiance = self._emission + self._reflectance * self._solver.irradiance
+        self._gathered = yield from self._final.gather(radiance)
+
+    @property
+    def gathered(self) -> np.ndarray:
+        """E/pi and the share that is no back, (n, 4) float32; before the last gather that of the squares."""
+        return self._solver.gathered[self._shared.group] if self._gathered is None else self._gathered
+
+    @property
+    def irradiance(self) -> np.ndarray:
+        """E/pi of all light so far, (n, 3) float32."""
+        return self.gathered[:, :3]
+
+    @property
+    def direct(self) -> np.ndarray:
+        """E/pi of light that was not reflected, (n, 3) float32."""
+        return self._solver.direct[self._shared.group] if self._direct is None else self._direct
+
+    @property
+    def indirect(self) -> np.ndarray:
+        """E/pi of the light that patches reflect, (n, 3) float32."""
+        indirect: np.ndarray = np.maximum(self.irradiance - self.direct, 0)
+        return indirect

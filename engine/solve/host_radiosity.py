@@ -1,0 +1,83 @@
+"""The light of all patches in host memory, for gathers that start and end there."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import numpy as np
+
+from ..gather.hemicube_gather import Gather
+from .solver import Step, Sums
+
+
+class HostRadiosity:
+    """See `solve.Radiosity`.
+
+    reflectance  (n, 3) float32
+    emission     (n, 3) float32, radiance that the patches themselves see as they gather
+    area         (n,) float32, m^2
+    lights       (n, 3) float32, E/pi of lights that patches do not gather, or None
+    glowing      see `solve.Solver`
+    columns      see `solve.Radiosity`
+    """
+
+    def __init__(
+        self,
+        gather: Gather,
+        reflectance: np.ndarray,
+        emission: np.ndarray,
+        area: np.ndarray,
+        lights: np.ndarray | None = None,
+        glowing: bool = True,
+        columns: int = 1,
+    ) -> None:
+        self._gather, self._reflectance, self._emission = gather, reflectance, emission
+        self._areas = area.astype(np.float64)
+        self._lights = np.zeros_like(emission) if lights is None else lights
+        self._irradiance = np.zeros_like(emission) if glowing else self._lights
+        self.count, self.area, self.columns = len(emission), float(self._areas.sum()), columns
+        self._gathered = np.zeros((columns, self.count, 4), np.float32)
+        self._defects = np.zeros((columns, self.count, 3), np.float32)
+
+    @property
+    def radiance(self) -> np.ndarray:
+        """What the patches send out, (n, 3) float32."""
+        radiance: np.ndarray = self._emission + self._reflectance * self._irradiance
+        return radiance
+
+    def sweep(self, column: int) -> Generator[float, None, None]:
+        """Gather from the current radiance into a column of the ring; yield the fraction done."""
+        gathered = yield from self._gather.iteration(self.radiance)
+        self._gathered[column] = gathered
+        self._gathered[column, :, :3] += self._lights
+        self._defects[column] = self._gathered[column, :, :3] - self._irradiance
+
+    def sums(self, newest: int, least: float) -> Sums:
+        """Return the sums after a sweep; see `solve.Radiosity.sums`."""
+        total = self._gathered[newest, :, :3].sum(axis=1, dtype=np.float64)
+        weight = 1 / np.maximum(total, least) ** 2
+        differences = self._defects.astype(np.float64) - self._defects[newest]
+        differences[newest] = self._defects[newest]
+        share = self._areas[:, None] * self._reflectance
+        return Sums(
+            np.einsum("n,inc,jnc->ijc", weight, differences, differences, optimize=True),
+            (share * self._defects[newest]).sum(axis=0),
+            (share * self._gathered[newest, :, 3:]).sum(axis=0),
+            float(total.mean()),
+        )
+
+    def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> Step:
+        """Make the next irradiance; see `solve.Radiosity.mix`."""
+        used = np.flatnonzero(weights.any(axis=1))
+        following = sum(self._gathered[column, :, :3] * weights[column].astype(np.float32) for column in used)
+        following = np.maximum(following + ambient.astype(np.float32), 0)
+        step = following - self._irradiance
+        change = np.abs(step).sum(axis=1, dtype=np.float64)
+        relative = change / np.maximum(following.sum(axis=1, dtype=np.float64), least)
+        flux = np.pi * (self._areas * (self._reflectance * step).sum(axis=1, dtype=np.float64)).sum()
+        self._irradiance = following
+        return Step(float(change.mean()), float(relative.mean()), float(flux))
+
+    def iterate(self, column: int) -> np.ndarray:
+        """Return E/pi and the share that is no back, (n, 4) float32, of a column: a copy."""
+        return self._gathered[column].copy()

@@ -1,0 +1,73 @@
+"""Bounces of large lightmaps: solved for squares of patches, gathered once more by every patch.
+
+Light that was reflected several times is smooth, and only its sources are shared: what a patch shows
+is its own last gather.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pyopencl as cl
+
+from ..device.buffers import upload
+from ..patches.subdivision import Subdivision
+from ..patches.surfaces import PatchSurfaces
+from ..visibility.rays.ray_scene import RayScene
+
+#: Squares of patches that a work group has along u and v, where the device can run so many.
+_SQUARES = 8
+
+
+class SharedPatches:
+    """Patches that stand for squares of others.
+
+    group  (n,) int64, the shared patch of each patch
+    parts  shared patches as a Subdivision; `owners` names them
+    area   (m,) float32, m^2, of all patches in each
+    rays   casts rays from them
+    """
+
+    def __init__(self, rays: RayScene, parts: Subdivision, width: int) -> None:
+        leader = _leaders(rays, parts, width)
+        leading = np.flatnonzero(leader == np.arange(len(leader)))
+        number = np.zeros(len(leader), np.int64)
+        number[leading] = np.arange(len(leading))
+        self.group = number[leader]
+        self._members = np.bincount(self.group, minlength=len(leading)).astype(np.float32)
+        self.area = self.mean(parts.geometry.area) * self._members
+        surfaces = PatchSurfaces(self.mean(parts.surfaces.reflectance), self.mean(parts.surfaces.emission))
+        shared = np.concatenate([[0], self.group + 1]).astype(np.uint32)
+        self.parts = replace(
+            parts,
+            patches=parts.patches.part(leading),
+            geometry=parts.geometry.part(leading),
+            surfaces=surfaces,
+            owners=shared[parts.owners],
+        )
+        self.rays = rays.of(self.parts)
+
+    def mean(self, values: np.ndarray) -> np.ndarray:
+        """Return the mean over each square of the patches' values, (n, ...) -> (m, ...) float32."""
+        columns = values.reshape(len(values), -1).T
+        sums = [np.bincount(self.group, column, len(self._members)) for column in columns]
+        means: np.ndarray = np.stack(sums, axis=1) / self._members[:, None]
+        return means.reshape(len(self._members), *values.shape[1:]).astype(np.float32)
+
+
+def _leaders(rays: RayScene, parts: Subdivision, width: int) -> np.ndarray:
+    """Return the patch that each patch follows, (n,) uint32; kernels/share.cl."""
+    compute, patches = rays.compute, parts.patches
+    (share,) = compute.kernels(("receiver.cl", "share.cl"), "share")
+    arrays = (parts.owners, patches.texel, parts.geometry.material)
+    owners, texels, materials = (upload(compute, array) for array in arrays)
+    leaders = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * len(patches))
+    squares = -(-patches.resolution // (_SQUARES * width)) * _SQUARES
+    share(
+        compute.queue, (squares, squares, len(parts.owners)), share.group(_SQUARES, _SQUARES, 1),
+        owners, np.int32(patches.resolution), np.int32(width), texels, materials, rays.receivers, leaders,
+    )  # fmt: skip
+    result = np.empty(len(patches), np.uint32)
+    cl.enqueue_copy(compute.queue, result, leaders)
+    return result

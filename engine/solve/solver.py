@@ -1,0 +1,255 @@
+"""Iterates the radiosity equation and judges how far it is from its solution."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Protocol
+
+import numpy as np
+
+from ..settings import Settings
+from .anderson import Anderson
+
+#: Patches darker than this share of the mean count as if they had it.
+_DARK = 1e-4
+
+#: The least light that weights are made with: float32 holds the square of its reciprocal.
+_DARKEST = 1e-15
+
+#: One accelerated sweep is not believed to cut the error by more than this factor.
+_MOST_GAIN = 4.0
+
+
+@dataclass(frozen=True)
+class Sums:
+    """Sums over all patches after a sweep; see kernels/solve.cl.
+
+    products   (c, c, 3) float64, c columns, see `Anderson.weights`
+    reflected  (3,) float64, m^2: what the patches reflect of the newest defect, times their area
+    seen       (3,) float64, m^2: the same of light 1 wherever they see others
+    total      mean of E/pi of all channels together
+    """
+
+    products: np.ndarray
+    reflected: np.ndarray
+    seen: np.ndarray
+    total: float
+
+
+@dataclass(frozen=True)
+class Step:
+    """What the next irradiance differs by, mean over the patches.
+
+    change    of E/pi, sum of the channels
+    relative  to each patch's own light
+    flux      added to what leaves the patches, W, sum of all patches and channels
+    """
+
+    change: float
+    relative: float
+    flux: float
+
+
+class Radiosity(Protocol):
+    """The light of all patches and what a sweep does to it.
+
+    count    patches
+    area     sum over all patches, m^2
+    columns  iterates that are kept, in a ring: `anderson.COLUMNS` for acceleration, else 1
+
+    An iterate is what all patches gathered from the radiance of the irradiance before; its defect is
+    the difference to that irradiance.
+    """
+
+    count: int
+    area: float
+    columns: int
+
+    def sweep(self, column: int) -> Generator[float, None, None]:
+        """Gather from the current radiance into a column of the ring; yield the fraction done."""
+
+    def sums(self, newest: int, least: float) -> Sums:
+        """Return the sums after a sweep; patches weigh 1 / light^2, but have at least the light `least`."""
+
+    def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> Step:
+        """Make the next irradiance: iterates times (columns, 3), and (3,) wherever patches are seen."""
+
+    def iterate(self, column: int) -> np.ndarray:
+        """Return E/pi and the share that is no back, (n, 4) float32, of a column: a copy."""
+
+
+class Solution(Protocol):
+    """What is known of a bake's light; see `Solver`."""
+
+    def iteration(self) -> Generator[float, None, None]:
+        """Sweep once; yield the fraction done."""
+
+    @property
+    def iterations(self) -> int:
+        """Sweeps so far."""
+        ...
+
+    @property
+    def energies(self) -> list[float]:
+        """Flux that each iteration added, W."""
+        ...
+
+    @property
+    def gathered(self) -> np.ndarray:
+        """E/pi and the share that is no back, (n, 4) float32."""
+        ...
+
+    @property
+    def irradiance(self) -> np.ndarray:
+        """E/pi of all light so far, (n, 3) float32."""
+        ...
+
+    @property
+    def direct(self) -> np.ndarray:
+        """E/pi of light that was not reflected, (n, 3) float32."""
+        ...
+
+    @property
+    def indirect(self) -> np.ndarray:
+        """E/pi of light that was, (n, 3) float32."""
+        ...
+
+    @property
+    def residual(self) -> float:
+        """Estimated remaining error; NaN while unknown."""
+        ...
+
+    @property
+    def converged(self) -> bool:
+        """True once the residual is below the tolerance."""
+        ...
+
+    @property
+    def done(self) -> bool:
+        """True once nothing is left to do."""
+        ...
+
+
+class Solver:
+    """Sweeps until the light has settled.
+
+    Without acceleration this is the paper's iteration: every patch gathers the radiance of the one
+    before (paper, IV.C). With it the first step adds the ambient light that energy balance demands
+    (Cohen et al. 1988), all later ones mix iterates as Anderson does.
+
+    radiosity   holds the light; its first radiance is emission, or that with the direct light reflected;
+                with more columns than one, sweeps are accelerated
+    lights      (n, 3) float32, E/pi of lights that patches do not gather
+    glowing     True if the patches gather light at first: the first sweep then gives the direct light
+                of emission and surroundings
+    """
+
+    def __init__(
+        self,
+        radiosity: Radiosity,
+        lights: np.ndarray,
+        settings: Settings,
+        glowing: bool = True,
+    ) -> None:
+        self._radiosity, self._lights, self._glowing = radiosity, lights, glowing
+        self._limit, self._tolerance = settings.iterations, settings.tolerance
+        self._anderson = Anderson() if radiosity.columns > 1 else None
+        self._newest = -1
+        self._direct = lights
+        self._steps: list[Step] = []
+        self._gathered: np.ndarray | None = None
+        self._total = 0.0
+
+    @property
+    def iterations(self) -> int:
+        """Sweeps so far."""
+        return len(self._steps)
+
+    @property
+    def energies(self) -> list[float]:
+        """Flux that each iteration added, W, sum of the channels."""
+        return [step.flux for step in self._steps]
+
+    @property
+    def irradiance(self) -> np.ndarray:
+        """E/pi of all light so far, (n, 3) float32."""
+        return self.gathered[:, :3] if self._steps else self._lights
+
+    @property
+    def gathered(self) -> np.ndarray:
+        """What the last sweep gathered, (n, 4) float32: E/pi, and the share that is no back."""
+        if self._gathered is None:
+            self._gathered = self._radiosity.iterate(self._newest)
+        return self._gathered
+
+    @property
+    def direct(self) -> np.ndarray:
+        """E/pi of light that was not reflected, (n, 3) float32."""
+        return self._direct
+
+    @property
+    def indirect(self) -> np.ndarray:
+        """E/pi of the light that patches reflect, (n, 3) float32."""
+        indirect: np.ndarray = np.maximum(self.irradiance - self.direct, 0)
+        return indirect
+
+    def iteration(self) -> Generator[float, None, None]:
+        """Sweep once; yield the fraction done."""
+        self._newest = (self._newest + 1) % self._radiosity.columns
+        yield from self._radiosity.sweep(self._newest)
+        self._gathered = None
+        sums = self._radiosity.sums(self._newest, max(self._total, _DARKEST))
+        if self._glowing and not self._steps:
+            self._direct = self._radiosity.iterate(self._newest)[:, :3]
+        self._total = sums.total
+        weights, ambient = self._mixture(sums)
+        self._steps.append(self._radiosity.mix(weights, ambient, max(_DARK * sums.total, _DARKEST)))
+
+    def _mixture(self, sums: Sums) -> tuple[np.ndarray, np.ndarray]:
+        """Return weights of the columns, (columns, 3), and the ambient light, (3,)."""
+        weights, ambient = np.zeros((self._radiosity.columns, 3)), np.zeros(3)
+        weights[self._newest] = 1
+        if self._anderson is not None:
+            weights = self._anderson.weights(self._newest, sums.products)
+            if not self._steps:
+                lost = np.maximum(self._radiosity.area - sums.seen, 1e-3 * self._radiosity.area)
+                ambient = np.maximum(sums.reflected, 0) / lost
+        return weights, ambient
+
+    @property
+    def residual(self) -> float:
+        """Estimated remaining error of E, relative to E of each patch, mean over all; NaN while unknown.
+
+        Relative to its own: in a room beside a sunlit square, the mean of both says nothing. The next
+        accelerated step is what acceleration believes to be missing.
+        """
+        if self._steps and self._steps[-1].change == 0:
+            return 0.0
+        if len(self._steps) < 2:
+            return float("nan")
+        if self._anderson is None:
+            return _geometric_rest(self._steps)
+        before, last = self._steps[-2:]
+        return max(last.relative, before.relative / _MOST_GAIN)
+
+    @property
+    def converged(self) -> bool:
+        """True once the residual is at or below the tolerance."""
+        return self.residual <= self._tolerance
+
+    @property
+    def done(self) -> bool:
+        """True once converged, or out of iterations."""
+        return self.iterations >= self._limit or (self._tolerance > 0 and self.converged)
+
+
+def _geometric_rest(steps: list[Step]) -> float:
+    """Return the sum of all steps to come if they go on shrinking by the same factor.
+
+    The larger of the last two factors counts, since early bounces may meet dark surfaces.
+    """
+    recent = [step.change for step in steps[-3:]]
+    factor = max(after / before for before, after in pairwise(recent) if before > 0)
+    return steps[-1].relative * factor / (1 - factor) if factor < 1 else float("inf")

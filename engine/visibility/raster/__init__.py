@@ -1,0 +1,1 @@
+"""Hemicubes drawn with OpenGL (paper, IV.B)."""

@@ -1,0 +1,72 @@
+"""What patches see, drawn as identity hemicubes."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import numpy as np
+import pyopencl as cl
+
+from ...device.buffers import upload, upload_float4
+from ...device.compute import Compute
+from ...device.graphics import Graphics
+from ...device.share import HostCopy
+from ...patches.subdivision import Subdivision
+from ...scene.model import Scene
+from ...settings import Settings
+from ..identity import SeenBuffers, Surroundings, sample_bytes, sample_options
+from ..views.hemicube import multiplier_map
+from ..views.hemicubes import Hemicubes
+from .targets import IdentityTarget
+from .tiles import IDENTITY_BYTES, plan_tiles
+
+
+class RasterIdentity:
+    """Draws the identity hemicubes of patches with OpenGL and copies them to the OpenCL device."""
+
+    name = "raster"
+
+    def __init__(
+        self,
+        graphics: Graphics,
+        compute: Compute,
+        scene: Scene,
+        parts: Subdivision,
+        around: Surroundings,
+        settings: Settings,
+    ) -> None:
+        self._compute, self._queue, self._around = compute, compute.queue, around
+        self._tiles = plan_tiles(settings, len(parts.patches), IDENTITY_BYTES)
+        target = IdentityTarget(graphics, self._tiles)
+        self._hemicubes = Hemicubes(graphics, scene, parts, self._tiles, target, settings)
+        self._copy = HostCopy(compute, target.texture)
+        multiplier = multiplier_map(settings.hemicube).ravel()
+        self.multiplier: np.ndarray | None = multiplier
+        self.samples = len(multiplier)
+        size = sample_bytes(len(parts.patches))
+        self.row_bytes = size * self.samples
+        files = ("hemicube.cl", "identity.cl", "resolve.cl")
+        (self._resolve,) = compute.kernels(files, "resolve", options=sample_options(size))
+        self._weights = upload(compute, multiplier)
+
+    def find(self, first: int, last: int, seen: SeenBuffers) -> Generator[float, None, None]:
+        """Find what the patches first ... last see; yield the fraction done."""
+        for start in range(first, last, self._tiles.capacity):
+            end = min(start + self._tiles.capacity, last)
+            placed = self._hemicubes.place(start, end)
+            for drawn in self._hemicubes.draw(placed):
+                yield (start - first + drawn) / (last - first)
+            self._keep(start, end, placed.frames, seen)
+
+    def _keep(self, start: int, end: int, frames: np.ndarray, seen: SeenBuffers) -> None:
+        """Move the hemicubes that were drawn into the cache."""
+        rows = upload_float4(self._compute, frames.reshape(-1, 3))
+        (group,), around = self._resolve.group(self._compute.group), self._around
+        self._resolve(
+            self._queue, (group * (end - start),), (group,),
+            self._copy.update(), self._weights, rows,
+            around.emission, around.sky, around.width, around.height,
+            np.int32(self._tiles.columns), np.int32(self._tiles.n), np.int32(start),
+            np.int32(seen.cached_from), seen.cache, seen.constant, seen.patches_seen,
+            cl.LocalMemory(16 * group),
+        )  # fmt: skip

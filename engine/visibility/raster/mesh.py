@@ -1,0 +1,64 @@
+"""A scene's triangles as vertices and indices, each vertex once, in the order of clusters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...patches.geometry import Triangles
+from ...scene.cutouts import Cutouts
+
+
+@dataclass(frozen=True)
+class IndexedMesh:
+    """What vertex buffers are filled with.
+
+    vertices  (v, 6) float32: position relative to an origin, lightmap uv, atlas
+    cutouts   (v, 3) float32: place on the alpha map, material; None if no surface is see-through
+    indices   (3 t,) uint32
+    """
+
+    vertices: np.ndarray
+    cutouts: np.ndarray | None
+    indices: np.ndarray
+
+
+def indexed_mesh(
+    triangles: Triangles, positions: np.ndarray, cutouts: Cutouts, order: np.ndarray
+) -> IndexedMesh:
+    """Join equal corners of triangles.
+
+    positions: (t, 3, 3) float32, relative to an origin; order: (t,) int64, the triangles as they are drawn.
+    """
+    count = len(positions)
+    corners = np.empty((count, 3, 9 if cutouts.needed else 6), np.float32)
+    corners[:, :, 0:3] = positions
+    corners[:, :, 3:5] = triangles.uvs
+    corners[:, :, 5] = triangles.atlas[:, None]
+    if cutouts.needed:
+        corners[:, :, 6:8] = cutouts.uvs
+        corners[:, :, 8] = triangles.material[:, None]
+    rows = corners[order].reshape(3 * count, -1)
+    chosen, indices = _distinct(rows)
+    vertices = rows[chosen]
+    places = np.ascontiguousarray(vertices[:, 6:]) if cutouts.needed else None
+    return IndexedMesh(np.ascontiguousarray(vertices[:, :6]), places, indices.astype(np.uint32))
+
+
+def _distinct(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the first of each set of rows of equal bits, in their order, and each row's place among them.
+
+    Rows are told apart by a hash of 64 bits; should two different ones share it, all rows are kept.
+    """
+    code = np.zeros(len(rows), np.uint64)
+    for column in np.ascontiguousarray(rows).view(np.uint32).T:
+        code = (code ^ column) * np.uint64(0x9E3779B97F4A7C15)
+        code ^= code >> np.uint64(29)
+    _, first, inverse = np.unique(code, return_index=True, return_inverse=True)
+    if (rows[first[inverse]].view(np.uint32) != rows.view(np.uint32)).any():
+        return np.arange(len(rows)), np.arange(len(rows))
+    by_place = np.argsort(first)
+    rank = np.empty_like(by_place)
+    rank[by_place] = np.arange(len(by_place))
+    return first[by_place], rank[inverse]

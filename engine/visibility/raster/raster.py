@@ -1,0 +1,167 @@
+"""Draws hemicubes into a texture array with OpenGL (paper, IV.B)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import moderngl
+import numpy as np
+
+from ...device.graphics import Graphics
+from ...device.raw_gl import DEPTH_CLAMP
+from ...errors import DeviceError
+from ...patches.geometry import Triangles
+from ...scene.cutouts import Cutouts
+from ..views.hemicube import FACES
+from .clusters import Clusters
+from .draw_paths import DrawPath, MeshBuffers, available_paths
+from .mesh import indexed_mesh
+from .table import table
+from .targets import Target
+from .tiles import Tiles
+
+#: Clusters times hemicubes that are tested at once, and how long a path is tried at least, s.
+_TESTS = 1 << 20
+_TRIAL = 0.005
+
+
+class HemicubeRaster:
+    """What every patch of a batch sees.
+
+    cutouts  which surfaces are see-through
+    owners   (atlases, r, r) uint32 index map: patch + 1, or 0
+    target   what is drawn; in the layout of `tiles`
+    path     one of `draw_paths.available_paths`, None for the fastest, found out with the first hemicubes
+    culling  False draws all triangles into all faces
+    depth    of what was drawn; where nothing was, as it was cleared: the farthest
+    """
+
+    def __init__(
+        self,
+        graphics: Graphics,
+        tiles: Tiles,
+        triangles: Triangles,
+        cutouts: Cutouts,
+        owners: np.ndarray,
+        target: Target,
+        path: str | None = None,
+        culling: bool = True,
+    ) -> None:
+        context = graphics.context
+        self._graphics, self._tiles, self.target = graphics, tiles, target
+
+        # Geometry relative to the scene's middle, where float32 is finest.
+        self.origin = triangles.middle
+        positions = (triangles.positions - self.origin).astype(np.float32)
+        self._clusters = Clusters(positions, cutouts.culled[triangles.material], culling)
+        mesh = MeshBuffers(graphics, indexed_mesh(triangles, positions, cutouts, self._clusters.order))
+        features = (*target.features, *(("cutouts",) if cutouts.needed else ()))
+        names = available_paths(graphics) if path is None else (path,)
+        self._paths = [DrawPath(graphics, name, tiles, mesh, features) for name in names]
+
+        # What the shaders look up: hemicubes' matrices, the owners of lightmap texels, the target's own.
+        atlases, height, width = owners.shape
+        owner_map = context.texture_array((width, height, atlases), 1, owners.tobytes(), dtype="u4")
+        self._matrices = context.texture((4 * FACES, tiles.capacity), 4, dtype="f4")
+        self._lookups: dict[str, moderngl.Texture | moderngl.TextureArray] = {
+            "matrices": self._matrices,
+            "owners": owner_map,
+            **target.lookups,
+        }
+        if cutouts.needed:
+            self._lookups.update(_cutout_textures(context, cutouts))
+        for texture in self._lookups.values():
+            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        for drawing in self._paths:
+            for unit, name in enumerate(self._lookups):
+                drawing.program[name] = unit
+
+        # Where hemicubes are drawn: the target and a depth array.
+        self._framebuffer = context.framebuffer([target.texture])
+        self._framebuffer.use()
+        self.depth = graphics.raw.depth_array(tiles.width, tiles.height, tiles.layers)
+        attached = graphics.raw.attach_layered_depth(self.depth)
+        graphics.check("making room for hemicubes")
+        if not attached:
+            raise DeviceError(
+                f"The OpenGL driver '{graphics.name}' cannot draw into layered depth textures. Update it."
+            )
+        self._framebuffer.depth_mask = True
+
+    @property
+    def path(self) -> str:
+        """The name of the path that draws; the first one that could until hemicubes have been drawn."""
+        return self._paths[0].name
+
+    def draw(self, matrices: np.ndarray, layers_per_slice: int) -> Iterator[int]:
+        """Draw hemicubes into the first slots of the array, a few layers at a time.
+
+        matrices: (m, 5, 4, 4) float32 from `hemicube.matrices`, relative to `origin`; m at most the
+        capacity. Yields the number of hemicubes finished after each slice.
+        """
+        count = len(matrices)
+        rows = np.ascontiguousarray(matrices.reshape(count, 4 * FACES, 4))
+        self._matrices.write(rows, viewport=(0, 0, 4 * FACES, count))
+        self._bind()
+        self.target.clear(self._framebuffer, 0.0 if self._graphics.reversed_depth else 1.0)
+        if len(self._paths) > 1:
+            self._keep_fastest(matrices)
+        slots = layers_per_slice * self._tiles.per_layer
+        for first in range(0, count, slots):
+            self._bind()
+            self._draw_slots(self._paths[0], matrices, first, min(first + slots, count))
+            self._graphics.context.finish()
+            self._graphics.check("drawing hemicubes")
+            yield min(count, first + slots)
+
+    def _draw_slots(self, path: DrawPath, matrices: np.ndarray, first: int, last: int) -> None:
+        """Draw some hemicubes, as many at a time as visibility is tested for at once."""
+        step = max(1, _TESTS // len(self._clusters))
+        for start in range(first, last, step):
+            end = min(start + step, last)
+            path.draw(self._clusters, self._clusters.visible(matrices[start:end]), np.arange(start, end))
+
+    def _keep_fastest(self, matrices: np.ndarray) -> None:
+        """Time all paths with ever more hemicubes until that takes long enough; keep the fastest one.
+
+        What they draw into the array is what is drawn there again. Too few hemicubes decide for themselves.
+        """
+        count, drawn = len(matrices), self._tiles.per_layer
+        for path in self._paths:
+            self._seconds(path, matrices, min(drawn, count))
+        while True:
+            seconds = {path: self._seconds(path, matrices, min(drawn, count)) for path in self._paths}
+            if min(seconds.values()) > _TRIAL or drawn >= count:
+                break
+            drawn *= 4
+        self._paths.sort(key=lambda path: seconds[path])
+        if min(seconds.values()) > _TRIAL or count == self._tiles.capacity:
+            del self._paths[1:]
+
+    def _seconds(self, path: DrawPath, matrices: np.ndarray, count: int) -> float:
+        """Return how long a path takes to draw so many hemicubes."""
+        self._graphics.context.finish()
+        started = time.perf_counter()
+        self._draw_slots(path, matrices, 0, count)
+        self._graphics.context.finish()
+        return time.perf_counter() - started
+
+    def _bind(self) -> None:
+        """Make this raster's state current; the caller may have used the context between slices."""
+        context = self._graphics.context
+        self._framebuffer.use()
+        context.enable_only(moderngl.DEPTH_TEST)
+        context.enable_direct(DEPTH_CLAMP)
+        context.depth_func = ">" if self._graphics.reversed_depth else "<"
+        context.front_face = "cw"
+        for unit, texture in enumerate(self._lookups.values()):
+            texture.use(unit)
+
+
+def _cutout_textures(context: moderngl.Context, cutouts: Cutouts) -> dict[str, moderngl.TextureArray]:
+    """Return the textures that shaders/cutouts.glsl reads."""
+    constants = np.zeros((len(cutouts.maps), 4), np.float32)
+    constants[:, 0:2], constants[:, 2] = cutouts.constants, cutouts.culled
+    lists = {"alpha": cutouts.alpha, "maps": cutouts.maps, "constants": constants}
+    return {f"cutout_{name}": table(context, values) for name, values in lists.items()}

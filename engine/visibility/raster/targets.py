@@ -1,0 +1,103 @@
+"""What a hemicube raster draws into its texture array: radiance, or which patch is seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import moderngl
+import numpy as np
+
+from ...device.graphics import Graphics
+from .tiles import Tiles
+
+#: Patches in a row of the radiosity texture, and in all its rows: front and back share 16384.
+_ROW = 4096
+MAX_PATCHES = _ROW * 8192 - 1
+
+#: Code of an identity texel that shows nothing but the surroundings.
+_SKY = 0x7FFFFFFF
+
+
+class Target(Protocol):
+    """A texture array to draw hemicubes into.
+
+    texture   (layers, height, width) in the layout of Tiles
+    features  what shaders/hemicube.* are built with
+    lookups   textures that the shaders read, by name
+    """
+
+    texture: moderngl.TextureArray
+    features: tuple[str, ...]
+    lookups: dict[str, moderngl.Texture]
+
+    def clear(self, framebuffer: moderngl.Framebuffer, depth: float) -> None:
+        """Clear all layers of the bound framebuffer, which the texture is attached to."""
+
+
+class RadianceTarget:
+    """(layers, height, width, 4) float32: radiance, and 1 for fronts and surroundings, 0 for backs.
+
+    emission  (n, 3) float32 radiance, seen on back faces
+    nothing   4 numbers that stand where no surface is seen; None leaves there what was: depth tells
+    half      True for float16: radiance up to 65504 with 11 bits; for `GlslIntegrator` alone
+    """
+
+    features: tuple[str, ...] = ()
+
+    def __init__(
+        self,
+        graphics: Graphics,
+        tiles: Tiles,
+        emission: np.ndarray,
+        nothing: Sequence[float] | None,
+        half: bool = False,
+    ) -> None:
+        context = graphics.context
+        self._largest = float(np.finfo(np.float16 if half else np.float32).max)
+        self._raw, self._nothing = graphics.raw, nothing
+        size = (tiles.width, tiles.height, tiles.layers)
+        self.texture = context.texture_array(size, 4, dtype="f2" if half else "f4")
+        self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._radiosity = context.texture((_ROW, 2 * -(-(len(emission) + 1) // _ROW)), 4, dtype="f4")
+        self._radiosity.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._write_side(emission, front=False)
+        self.lookups = {"radiosity": self._radiosity}
+
+    def set_radiance(self, radiance: np.ndarray) -> None:
+        """Replace what the fronts of the patches send out: (n, 3) float32 radiance."""
+        self._write_side(radiance, front=True)
+
+    def clear(self, framebuffer: moderngl.Framebuffer, depth: float) -> None:
+        """Clear all layers to what is seen where there is no surface, or their depth alone."""
+        if self._nothing is None:
+            self._raw.clear_depth(depth)
+        else:
+            framebuffer.clear(*map(float, self._nothing), depth=depth)
+
+    def _write_side(self, radiance: np.ndarray, front: bool) -> None:
+        """Write (n, 3) float32 into one half of the radiosity texture; entry 0 stands for nothing."""
+        width, height = self._radiosity.size[0], self._radiosity.size[1] // 2
+        values = np.zeros((width * height, 4), np.float32)
+        values[1 : len(radiance) + 1, :3] = np.minimum(radiance, self._largest)
+        values[:, 3] = front
+        values[0, 3] = 1
+        self._radiosity.write(values.tobytes(), viewport=(0, 0 if front else height, width, height))
+
+
+class IdentityTarget:
+    """(layers, height, width) uint32: the patch that is seen, plus 1; the highest bit for its back; _SKY."""
+
+    features: tuple[str, ...] = ("identity",)
+
+    def __init__(self, graphics: Graphics, tiles: Tiles) -> None:
+        self._raw = graphics.raw
+        size = (tiles.width, tiles.height, tiles.layers)
+        self.texture = graphics.context.texture_array(size, 1, dtype="u4")
+        self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self.lookups: dict[str, moderngl.Texture] = {}
+
+    def clear(self, framebuffer: moderngl.Framebuffer, depth: float) -> None:
+        """Clear all layers to _SKY."""
+        self._raw.clear_integers(_SKY)
+        self._raw.clear_depth(depth)

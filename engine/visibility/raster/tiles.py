@@ -1,0 +1,83 @@
+"""How hemicubes are laid out in a texture array."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ...errors import SettingsError
+from ...settings import Settings
+
+#: Every OpenGL 4.1 driver has this many viewports, layers and texels in a row.
+_VIEWPORTS = 16
+_LAYERS = 2048
+_TEXTURE_SIZE = 16384
+
+#: A hemicube face needs a viewport, so this many hemicubes fit into one draw call.
+TILES_PER_DRAW = _VIEWPORTS // 5
+
+#: Bytes per hemicube texel: RGBA32F colour and depth; besides these a copy and the workspace in OpenCL;
+#: or an identity, its copy, what becomes of it, and depth.
+RADIANCE_BYTES = 16 + 4
+COPIED_RADIANCE_BYTES = 16 + 16 + 16 + 4
+IDENTITY_BYTES = 4 + 4 + 4 + 4
+
+
+@dataclass(frozen=True)
+class Tiles:
+    """A texture array of `layers` layers with `rows` x `columns` hemicubes of width n.
+
+    The slot of a hemicube counts layer by layer, then row by row, then along the row.
+    """
+
+    n: int
+    columns: int
+    rows: int
+    layers: int
+
+    @property
+    def width(self) -> int:
+        """Width of the array, texels."""
+        return self.columns * self.n
+
+    @property
+    def height(self) -> int:
+        """Height of the array, texels."""
+        return self.rows * 3 * self.n
+
+    @property
+    def per_layer(self) -> int:
+        """Hemicubes in a layer."""
+        return self.columns * self.rows
+
+    @property
+    def capacity(self) -> int:
+        """Hemicubes in the array."""
+        return self.per_layer * self.layers
+
+    def origin(self, tile: int) -> tuple[int, int]:
+        """Return the texel (x, y) of the lower left corner of a tile within its layer."""
+        row, column = divmod(tile, self.columns)
+        return column * self.n, row * 3 * self.n
+
+
+def plan_tiles(settings: Settings, patches: int, texel_bytes: int = COPIED_RADIANCE_BYTES) -> Tiles:
+    """Choose the texture array for a bake of so many patches, whose texels take so many bytes.
+
+    Without `settings.array_size`, a layer holds as many hemicubes as one draw call can fill, so that
+    a batch takes a single draw. Raises SettingsError if array_size holds no hemicube.
+    """
+    n = settings.hemicube
+    if not any(settings.array_size):
+        layer_bytes = TILES_PER_DRAW * 3 * n * n * texel_bytes
+        layers = max(1, settings.batch_bytes // layer_bytes)
+        needed = -(-patches // TILES_PER_DRAW)
+        return Tiles(n, TILES_PER_DRAW, 1, min(layers, needed, _LAYERS))
+    width, height, layers = settings.array_size
+    columns, rows = width // n, height // (3 * n)
+    limit = _TEXTURE_SIZE // max(1, columns * rows)
+    if min(columns, rows, layers) < 1 or max(width, height) > _TEXTURE_SIZE or layers > min(_LAYERS, limit):
+        raise SettingsError(
+            f"array_size is {settings.array_size}; a hemicube of width {n} needs at least {n} x {3 * n} x 1 "
+            f"texels, and at most {_TEXTURE_SIZE} hemicubes fit into one array."
+        )
+    return Tiles(n, columns, rows, layers)

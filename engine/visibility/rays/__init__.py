@@ -1,0 +1,1 @@
+"""Rays through a hierarchy of boxes, with OpenCL."""

@@ -1,0 +1,262 @@
+"""A bounding volume hierarchy over triangles, built by OpenCL."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyopencl as cl
+
+from ...device.buffers import upload
+from ...device.compute import Compute
+from .treetop import Treetop
+
+#: Clusters beyond either end of a row, and values that a work item sums, as in kernels/bvh.cl.
+_FAR, _CHUNK = 8, 32
+
+#: Items of a work group, where the device can run so many.
+_GROUP = 256
+
+#: So many clusters are split from the top down: this makes better boxes than merging, but takes longer.
+_TOP = 2048
+
+#: If a round merges less than this share of the clusters, all merge in pairs instead: this bounds the depth.
+_FEWEST = 1 / 16
+
+#: A traversal stack is a multiple of so many nodes, so that few programs are built.
+_STACK = 64
+
+
+@dataclass(frozen=True)
+class Shape:
+    """How a hierarchy is laid out.
+
+    width   children of a node: 2, 4 or 8
+    packet  triangles of a leaf that are tested at a time: 1, 2, 4 or 8
+    leaf    most triangles of a leaf, at most 7 packets
+    cost    of a packet's test relative to a node's
+    """
+
+    width: int
+    packet: int
+    leaf: int
+    cost: float
+
+
+#: A processor tests as many boxes and triangles at a time as its vectors hold; a graphics card's items one.
+_PROCESSOR = Shape(8, 8, 8, 0.5)
+_GRAPHICS = Shape(2, 1, 4, 0.35)
+
+
+@dataclass(frozen=True)
+class Bvh:
+    """Nodes and packets of triangles on the device, as kernels/rays.cl takes them.
+
+    nodes      w boxes and children each
+    triangles  packets
+    options    the layout, for the build of kernels/rays.cl
+    levels     of nodes
+    """
+
+    nodes: cl.Buffer
+    triangles: cl.Buffer
+    options: tuple[str, ...]
+    levels: int
+
+
+def shape_for(device: cl.Device) -> Shape:
+    """Return the shape that a device traverses fastest."""
+    return _PROCESSOR if device.type & cl.device_type.CPU else _GRAPHICS
+
+
+def build_bvh(
+    compute: Compute, positions: np.ndarray, origin: np.ndarray, reach: float, shape: Shape | None = None
+) -> Bvh:
+    """Build the hierarchy of triangles, (t, 3, 3) float32, at least one; boxes are relative to the origin.
+
+    origin: (3,), in the middle of the scene, which reaches that far from it along any axis. Clusters along a
+    Morton curve are merged with their best neighbours (PLOC; Meister and Bittner 2018), those left are split
+    from the top down, and binary nodes joined to wide ones.
+    """
+    return _Builder(compute, positions, origin, reach, shape or shape_for(compute.device)).build()
+
+
+@dataclass(frozen=True)
+class _Level:
+    """Wide nodes of one level: binary nodes that are their children, and places among the next."""
+
+    children: cl.Buffer
+    before: cl.Buffer
+    totals: cl.Buffer
+    count: int
+    packets: int
+
+
+class _Builder:
+    def __init__(
+        self, compute: Compute, positions: np.ndarray, origin: np.ndarray, reach: float, shape: Shape
+    ) -> None:
+        self._compute, self._queue, self._shape = compute, compute.queue, shape
+        self._count = len(positions)
+        options = _layout(shape, _STACK)
+        options += (f"-DLEAF={shape.leaf}", f"-DPACKET_COST={shape.cost}f")
+        names = (
+            "places_on_curve", "single_clusters", "best_neighbours", "count_merges", "sum_chunks",
+            "sum_totals", "merge", "pick_clusters", "open_nodes", "next_roots", "store_level",
+        )  # fmt: skip
+        kernels = compute.kernels("bvh.cl", *names, options=options)
+        self._kernels = dict(zip(names, kernels, strict=True))
+        self._boxes, self._links = self._buffer(64 * self._count), self._buffer(32 * self._count)
+        self._positions = upload(compute, positions.astype(np.float32, copy=False))
+        self._origin = np.append(origin, 0).astype(np.float32)
+        self._reach = max(reach, 1e-30)
+
+    def build(self) -> Bvh:
+        """Return the hierarchy."""
+        return self._widen(self._join(*self._merge(*self._sorted())))
+
+    def _sorted(self) -> tuple[cl.Buffer, int]:
+        """Return the triangles' numbers in the lowest bits of their keys in ascending order, and a mask."""
+        bits = max(int(self._count - 1).bit_length(), 1)
+        keys = np.empty(self._count, np.uint64)
+        buffer = self._buffer(keys.nbytes)
+        scale = np.float32(1 / self._reach)
+        self._run(
+            "places_on_curve", self._count, self._positions, self._origin, scale, np.int32(bits), buffer,
+            np.int32(self._count),
+        )  # fmt: skip
+        cl.enqueue_copy(self._queue, keys, buffer)
+        keys.sort()
+        cl.enqueue_copy(self._queue, buffer, keys)
+        return buffer, (1 << bits) - 1
+
+    def _merge(self, keys: cl.Buffer, mask: int) -> tuple[cl.Buffer, int, int]:
+        """Merge clusters until few are left; return their nodes, their number and the number of nodes."""
+        count, made, stride = self._count, self._count, self._count + 2 * _FAR
+        rows, new_rows = (self._buffer(24 * stride) for _ in range(2))
+        cluster, new_cluster = (self._buffer(4 * count) for _ in range(2))
+        best, before = self._buffer(4 * count), self._buffer(8 * count)
+        totals = self._buffer(8 * (-(-count // _CHUNK) + 1))
+        nodes = self._boxes, self._links
+        self._run(
+            "single_clusters", stride, self._positions, self._origin, keys, np.uint64(mask), rows,
+            np.int32(stride), cluster, *nodes, np.int32(count),
+        )  # fmt: skip
+        while count > _TOP:
+            self._run("best_neighbours", count, rows, np.int32(stride), best, np.int32(count))
+            for paired in (np.int32(0), np.int32(1)):
+                chunks = -(-count // _CHUNK)
+                self._run("count_merges", chunks, best, paired, before, totals, np.int32(count))
+                left, merged = self._sum_totals(totals, chunks)
+                if merged >= _FEWEST * count:
+                    break
+            self._run(
+                "merge", count, best, paired, before, totals, rows, cluster, new_rows, new_cluster,
+                np.int32(stride), np.int32(left), *nodes, np.int32(made), np.int32(count),
+            )  # fmt: skip
+            rows, new_rows, cluster, new_cluster = new_rows, rows, new_cluster, cluster
+            count, made = left, made + merged
+        return cluster, count, made
+
+    def _join(self, cluster: cl.Buffer, count: int, made: int) -> int:
+        """Make the nodes above some clusters, from number `made` on; return the root."""
+        picked = self._buffer(32 * count), self._buffer(16 * count)
+        self._run("pick_clusters", count, cluster, self._boxes, self._links, *picked, np.int32(count))
+        boxes, links = np.empty((count, 8), np.float32), np.empty((count, 4), np.int32)
+        for array, buffer in zip((boxes, links), picked, strict=True):
+            cl.enqueue_copy(self._queue, array, buffer)
+        top = Treetop(boxes[:, :3], boxes[:, 4:7], links[:, 2])
+        inner = np.concatenate([*top.levels, np.zeros(0, np.int64)])
+        number = links[top.cluster, 0]
+        number[inner] = made + np.arange(len(inner))
+
+        # Numbers of triangles and costs, from the clusters up, as in kernels/bvh.cl.
+        size, cost = links[top.cluster, 2], boxes[top.cluster, 3]
+        leaf = np.zeros(len(size), bool)
+        x, y, z = (top.high - top.low).T
+        area = x * y + y * z + z * x
+        for nodes in top.levels[::-1]:
+            left = top.left[nodes]
+            size[nodes] = size[left] + size[left + 1]
+            parted = area[nodes] + cost[left] + cost[left + 1]
+            whole = area[nodes] * self._shape.cost * -(-size[nodes] // self._shape.packet)
+            leaf[nodes] = (size[nodes] <= self._shape.leaf) & ~(parted < whole)
+            cost[nodes] = np.where(leaf[nodes], whole, parted)
+        if len(inner):
+            left = top.left[inner]
+            boxes = np.column_stack([top.low[inner], cost[inner], top.high[inner], cost[inner]])
+            links = np.column_stack([number[left], number[left + 1], size[inner], leaf[inner]])
+            links = links.astype(np.int32)
+            cl.enqueue_copy(self._queue, self._boxes, boxes, dst_offset=32 * made)
+            cl.enqueue_copy(self._queue, self._links, links, dst_offset=16 * made)
+        return int(number[0])
+
+    def _widen(self, root: int) -> Bvh:
+        """Join binary nodes to wide ones, level by level, and store them."""
+        levels, roots = [], upload(self._compute, np.array([root], np.int32))
+        count = 1
+        while count:
+            level, count_next = self._level(roots, count)
+            levels.append(level)
+            if count_next:
+                following = self._buffer(4 * count_next)
+                places = level.before, level.totals
+                self._run(
+                    "next_roots", count, self._links, level.children, *places, following, np.int32(count)
+                )
+                roots = following
+            count = count_next
+
+        # How much there is is known now.
+        record, packet = 32 * self._shape.width, 4 * self._shape.packet * _record(self._shape)
+        nodes = self._buffer(record * sum(level.count for level in levels))
+        packets = self._buffer(packet * sum(level.packets for level in levels))
+        first = first_packet = 0
+        for level in levels:
+            self._run(
+                "store_level", level.count, self._positions, self._origin, self._boxes, self._links,
+                level.children, level.before, level.totals, np.int32(first), np.int32(first + level.count),
+                np.int32(first_packet), nodes, packets, np.int32(level.count),
+            )  # fmt: skip
+            first, first_packet = first + level.count, first_packet + level.packets
+        need = len(levels) * (self._shape.width - 1) + 1
+        stack = -(-need // _STACK) * _STACK
+        return Bvh(nodes, packets, _layout(self._shape, stack), len(levels))
+
+    def _level(self, roots: cl.Buffer, count: int) -> tuple[_Level, int]:
+        """Return the wide nodes of some binary nodes, and how many wide nodes are their children."""
+        chunks = -(-count // _CHUNK)
+        children = self._buffer(4 * self._shape.width * count)
+        before, totals = self._buffer(8 * count), self._buffer(8 * (chunks + 1))
+        self._run("open_nodes", count, self._boxes, self._links, roots, children, before, np.int32(count))
+        self._run("sum_chunks", chunks, before, totals, np.int32(count))
+        count_next, packets = self._sum_totals(totals, chunks)
+        return _Level(children, before, totals, count, packets), count_next
+
+    def _sum_totals(self, totals: cl.Buffer, chunks: int) -> tuple[int, int]:
+        """Sum up the sums of chunks; return the sum of all."""
+        kernel = self._kernels["sum_totals"]
+        group = kernel.group(_GROUP)
+        kernel(self._queue, group, group, totals, np.int32(chunks), cl.LocalMemory(8 * group[0]))
+        sums = np.empty(2, np.int32)
+        cl.enqueue_copy(self._queue, sums, totals, src_offset=8 * chunks)
+        return int(sums[0]), int(sums[1])
+
+    def _run(self, name: str, items: int, *arguments: object) -> None:
+        """Run a kernel in whole groups, of one size, since PoCL compiles it anew for each."""
+        (size,) = self._kernels[name].group(_GROUP)
+        self._kernels[name](self._queue, (-(-items // size) * size,), (size,), *arguments)
+
+    def _buffer(self, size: int) -> cl.Buffer:
+        return cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, size)
+
+
+def _layout(shape: Shape, stack: int) -> tuple[str, ...]:
+    """Return the options of kernels for a hierarchy of a shape."""
+    sizes = {"WIDTH": shape.width, "PACKET": shape.packet, "RECORD": _record(shape), "STACK": stack}
+    return tuple(f"-D{name}={value}" for name, value in sizes.items())
+
+
+def _record(shape: Shape) -> int:
+    """Return how many floats each triangle takes: it is loaded in fours where it is alone."""
+    return 12 if shape.packet == 1 else 10

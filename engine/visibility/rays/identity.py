@@ -1,0 +1,91 @@
+"""What patches see, found with rays through the scene's triangles."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import numpy as np
+import pyopencl as cl
+
+from ...device.buffers import upload
+from ...device.compute import Compute
+from ...device.kernel import Kernel
+from ...device.slices import sliced
+from ...patches.subdivision import Subdivision
+from ...settings import Settings
+from ..identity import SeenBuffers, Surroundings, sample_bytes, sample_options
+from ..views.directions import r2_sequence
+from ..views.hemicube import multiplier_map, rotation_salt
+from .ray_scene import RayScene
+
+
+class RayIdentity:
+    """Casts rays from the patches of `receivers` and finds patches of `sources` where they end.
+
+    Without `Settings.directions` "hemicube" they follow the cosine: the texels of a hemicube cost about
+    three times as many for the same error.
+    """
+
+    name = "rays"
+
+    def __init__(
+        self,
+        compute: Compute,
+        receivers: RayScene,
+        sources: Subdivision,
+        around: Surroundings,
+        settings: Settings,
+    ) -> None:
+        self._compute, self._queue = compute, compute.queue
+        rays = receivers.rays
+        hemicube = settings.directions == "hemicube"
+        self.samples = 3 * settings.hemicube**2 if hemicube else ray_count(settings)
+        self.multiplier = multiplier_map(settings.hemicube).ravel() if hemicube else None
+        pattern = r2_sequence(self.samples) if self.multiplier is None else self.multiplier
+        size = sample_bytes(len(sources.patches))
+        self.row_bytes = size * self.samples
+        options = ("-DDITHERED", *sample_options(size), *(() if hemicube else ("-DCOSINE",)))
+        files = ("receiver.cl", "hemicube.cl", "identity.cl", "look.cl")
+        self._look, self._gather_rays = rays.kernels(files, "look", "gather_rays", options=options)
+        triangles = sources.triangles
+        lookups = (upload(compute, array) for array in (triangles.uvs, triangles.atlas, sources.owners))
+        self._arguments = (
+            *rays.arguments, receivers.receivers, *lookups, np.int32(sources.patches.resolution),
+            around.emission, around.sky, around.width, around.height,
+            upload(compute, pattern), np.int32(self.samples), np.int32(settings.hemicube),
+            np.uint32(rotation_salt(settings.seed)), np.int32(settings.rotate),
+        )  # fmt: skip
+
+    def find(self, first: int, last: int, seen: SeenBuffers) -> Generator[float, None, None]:
+        """Find what the patches first ... last see; yield the fraction done."""
+        outputs = (np.int32(seen.cached_from), seen.cache, seen.constant, seen.patches_seen)
+        yield from self._run(self._look, first, last, outputs)
+
+    def gather(
+        self, count: int, radiance: cl.Buffer, light: cl.Buffer, patches_seen: cl.Buffer
+    ) -> Generator[float, None, None]:
+        """Gather from radiance, float4 of each source + 1, into light, float4 of each patch; keep nothing.
+
+        light  E/pi of all that is seen, and the share that is no back
+        """
+        yield from self._run(self._gather_rays, 0, count, (radiance, light, patches_seen))
+
+    def _run(self, kernel: Kernel, first: int, last: int, outputs: tuple) -> Generator[float, None, None]:
+        """Run a kernel over some patches, slice by slice, a group each."""
+        (group,) = kernel.group(self._compute.group)
+        partial = cl.LocalMemory(16 * group)
+
+        def launch(start: int, end: int) -> None:
+            kernel(
+                self._queue, (group * (end - start),), (group,),
+                *self._arguments, np.int32(start), *outputs, partial,
+            )  # fmt: skip
+
+        for end in sliced(self._queue, first, last, launch):
+            yield (end - first) / (last - first)
+
+
+def ray_count(settings: Settings) -> int:
+    """Return the rays of a patch, a multiple of 4; unless told, as many as give a hemicube's error."""
+    wanted = settings.samples or 2 * settings.hemicube**2
+    return -(-wanted // 4) * 4

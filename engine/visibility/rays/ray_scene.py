@@ -1,0 +1,55 @@
+"""What casts rays: the scene's triangles and the patches' receivers, made once they are needed."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import pyopencl as cl
+
+from ...device.compute import Compute
+from ...errors import DeviceError
+from ...patches.subdivision import Subdivision
+from ...scene.cutouts import gather_cutouts
+from ...scene.model import Scene
+from .rays import Rays
+from .receivers import pack_receivers
+
+
+class RayScene:
+    """The triangles and patches of a bake on the OpenCL device."""
+
+    def __init__(self, compute: Compute | None, scene: Scene, parts: Subdivision) -> None:
+        self._compute, self._scene, self._parts = compute, scene, parts
+
+    @property
+    def compute(self) -> Compute:
+        """The OpenCL device; raises DeviceError if there is none."""
+        if self._compute is None:
+            raise DeviceError("Rays need OpenCL.")
+        return self._compute
+
+    @property
+    def possible(self) -> bool:
+        """True if there is a device to cast rays."""
+        return self._compute is not None
+
+    def of(self, parts: Subdivision) -> RayScene:
+        """Return the same triangles with other patches."""
+        other = RayScene(self._compute, self._scene, parts)
+        other.rays = self.rays
+        return other
+
+    @cached_property
+    def rays(self) -> Rays:
+        """The triangles and their hierarchy."""
+        return Rays(self.compute, self._parts.triangles, gather_cutouts(self._scene))
+
+    @cached_property
+    def receivers(self) -> cl.Buffer:
+        """The records of all patches, see `receivers.pack_receivers`; their lifts end before other faces."""
+        count = len(self._parts.patches)
+        records = pack_receivers(self.compute, self._parts.geometry, self.rays.origin)
+        (bound,) = self.rays.kernels(("receiver.cl", "lift.cl"), "bound_lifts")
+        self.rays.run(bound, count, records, np.int32(count))
+        return records

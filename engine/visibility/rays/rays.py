@@ -1,0 +1,94 @@
+"""Rays through the triangles of a scene, traced by OpenCL."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyopencl as cl
+
+from ...device.buffers import upload
+from ...device.compute import Compute
+from ...device.kernel import Kernel
+from ...patches.geometry import Triangles
+from ...scene.cutouts import Cutouts
+from .bvh import build_bvh
+
+
+class Rays:
+    """A scene's triangles on the OpenCL device, for kernels/rays.cl and kernels that go on from it.
+
+    origin     (3,) float64, metres: positions on the device are relative to it
+    culled     (m,) bool of each material: its back is see-through
+    arguments  what kernels take for RAYS_ARGUMENTS
+    """
+
+    def __init__(self, compute: Compute, triangles: Triangles, cutouts: Cutouts) -> None:
+        self._compute, self._queue = compute, compute.queue
+        self.origin = triangles.middle
+        self.culled = cutouts.culled
+        bvh = build_bvh(
+            compute, triangles.positions, self.origin, float(np.abs(triangles.box - self.origin).max())
+        )
+        self._options = bvh.options
+        arrays: list[np.ndarray] = []
+        if cutouts.needed:
+            self._options = (*bvh.options, "-DCUTOUTS")
+            arrays = [cutouts.alpha, cutouts.maps, _constants(cutouts), cutouts.uvs, triangles.material]
+        self.arguments = (bvh.nodes, bvh.triangles, *(upload(compute, array) for array in arrays))
+        self._cast, self._pass = self.kernels((), "cast", "pass")
+
+    def kernels(self, sources: tuple[str, ...], *names: str, options: tuple[str, ...] = ()) -> list[Kernel]:
+        """Build kernels/rays.cl and more files after it; return kernels in the names' order."""
+        return self._compute.kernels(("rays.cl", *sources), *names, options=(*self._options, *options))
+
+    def cast(
+        self, origins: np.ndarray, directions: np.ndarray, backs: bool = False
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the nearest triangle along each ray; of those that show their backs if `backs`.
+
+        origins, directions: (m, 3) float, world space, metres from the scene's origin. Returns triangle
+        (m,) int32, -1 for none; front (m,) bool; distance (m,) float32 in lengths of the direction.
+        """
+        count = len(origins)
+        hits, distances = np.empty((count, 2), np.int32), np.empty(count, np.float32)
+        write = cl.mem_flags.WRITE_ONLY
+        outputs = [cl.Buffer(self._compute.context, write, array.nbytes) for array in (hits, distances)]
+        rays = self._rays(origins, directions, 0.0)
+        self.run(self._cast, count, *rays, np.int32(backs), *outputs, np.int32(count))
+        for array, buffer in zip((hits, distances), outputs, strict=True):
+            cl.enqueue_copy(self._queue, array, buffer)
+        return hits[:, 0], hits[:, 1] != 0, distances
+
+    def transmittance(self, origins: np.ndarray, directions: np.ndarray, distance: float) -> np.ndarray:
+        """Return the share of light, (m,) float32, that comes through along each ray up to a distance.
+
+        origins, directions: (m, 3) float as for `cast`; distance in lengths of the direction.
+        """
+        through = np.empty(len(origins), np.float32)
+        output = cl.Buffer(self._compute.context, cl.mem_flags.WRITE_ONLY, through.nbytes)
+        rays = self._rays(origins, directions, distance)
+        self.run(self._pass, len(origins), *rays, output, np.int32(len(origins)))
+        cl.enqueue_copy(self._queue, through, output)
+        return through
+
+    def run(self, kernel: Kernel, items: int, *arguments: object) -> None:
+        """Run a kernel that takes RAYS_ARGUMENTS, then `arguments`; see `Compute.run`."""
+        self._compute.run(kernel, items, *self.arguments, *arguments)
+
+    def _rays(self, origins: np.ndarray, directions: np.ndarray, distance: float) -> list[cl.Buffer]:
+        """Return the device buffers of some rays."""
+        rays = (_four(origins - self.origin), _four(directions, distance))
+        return [upload(self._compute, array) for array in rays]
+
+
+def _four(vectors: np.ndarray, last: float = 0.0) -> np.ndarray:
+    """Return (..., 3) as (..., 4) float32."""
+    padded = np.full((*vectors.shape[:-1], 4), last, np.float32)
+    padded[..., :3] = vectors
+    return padded
+
+
+def _constants(cutouts: Cutouts) -> np.ndarray:
+    """Return (m, 4) float32: alpha, threshold or -1, 1 for culled backs."""
+    values = np.zeros((len(cutouts.maps), 4), np.float32)
+    values[:, :2], values[:, 2] = cutouts.constants, cutouts.culled
+    return values

@@ -1,0 +1,1 @@
+"""Where patches look from, and in which directions."""

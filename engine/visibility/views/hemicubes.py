@@ -1,0 +1,102 @@
+"""Draws the hemicubes of patches into a target, batch by batch and slice by slice."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...device.graphics import Graphics
+from ...device.raw_gl import DepthArray
+from ...patches.subdivision import Subdivision
+from ...scene.cutouts import gather_cutouts
+from ...scene.model import Scene
+from ...settings import Settings
+from ..raster.raster import HemicubeRaster
+from ..raster.targets import Target
+from ..raster.tiles import Tiles
+from .hemicube import matrices
+from .viewpoints import place_hemicubes
+
+#: A slice of work should take about this long, s.
+_SLICE = 0.04
+
+#: Where hemicubes stand may be kept if there are no more than so many.
+_KEPT = 1 << 17
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Hemicubes ready to be drawn.
+
+    frames    (m, 4, 3) float32, from `Viewpoints.frames`
+    matrices  (m, 5, 4, 4) float32, from `hemicube.matrices`, relative to the raster's origin
+    """
+
+    frames: np.ndarray
+    matrices: np.ndarray
+
+
+class Hemicubes:
+    """The hemicubes of all patches.
+
+    again  True if every one is drawn more than once: where they stand is then kept
+    """
+
+    def __init__(
+        self,
+        graphics: Graphics,
+        scene: Scene,
+        parts: Subdivision,
+        tiles: Tiles,
+        target: Target,
+        settings: Settings,
+        again: bool = False,
+    ) -> None:
+        self._tiles = tiles
+        self._raster = HemicubeRaster(
+            graphics, tiles, parts.triangles, gather_cutouts(scene), parts.owners, target
+        )
+        self._layers_per_slice = 1
+        self._reversed_depth = graphics.reversed_depth
+        self._parts, self._settings = parts, settings
+        self.count = len(parts.patches)
+        self._keeps = again and self.count <= _KEPT
+        self._kept: dict[tuple[int, int], Placed] = {}
+
+    @property
+    def depth(self) -> DepthArray:
+        """The depth of what was drawn; see `HemicubeRaster`."""
+        return self._raster.depth
+
+    def place(self, first: int, last: int) -> Placed:
+        """Return the hemicubes of patches first ... last: they stand where they are for life."""
+        placed = self._kept.get((first, last)) or self._place(first, last)
+        if self._keeps:
+            self._kept[first, last] = placed
+        return placed
+
+    def _place(self, first: int, last: int) -> Placed:
+        geometry, reverse = self._parts.geometry.part(slice(first, last)), self._reversed_depth
+        views = place_hemicubes(self._parts.triangles, geometry, self._settings, reverse, first)
+        eye = views.eye - self._raster.origin
+        return Placed(views.frames, matrices(views.frame, eye, views.near, reverse))
+
+    def draw(self, placed: Placed) -> Iterator[int]:
+        """Draw hemicubes, at most a batch; yield how many are done."""
+        started = time.perf_counter()
+        for drawn in self._raster.draw(placed.matrices, self._layers_per_slice):
+            seconds = time.perf_counter() - started
+            if seconds < _SLICE / 2:
+                self._layers_per_slice = min(2 * self._layers_per_slice, self._tiles.layers)
+            elif seconds > _SLICE * 2:
+                self._layers_per_slice = max(1, self._layers_per_slice // 2)
+            yield drawn
+            started = time.perf_counter()
+
+    def batches(self) -> list[tuple[int, int]]:
+        """Return the first patch of each batch, and the one after its last."""
+        step = self._tiles.capacity
+        return [(first, min(first + step, self.count)) for first in range(0, self.count, step)]

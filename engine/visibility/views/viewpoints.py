@@ -1,0 +1,79 @@
+"""Where hemicubes stand: a little above their patches, turned at random, each with its horizon."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...patches.geometry import PatchGeometry, Triangles
+from ...settings import Settings
+from .hemicube import frames, rotations
+
+#: Height of the eye above the surface: a share of a texel's width, at most a share of the scene's
+#: diagonal, and at least what float32 can tell apart at the patch's coordinates, in the world and from the
+#: scene's middle.
+OF_TEXEL = 0.01
+OF_DIAGONAL = 2e-5
+OF_COORDINATE = 1e-6
+
+#: Least distance of the near plane, relative to the scene's diagonal: float32 must tell it apart from
+#: the corners of the largest triangles when they are clipped, and the standard depth range needs more.
+_NEAR = 1e-6
+_NEAR_STANDARD_DEPTH = 1e-5
+
+
+@dataclass(frozen=True)
+class Viewpoints:
+    """The hemicubes of some patches.
+
+    eye      (n, 3) float64, world space, metres
+    frame    (n, 3, 3) float64, rows right, up, normal, from `hemicube.frames`
+    near     (n,) float64, distance of the near plane, metres
+    horizon  (n, 3) float32, geometric normal along right, up, normal: nothing is seen behind its plane
+    """
+
+    eye: np.ndarray
+    frame: np.ndarray
+    near: np.ndarray
+    horizon: np.ndarray
+
+    @property
+    def frames(self) -> np.ndarray:
+        """Frame and horizon, (n, 4, 3) float32, as the integrators take them."""
+        return np.concatenate([self.frame, self.horizon[:, None]], axis=1, dtype=np.float32)
+
+
+def eye_heights(triangles: Triangles, geometry: PatchGeometry) -> np.ndarray:
+    """Return how far above its surface each patch looks around, (n,) float64, metres."""
+    height = np.minimum(OF_TEXEL * np.sqrt(geometry.area), OF_DIAGONAL * triangles.diagonal)
+    center = geometry.center.astype(np.float64)
+    coordinate = np.maximum(np.abs(center), np.abs(center - triangles.middle)).max(axis=1)
+    heights: np.ndarray = np.maximum(height, OF_COORDINATE * coordinate)
+    return heights
+
+
+def place_hemicubes(
+    triangles: Triangles,
+    geometry: PatchGeometry,
+    settings: Settings,
+    reversed_depth: bool = True,
+    first: int = 0,
+) -> Viewpoints:
+    """Place a hemicube on each patch, with a rotation about the normal for life (paper, IV.B).
+
+    geometry may be that of some patches, of which `first` is the first.
+    """
+    diagonal = triangles.diagonal
+    center = geometry.center.astype(np.float64)
+    height = eye_heights(triangles, geometry)
+    near = np.maximum(height / 2, (_NEAR if reversed_depth else _NEAR_STANDARD_DEPTH) * diagonal)
+
+    angle = rotations(settings.seed, first + np.arange(len(center)))
+    frame = frames(geometry.normal, angle if settings.rotate else np.zeros(len(center)))
+    return Viewpoints(
+        eye=center + height[:, None] * geometry.geometric,
+        frame=frame,
+        near=near,
+        horizon=np.einsum("nij,nj->ni", frame, geometry.geometric).astype(np.float32),
+    )

@@ -1,0 +1,1 @@
+"""The bake in a process of its own."""

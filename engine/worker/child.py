@@ -1,0 +1,159 @@
+"""What runs in the worker process: `python -m engine.worker.child HANDLE`, of the connection it inherits.
+
+The process says that it is there. The parent owns one block of shared memory a bake, and whose turn
+it is may touch it:
+
+    parent                            worker
+                                  <-  ready
+    bake BLOCK (scene, settings)  ->
+                                  <-  grow SIZE                   the next object does not fit
+    turn BLOCK (a larger one)     ->
+                                  <-  progress (in the block)     the newest one
+    turn BLOCK (taken)            ->
+                                  <-  lightmap or error (in the block); the bake is over
+    cancel                        ->
+                                  <-  cancelled; the bake is over
+"""
+
+from __future__ import annotations
+
+import argparse
+import faulthandler
+import importlib
+import os
+import signal
+import sys
+import traceback
+from collections.abc import Callable, Generator
+from contextlib import closing, suppress
+from dataclasses import replace
+from multiprocessing.connection import Connection
+from typing import Any, NoReturn
+
+from ..lightmap import Lightmap
+from ..progress import Progress
+from ..scene.model import Scene
+from ..settings import Settings
+from . import messages
+from .shared_block import BorrowedBlock
+
+if sys.platform == "win32":
+    from multiprocessing.connection import PipeConnection
+
+Bake = Callable[[Scene, Settings], Generator[Progress, None, Lightmap]]
+
+
+class _CancelError(Exception):
+    """The parent does not want the lightmap any more."""
+
+
+class _Outbox:
+    """The worker's end of the protocol above, from the moment a bake has begun."""
+
+    def __init__(self, connection: Connection[Any, Any], block: str) -> None:
+        self._connection = connection
+        self._block: str | None = block
+
+    def offer(self, kind: str, value: object) -> bool:
+        """Send an object if it is our turn and the block is large enough; return whether it went."""
+        if self._block is None:
+            return False
+        parcel = messages.Parcel(value)
+        with BorrowedBlock(self._block) as block:
+            fits = block.write(parcel)
+        self._connection.send((kind,) if fits else ("grow", parcel.size))
+        self._block = None
+        return fits
+
+    def send(self, kind: str, value: object) -> None:
+        """Send an object, after waiting for our turn and for space."""
+        while not self.offer(kind, value):
+            self.listen(None)
+
+    def listen(self, patience: float | None = 0) -> None:
+        """Hear what the parent says within `patience` s (None: for ever); raise _CancelError if so told."""
+        if self._connection.poll(patience):
+            request, *names = self._connection.recv()
+            if request == "cancel":
+                raise _CancelError
+            (self._block,) = names
+
+
+def serve(connection: Connection[Any, Any], bake: Bake) -> None:
+    """Bake whatever the parent asks for; raise EOFError or OSError when it is gone."""
+    while True:
+        request, *names = connection.recv()
+        if request == "bake":
+            _answer(connection, bake, *names)
+        elif request == "cancel":
+            connection.send(("cancelled",))
+
+
+def _answer(connection: Connection[Any, Any], bake: Bake, name: str) -> None:
+    """Run one bake and send what comes of it."""
+    with BorrowedBlock(name) as block:
+        scene, settings = block.read()
+    outbox = _Outbox(connection, name)
+    try:
+        outbox.send(*_outcome(bake, scene, settings, outbox))
+    except _CancelError:
+        connection.send(("cancelled",))
+
+
+def _outcome(bake: Bake, scene: Scene, settings: Settings, outbox: _Outbox) -> tuple[str, object]:
+    """Return "lightmap" and it, or "error" and its description."""
+    try:
+        with closing(bake(scene, settings)) as job:
+            _report(job, outbox)
+    except StopIteration as end:
+        return "lightmap", end.value
+    except _CancelError:
+        raise
+    except Exception as error:  # noqa: BLE001
+        return "error", messages.describe_error(error, traceback.format_exc())
+
+
+def _report(job: Generator[Progress, None, Lightmap], outbox: _Outbox) -> NoReturn:
+    """Run a bake to its StopIteration; after each slice offer the newest progress and partial."""
+    newest = next(job)
+    while True:
+        outbox.listen()
+        sent = outbox.offer("progress", newest)
+        partial = None if sent else newest.partial
+        newest = next(job)
+        if newest.partial is None and partial is not None:
+            newest = replace(newest, partial=partial)
+
+
+def _inherited(handle: int) -> Connection[Any, Any]:
+    """Return the connection of a handle that the parent gave; programs started from here do not get it."""
+    if sys.platform == "win32":
+        os.set_handle_inheritable(handle, False)
+        return PipeConnection(handle)
+    os.set_inheritable(handle, False)
+    return Connection(handle)
+
+
+def main() -> None:
+    """Serve one parent until it closes the connection or dies."""
+    parser = argparse.ArgumentParser(prog="engine.worker.child", description=__doc__)
+    parser.add_argument("handle", type=int, help="inherited: a file descriptor, a pipe's handle on Windows")
+    parser.add_argument(
+        "--bake", default="engine.session:bake", help="module:function of the generator to run"
+    )
+    arguments = parser.parse_args()
+
+    # Ctrl-C in a terminal is for the parent, which then says what to do here.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    faulthandler.enable()
+
+    connection = _inherited(arguments.handle)
+    module, function = arguments.bake.split(":")
+    bake = getattr(importlib.import_module(module), function)
+    with connection, suppress(EOFError, OSError):
+        connection.send(("ready",))
+        serve(connection, bake)
+
+
+if __name__ == "__main__":
+    main()

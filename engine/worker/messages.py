@@ -1,0 +1,110 @@
+"""Objects of the engine as bytes: what the parent and its worker process tell each other.
+
+The package is called `engine` in the worker, and perhaps `bl_ext.user_default.hemibake.engine` in
+Blender, so classes are never pickled: an object travels as the name of its class and its fields.
+
+    bytes  | count | size of part 0 | ... | part 0: pickle | part 1 ... : arrays |
+           '-------- 64-bit integers -----'
+"""
+
+from __future__ import annotations
+
+import io
+import pickle
+import struct
+from dataclasses import fields
+from typing import Any
+
+from .. import errors
+from ..lightmap import Lightmap, Report
+from ..progress import Progress
+from ..scene.model import Light, Material, Mesh, Scene, Texture
+from ..scene.profile import Profile
+from ..settings import Settings
+
+#: The dataclasses that may travel, by name.
+RECORDS: dict[str, type] = {
+    record.__name__: record
+    for record in (Light, Lightmap, Material, Mesh, Profile, Progress, Report, Scene, Settings, Texture)
+}
+
+#: The errors that arrive as what they were, by name; all others arrive as a WorkerError.
+ERRORS: dict[str, type[errors.EngineError]] = {
+    error.__name__: error
+    for error in (
+        errors.EngineError,
+        errors.SceneError,
+        errors.OverlapError,
+        errors.SettingsError,
+        errors.DeviceError,
+        errors.PatchFileError,
+    )
+}
+
+
+class Parcel:
+    """An object ready to travel: a pickle, and the arrays it refers to, not copied yet."""
+
+    def __init__(self, value: object) -> None:
+        """Pack the builtins, NumPy arrays and records that `value` consists of."""
+        arrays: list[pickle.PickleBuffer] = []
+        stream = io.BytesIO()
+        _Packer(stream, protocol=5, buffer_callback=arrays.append).dump(value)
+        self._parts: list[memoryview] = [stream.getbuffer(), *(array.raw() for array in arrays)]
+        sizes = [part.nbytes for part in self._parts]
+        self._head = struct.pack(f"<{len(sizes) + 1}Q", len(sizes), *sizes)
+        self.size = len(self._head) + sum(sizes)
+
+    def write(self, memory: memoryview) -> None:
+        """Copy head and parts, one after the other, into `memory`, of at least `size` bytes."""
+        start = 0
+        for part in (memoryview(self._head), *self._parts):
+            end = start + len(part)
+            memory[start:end] = part
+            start = end
+
+
+def read(memory: memoryview) -> Any:
+    """Return the object that `Parcel.write` left in `memory`; its arrays are copies."""
+    (count,) = struct.unpack_from("<Q", memory)
+    sizes = struct.unpack_from(f"<{count}Q", memory, 8)
+
+    # Each part becomes memory of its own, so that the block may be used again at once.
+    start = 8 * (count + 1)
+    parts = []
+    for size in sizes:
+        parts.append(bytearray(memory[start : start + size]))
+        start += size
+    return _Unpacker(io.BytesIO(parts[0]), buffers=parts[1:]).load()
+
+
+class _Packer(pickle.Pickler):
+    def persistent_id(self, value: object) -> tuple[str, dict[str, object]] | None:
+        """Return a record as its class name and fields; None for all else, which is pickled."""
+        name = type(value).__name__
+        if RECORDS.get(name) is not type(value):
+            return None
+        return name, {field.name: getattr(value, field.name) for field in fields(RECORDS[name])}
+
+
+class _Unpacker(pickle.Unpickler):
+    def persistent_load(self, record: tuple[str, dict[str, object]]) -> object:
+        """Return the record of a class name and fields."""
+        name, values = record
+        return RECORDS[name](**values)
+
+
+def describe_error(error: Exception, traceback: str) -> tuple[str, str, str]:
+    """Return the class name ("" if it is no EngineError), message and traceback of an error."""
+    known = (kind.__name__ for kind in type(error).__mro__ if ERRORS.get(kind.__name__) is kind)
+    return next(known, ""), str(error), traceback
+
+
+def rebuild_error(name: str, message: str, traceback: str) -> errors.EngineError:
+    """Return the error that `describe_error` described; an unknown one as a WorkerError."""
+    if name:
+        return ERRORS[name](message)
+    return errors.WorkerError(
+        f"The bake stopped because of a bug in Hemibake: {traceback.splitlines()[-1]}. "
+        f"Please report it together with these lines.\n{traceback}"
+    )

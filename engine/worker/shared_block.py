@@ -1,0 +1,116 @@
+"""A block of memory that the parent and its worker process both see."""
+
+from __future__ import annotations
+
+import os
+import sys
+from multiprocessing import resource_tracker
+from multiprocessing.shared_memory import SharedMemory
+from pathlib import Path
+from typing import Any, Self
+
+from ..errors import WorkerError
+from . import messages
+
+#: Where Linux keeps shared memory.
+_LINUX_FOLDER = Path("/dev/shm")
+
+
+class SharedBlock:
+    """Shared memory that holds one object at a time; made inside `with`, removed at its end."""
+
+    def __init__(self, parcel: messages.Parcel) -> None:
+        """Hold the object in `parcel`; raise a WorkerError if there is no room for it."""
+        self._memory = _create(parcel.size)
+        parcel.write(_view(self._memory))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        _remove(self._memory)
+
+    @property
+    def name(self) -> str:
+        """The name under which the worker opens the block; another one after `grow`."""
+        return self._memory.name
+
+    def read(self) -> Any:
+        """Return a copy of the object in the block."""
+        return messages.read(_view(self._memory))
+
+    def grow(self, size: int) -> None:
+        """Become an empty block of `size` bytes; raise a WorkerError if there is no room for it."""
+        larger = _create(size)
+        _remove(self._memory)
+        self._memory = larger
+
+
+class BorrowedBlock:
+    """The worker's view of a block: open inside `with`, never removed from here."""
+
+    def __init__(self, name: str) -> None:
+        """Open the block that the parent calls `name`."""
+        self._memory = _attach(name)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._memory.close()
+
+    def read(self) -> Any:
+        """Return a copy of the object in the block."""
+        return messages.read(_view(self._memory))
+
+    def write(self, parcel: messages.Parcel) -> bool:
+        """Put an object into the block if it fits; return whether it did."""
+        if parcel.size > self._memory.size:
+            return False
+        parcel.write(_view(self._memory))
+        return True
+
+
+def _create(size: int) -> SharedMemory:
+    """Create a block; look for room first, since Linux ends a process that finds none when it writes."""
+    if sys.platform == "linux" and _LINUX_FOLDER.exists():
+        room = os.statvfs(_LINUX_FOLDER)
+        if room.f_blocks and size > room.f_bavail * room.f_frsize:
+            raise _no_room(size)
+    try:
+        return SharedMemory(create=True, size=size)
+    except OSError as error:
+        raise _no_room(size) from error
+
+
+def _view(memory: SharedMemory) -> memoryview:
+    assert memory.buf is not None
+    return memory.buf
+
+
+def _remove(memory: SharedMemory) -> None:
+    memory.close()
+    memory.unlink()
+
+
+def _attach(name: str) -> SharedMemory:
+    """Open a block without becoming responsible for it.
+
+    Until Python 3.13 brought `track`, opening a block also told the resource tracker to remove it
+    (python/cpython#82300), which would take it from the parent and print a warning.
+    """
+    if sys.version_info >= (3, 13):
+        return SharedMemory(name, track=False)
+    register = resource_tracker.register
+    resource_tracker.register = lambda name, rtype: None
+    try:
+        return SharedMemory(name)
+    finally:
+        resource_tracker.register = register
+
+
+def _no_room(size: int) -> WorkerError:
+    return WorkerError(
+        f"There is no room for {size / 2**20:.0f} MiB of shared memory. Lower the resolution, close other "
+        f"programs, or enlarge {_LINUX_FOLDER} where the system limits it."
+    )

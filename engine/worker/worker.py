@@ -1,0 +1,130 @@
+"""A bake in a process of its own: cancel is always possible, and a driver crash stays there."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Generator, Sequence
+
+from ..errors import WorkerError
+from ..lightmap import Lightmap
+from ..progress import Progress
+from ..scene.model import Scene
+from ..settings import Settings
+from . import messages
+from .process import WorkerProcess
+from .shared_block import SharedBlock
+
+Job = Generator[Progress | None, None, Lightmap]
+
+
+class Worker:
+    """Runs `engine.bake` in a child process that stays alive between bakes.
+
+    The process is started by the first bake, and again by the bake after it died. It ends with
+    `stop`, and by itself when the parent dies. The protocol is in `engine.worker.child`.
+    """
+
+    def __init__(
+        self,
+        executable: str = sys.executable,
+        search_path: Sequence[str] | None = None,
+        bake: str = "engine.session:bake",
+        start_limit: float = 60,
+    ) -> None:
+        """Prepare a worker; nothing is started yet.
+
+        executable   the Python to run
+        search_path  where it finds its modules; None for the `sys.path` of this process
+        bake         "module:function" of the generator that the child runs, as seen there
+        start_limit  how long the child may take until it answers, s
+        """
+        self._executable = executable
+        self._search_path = tuple(sys.path if search_path is None else search_path)
+        self._bake = bake
+        self._start_limit = start_limit
+        self._child: WorkerProcess | None = None
+        self._busy = False
+
+    @property
+    def process(self) -> subprocess.Popen[bytes] | None:
+        """The child process, or None before the first bake and after `stop`."""
+        return self._child.popen if self._child else None
+
+    @property
+    def alive(self) -> bool:
+        """True while a child process runs."""
+        return self._child is not None and self._child.alive
+
+    def bake(self, scene: Scene, settings: Settings) -> Job:
+        """Bake in the child: each `next` yields the newest Progress, or None.
+
+        A `next` takes a few ms, and where a partial or the lightmap arrived as long as copying it.
+        Returns the Lightmap. Raises the child's SceneError, SettingsError or DeviceError, or a
+        WorkerError if the child has a bug, dies, cannot be started or is at work already. Closing
+        the generator cancels the bake, within about 2 s.
+        """
+        if self._busy:
+            raise WorkerError("Another bake is running. Wait until it is done, or cancel it.")
+        self._busy = True
+        try:
+            child = yield from self._ready_child()
+            with SharedBlock(messages.Parcel((scene, settings))) as block:
+                return (yield from self._converse(child, block))
+        finally:
+            self._busy = False
+
+    def stop(self) -> None:
+        """End the child process, if there is one."""
+        if self._child:
+            self._child.stop()
+            self._child = None
+
+    def _ready_child(self) -> Generator[None, None, WorkerProcess]:
+        """Return the child, started and connected to; yield meanwhile."""
+        if self._child and self._child.alive:
+            return self._child
+        self.stop()
+        child = WorkerProcess(self._executable, self._search_path, self._bake)
+        self._child = child
+        try:
+            yield from child.connect(self._start_limit)
+        except BaseException:
+            self.stop()
+            raise
+        return child
+
+    def _converse(self, child: WorkerProcess, block: SharedBlock) -> Job:
+        """Have the child bake what is in the block; cancel it if anything goes wrong on this side."""
+        try:
+            child.send("bake", block.name)
+            kind = yield from _relay(child, block)
+            outcome = block.read()
+        except BaseException:
+            child.cancel()
+            raise
+        if kind == "lightmap":
+            lightmap: Lightmap = outcome
+            return lightmap
+
+        # A bug may leave the child in any state, so the next bake gets a new one.
+        error = messages.rebuild_error(*outcome)
+        if isinstance(error, WorkerError):
+            self.stop()
+        raise error
+
+
+def _relay(child: WorkerProcess, block: SharedBlock) -> Generator[Progress | None, None, str]:
+    """Yield the child's progress until the bake is over; return what the block then holds."""
+    while True:
+        kind, *sizes = child.receive() or ("nothing",)
+        if kind in ("lightmap", "error"):
+            return str(kind)
+        progress = None
+        if kind == "progress":
+            progress = block.read()
+        if kind == "grow":
+            block.grow(*sizes)
+        if kind != "nothing":
+            child.send("turn", block.name)
+        yield progress

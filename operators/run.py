@@ -26,8 +26,8 @@ from .result.contents import lightmap_contents
 from .result.places import choose_places
 from .scene import Gathered, gather, visible_meshes
 from .scene.overlaps import without_overlaps
-from .scene.unwrap import unwrap_missing
-from .scene.uv_modifier import has_uvs, uv_source
+from .scene.uvs.unwrap import unwrap_missing
+from .scene.uvs.uv_modifier import has_uvs, uv_source
 
 Job = Generator[Progress | None, None, Lightmap]
 

@@ -8,7 +8,7 @@ from ..engine.errors import EngineError
 from .bake_settings import read_settings
 from .changes import Changes
 from .scene import visible_meshes
-from .scene.unwrap import unwrap_missing
+from .scene.uvs.unwrap import unwrap_missing
 from .telling import tell
 
 

@@ -14,10 +14,10 @@ import numpy as np
 
 from ...engine.scene.model import Material, Texture
 from ..compat import new_node_tree
-from ..scene.materials import read_material
-from ..scene.meshes import read_array
-from ..scene.pixels import PixelCache
-from ..scene.sockets import ComplexError
+from ..scene.materials.materials import read_material
+from ..scene.materials.pixels import PixelCache
+from ..scene.materials.sockets import ComplexError
+from ..scene.objects.meshes import read_array
 
 #: Custom property that marks a preview material.
 MARK = "hemibake_preview"

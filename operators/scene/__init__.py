@@ -1,6 +1,6 @@
 """Blender scene -> engine.Scene."""
 
 from .gather import Gathered, gather
-from .visible import visible_meshes
+from .objects.visible import visible_meshes
 
 __all__ = ["Gathered", "gather", "visible_meshes"]

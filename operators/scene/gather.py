@@ -11,16 +11,16 @@ import numpy as np
 from ...engine.errors import SceneError
 from ...engine.naming import first_line, naming
 from ...engine.scene.model import OCCLUDER, Mesh, Scene, check_scene
-from .items import scene_items
-from .lights import Lamps
-from .material_table import MaterialTable
-from .meshes import world_mesh
+from .light.lights import Lamps
+from .light.world import read_world
+from .materials.material_table import MaterialTable
+from .messages import Troubles
+from .objects.items import scene_items
+from .objects.meshes import world_mesh
+from .objects.skipped import note_skipped
 from .places import Place, choose_places
-from .readings import ItemReader, Reading
-from .sharing import shared_sources
-from .skipped import note_skipped
-from .troubles import Troubles
-from .world import read_world
+from .scene_objects import ItemReader, Reading
+from .uvs.sharing import shared_sources
 
 #: Session uid of a baked object, and where its charts are; of an instance session uid of the instancer,
 #: name of the object shown, persistent id, and where its charts are.

@@ -8,8 +8,8 @@ import numpy as np
 
 from ...engine.scene.model import OCCLUDER, Mesh, Scene
 from .gather import Gathered
-from .troubles import OVERLAPPING, Troubles
-from .uv_faults import covered_texels
+from .messages import OVERLAPPING, Troubles
+from .uvs.uv_faults import covered_texels
 
 #: Texels that may lie in several triangles: of an object, and the share of all that it has.
 _ALLOWED = 2

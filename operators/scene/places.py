@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .readings import Reading
-from .troubles import NO_TILE, UVS_OUTSIDE, Troubles
-from .uv_faults import is_inside
+from .messages import NO_TILE, UVS_OUTSIDE, Troubles
+from .scene_objects import Reading
+from .uvs.uv_faults import is_inside
 
 #: Texels between two tiles.
 _GAP = 4

@@ -101,7 +101,7 @@ def test_metal_and_glass_reflect_less_diffusely():
 def test_metal_and_glass_are_what_cycles_bakes():
     import bpy
 
-    baker = part("operators.scene.shader_bake")
+    baker = part("operators.scene.materials.shader_bake")
     surface = material("Metal", (0.8, 0.6, 0.4))
     node = surface.node_tree.nodes["Principled BSDF"]
     node.inputs["Metallic"].default_value, node.inputs["Transmission Weight"].default_value = 0.5, 0.25

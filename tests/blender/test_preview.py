@@ -99,7 +99,7 @@ def test_preview_emits_reflectance_times_lightmap_plus_emission(baked):
     import bpy
 
     bpy.ops.hemibake.preview()
-    read = part("operators.scene.materials").read_material
+    read = part("operators.scene.materials.materials").read_material
     room = baked[0]
     nodes = room.material_slots[0].material.node_tree.nodes
     light = next(node for node in nodes if node.label.startswith("Reflectance"))

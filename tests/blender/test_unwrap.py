@@ -108,7 +108,7 @@ def test_charts_keep_four_empty_texels_between_them():
 
 
 def test_torn_polygon_is_laid_flat_without_folding():
-    charts = part("operators.scene.charts")
+    charts = part("operators.scene.uvs.charts")
     points = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0.9, 0.05, 0.8)], np.float64)
     triangles = np.array([(0, 1, 2), (0, 2, 3)])
     flat = charts._flatten(points, triangles)
@@ -173,7 +173,7 @@ def test_what_is_made_can_be_taken_back(mode):
     bpy.context.view_layer.objects.active = obj
     bpy.ops.object.mode_set(mode=mode)
     before, changes = snapshot(), part("operators.changes").Changes()
-    made = part("operators.scene.unwrap").unwrap_missing(
+    made = part("operators.scene.uvs.unwrap").unwrap_missing(
         bpy.context, [obj, copied], "Lightmap", RESOLUTION, changes
     )
     assert len(made.objects) == 2 and snapshot() != before
@@ -251,7 +251,7 @@ def test_object_that_cannot_have_uvs_is_named_and_the_others_have_some(case):
 
 def test_long_thin_mesh_is_laid_out_without_an_immense_page():
     """Its charts are 1e7 texels long at the density that its area would have."""
-    charts = part("operators.scene.charts")
+    charts = part("operators.scene.uvs.charts")
     strip = [(x, y, 0) for y in (0, 1e-3) for x in (0, 3e4, 1e5)]
     obj = mesh_object("Wire", strip, [(0, 1, 4, 3), (1, 2, 5, 4)])
     sizes = []
@@ -302,7 +302,7 @@ def test_thousands_of_objects_are_looked_through_once():
     mesh = square("First", uvs=None).data
     for number in range(4000):
         bpy.context.scene.collection.objects.link(bpy.data.objects.new(f"Copy {number}", mesh.copy()))
-    sharing = part("operators.scene.sharing")
+    sharing = part("operators.scene.uvs.sharing")
     start = time.perf_counter()
     assert sharing.shared_sources("Lightmap") == set()
     assert time.perf_counter() - start < 1
@@ -321,7 +321,7 @@ def test_doubled_faces_get_charts_of_their_own():
 
 def torn_quads(count):
     """Return quads apart from each other, and what xatlas is to say of them: no triangle has a chart."""
-    charts = part("operators.scene.charts")
+    charts = part("operators.scene.uvs.charts")
     corner = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]) + np.arange(count)[:, None, None] * 2.0
     quad = np.arange(count, dtype=np.int32)
     mesh = charts.PolygonMesh(
@@ -338,7 +338,7 @@ def torn_quads(count):
 
 
 def test_many_torn_polygons_take_their_time_each_and_are_numbered_without_gaps(monkeypatch):
-    charts, seconds = part("operators.scene.charts"), []
+    charts, seconds = part("operators.scene.uvs.charts"), []
     for count in (1000, 16000):
         mesh, said = torn_quads(count)
         monkeypatch.setattr(charts, "_segment", lambda mesh, said=said: said)

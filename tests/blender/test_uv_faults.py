@@ -21,7 +21,7 @@ def grid(n, seed=1, low=0.1, high=0.9):
 @pytest.mark.parametrize("n", [2, 7, 53, 211])
 def test_neighbours_do_not_overlap_and_copies_do(n, place):
     """Also in charts that are tiny, mirrored or outside the lightmap."""
-    faults = part("operators.scene.uv_faults")
+    faults = part("operators.scene.uvs.uv_faults")
     scale, u, v = place
     uvs = (grid(n) * (scale, abs(scale)) + (u, v)).astype(np.float32)
     assert not faults.overlap(uvs)
@@ -30,7 +30,7 @@ def test_neighbours_do_not_overlap_and_copies_do(n, place):
 
 
 def test_slivers_points_and_nothing_do_not_overlap():
-    faults = part("operators.scene.uv_faults")
+    faults = part("operators.scene.uvs.uv_faults")
     fan = np.array([[(0, 0), (1, y), (1, y + 1e-4)] for y in np.arange(0, 1, 1e-4)], np.float32)
     assert not faults.overlap(fan)
     assert not faults.overlap(np.full((5, 3, 2), 0.25, np.float32))
@@ -38,7 +38,7 @@ def test_slivers_points_and_nothing_do_not_overlap():
 
 
 def test_part_that_lies_on_another_is_found_wherever_it_is():
-    faults = part("operators.scene.uv_faults")
+    faults = part("operators.scene.uvs.uv_faults")
     rng = np.random.default_rng(5)
     for _ in range(20):
         low = rng.uniform(0, 0.4, 2)
@@ -48,7 +48,7 @@ def test_part_that_lies_on_another_is_found_wherever_it_is():
 
 
 def test_faces_without_a_place_are_missed():
-    faults = part("operators.scene.uv_faults")
+    faults = part("operators.scene.uvs.uv_faults")
     uvs = grid(10)
     positions = np.concatenate([uvs, np.zeros((len(uvs), 3, 1), np.float32)], axis=2)
     assert faults.cover(uvs, positions)
@@ -59,7 +59,7 @@ def test_faces_without_a_place_are_missed():
 
 @pytest.mark.parametrize("resolution", [8, 33, 257])
 def test_texels_of_triangles_are_those_whose_centres_they_hold(resolution):
-    faults = part("operators.scene.uv_faults")
+    faults = part("operators.scene.uvs.uv_faults")
     uvs = np.random.default_rng(resolution).uniform(-0.2, 1.2, (30, 3, 2)).astype(np.float32)
     clipped = np.clip(uvs.astype(np.float64), 0, 1) * resolution
     centre = np.arange(resolution) + 0.5

@@ -50,7 +50,9 @@ def evaluated_uvs(obj, layer="Lightmap") -> np.ndarray:
     import bpy
 
     mesh = obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
-    return part("operators.scene.meshes").read_array(mesh.uv_layers[layer].uv, "vector", 2, np.float32)
+    return part("operators.scene.objects.meshes").read_array(
+        mesh.uv_layers[layer].uv, "vector", 2, np.float32
+    )
 
 
 def coverage(*objects, size=256) -> np.ndarray:

@@ -69,7 +69,7 @@ def test_a_turned_image_is_what_blender_renders():
     tree.links.new(mapping.outputs[0], node.inputs["Vector"])
     read = gather().scene.world
     before = len(bpy.data.scenes), len(bpy.data.objects), len(bpy.data.cameras), len(bpy.data.images)
-    rendered = part("operators.scene.panorama").render_world(bpy.context.scene.world)
+    rendered = part("operators.scene.light.panorama").render_world(bpy.context.scene.world)
     after = len(bpy.data.scenes), len(bpy.data.objects), len(bpy.data.cameras)
     assert before[:3] == after
     step = rendered.shape[0] // read.shape[0]
@@ -99,7 +99,7 @@ def test_no_world_is_black():
 
 @pytest.fixture
 def small_pictures(monkeypatch):
-    monkeypatch.setattr(part("operators.scene.panorama"), "_ROWS", 16)
+    monkeypatch.setattr(part("operators.scene.light.panorama"), "_ROWS", 16)
 
 
 def checkered_world():

@@ -24,7 +24,7 @@ from tests.fuzz.blender_files import build  # noqa: E402
 from tests.fuzz.fingerprint import differences, fingerprint, meshes_without, without_results  # noqa: E402
 
 #: Rows of a world that Blender renders: a hundredth of the usual time.
-part("operators.scene.panorama")._ROWS = 32
+part("operators.scene.light.panorama")._ROWS = 32
 
 
 def check(case: Case) -> str:

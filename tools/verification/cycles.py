@@ -41,7 +41,7 @@ class RealisedScene:
     """
 
     def __init__(self, context: bpy.types.Context, gathered, resolution: int) -> None:
-        self._items = importlib.import_module(f"{MODULE}.operators.scene.items")
+        self._items = importlib.import_module(f"{MODULE}.operators.scene.objects.items")
         self._uv_layer = context.scene.hemibake.uv_layer
         self._scene = bpy.data.scenes.new("Reference")
         self._scene.world = context.scene.world

@@ -59,7 +59,7 @@ def _subdivided(scene, settings):
 def gathered_scene(context):
     """Return what a bake of the context's scene gathers, and its settings; missing lightmap UVs are made."""
     scene = importlib.import_module(f"{MODULE}.operators.scene")
-    unwrap = importlib.import_module(f"{MODULE}.operators.scene.unwrap")
+    unwrap = importlib.import_module(f"{MODULE}.operators.scene.uvs.unwrap")
     changes = importlib.import_module(f"{MODULE}.operators.changes").Changes()
     settings = importlib.import_module(f"{MODULE}.operators.bake_settings").read_settings(
         context.scene.hemibake

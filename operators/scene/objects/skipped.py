@@ -6,7 +6,7 @@ from collections import Counter
 
 import bpy
 
-from ...engine.naming import naming
+from ....engine.naming import naming
 from .visible import visible_objects
 
 #: Objects without faces that may look like a surface in a render.

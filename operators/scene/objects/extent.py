@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...engine.scene.model import LARGEST
-from .troubles import NOT_FINITE, TOO_FAR
+from ....engine.scene.model import LARGEST
+from ..messages import NOT_FINITE, TOO_FAR
 
 
 def trouble_with(points: np.ndarray, middle: np.ndarray | None = None) -> str | None:

@@ -7,13 +7,13 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ...engine.naming import naming
-from ...engine.scene.model import Light
-from ..compat import light_nodes, light_power, light_temperature
-from .items import SceneItem
+from ....engine.naming import naming
+from ....engine.scene.model import Light
+from ...compat import light_nodes, light_power, light_temperature
+from ..materials.sockets import ComplexError
+from ..objects.items import SceneItem
 from .lamp_bake import bake_lamp
 from .lamp_nodes import LampNodes, LampReader, own_constants
-from .sockets import ComplexError
 
 #: Axes along which a lamp of a type must not be scaled to 0 to shine, as in Cycles (measured in 5.0.1).
 _SHINING_AXES = {"POINT": (), "SUN": (2,), "SPOT": (0, 1, 2), "AREA": (0, 1, 2)}

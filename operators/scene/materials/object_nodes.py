@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import bpy
 
-from .items import SceneItem
+from ..objects.items import SceneItem
 
 #: Outputs of the Object Info node that each object, or instance, has for itself.
 _INFO = ("Location", "Color", "Alpha", "Object Index", "Random")

@@ -9,8 +9,8 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ...engine.scene.profile import Profile
-from ..compat import new_node_tree, plain_lamp
+from ....engine.scene.profile import Profile
+from ...compat import new_node_tree, plain_lamp
 from .lamp_nodes import LampNodes
 
 #: Angles of a profile, and of the directions that tell whether it is one at all.

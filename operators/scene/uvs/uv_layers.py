@@ -6,8 +6,8 @@ import bmesh
 import bpy
 import numpy as np
 
-from ..changes import Changes
-from ..lookup import find
+from ...changes import Changes
+from ...lookup import find
 
 #: Blender's own limit.
 MOST_LAYERS = 8

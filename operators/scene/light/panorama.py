@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..compat import set_panorama
+from ...compat import set_panorama
 
 #: Rows of the picture, and samples of each pixel.
 _ROWS = 512

@@ -9,10 +9,10 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ...engine.naming import naming
-from ...engine.scene.model import Material, Texture
-from ..compat import node_tree
-from .items import SceneItem
+from ....engine.naming import naming
+from ....engine.scene.model import Material, Texture
+from ...compat import node_tree
+from ..objects.items import SceneItem
 from .materials import read_material
 from .object_nodes import Dependence, FrozenMaterial, Source, dependence, lost_attributes, object_values
 from .pixels import PixelCache

@@ -5,8 +5,8 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ...engine.scene.model import Material
-from ..compat import node_input, node_tree
+from ....engine.scene.model import Material
+from ...compat import node_input, node_tree
 from .object_nodes import Source, shown, source_of
 from .pixels import PixelCache
 from .sockets import ComplexError, feeder

@@ -8,10 +8,10 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ...engine.errors import SceneError
-from ...engine.scene.profile import Profile, read_ies
-from ..compat import blackbody
-from .sockets import ComplexError, feeder
+from ....engine.errors import SceneError
+from ....engine.scene.profile import Profile, read_ies
+from ...compat import blackbody
+from ..materials.sockets import ComplexError, feeder
 
 #: What Cycles takes for an IES file that it cannot read (kernel/util/ies.h).
 _MISSING_IES = 100.0

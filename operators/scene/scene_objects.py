@@ -10,13 +10,13 @@ import numpy as np
 
 from ...engine.naming import naming
 from ...engine.scene.model import MOST_FACES
-from .extent import middle_of, trouble_with
-from .items import SceneItem
-from .material_table import MaterialTable
-from .meshes import Corners, read_corners
-from .troubles import NO_FACES, NO_UVS, NOT_FINITE, NOT_FINITE_UVS, TOO_MANY_FACES, Troubles
-from .uv_faults import is_finite
-from .uv_modifier import uv_source
+from .materials.material_table import MaterialTable
+from .messages import NO_FACES, NO_UVS, NOT_FINITE, NOT_FINITE_UVS, TOO_MANY_FACES, Troubles
+from .objects.extent import middle_of, trouble_with
+from .objects.items import SceneItem
+from .objects.meshes import Corners, read_corners
+from .uvs.uv_faults import is_finite
+from .uvs.uv_modifier import uv_source
 
 
 @dataclass(frozen=True)

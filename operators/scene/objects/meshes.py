@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
-from ...engine.scene.model import Mesh
+from ....engine.scene.model import Mesh
 
 if TYPE_CHECKING:
-    from .readings import Reading
+    from ..scene_objects import Reading
 
 #: A triangle is degenerate if twice its area is below this times its longest edge squared.
 _ZERO_AREA = 1e-7

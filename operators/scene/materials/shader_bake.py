@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..compat import new_node_tree, node_input
+from ...compat import new_node_tree, node_input
 from .sockets import feeder
 
 #: Smallest and largest width of such a texture, texels.

@@ -14,9 +14,9 @@ from collections.abc import Sequence
 import bpy
 import numpy as np
 
-from ..changes import Changes
-from ..lookup import find
-from .meshes import read_array
+from ...changes import Changes
+from ...lookup import find
+from ..objects.meshes import read_array
 
 #: Name of the modifier.
 NAME = "Lightmap UVs"

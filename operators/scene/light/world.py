@@ -5,13 +5,13 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ...engine.direct.sky import shrink_sky
-from ...engine.scene.color import srgb_to_linear
-from ..compat import node_input, node_tree
-from .materials import ShaderReader
+from ....engine.direct.sky import shrink_sky
+from ....engine.scene.color import srgb_to_linear
+from ...compat import node_input, node_tree
+from ..materials.materials import ShaderReader
+from ..materials.pixels import PixelCache, is_plain, is_srgb
+from ..materials.sockets import ComplexError, feeder
 from .panorama import render_world
-from .pixels import PixelCache, is_plain, is_srgb
-from .sockets import ComplexError, feeder
 
 #: Largest map of the surroundings, rows.
 _ROWS = 1024

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...engine.errors import EngineError
+from ....engine.errors import EngineError
 
 #: Least distance of two charts, texels.
 PADDING = 4

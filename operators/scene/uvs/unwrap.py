@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 import bpy
 import numpy as np
 
-from ...engine.errors import SceneError
-from ...engine.naming import naming
-from ..changes import Changes
-from ..lookup import find
+from ....engine.errors import SceneError
+from ....engine.naming import naming
+from ...changes import Changes
+from ...lookup import find
+from ..messages import NO_ROOM, Troubles
 from .charts import pack_charts
 from .sharing import instanced_objects, shared_sources
-from .troubles import NO_ROOM, Troubles
 from .uv_layers import add_layer, remove_layer
 from .uv_modifier import (
     NAME,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ...engine.scene.color import srgb_to_linear
+from ....engine.scene.color import srgb_to_linear
 
 #: Colour spaces whose pixels are scene-linear Rec.709 as they are, and the one that is not.
 _LINEAR = {"Linear Rec.709", "Non-Color", "Raw", "Linear", "Generic Data"}

@@ -1,0 +1,1 @@
+"""Lamps and the world -> engine lights and sky."""

@@ -1,0 +1,1 @@
+"""Material nodes -> constants and textures, or a bake by Cycles."""

@@ -1,0 +1,1 @@
+"""What a render shows, and its meshes."""

@@ -1,0 +1,1 @@
+"""Lightmap UVs: made where they are missing, checked where they are there."""

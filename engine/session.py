@@ -12,7 +12,8 @@ from .clock import Stopwatch
 from .device.packages import require_packages
 from .lightmap import Lightmap
 from .progress import Progress
-from .scene.model import Scene, check_scene
+from .scene.checks import check_scene
+from .scene.model import Scene
 from .settings import Settings, check_settings
 
 if TYPE_CHECKING:

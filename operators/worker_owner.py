@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import bpy
 
@@ -13,10 +13,16 @@ from ..engine import session
 
 if TYPE_CHECKING:
     from ..engine.worker.worker import Worker
-    from .window_bake import WindowBake
 
 #: Where the worker finds the package `engine`.
 _ROOT = str(Path(__file__).parents[1])
+
+
+class RunningBake(Protocol):
+    """A bake that a window follows."""
+
+    def cancel(self) -> None:
+        """Leave everything as it was before the bake."""
 
 
 class WorkerOwner:
@@ -27,7 +33,7 @@ class WorkerOwner:
 
     def __init__(self) -> None:
         self._worker: Worker | None = None
-        self.running: WindowBake | None = None
+        self.running: RunningBake | None = None
 
     @property
     def busy(self) -> bool:

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..patches.subdivision import Subdivision
-from ..patches.surfaces import sample
 from ..scene.cutouts import Cutouts, gather_cutouts
 from ..scene.model import Scene
+from ..scene.textures import sample
 from ..visibility.raster.clusters import morton_codes
 from ..visibility.views.viewpoints import eye_heights
 from .coincident import ABOVE, BELOW

@@ -11,6 +11,7 @@ from ..scene.color import srgb_to_linear
 from ..scene.cutouts import map_uvs
 from ..scene.model import Material, Scene, Texture
 from ..scene.resampling import shrink
+from ..scene.textures import sample
 from .geometry import PatchGeometry, Triangles
 from .patch_list import PatchList
 
@@ -140,44 +141,3 @@ def _shrunk(pixels: np.ndarray, footprint: float) -> np.ndarray:
     side = 1 << int(np.log2(max(footprint, 1.0)))
     height, width = (-(-size // side) for size in pixels.shape[:2])
     return pixels if side < _SHRINK else shrink(pixels, height, width)
-
-
-def sample(pixels: np.ndarray, uv: np.ndarray, texture: Texture) -> np.ndarray:
-    """Return a texture's values at places, (m, 2) with the image on [0, 1], as (m, c) float64.
-
-    pixels  (h, w, c) float32, `texture.pixels` or a smaller version of it
-    """
-    height, width = pixels.shape[:2]
-    place = uv.astype(np.float64) * (width, height) - (0.5 if texture.smooth else 0.0)
-    low = np.floor(place).astype(np.int64)
-    if not texture.smooth:
-        nearest = _pixel(pixels, low[:, 0], low[:, 1], texture.extension)
-        return srgb_to_linear(nearest) if texture.srgb else nearest
-    x, y = (place - low).T[:, :, None]
-    columns, rows = low.T
-    values: np.ndarray = (
-        _pixel(pixels, columns, rows, texture.extension) * ((1 - x) * (1 - y))
-        + _pixel(pixels, columns + 1, rows, texture.extension) * (x * (1 - y))
-        + _pixel(pixels, columns, rows + 1, texture.extension) * ((1 - x) * y)
-        + _pixel(pixels, columns + 1, rows + 1, texture.extension) * (x * y)
-    )
-    return srgb_to_linear(values) if texture.srgb else values
-
-
-def _pixel(pixels: np.ndarray, x: np.ndarray, y: np.ndarray, extension: str) -> np.ndarray:
-    """Return pixels, (m, c) float64, also beyond the border."""
-    height, width = pixels.shape[:2]
-    values = pixels[_wrap(y, height, extension), _wrap(x, width, extension)].astype(np.float64)
-    if extension == "clip":
-        values[(x < 0) | (x >= width) | (y < 0) | (y >= height)] = 0
-    return values
-
-
-def _wrap(index: np.ndarray, size: int, extension: str) -> np.ndarray:
-    """Return the row or column that stands for one beyond the border."""
-    if extension == "repeat":
-        return index % size
-    if extension == "mirror":
-        folded = index % (2 * size)
-        return np.minimum(folded, 2 * size - 1 - folded)
-    return np.clip(index, 0, size - 1)

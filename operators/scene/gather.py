@@ -10,17 +10,18 @@ import numpy as np
 
 from ...engine.errors import SceneError
 from ...engine.naming import first_line, naming
-from ...engine.scene.model import OCCLUDER, Mesh, Scene, check_scene
+from ...engine.scene.checks import check_scene
+from ...engine.scene.model import OCCLUDER, Mesh, Scene
 from .light.lights import Lamps
 from .light.world import read_world
 from .materials.material_table import MaterialTable
 from .messages import Troubles
 from .objects.items import scene_items
-from .objects.meshes import world_mesh
 from .objects.skipped import note_skipped
 from .places import Place, choose_places
 from .scene_objects import ItemReader, Reading
 from .uvs.sharing import shared_sources
+from .world_mesh import world_mesh
 
 #: Session uid of a baked object, and where its charts are; of an instance session uid of the instancer,
 #: name of the object shown, persistent id, and where its charts are.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ...engine.naming import naming
-from ...engine.scene.model import LARGEST, MOST_FACES
+from ...engine.scene.checks import LARGEST, MOST_FACES
 
 #: What becomes of the object.
 _LEFT_OUT = "left out of the bake"

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from ...engine.naming import naming
-from ...engine.scene.model import MOST_FACES
+from ...engine.scene.checks import MOST_FACES
 from .materials.material_table import MaterialTable
 from .messages import NO_FACES, NO_UVS, NOT_FINITE, NOT_FINITE_UVS, TOO_MANY_FACES, Troubles
 from .objects.extent import middle_of, trouble_with

@@ -7,7 +7,7 @@ import pytest
 
 from engine import Light, Scene, Settings
 from engine.reference import analytic
-from engine.scene.model import LARGEST, SMALLEST
+from engine.scene.checks import LARGEST, SMALLEST
 from tests.analytic import scenes
 from tests.analytic.drive import Prepared, drive, drive_with_progress, irradiance, prepare
 

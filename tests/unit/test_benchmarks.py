@@ -3,7 +3,7 @@ import pytest
 
 from benchmarks.curves import Point, envelope, reach, reach_by_sampling
 from benchmarks.rooms import cornell_box, dark_box, hilly_room
-from engine.scene.model import check_scene
+from engine.scene.checks import check_scene
 
 
 def _sampled(samples: list[int]) -> list[Point]:

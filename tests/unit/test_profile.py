@@ -7,7 +7,8 @@ import pytest
 
 from engine.direct.modulation import pack_modulations
 from engine.errors import SceneError
-from engine.scene.model import Light, check_light
+from engine.scene.checks import check_light
+from engine.scene.model import Light
 from engine.scene.profile import Profile
 from engine.worker import messages
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from engine.errors import SceneError
-from engine.scene.model import Light, Material, Mesh, Scene, Texture, check_scene
+from engine.scene.checks import check_scene
+from engine.scene.model import Light, Material, Mesh, Scene, Texture
 
 
 def triangle(**changes):

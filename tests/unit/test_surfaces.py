@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 
 from engine.patches.geometry import gather_triangles, patch_geometry
-from engine.patches.surfaces import patch_surfaces, sample
+from engine.patches.surfaces import patch_surfaces
 from engine.reference.cpu_patches import list_patches
 from engine.scene.model import Material, Mesh, Scene, Texture
+from engine.scene.textures import sample
 
 BLACK = np.zeros(3, np.float32)
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ....engine.scene.model import LARGEST
+from ....engine.scene.checks import LARGEST
 from ..messages import NOT_FINITE, TOO_FAR
 
 

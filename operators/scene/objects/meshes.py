@@ -1,18 +1,12 @@
-"""Evaluated mesh -> engine.Mesh, by whole-array reads only."""
+"""The corners of an evaluated mesh, by whole-array reads only."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
-
-from ....engine.scene.model import Mesh
-
-if TYPE_CHECKING:
-    from ..scene_objects import Reading
 
 #: A triangle is degenerate if twice its area is below this times its longest edge squared.
 _ZERO_AREA = 1e-7
@@ -88,53 +82,11 @@ def _uvs(layer: bpy.types.MeshUVLoopLayer | None, loops: np.ndarray) -> np.ndarr
     return read_array(layer.uv, "vector", 2, np.float32)[loops]
 
 
-def world_mesh(
-    reading: Reading, origin: np.ndarray, atlas: int, place: Callable[[np.ndarray], np.ndarray] | None
-) -> Mesh:
-    """Return a reading's corners along the world's axes.
-
-    origin  (3,) float64, world space: what the positions are relative to
-    place   from the mesh's lightmap UVs to those of the atlas; None for an occluder
-    """
-    corners, matrix = reading.shape.corners, reading.matrix
-    linear, shift = matrix[:3, :3].T, matrix[:3, 3] - origin
-    positions = (corners.positions @ linear + shift).astype(np.float32)
-    normals = _unit(corners.normals @ _normal_matrix(matrix[:3, :3]).T.astype(np.float32))
-    uvs = np.zeros((len(positions), 3, 2), np.float32) if place is None else place(corners.uvs)
-    order = [0, 2, 1] if np.linalg.det(matrix[:3, :3]) < 0 else [0, 1, 2]
-    turned = (lambda array: np.ascontiguousarray(array[:, order])) if order[1] == 2 else (lambda array: array)
-    return Mesh(
-        name=reading.name,
-        positions=turned(positions),
-        normals=turned(normals),
-        uvs=turned(uvs),
-        face=corners.face,
-        subface=corners.subface,
-        material=reading.shape.slots,
-        atlas=atlas,
-        texture_uvs={name: turned(values) for name, values in corners.texture_uvs.items()},
-    )
-
-
 def subfaces(face: np.ndarray) -> np.ndarray:
     """Return the index of each triangle within its polygon, (t,) int32, for ascending polygons."""
     index = np.arange(len(face), dtype=np.int32)
     starts = np.r_[True, face[1:] != face[:-1]][: len(face)]
     return index - np.maximum.accumulate(np.where(starts, index, 0)).astype(np.int32)
-
-
-def _normal_matrix(matrix: np.ndarray) -> np.ndarray:
-    """Return the matrix normals transform by: the inverse transpose up to a positive factor.
-
-    The cofactor matrix, with the sign of the determinant, also exists for flattened objects.
-    """
-    cofactors = np.stack([np.cross(matrix[(i + 1) % 3], matrix[(i + 2) % 3]) for i in range(3)])
-    return -cofactors if np.linalg.det(matrix) < 0 else cofactors
-
-
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return vectors / np.where(length > 0, length, 1)
 
 
 def _zero_area(positions: np.ndarray) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ....engine.scene.model import UV_TOLERANCE
+from ....engine.scene.checks import UV_TOLERANCE
 
 #: Texels along the wider side of the charts' box when overlaps are looked for, and triangles at a time.
 _GRID = 512

@@ -1,0 +1,229 @@
+"""Limits of what can be baked, and checks that name what lies beyond them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import SceneError
+from .model import LIGHT_KINDS, OCCLUDER, Light, Material, Mesh, Scene, Texture
+from .profile import check_profile
+
+#: Greater radiances count as infinite: sums of them would leave float32.
+MAX_RADIANCE = 1e30
+
+#: Largest coordinate, m: areas, and squares of areas, then fit float32. Furnaces of 4e9 m are right, of 1e10
+#: black.
+LARGEST = 1e9
+
+#: Least size of a scene, m. Furnaces of 2.5e-10 m are right; at 1e-10 areas of triangles count as none.
+SMALLEST = 1e-9
+
+#: Largest distance of a light, m: its square, times areas, fits float32.
+FARTHEST_LIGHT = 1e15
+
+#: Polygons of a mesh: shaders count them in float32.
+MOST_FACES = 1 << 24
+
+#: Lightmap UVs may leave [0, 1] by this much before it counts as an error.
+UV_TOLERANCE = 1e-4
+
+#: Axes of a light that must be unit vectors, and how far from 1 their lengths may be.
+_AXES_NEEDED = {"sun": slice(2, 3), "spot": slice(3), "area": slice(3)}
+_UNIT_TOLERANCE = 1e-3
+
+
+def check_scene(scene: Scene) -> None:
+    """Raise a SceneError that names the object if the scene cannot be baked."""
+    if not any(len(mesh.positions) for mesh in scene.meshes):
+        raise SceneError(
+            "The scene has no mesh with faces to bake. Add a mesh object, or make one visible "
+            "in the viewport and in renders."
+        )
+    for mesh in scene.meshes:
+        check_mesh(mesh)
+        check_references(mesh, scene)
+    check_size(scene)
+    for material in scene.materials:
+        check_material(material)
+    for light in scene.lights:
+        check_light(light)
+    check_world(scene.world)
+
+
+def check_size(scene: Scene) -> None:
+    """Raise a SceneError that names an object if the scene is too large or too small for float32."""
+    meshes = [mesh for mesh in scene.meshes if len(mesh.positions)]
+    low, high = np.transpose([_box(mesh) for mesh in meshes], (1, 0, 2))
+    reach = np.maximum(-low, high).max(axis=1)
+    farthest = int(reach.argmax())
+    if reach[farthest] > LARGEST:
+        raise SceneError(
+            f"Object '{meshes[farthest].name}' reaches {reach[farthest]:.3g} m from the middle of the scene; "
+            f"at most {LARGEST:.0e} m can be baked. Delete its far vertices, move it closer, or scale the "
+            "scene down."
+        )
+    size = (high.max(axis=0) - low.min(axis=0)).max()
+    if size < np.float32(SMALLEST):
+        largest = meshes[int((high - low).max(axis=1).argmax())].name
+        raise SceneError(
+            f"The scene is only {size:.3g} m large, and object '{largest}' is its largest; at least "
+            f"{SMALLEST:.0e} m can be baked. Scale the scene up."
+        )
+
+
+def _box(mesh: Mesh) -> np.ndarray:
+    """Return the low and the high corner of a mesh, (2, 3) float64, metres."""
+    axes = mesh.positions.reshape(-1, 3).T
+    return np.array([[axis.min() for axis in axes], [axis.max() for axis in axes]], np.float64)
+
+
+def check_world(world: np.ndarray) -> None:
+    """Raise a SceneError if the surroundings are neither one colour nor an image, or no light."""
+    if world.shape != (3,) and (world.ndim != 3 or world.shape[2] != 3):
+        raise SceneError(
+            f"The world's radiance has the shape {world.shape}. "
+            "Give it one colour, or an image of three channels."
+        )
+    if not world.size:
+        raise SceneError("The world's image has no pixels. Choose another image.")
+    if not _is_light(world):
+        raise SceneError("The world's radiance is NaN, infinite or negative. Mend its colour and strength.")
+
+
+def check_mesh(mesh: Mesh) -> None:
+    """Raise a SceneError if a mesh has coordinates, normals or UVs that cannot be used."""
+    if not np.isfinite(mesh.positions).all():
+        raise SceneError(
+            f"Object '{mesh.name}' has NaN or infinite vertex coordinates. "
+            "Delete those vertices, or check the modifiers and the object's scale."
+        )
+    if not np.isfinite(mesh.normals).all():
+        raise SceneError(
+            f"Object '{mesh.name}' has NaN or infinite normals. "
+            "Clear its custom normals, or check the object's scale."
+        )
+    face, subface = np.diff(mesh.face), np.diff(mesh.subface)
+    ordered = not ((face < 0).any() or (subface[face == 0] <= 0).any())
+    if not ordered or mesh.face.min(initial=0) < 0 or mesh.subface.min(initial=0) < 0:
+        raise SceneError(
+            f"The triangles of object '{mesh.name}' are not in the order of its polygons. "
+            "Sort them by face, then by subface."
+        )
+    if len(mesh.face) and mesh.face[-1] >= MOST_FACES:
+        raise SceneError(
+            f"Object '{mesh.name}' has more than {MOST_FACES:,} polygons. Split it into several objects."
+        )
+    if mesh.atlas != OCCLUDER:
+        check_lightmap_uvs(mesh)
+
+
+def check_references(mesh: Mesh, scene: Scene) -> None:
+    """Raise a SceneError if a mesh names an atlas, a material or a UV map that is not there."""
+    if not (mesh.atlas == OCCLUDER or 0 <= mesh.atlas < len(scene.atlases)):
+        raise SceneError(
+            f"Object '{mesh.name}' names atlas {mesh.atlas} of {len(scene.atlases)}. Give it one of these."
+        )
+    used = np.unique(mesh.material)
+    if len(used) and not 0 <= used[0] <= used[-1] < len(scene.materials):
+        raise SceneError(
+            f"Object '{mesh.name}' names materials {used[0]} to {used[-1]} of {len(scene.materials)}. "
+            "Give its faces some of these."
+        )
+    for material in (scene.materials[index] for index in used):
+        for texture in _textures(material):
+            if texture.uv_map not in mesh.texture_uvs:
+                raise SceneError(
+                    f"Object '{mesh.name}' has no UV map '{texture.uv_map}', which texture '{texture.name}' "
+                    f"of material '{material.name}' names. Add the UV map, or choose another one."
+                )
+
+
+def check_lightmap_uvs(mesh: Mesh) -> None:
+    """Raise a SceneError if lightmap UVs are no places in a lightmap."""
+    if not np.isfinite(mesh.uvs).all():
+        raise SceneError(
+            f"Object '{mesh.name}' has NaN or infinite lightmap UVs. Unwrap its lightmap UVs again."
+        )
+    if len(mesh.uvs) and (mesh.uvs.min() < -UV_TOLERANCE or mesh.uvs.max() > 1 + UV_TOLERANCE):
+        raise SceneError(
+            f"Object '{mesh.name}' has lightmap UVs outside 0-1. "
+            "Pack its UV islands into the unit square, or delete the lightmap UV layer to have one made."
+        )
+
+
+def check_material(material: Material) -> None:
+    """Raise a SceneError if a material's numbers are no light, or a texture has none."""
+    for texture in _textures(material):
+        if not texture.pixels.size:
+            raise SceneError(
+                f"Texture '{texture.name}' of material '{material.name}' has no pixels. Choose another image."
+            )
+    reflects = _values(material.reflectance, material.reflectance_map)
+    if not all(_is_light(values) and np.max(values) <= 1 for values in reflects):
+        raise SceneError(
+            f"Material '{material.name}' has a reflectance that is not between 0 and 1. Mend its base colour."
+        )
+    if not all(_is_light(values) for values in _values(material.emission, material.emission_map)):
+        raise SceneError(
+            f"Material '{material.name}' has an emission that is NaN, infinite or negative. "
+            "Mend its emission colour and strength."
+        )
+    alphas = _values(np.asarray(material.alpha), material.alpha_map)
+    if not all(_is_light(values) and np.max(values) <= 1 for values in alphas):
+        raise SceneError(
+            f"Material '{material.name}' has an alpha that is not between 0 and 1. Mend its alpha."
+        )
+
+
+def check_light(light: Light) -> None:
+    """Raise a SceneError if a light is of no known kind, or its numbers are none."""
+    if light.kind not in LIGHT_KINDS:
+        raise SceneError(
+            f"Light '{light.name}' is of kind '{light.kind}'. Choose one of {', '.join(LIGHT_KINDS)}."
+        )
+    if not _is_light(light.strength):
+        raise SceneError(f"Light '{light.name}' has a power that is NaN, infinite or negative. Mend it.")
+    place = (
+        light.position,
+        light.axes,
+        light.size,
+        light.radius,
+        light.half_angle,
+        light.blend,
+        light.stretch,
+        light.falloff_power,
+        light.falloff_smooth,
+    )
+    if not all(np.isfinite(values).all() for values in place):
+        raise SceneError(f"Light '{light.name}' has a place or size that is NaN or infinite. Mend it.")
+    if np.abs(light.position).max() > FARTHEST_LIGHT or max(light.radius, *light.size) > LARGEST:
+        raise SceneError(
+            f"Light '{light.name}' is farther than {FARTHEST_LIGHT:.0e} m or larger than {LARGEST:.0e} m. "
+            "Move it closer, or make it smaller."
+        )
+    lengths = np.linalg.norm(light.axes, axis=1)[_AXES_NEEDED.get(light.kind, slice(0))]
+    if (np.abs(lengths - 1) > _UNIT_TOLERANCE).any() or (np.asarray(light.stretch) <= 0).any():
+        raise SceneError(
+            f"Light '{light.name}' has axes that are no unit vectors, or a stretch that is not positive. "
+            "Give it a scale other than 0."
+        )
+    if light.profile is not None:
+        check_profile(light.profile, light.name)
+        if not _is_light(light.strength * light.profile.factors.max(axis=(0, 1)).astype(np.float64)):
+            raise SceneError(f"Light '{light.name}' has a profile and a power that are too large. Lower one.")
+
+
+def _textures(material: Material) -> list[Texture]:
+    """Return the textures of a material."""
+    maps = (material.reflectance_map, material.emission_map, material.alpha_map)
+    return [texture for texture in maps if texture is not None]
+
+
+def _values(constant: np.ndarray, texture: Texture | None) -> list[np.ndarray]:
+    """Return the numbers of a quantity."""
+    return [constant] if texture is None else [constant, texture.pixels]
+
+
+def _is_light(values: np.ndarray) -> bool:
+    """True for numbers that float32 sums of many can hold."""
+    return bool(np.isfinite(values).all() and np.min(values) >= 0 and np.max(values) <= MAX_RADIANCE)

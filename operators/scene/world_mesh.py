@@ -1,0 +1,52 @@
+"""An object or instance that was read -> engine.Mesh, along the world's axes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ...engine.scene.model import Mesh
+from .scene_objects import Reading
+
+
+def world_mesh(
+    reading: Reading, origin: np.ndarray, atlas: int, place: Callable[[np.ndarray], np.ndarray] | None
+) -> Mesh:
+    """Return a reading's corners along the world's axes.
+
+    origin  (3,) float64, world space: what the positions are relative to
+    place   from the mesh's lightmap UVs to those of the atlas; None for an occluder
+    """
+    corners, matrix = reading.shape.corners, reading.matrix
+    linear, shift = matrix[:3, :3].T, matrix[:3, 3] - origin
+    positions = (corners.positions @ linear + shift).astype(np.float32)
+    normals = _unit(corners.normals @ _normal_matrix(matrix[:3, :3]).T.astype(np.float32))
+    uvs = np.zeros((len(positions), 3, 2), np.float32) if place is None else place(corners.uvs)
+    order = [0, 2, 1] if np.linalg.det(matrix[:3, :3]) < 0 else [0, 1, 2]
+    turned = (lambda array: np.ascontiguousarray(array[:, order])) if order[1] == 2 else (lambda array: array)
+    return Mesh(
+        name=reading.name,
+        positions=turned(positions),
+        normals=turned(normals),
+        uvs=turned(uvs),
+        face=corners.face,
+        subface=corners.subface,
+        material=reading.shape.slots,
+        atlas=atlas,
+        texture_uvs={name: turned(values) for name, values in corners.texture_uvs.items()},
+    )
+
+
+def _normal_matrix(matrix: np.ndarray) -> np.ndarray:
+    """Return the matrix normals transform by: the inverse transpose up to a positive factor.
+
+    The cofactor matrix, with the sign of the determinant, also exists for flattened objects.
+    """
+    cofactors = np.stack([np.cross(matrix[(i + 1) % 3], matrix[(i + 2) % 3]) for i in range(3)])
+    return -cofactors if np.linalg.det(matrix) < 0 else cofactors
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.where(length > 0, length, 1)

@@ -1,0 +1,101 @@
+"""Imports point down the list of rooms in docs/architecture.md, and never in a circle."""
+
+import ast
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+#: Rooms and files of each package, from the top down.
+ORDERS = {
+    "engine": [
+        "worker", "__init__", "session", "algorithm", "plan", "finish", "solve", "gather", "direct",
+        "reference", "visibility", "patches", "device", "scene", "clock", "settings", "setting", "lightmap",
+        "naming", "progress", "errors",
+    ],
+    "operators/scene": [
+        "__init__", "overlaps", "gather", "places", "world_mesh", "scene_objects",
+        "light", "materials", "uvs", "objects", "messages",
+    ],
+}  # fmt: skip
+
+
+def modules(package: str) -> dict[str, Path]:
+    """Return the files of a package by their dotted names from the root."""
+    paths = (ROOT / package).rglob("*.py")
+    return {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in paths}
+
+
+def imports(package: str) -> set[tuple[str, str]]:
+    """Return which module of a package imports which other one of it."""
+    known = modules(package)
+    found = set()
+    for name, path in known.items():
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.level:
+                source = name.split(".")[: -node.level] + (node.module.split(".") if node.module else [])
+                found |= {
+                    (name, target) for alias in node.names if (target := module(known, source, alias.name))
+                }
+    return found
+
+
+def module(known: dict[str, Path], source: list[str], name: str) -> str | None:
+    """Return the module that `from source import name` imports, None if it is not in the package."""
+    candidates = ([*source, name], source, [*source, "__init__"])
+    return next((path for parts in candidates if (path := ".".join(parts)) in known), None)
+
+
+def room(package: str, module: str) -> str:
+    """Return the room or file of a package that a module belongs to."""
+    return module.split(".")[len(package.split("/"))]
+
+
+@pytest.mark.parametrize("package", ORDERS)
+def test_imports_point_down(package):
+    order = ORDERS[package]
+    assert {room(package, name) for name in modules(package)} == set(order)
+    upward = [
+        f"{name} -> {target}"
+        for name, target in imports(package)
+        if order.index(room(package, name)) > order.index(room(package, target))
+    ]
+    assert not upward
+
+
+@pytest.mark.parametrize("package", ["engine", "operators", "panels"])
+def test_no_module_imports_itself_by_way_of_others(package):
+    follows: dict[str, set[str]] = {}
+    for name, target in imports(package):
+        follows.setdefault(name, set()).add(target)
+    for start in follows:
+        reached, open_ends = set(), [start]
+        while open_ends:
+            new = follows.get(open_ends.pop(), set()) - reached
+            reached |= new
+            open_ends += new
+        assert start not in reached
+
+
+def test_layers_know_only_what_is_below_them():
+    sources = {package: [path.read_text() for path in modules(package).values()] for package in
+               ("engine", "operators", "panels")}  # fmt: skip
+    assert not [text for text in sources["engine"] if re.search(r"^\s*(import|from) bpy", text, re.MULTILINE)]
+    for package in ("operators", "panels"):
+        gpu = r"^\s*(import|from) (moderngl|pyopencl|glcontext)"
+        assert not [text for text in sources[package] if re.search(gpu, text, re.MULTILINE)]
+    assert not [text for text in sources["operators"] if re.search(r"^from \.+panels", text, re.MULTILINE)]
+
+
+def test_page_of_the_architecture_names_files_that_are_there():
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`((?:engine|operators|kernels|shaders|tests|tools)/[\w/.]+\.\w+)`", text))
+    assert len(named) > 10
+    assert not [path for path in named if not (ROOT / path).exists()]
+
+
+def test_python_has_the_names_of_the_standard_library():
+    assert not {path.stem for path in (ROOT / "engine").glob("*.py")} & sys.stdlib_module_names

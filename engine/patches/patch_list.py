@@ -130,7 +130,9 @@ def _compact(atlas: int, resolution: int, barycentric: np.ndarray, identity: np.
 def _on_triangle(barycentric: np.ndarray) -> np.ndarray:
     """Return barycentrics, (n, 3), that lie on their triangles: those drawn on slivers do not, or are NaN."""
     placed = np.ascontiguousarray(barycentric)
-    off = ~((placed >= 0).all(axis=1) & (np.abs(placed.sum(axis=1) - 1) <= _SUM))
+    first, second, last = placed.T
+    least = np.minimum(np.minimum(first, second), last)
+    off = np.flatnonzero(~((least >= 0) & (np.abs(first + second + last - 1) <= _SUM)))
     inside = np.clip(np.nan_to_num(placed[off]), 0, 1)
     total = inside.sum(axis=1, keepdims=True)
     third = np.float32(1 / 3)

@@ -21,7 +21,7 @@ import bpy  # noqa: E402
 
 from tests.blender.things import files_below, part  # noqa: E402
 from tests.fuzz.blender_files import build  # noqa: E402
-from tests.fuzz.fingerprint import differences, fingerprint, meshes_without, without_results  # noqa: E402
+from tests.fuzz.fingerprint import differences, fingerprint, unwrapped, without_results  # noqa: E402
 
 #: Rows of a world that Blender renders: a hundredth of the usual time.
 part("operators.scene.light.panorama")._ROWS = 32
@@ -61,8 +61,9 @@ class _User:
 
     def expect_results_only(self, before: dict[str, Any]) -> None:
         """Raise AssertionError if more than lightmaps and lightmap UVs has been made."""
-        unwrapped = meshes_without(before, self._uv_layer)
-        trimmed = [without_results(state, self._uv_layer, unwrapped) for state in (before, self.state())]
+        after = self.state()
+        moved = unwrapped(before, after, self._uv_layer)
+        trimmed = [without_results(state, self._uv_layer, moved) for state in (before, after)]
         found = list(differences(*trimmed))
         assert not found, "changed:\n" + "\n".join(found[:20])
 

@@ -234,6 +234,10 @@ _EXAMPLES: dict[str, Case] = {
         for mode in ("EDIT", "SCULPT", "VERTEX_PAINT", "WEIGHT_PAINT", "TEXTURE_PAINT")
     },
     "missing images": Case(surfaces=("missing image",), world="missing image"),
+    "vertex colour on an object without faces": Case(
+        (Thing("quad"), Thing("cube", (3, 0, 0), slots=(1,), modifiers=("BUILD",))),
+        ("diffuse", "vertex colour"),
+    ),
     "instances": Case((Thing("collection", slots=()), _INSTANCED)),
 }
 

@@ -65,23 +65,28 @@ def differences(before: Any, after: Any, path: str = "") -> Iterator[str]:
         yield f"{path}: {str(before)[:200]} became {str(after)[:200]}"
 
 
-def without_results(facts: dict[str, Any], uv_layer: str, unwrapped: set[str]) -> dict[str, Any]:
+def without_results(facts: dict[str, Any], uv_layer: str, moved: set[str]) -> dict[str, Any]:
     """Return a fingerprint without what a bake makes: lightmap images, and UVs in layers or by modifiers.
 
-    unwrapped  meshes that had none: with one they may get an atlas of their own
+    moved  objects that have got lightmap UVs: they may get an atlas of their own
     """
     users = {
         kind: {name: item for name, item in facts[kind].items() if not _is_made(name, item)}
         for kind in ("images", "meshes", "objects", "node_groups")
     }
     meshes = {name: _without_layer(mesh, uv_layer) for name, mesh in users["meshes"].items()}
-    objects = {name: _without_uvs(obj, unwrapped) for name, obj in users["objects"].items()}
+    objects = {name: _without_uvs(obj, name in moved) for name, obj in users["objects"].items()}
     return {**facts, **users, "meshes": meshes, "objects": objects}
 
 
-def meshes_without(facts: dict[str, Any], uv_layer: str) -> set[str]:
-    """Return the names of the meshes that have no UV layer of a name."""
-    return {name for name, mesh in facts["meshes"].items() if uv_layer not in mesh["uv_layers"]}
+def unwrapped(before: dict[str, Any], after: dict[str, Any], uv_layer: str) -> set[str]:
+    """Return the names of the objects that have got lightmap UVs, in a layer or by a modifier."""
+    bare = {name for name, mesh in before["meshes"].items() if uv_layer not in mesh["uv_layers"]}
+    return {
+        name
+        for name, obj in after["objects"].items()
+        if obj.get("data", ("", ""))[1] in bare or any(item.startswith(_UVS) for item in obj["modifiers"])
+    }
 
 
 def _is_made(name: str, item: dict[str, Any]) -> bool:
@@ -90,11 +95,10 @@ def _is_made(name: str, item: dict[str, Any]) -> bool:
     return name.startswith(f".{_UVS} of ") or not marks.isdisjoint(item["custom"])
 
 
-def _without_uvs(obj: dict[str, Any], unwrapped: set[str]) -> dict[str, Any]:
+def _without_uvs(obj: dict[str, Any], moved: bool) -> dict[str, Any]:
     modifiers = {name: item for name, item in obj["modifiers"].items() if not name.startswith(_UVS)}
-    if obj.get("data", ("", ""))[1] not in unwrapped:
-        return {**obj, "modifiers": modifiers}
-    return {**obj, "modifiers": modifiers, "hemibake": {**obj["hemibake"], "atlas": None}}
+    atlas = None if moved else obj["hemibake"]["atlas"]
+    return {**obj, "modifiers": modifiers, "hemibake": {**obj["hemibake"], "atlas": atlas}}
 
 
 def _without_layer(mesh: dict[str, Any], uv_layer: str) -> dict[str, Any]:

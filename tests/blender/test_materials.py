@@ -180,6 +180,17 @@ def test_vertex_colours_are_evaluated():
     assert middle == pytest.approx([0.25, 0.5, 0.75], abs=0.01)
 
 
+def test_nodes_that_only_objects_without_faces_have_are_not_evaluated():
+    """A Build modifier shows no face yet of an object whose material Cycles would have to evaluate."""
+    surface = material("Painted")
+    tree = surface.node_tree
+    node = tree.nodes.new("ShaderNodeVertexColor")
+    tree.links.new(node.outputs["Color"], tree.nodes["Principled BSDF"].inputs["Base Color"])
+    square("Nothing yet", surface=surface).modifiers.new("Build", "BUILD")
+    square()
+    assert sum(len(mesh.positions) for mesh in gather().scene.meshes) == 2
+
+
 @pytest.mark.parametrize("broken", ["no image", "no file"])
 def test_images_that_cannot_be_read_are_magenta_and_named(broken):
     surface, node = textured()

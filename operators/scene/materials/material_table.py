@@ -112,6 +112,8 @@ class MaterialTable:
         for index, material in self._complex.items():
             name = self._materials[index].name
             shapes = [shape for shape, wanted in self._shapes if index in wanted]
+            if not shapes:  # only objects without faces have it
+                continue
             try:
                 self._materials[index] = self._evaluate(name, material, shapes, (resolution, variants[name]))
             except RuntimeError as error:

@@ -7,7 +7,7 @@ READY50 := .venv/.ready
 READY45 := .venv-bpy45/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-long fuzz verify bench bench-gpu lint setup locks clean
+.PHONY: help demo test test-long fuzz-short fuzz verify bench bench-gpu lint setup locks clean
 
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | expand -t 14
@@ -22,6 +22,9 @@ test: lint $(READY45) ## lint, then all tests in Blender 5.0, then those of Blen
 
 test-long: setup ## the tests that take minutes
 	.venv/bin/python -m pytest -m long
+
+fuzz-short: setup ## 300 random scenes and 60 random .blend files, the same ones in every run
+	.venv/bin/python -m pytest tests/fuzz
 
 fuzz: SEED := $(or $(SEED),$(shell date +%s))
 fuzz: setup ## 3,000 random scenes and 500 random .blend files, about an hour; SEED=N repeats a run

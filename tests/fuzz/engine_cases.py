@@ -588,6 +588,7 @@ def _with_room(case: Case) -> st.SearchStrategy[Case]:
     settings = {**case.settings, "iterations": 20, "tolerance": 0.0, "light_samples": 64}
     settings["resolution"] = max(12, settings["resolution"])
     settings.pop("outputs", None)
+    settings.pop("batch_bytes", None)
     return st.sampled_from([0.2, 0.6]).map(
         lambda room: replace(case, surfaces=surfaces, lamps=lamps, sky=sky, settings=settings, room=room)
     )

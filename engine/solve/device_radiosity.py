@@ -16,6 +16,9 @@ from .solver import Step, Sums
 #: card, and on a processor. Many items keep float32 sums exact.
 _ITEMS, _ADDING = (2048, 512), (256, 1)
 
+#: Least sum of areas, m^2: slivers may have none.
+_LEAST_AREA = 1e-30
+
 
 class DeviceRadiosity:
     """See `solve.Radiosity`; parameters as of `host_radiosity.HostRadiosity` but for emission.
@@ -43,7 +46,10 @@ class DeviceRadiosity:
         options = (f"-DCOLUMNS={columns}",)
         begin, self._products, self._mix, self._add_up = compute.kernels("solve.cl", *names, options=options)
         self._emission, self._reflectance = emission, upload_float4(compute, reflectance)
-        self._lights, self._area = upload_float4(compute, lights), upload(compute, area)
+        self._lights = upload_float4(compute, lights)
+
+        # Areas as shares of all: bright light times large areas leaves float32.
+        self._area = upload(compute, (area / max(self.area, _LEAST_AREA)).astype(np.float32))
         self.patches_seen = zeros(compute, 4 * self.count)
         self._gathered, self._defects = (zeros(compute, 16 * self.count * columns) for _ in range(2))
         self._irradiance = zeros(compute, 16 * self.count) if glowing else upload_float4(compute, lights)
@@ -80,7 +86,7 @@ class DeviceRadiosity:
         sums, (rows, columns) = self._read_sums(self._numbers), self._pairs
         products = np.zeros((self.columns, self.columns, 3))
         products[rows, columns] = products[columns, rows] = sums[:-3]
-        return Sums(products, sums[-3], sums[-2], sums[-1, 0] / self.count)
+        return Sums(products, sums[-3] * self.area, sums[-2] * self.area, sums[-1, 0] / self.count)
 
     def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> Step:
         """Make the next irradiance; see `solve.Radiosity.mix`."""
@@ -93,7 +99,7 @@ class DeviceRadiosity:
             self._irradiance, self.radiance, self._sums,
         )  # fmt: skip
         change, relative, flux = self._read_sums(1)[0]
-        return Step(change / self.count, relative / self.count, np.pi * flux)
+        return Step(change / self.count, relative / self.count, np.pi * flux * self.area)
 
     def iterate(self, column: int) -> np.ndarray:
         """Return E/pi and the share that is no back, (n, 4) float32, of a column."""

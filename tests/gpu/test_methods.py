@@ -22,7 +22,7 @@ from engine.visibility.raster.tiles import Tiles
 from engine.visibility.rays.identity import RayIdentity
 from engine.visibility.rays.ray_scene import RayScene
 from tests.analytic.drive import drive
-from tests.analytic.scenes import nine_quad_room
+from tests.analytic.scenes import furnace, nine_quad_room
 from tests.analytic.test_sky_and_cutouts import sky
 
 SETTINGS = Settings(
@@ -301,3 +301,16 @@ def test_a_batch_larger_than_a_storage_block_is_kept_in_parts(graphics, monkeypa
     cache.set_radiance(np.float32([[1, 2, 3]]))
     assert cache.gather(0) == pytest.approx(np.tile([1, 2, 3, 1], (count, 1)), rel=1e-6)
     assert cache.batches == 1
+
+
+def test_flux_of_bright_light_on_large_areas_is_a_number():
+    """In W it leaves float32, which the device sums in."""
+    room = furnace(0.5, 1e29)
+    (mesh,) = room.meshes
+    large = dataclasses.replace(
+        room, meshes=(dataclasses.replace(mesh, positions=mesh.positions * np.float32(1e5)),)
+    )
+    baked = drive(large, Settings(resolution=16, hemicube=8))
+    assert baked.image[baked.covered] == pytest.approx(2e29, rel=0.01)
+    area = 6 * float(np.ptp(large.meshes[0].positions)) ** 2
+    assert sum(baked.report.energies) == pytest.approx(3 * np.pi * area * 0.5 * 2e29, rel=0.05)

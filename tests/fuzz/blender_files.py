@@ -34,6 +34,11 @@ def build(case: Case, folder: Path) -> None:
     _set_up(case, made, folder)
 
 
+def _is_shown(obj) -> bool:
+    """Return whether an object is in the view layer: only then may it be active."""
+    return obj.name in bpy.context.view_layer.objects
+
+
 def _set_up(case: Case, made: list[bpy.types.Object], folder: Path) -> None:
     settings = bpy.context.scene.hemibake
     for name, value in case.settings.items():
@@ -42,7 +47,7 @@ def _set_up(case: Case, made: list[bpy.types.Object], folder: Path) -> None:
         setattr(settings, name, set(value) if name == "outputs" else value)
     if case.saved:
         bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"))
-    if case.active is not None and case.active < len(made):
+    if case.active is not None and case.active < len(made) and _is_shown(made[case.active]):
         bpy.context.view_layer.objects.active = made[case.active]
         if case.mode != "OBJECT" and bpy.ops.object.mode_set.poll():
             try:

@@ -7,17 +7,19 @@ READY50 := .venv/.ready
 READY45 := .venv-bpy45/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-long fuzz-short fuzz verify bench bench-gpu lint setup locks clean
+.PHONY: help demo test test-4.5 test-long fuzz-short fuzz verify bench bench-gpu lint setup locks clean
 
 help: ## list the targets
-	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | expand -t 14
+	@grep -E '^[a-z0-9.-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9.-]+):.*## /\1\t/' | expand -t 14
 
 demo: $(READY50) ## bake a Cornell box headless; pictures and lightmap in out/demo
 	@tools/system_packages.sh .venv/bin/python
 	.venv/bin/python tools/demo.py --out out/demo
 
-test: lint $(READY45) ## lint, then all tests in Blender 5.0, then those of Blender in 4.5
+test: lint ## lint, then all tests in Blender 5.0
 	.venv/bin/python -m pytest
+
+test-4.5: setup $(READY45) ## the tests of Blender in 4.5
 	.venv-bpy45/bin/python -m pytest tests/blender
 
 test-long: setup ## the tests that take minutes

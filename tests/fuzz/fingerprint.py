@@ -16,8 +16,10 @@ _KINDS = (
     "brushes",
 )  # fmt: skip
 
-#: Properties that Blender or a bake's own results change.
+#: Properties that Blender or a bake's own results change; dimensions are those of what modifiers make, which
+#: Blender subdivides when it is first needed.
 _PASSING = {
+    "dimensions",
     "tag", "rna_type", "is_evaluated", "is_dirty", "select_set", "asset_data", "animation_data", "preview",
     "evaluated_depsgraph", "id_data", "uv_layer_clone", "uv_layer_clone_index", "uv_layer_stencil",
     "uv_layer_stencil_index",

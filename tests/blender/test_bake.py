@@ -95,7 +95,7 @@ def test_single_iteration_cannot_tell_the_residual():
 
 
 def test_a_report_is_json_also_of_light_beyond_float32():
-    """A furnace of 9e8 m that sends out 9e29 W per m^2 and sr: its flux is infinite."""
+    """A furnace of 9e8 m that sends out 9e29 W per m^2 and sr: float32 does not hold its flux."""
     import bpy
 
     obj = furnace()
@@ -107,7 +107,7 @@ def test_a_report_is_json_also_of_light_beyond_float32():
     assert (
         "NaN" not in bpy.context.scene.hemibake.report and "Infinity" not in bpy.context.scene.hemibake.report
     )
-    assert None in report()["energies"]
+    assert all(energy > 1e40 for energy in report()["energies"])
 
 
 def test_stored_pixels_are_those_of_the_engine_bit_by_bit(tmp_path):

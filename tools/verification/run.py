@@ -44,7 +44,7 @@ def known_texels(lightmap, scene, settings) -> np.ndarray:
 def _subdivided(scene, settings):
     """Return the patches of a scene as a bake has them."""
     engine = importlib.import_module(f"{MODULE}.engine")
-    names = ("device.graphics", "occluders", "subdivision")
+    names = ("device.graphics", "patches.occluders", "patches.subdivision")
     graphics, occluders, subdivision = (
         importlib.import_module(f"{engine.__name__}.{name}") for name in names
     )

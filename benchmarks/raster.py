@@ -21,9 +21,9 @@ from engine.errors import DeviceError
 from engine.gather.glsl import GlslIntegrator
 from engine.gather.opencl import CopiedIntegrator
 from engine.gather.protocol import Integrator
-from engine.patches.geometry import Triangles, gather_triangles
 from engine.scene.cutouts import gather_cutouts
 from engine.scene.model import Scene
+from engine.scene.triangles import Triangles, join_meshes
 from engine.settings import Settings
 from engine.visibility.raster.draw_paths import available_paths
 from engine.visibility.raster.raster import HemicubeRaster
@@ -80,7 +80,7 @@ class Case:
     """A scene, a batch of hemicubes on its surfaces and the target that they are drawn into."""
 
     def __init__(self, graphics: Graphics, n: int, scene: Scene, texel_bytes: int = RADIANCE_BYTES) -> None:
-        self.graphics, self.scene, self.triangles = graphics, scene, gather_triangles(scene)
+        self.graphics, self.scene, self.triangles = graphics, scene, join_meshes(scene)
         self.tiles: Tiles = plan_tiles(Settings(hemicube=n), ITERATION, texel_bytes)
         patches = LIGHTMAP**2
         nothing = (0, 0, 0, 1) if texel_bytes == COPIED_RADIANCE_BYTES else None

@@ -17,8 +17,8 @@ import pyopencl as cl
 
 from engine.device.buffers import upload
 from engine.device.compute import Compute
-from engine.patches.geometry import Triangles
 from engine.scene.cutouts import Cutouts
+from engine.scene.triangles import Triangles
 from engine.visibility.rays.rays import Rays
 
 _REPEATS = 5

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..patches.geometry import PatchGeometry, Triangles
+from ..patches.geometry import PatchGeometry
 from ..scene.model import Light
+from ..scene.triangles import Triangles
 from .modulation import is_modulated
 
 #: A triangle is sampled if it sends out so many times the mean radiance that surfaces emit.

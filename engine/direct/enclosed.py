@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..patches.geometry import Triangles
 from ..scene.model import Light, Scene
+from ..scene.triangles import Triangles
 from ..visibility.rays.rays import Rays
 
 #: Rays from each lamp, and the share of them that meets backs if it is enclosed.

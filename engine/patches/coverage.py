@@ -9,7 +9,7 @@ from ..device.graphics import Graphics
 from ..errors import OverlapError
 from ..naming import naming
 from ..scene.model import Scene
-from .geometry import Triangles
+from ..scene.triangles import Triangles
 from .patch_list import PatchList
 
 #: Charts overlap if more than this share of an object's texels is covered twice.

@@ -8,9 +8,10 @@ import numpy as np
 
 from ..device.graphics import Graphics
 from ..scene.model import Scene
+from ..scene.triangles import Triangles, join_meshes
 from ..settings import Settings
 from .coverage import check_overlap, note_uncovered, touched_triangles
-from .geometry import PatchGeometry, Triangles, gather_triangles
+from .geometry import PatchGeometry
 from .patch_file import list_or_load_patches
 from .patch_list import PatchList
 from .surfaces import PatchSurfaces, patch_surfaces
@@ -35,7 +36,7 @@ class Subdivision:
 
 def subdivide(graphics: Graphics, scene: Scene, settings: Settings) -> Subdivision:
     """Make the patches of a scene (paper, III.A and IV.A); raises Scene-, Settings-, PatchFileError."""
-    triangles = gather_triangles(scene)
+    triangles = join_meshes(scene)
     covered = list_or_load_patches(graphics, scene, settings)
     warnings = [*note_uncovered(scene, covered), *check_overlap(graphics, scene, triangles, covered)]
     touched = touched_triangles(graphics, triangles, len(scene.atlases), settings.resolution)

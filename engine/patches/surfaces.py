@@ -12,7 +12,8 @@ from ..scene.cutouts import map_uvs
 from ..scene.model import Material, Scene, Texture
 from ..scene.resampling import shrink
 from ..scene.textures import sample
-from .geometry import PatchGeometry, Triangles
+from ..scene.triangles import Triangles
+from .geometry import PatchGeometry
 from .patch_list import PatchList
 
 #: Samples along u and v of a texel; textures are shrunk until their pixels are no finer.

@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..scene.model import Scene
-from .geometry import PatchGeometry, Triangles, patch_geometry
+from ..scene.triangles import Triangles
+from .geometry import PatchGeometry, patch_geometry
 from .patch_list import PatchList, concatenate
 
 #: Neighbours that may own a texel, nearest first.

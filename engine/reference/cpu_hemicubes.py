@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..patches.geometry import PatchGeometry, Triangles
+from ..patches.geometry import PatchGeometry
 from ..scene.model import Scene
+from ..scene.triangles import Triangles
 from ..settings import Settings
 from ..visibility.views.hemicube import face_axes, face_rows, multiplier_map
 from ..visibility.views.viewpoints import place_hemicubes

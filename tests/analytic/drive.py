@@ -8,10 +8,11 @@ import numpy as np
 
 from engine import Lightmap, Progress, Scene, Settings, bake
 from engine.gather.hemicube_gather import Gather
-from engine.patches.geometry import PatchGeometry, Triangles, gather_triangles, patch_geometry
+from engine.patches.geometry import PatchGeometry, patch_geometry
 from engine.patches.patch_list import PatchList
 from engine.reference.cpu_hemicubes import CpuHemicubes
 from engine.reference.cpu_patches import list_patches, owner_map
+from engine.scene.triangles import Triangles, join_meshes
 from engine.solve.host_radiosity import HostRadiosity
 from engine.solve.solver import Solver
 
@@ -65,7 +66,7 @@ class Prepared:
 
 def prepare(scene: Scene, resolution: int) -> Prepared:
     """Return a scene with its patches."""
-    patches, triangles = list_patches(scene, resolution), gather_triangles(scene)
+    patches, triangles = list_patches(scene, resolution), join_meshes(scene)
     geometry = patch_geometry(scene, triangles, patches)
     reflectance = np.stack([material.reflectance for material in scene.materials])[geometry.material]
     emission = np.stack([material.emission for material in scene.materials])[geometry.material]

@@ -7,8 +7,8 @@ import pytest
 from engine.device.compute import Compute
 from engine.device.source import kernel_source
 from engine.direct.emitters import BrightTriangles, lamp_records, surface_records
-from engine.patches.geometry import Triangles
 from engine.scene.model import Light
+from engine.scene.triangles import Triangles
 
 #: Clips to a plane through the origin; what lies beyond the fifth corner has to stay as it is.
 CLIPPING = """

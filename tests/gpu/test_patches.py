@@ -6,9 +6,10 @@ import pytest
 
 from engine import Material, Mesh, Scene, SceneError
 from engine.patches.coverage import check_overlap, touched_triangles
-from engine.patches.geometry import gather_triangles, patch_geometry
+from engine.patches.geometry import patch_geometry
 from engine.patches.patch_list import list_patches
 from engine.patches.texel_owners import add_thin_patches
+from engine.scene.triangles import join_meshes
 from tests.analytic.scenes import furnace, nine_quad_room, quads, rectangle
 
 GREY = Material("grey", np.full(3, 0.5, np.float32), np.zeros(3, np.float32))
@@ -20,7 +21,7 @@ def one_quad(chart, resolution=16, name="Quad"):
 
 
 def grown(graphics, scene, resolution):
-    triangles = gather_triangles(scene)
+    triangles = join_meshes(scene)
     covered = list_patches(graphics, scene, resolution)
     touched = touched_triangles(graphics, triangles, len(scene.atlases), resolution)
     return covered, *add_thin_patches(scene, triangles, covered, touched)
@@ -39,7 +40,7 @@ def test_texels_of_a_quad_become_patches(graphics):
 def test_centres_normals_and_areas_follow_from_the_barycentrics(graphics):
     scene = Scene((one_quad((4, 6, 8, 4)),), (GREY,))
     patches = list_patches(graphics, scene, 16)
-    geometry = patch_geometry(scene, gather_triangles(scene), patches)
+    geometry = patch_geometry(scene, join_meshes(scene), patches)
     rows, columns = np.divmod(patches.texel, 16)
     expected = np.stack([1 + (columns - 4 + 0.5) / 2, 2 + (rows - 6 + 0.5) / 2, np.full(32, 3)], axis=1)
     np.testing.assert_allclose(geometry.center, expected, atol=1e-4)
@@ -56,7 +57,7 @@ def test_faces_subfaces_meshes_and_atlases_are_told_apart(graphics):
     patches = list_patches(graphics, scene, 128)
     assert set(patches.face[patches.mesh == 0]) == set(range(9))
     assert (patches.atlas == patches.mesh).all() and (patches.mesh == 1).sum() == 32
-    geometry = patch_geometry(scene, gather_triangles(scene), patches)
+    geometry = patch_geometry(scene, join_meshes(scene), patches)
     assert (geometry.triangle[patches.mesh == 1] >= 18).all()
 
 
@@ -68,7 +69,7 @@ def test_a_dropped_triangle_leaves_the_others_in_place(graphics):
     scene = Scene((Mesh("Half", **kept),), (GREY,))
     patches = list_patches(graphics, scene, 16)
     assert set(patches.subface) == {1}
-    assert (patch_geometry(scene, gather_triangles(scene), patches).triangle == 0).all()
+    assert (patch_geometry(scene, join_meshes(scene), patches).triangle == 0).all()
 
 
 def test_places_on_slivers_lie_on_their_triangles(graphics):
@@ -90,7 +91,7 @@ def test_places_on_slivers_lie_on_their_triangles(graphics):
     patches = list_patches(graphics, scene, 331)
     assert patches.barycentric.min() >= 0 and len(patches) > 10000
     np.testing.assert_allclose(patches.barycentric.sum(axis=1), 1, rtol=1.1e-6)
-    center = patch_geometry(scene, gather_triangles(scene), patches).center
+    center = patch_geometry(scene, join_meshes(scene), patches).center
     assert (np.abs(center - (1000.5, 0.5, 0)).max(axis=1) <= 0.501).all()
 
 
@@ -116,14 +117,14 @@ def test_nothing_covered_is_an_error(graphics):
 
 def test_overlap_names_both_objects(graphics):
     scene = Scene((one_quad((2, 2, 8, 8), name="Table"), one_quad((6, 6, 8, 8), name="Chair")), (GREY,))
-    triangles = gather_triangles(scene)
+    triangles = join_meshes(scene)
     with pytest.raises(SceneError, match="overlap in atlas 'Lightmap'.*'Table', 'Chair'.*[Pp]ack"):
         check_overlap(graphics, scene, triangles, list_patches(graphics, scene, 16))
 
 
 def test_shared_borders_are_no_overlap(graphics):
     scene = Scene((one_quad((2, 2, 5, 8)), one_quad((7, 2, 5, 8))), (GREY,))
-    triangles = gather_triangles(scene)
+    triangles = join_meshes(scene)
     assert check_overlap(graphics, scene, triangles, list_patches(graphics, scene, 16)) == []
 
 

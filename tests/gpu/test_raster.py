@@ -7,8 +7,8 @@ from engine.device.compute import Compute
 from engine.device.graphics import Graphics
 from engine.gather.glsl import GlslIntegrator
 from engine.gather.opencl import CopiedIntegrator
-from engine.patches.geometry import gather_triangles
 from engine.scene.cutouts import gather_cutouts
+from engine.scene.triangles import join_meshes
 from engine.visibility.raster.clusters import Clusters
 from engine.visibility.raster.draw_paths import available_paths
 from engine.visibility.raster.raster import HemicubeRaster
@@ -26,7 +26,7 @@ SKY = WORLD.reshape(1, 1, 3)
 def drawing(graphics, tiles, count, emission=0.0, eye=(0.5, 0.5, 0.5), nothing=(*WORLD, 1.0), before=0.0):
     """Draw `count` hemicubes inside (or outside) the furnace; every patch shines with its number."""
     scene = furnace(0.5, 1.0)
-    triangles = gather_triangles(scene)
+    triangles = join_meshes(scene)
     owners = np.ones((1, 32, 32), np.uint32)
     target = RadianceTarget(graphics, tiles, np.full((1, 3), emission, np.float32), nothing)
     raster = HemicubeRaster(graphics, tiles, triangles, gather_cutouts(scene), owners, target)
@@ -73,7 +73,7 @@ def pictures(graphics, tiles, path=None, culling=True, **changes):
     """Draw a sphere of 768 triangles seen from within and without; every texel of the lightmap is a patch."""
     scene = sphere()
     scene = replace(scene, materials=tuple(replace(m, **changes) for m in scene.materials))
-    triangles = gather_triangles(scene)
+    triangles = join_meshes(scene)
     target = RadianceTarget(graphics, tiles, np.zeros((64 * 64, 3), np.float32), (*WORLD, 1.0))
     target.set_radiance(np.random.default_rng(4).random((64 * 64, 3), np.float32))
     owners = np.arange(64 * 64, dtype=np.uint32).reshape(1, 64, 64)
@@ -191,7 +191,7 @@ def test_half_floats_are_rounded_and_never_infinite(graphics):
     target.set_radiance(radiance)
     scene = furnace(0.5, 1.0)
     owners = np.ones((1, 32, 32), np.uint32)
-    arguments = (graphics, tiles, gather_triangles(scene), gather_cutouts(scene), owners, target)
+    arguments = (graphics, tiles, join_meshes(scene), gather_cutouts(scene), owners, target)
     raster = HemicubeRaster(*arguments)
     frame = frames(np.tile([0.0, 0.0, 1.0], (3, 1)), np.zeros(3))
     list(raster.draw(matrices(frame, np.zeros((3, 3)), np.full(3, 1e-4), graphics.reversed_depth), 1))

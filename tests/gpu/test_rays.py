@@ -7,7 +7,7 @@ import pyopencl as cl
 import pytest
 
 from engine.device.compute import Compute
-from engine.patches.geometry import Triangles
+from engine.scene.triangles import Triangles
 from engine.visibility.rays import bvh
 from engine.visibility.rays.bvh import Shape
 from engine.visibility.rays.rays import Rays

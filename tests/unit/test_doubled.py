@@ -2,9 +2,10 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from engine.patches.geometry import Triangles, patch_geometry
+from engine.patches.geometry import patch_geometry
 from engine.reference.cpu_patches import list_patches
 from engine.scene.model import Scene
+from engine.scene.triangles import Triangles
 from tests.analytic.scenes import material, quads, rectangle
 from tools.verification.doubled import doubled_texels
 

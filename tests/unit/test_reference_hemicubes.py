@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from engine import Scene, Settings
-from engine.patches.geometry import gather_triangles
 from engine.reference import analytic
 from engine.reference.cpu_hemicubes import integrate, nearest_hits, texel_directions
+from engine.scene.triangles import join_meshes
 from engine.visibility.views.hemicube import multiplier_map
 from tests.analytic import scenes
 from tests.analytic.drive import prepare
@@ -18,7 +18,7 @@ def test_the_nearest_of_two_sheets_is_hit():
     near = scenes.rectangle((0, 0, 1), (1, 0, 0), (0, 1, 0))
     far = scenes.rectangle((0, 0, 2), (0, 2, 0), (2, 0, 0))
     mesh = scenes.quads(np.stack([far, near]), [(0, 0, 8, 8), (10, 0, 8, 8)], [0, 0], 32)
-    triangles = gather_triangles(Scene((mesh,), (scenes.material("Grey", 0.5),)))
+    triangles = join_meshes(Scene((mesh,), (scenes.material("Grey", 0.5),)))
     eye = np.array([0.3, 0.6, 0.0])
     directions = np.array([[0, 0, 1], [0.6, 0, 1], [0, 0, -1], [9, 0, 1.0]])
     triangle, uv, front = nearest_hits(eye, directions, triangles)

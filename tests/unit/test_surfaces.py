@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
 
-from engine.patches.geometry import gather_triangles, patch_geometry
+from engine.patches.geometry import patch_geometry
 from engine.patches.surfaces import patch_surfaces
 from engine.reference.cpu_patches import list_patches
 from engine.scene.model import Material, Mesh, Scene, Texture
 from engine.scene.textures import sample
+from engine.scene.triangles import join_meshes
 
 BLACK = np.zeros(3, np.float32)
 
@@ -25,7 +26,7 @@ def textured_square(texture, resolution=16, uvs=((0, 0), (1, 0), (1, 1), (0, 1))
         texture_uvs={"Map": np.float32(uvs)[split]},
     )
     scene = Scene((mesh,), (Material("M", np.full(3, 0.5, np.float32), BLACK, reflectance_map=texture),))
-    patches, triangles = list_patches(scene, resolution), gather_triangles(scene)
+    patches, triangles = list_patches(scene, resolution), join_meshes(scene)
     surfaces = patch_surfaces(scene, triangles, patches, patch_geometry(scene, triangles, patches))
     image = np.zeros((resolution * resolution, 3))
     image[patches.texel] = surfaces.reflectance

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...patches.geometry import Triangles
 from ...scene.cutouts import Cutouts
+from ...scene.triangles import Triangles
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ import numpy as np
 from ...device.graphics import Graphics
 from ...device.raw_gl import DEPTH_CLAMP
 from ...errors import DeviceError
-from ...patches.geometry import Triangles
 from ...scene.cutouts import Cutouts
+from ...scene.triangles import Triangles
 from ..views.hemicube import FACES
 from .clusters import Clusters
 from .draw_paths import DrawPath, MeshBuffers, available_paths

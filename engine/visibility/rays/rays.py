@@ -8,8 +8,8 @@ import pyopencl as cl
 from ...device.buffers import upload
 from ...device.compute import Compute
 from ...device.kernel import Kernel
-from ...patches.geometry import Triangles
 from ...scene.cutouts import Cutouts
+from ...scene.triangles import Triangles
 from .bvh import build_bvh
 
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...patches.geometry import PatchGeometry, Triangles
+from ...patches.geometry import PatchGeometry
+from ...scene.triangles import Triangles
 from ...settings import Settings
 from .hemicube import frames, rotations
 

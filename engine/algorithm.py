@@ -11,7 +11,7 @@ import numpy as np
 
 from .clock import Stopwatch
 from .device.devices import Devices
-from .direct.sampled import SampledLight
+from .direct.lighting import DirectLighting
 from .finish.outputs import Outputs
 from .finish.store import LightmapStore
 from .lightmap import Lightmap, Report
@@ -70,15 +70,15 @@ def _bake(
 
     # Lamps, small bright surfaces and bright sky are sampled with shadow rays (direct light).
     rays = RayScene(compute, scene, parts)
-    sampled = SampledLight(scene, parts, rays, settings)
-    direct = yield from _report(sampled.gather(), partial(Progress, "direct"))
+    lighting = DirectLighting(scene, parts, rays, settings)
+    direct = yield from _report(lighting.gather(), partial(Progress, "direct"))
     clock.lap("direct")
 
     # What patches see is found and integrated until the light has settled (III.B, IV.B, IV.C).
-    glow, sky = sampled.emission_left, sampled.sky_left
+    glow, sky = lighting.emission_left, lighting.sky_left
     job = Bake(graphics, compute, scene, parts, rays, glow, sky, direct, settings, parts.geometry.area)
     solution, choice = choose_solver(job)
-    outputs, covered = Outputs(scene, settings, sampled), sampled.covered()
+    outputs, covered = Outputs(scene, settings, lighting), lighting.covered()
     while not outputs.done(solution):
         yield from _report(solution.iteration(), partial(_progress, solution))
         if outputs.done(solution) or (settings.partials and solution.iterations == 1):
@@ -93,7 +93,7 @@ def _bake(
     passes = {name: store.dilated(image) for name, image in images.items()}
     first = next(iter(made))
     clock.lap("outputs")
-    warnings = (*notes, *parts.warnings, *sampled.warnings)
+    warnings = (*notes, *parts.warnings, *lighting.warnings)
     report = _summary(solution, settings, choice, len(parts.patches), clock, devices, warnings)
     return Lightmap(atlases, images[first], passes[first], store.covered, report, passes)
 

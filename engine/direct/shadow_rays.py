@@ -28,7 +28,7 @@ _SOURCES = ("receiver.cl", "modulation.cl", "emitters.cl", "light_tree.cl", "dir
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
-class DirectLight:
+class ShadowRays:
     """Shadow rays from all patches to all that is sampled as a light.
 
     receivers  from `RayScene.receivers`

@@ -13,7 +13,7 @@ from ..settings import Settings
 from ..solve.solver import Solution
 
 if TYPE_CHECKING:
-    from ..direct.sampled import SampledLight
+    from ..direct.lighting import DirectLighting
 
 
 def output_names(scene: Scene, settings: Settings) -> list[str]:
@@ -41,8 +41,8 @@ def output_names(scene: Scene, settings: Settings) -> list[str]:
 class Outputs:
     """Makes the outputs that the settings name."""
 
-    def __init__(self, scene: Scene, settings: Settings, sampled: SampledLight) -> None:
-        self._names, self._settings, self._sampled = output_names(scene, settings), settings, sampled
+    def __init__(self, scene: Scene, settings: Settings, lighting: DirectLighting) -> None:
+        self._names, self._settings, self._lighting = output_names(scene, settings), settings, lighting
 
     def done(self, solution: Solution) -> bool:
         """True once a solution is good enough for the outputs.
@@ -64,9 +64,9 @@ class Outputs:
             if name in self._settings.light_outputs:
                 made[name] = _light(name, solution)
             elif name == "ambient_occlusion":
-                made[name] = yield from self._sampled.ambient_occlusion()
+                made[name] = yield from self._lighting.ambient_occlusion()
             else:
-                made[name] = yield from self._sampled.shadow_mask(next(masks))
+                made[name] = yield from self._lighting.shadow_mask(next(masks))
         return made
 
 

@@ -8,7 +8,7 @@ import pytest
 from engine import Light, Material, Scene, Settings, finished
 from engine.device.compute import Compute
 from engine.device.graphics import Graphics
-from engine.direct.sampled import SampledLight
+from engine.direct.lighting import DirectLighting
 from engine.patches.subdivision import Subdivision, subdivide
 from engine.reference.analytic import polygon
 from engine.visibility.rays.ray_scene import RayScene
@@ -32,7 +32,7 @@ class Bench:
         """Return E/pi of the green channel at each patch."""
         chosen = dataclasses.replace(SETTINGS, **settings)
         rays = RayScene(self.compute, scene, parts)
-        return finished(SampledLight(scene, parts, rays, chosen).gather())[:, 1]
+        return finished(DirectLighting(scene, parts, rays, chosen).gather())[:, 1]
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""All that is found out with rays: light of lamps, small bright surfaces and bright sky; occlusion."""
+"""The light of lamps, small bright surfaces and bright sky, apart from what hemicubes see; occlusion."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from .coincident import covered_patches
 from .emitters import BrightTriangles, bright_triangles
 from .enclosed import note_enclosed
 from .host_coincident import covered_on_host
-from .shadow_rays import DirectLight
+from .shadow_rays import ShadowRays
 from .sky import Sky, split_sky, whole_sky
 
 
-class SampledLight:
+class DirectLighting:
     """Splits a scene's light in what is sampled with rays and what is left to the hemicubes.
 
     emission_left  (n, 3) float32, radiance of each patch that hemicubes have to see
@@ -30,7 +30,7 @@ class SampledLight:
         self._scene, self._parts, self._settings = scene, parts, settings
         self._ray_scene = rays
         self._lamps = shining_lights(scene)
-        self._direct: DirectLight | None = None
+        self._shadow_rays: ShadowRays | None = None
         self.warnings: list[str] = []
 
         # Small bright surfaces and bright sky, unless hemicubes are to see everything as in the paper.
@@ -53,15 +53,15 @@ class SampledLight:
         """Return E/pi of the sampled light, (n, 3) float32; yield the fraction done."""
         if not (self._lamps or len(self._bright.triangles) or self._sky.bright is not None):
             return np.zeros((len(self._parts.patches), 3), np.float32)
-        return (yield from self._rays().gather())
+        return (yield from self._casting().gather())
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
         """Return how much of a shining lamp each patch sees, (n,) float32; yield the fraction done."""
-        return (yield from self._rays().shadow_mask(lamp))
+        return (yield from self._casting().shadow_mask(lamp))
 
     def ambient_occlusion(self) -> Generator[float, None, np.ndarray]:
         """Return the open share of each patch's hemisphere, (n,) float32; yield the fraction done."""
-        return (yield from self._rays().ambient_occlusion())
+        return (yield from self._casting().ambient_occlusion())
 
     def covered(self) -> np.ndarray:
         """Return which patches another face covers, (n,) bool."""
@@ -69,13 +69,13 @@ class SampledLight:
             return covered_patches(self._ray_scene, len(self._parts.patches))
         return covered_on_host(self._scene, self._parts)
 
-    def _rays(self) -> DirectLight:
+    def _casting(self) -> ShadowRays:
         """Return what casts rays, made when it is first needed."""
-        if self._direct is None:
+        if self._shadow_rays is None:
             rays, receivers = self._ray_scene.rays, self._ray_scene.receivers
             self.warnings += note_enclosed(rays, self._scene, self._parts.triangles, self._lamps)
-            self._direct = DirectLight(
+            self._shadow_rays = ShadowRays(
                 self._ray_scene.compute, rays, receivers, self._parts,
                 self._lamps, self._bright, self._sky.bright, self._settings,
             )  # fmt: skip
-        return self._direct
+        return self._shadow_rays

@@ -78,11 +78,11 @@ def _bake(
     glow, sky = lighting.emission_left, lighting.sky_left
     job = Bake(graphics, compute, scene, parts, rays, glow, sky, direct, settings, parts.geometry.area)
     solution, choice = choose_solver(job)
-    outputs, covered = Outputs(scene, settings, lighting), lighting.covered()
+    outputs, in_contact = Outputs(scene, settings, lighting), lighting.in_contact()
     while not outputs.done(solution):
         yield from _report(solution.iteration(), partial(_progress, solution))
         if outputs.done(solution) or (settings.partials and solution.iterations == 1):
-            store.hide(solution.gathered[:, 3], covered)
+            store.hide(solution.gathered[:, 3], in_contact)
         image = store.display(outputs.light(solution)) if settings.partials else None
         yield _progress(solution, 1.0, image)
     clock.lap("hemicubes")
@@ -95,7 +95,7 @@ def _bake(
     clock.lap("outputs")
     warnings = (*notes, *parts.warnings, *lighting.warnings)
     report = _summary(solution, settings, choice, len(parts.patches), clock, devices, warnings)
-    return Lightmap(atlases, images[first], passes[first], store.covered, report, passes)
+    return Lightmap(atlases, images[first], passes[first], store.has_patch, report, passes)
 
 
 def _report(

@@ -45,18 +45,18 @@ class Report:
 class Lightmap:
     """Every atlas of a bake; row 0 is the bottom row (v = 0), as in OpenGL and Blender.
 
-    image    (atlases, h, w, 3) float32, the first output asked for (E/pi of all light unless told
-             otherwise); 0 where `covered` is False
-    display  (atlases, h, w, 3) float32, `image` with hidden texels filled and charts dilated
-    covered  (atlases, h, w) bool, texels that are patches
-    passes   every output asked for, as `display`, by name: "combined", "direct", "indirect" (E/pi),
-             "ambient_occlusion" (1 where nothing is near), and "shadow_mask NAME" for each light (1
-             where it is seen whole)
+    image      (atlases, h, w, 3) float32, the first output asked for (E/pi of all light unless told
+               otherwise); 0 where `has_patch` is False
+    display    (atlases, h, w, 3) float32, `image` with hidden texels filled and charts dilated
+    has_patch  (atlases, h, w) bool, texels that are patches
+    passes     every output asked for, as `display`, by name: "combined", "direct", "indirect" (E/pi),
+               "ambient_occlusion" (1 where nothing is near), and "shadow_mask NAME" for each light (1
+               where it is seen whole)
     """
 
     atlases: tuple[str, ...]
     image: np.ndarray
     display: np.ndarray
-    covered: np.ndarray
+    has_patch: np.ndarray
     report: Report = field(repr=False)
     passes: dict[str, np.ndarray] = field(default_factory=dict, repr=False)

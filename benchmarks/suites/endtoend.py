@@ -62,16 +62,16 @@ def _measure(resolution: int, samples: int, options: Options, bpy) -> dict[str, 
     scene = cornell_box(resolution)
     limit = 120.0 if options.full or options.gpu else 20.0
     _, converged = baking.timed(scene, settings(_finest(resolution), resolution=resolution))
-    truth, covered = converged.image, converged.covered
+    truth, has_patch = converged.image, converged.has_patch
     reference = _cycles(bpy, scene, resolution, samples, options) if bpy else None
-    known = covered & (converged.image == converged.display).all(axis=-1)
+    known = has_patch & (converged.image == converged.display).all(axis=-1)
     baking.timed(scene, settings(configurations()[0], resolution=resolution))
     curve, too_slow = [], set()
     for values in configurations():
         if values["visibility"] in too_slow or (resolution > _SMALL[0] and values["visibility"] == "raster"):
             continue
         seconds, lightmap = baking.best_of_two(scene, settings(values, resolution=resolution))
-        point = {"values": values, "seconds": seconds, "own": _rmse(lightmap.image, truth, covered)}
+        point = {"values": values, "seconds": seconds, "own": _rmse(lightmap.image, truth, has_patch)}
         if reference is not None:
             point["cycles"] = reference.compare(lightmap.image, known).rmse or None
         curve.append({**point, **baking.facts(lightmap)})
@@ -82,7 +82,7 @@ def _measure(resolution: int, samples: int, options: Options, bpy) -> dict[str, 
         against["Cycles"] = _found(curve, "cycles")
     return {
         "resolution": resolution,
-        "patches": int(covered.sum()),
+        "patches": int(has_patch.sum()),
         "converged": label(_finest(resolution)),
         "curve": curve,
         "against": against,
@@ -93,10 +93,10 @@ def _finest(resolution: int) -> dict[str, Any]:
     return finest() if resolution <= _SMALL[0] else fine()
 
 
-def _rmse(image: np.ndarray, truth: np.ndarray, covered: np.ndarray) -> float:
+def _rmse(image: np.ndarray, truth: np.ndarray, has_patch: np.ndarray) -> float:
     """Return the root of the mean squared difference, relative to the mean."""
-    difference = (image[covered] - truth[covered]).astype(np.float64)
-    return float(np.sqrt((difference**2).mean()) / truth[covered].mean(dtype=np.float64))
+    difference = (image[has_patch] - truth[has_patch]).astype(np.float64)
+    return float(np.sqrt((difference**2).mean()) / truth[has_patch].mean(dtype=np.float64))
 
 
 def _found(curve: list[dict[str, Any]], error: str) -> dict[str, Any]:

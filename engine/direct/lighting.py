@@ -10,10 +10,10 @@ from ..patches.subdivision import Subdivision
 from ..scene.model import Scene, shining_lights
 from ..settings import Settings
 from ..visibility.rays.ray_scene import RayScene
-from .coincident import covered_patches
+from .contact import patches_in_contact
 from .emitters import BrightTriangles, bright_triangles
 from .enclosed import note_enclosed
-from .host_coincident import covered_on_host
+from .host_contact import in_contact_on_host
 from .shadow_rays import ShadowRays
 from .sky import Sky, split_sky, whole_sky
 
@@ -63,11 +63,11 @@ class DirectLighting:
         """Return the open share of each patch's hemisphere, (n,) float32; yield the fraction done."""
         return (yield from self._casting().ambient_occlusion())
 
-    def covered(self) -> np.ndarray:
-        """Return which patches another face covers, (n,) bool."""
+    def in_contact(self) -> np.ndarray:
+        """Return which patches are hidden by a face that touches them, (n,) bool."""
         if self._ray_scene.possible:
-            return covered_patches(self._ray_scene, len(self._parts.patches))
-        return covered_on_host(self._scene, self._parts)
+            return patches_in_contact(self._ray_scene, len(self._parts.patches))
+        return in_contact_on_host(self._scene, self._parts)
 
     def _casting(self) -> ShadowRays:
         """Return what casts rays, made when it is first needed."""

@@ -7,14 +7,14 @@ import numpy as np
 from ..patches.patch_list import PatchList
 from .dilation import Dilation
 
-#: A patch that sees more than this share of back faces lies inside something and is filled for display.
+#: A patch whose view holds more than this fraction of backs lies inside something and is filled for display.
 _HIDDEN = 0.9
 
 
 class LightmapStore:
     """The images of every atlas of the user's; patches in further atlases are left out.
 
-    covered  (atlases, r, r) bool, texels that are patches
+    has_patch  (atlases, r, r) bool, texels that are patches
     """
 
     def __init__(self, patches: PatchList, atlases: int, dilation: int) -> None:
@@ -26,31 +26,32 @@ class LightmapStore:
         self._dilations: list[Dilation] = []
         self._hidden = np.zeros(len(self._chosen), bool)
         self._dark = self._place[:0]
-        self.covered = np.zeros((atlases, resolution, resolution), bool)
-        self.covered.ravel()[self._place] = True
-        self._empty = np.flatnonzero(~self.covered)
-        self._patch = np.zeros(self.covered.size, np.int64)
+        self.has_patch = np.zeros((atlases, resolution, resolution), bool)
+        self.has_patch.ravel()[self._place] = True
+        self._empty = np.flatnonzero(~self.has_patch)
+        self._patch = np.zeros(self.has_patch.size, np.int64)
         self._patch[self._place] = self._chosen
 
-    def hide(self, front: np.ndarray, covered: np.ndarray) -> None:
-        """Take the share of front faces that each patch sees, (n,) float32, and which are covered, (n,) bool.
+    def hide(self, front: np.ndarray, in_contact: np.ndarray) -> None:
+        """Choose the patches whose texels are filled for display.
 
-        Patches inside closed objects see backs only and are unknown for display. So are those that another
-        face covers; they are dark, whatever they see beyond that face.
+        front       (n,) float32, the fraction of each patch's view that no back takes: patches inside closed
+                    objects see backs only
+        in_contact  (n,) bool, hidden by a face that touches them: dark, whatever they see beyond that face
         """
-        covered = covered[self._chosen]
-        self._dark = self._place[covered]
-        hidden = covered | (front[self._chosen] < 1 - _HIDDEN)
+        in_contact = in_contact[self._chosen]
+        self._dark = self._place[in_contact]
+        hidden = in_contact | (front[self._chosen] < 1 - _HIDDEN)
         if not np.array_equal(hidden, self._hidden):
             self._hidden, self._dilations = hidden, []
 
     def image(self, values: np.ndarray) -> np.ndarray:
         """Return the patches' values, (n, 3) or (n,), as (atlases, r, r, 3) float32, 0 elsewhere."""
-        image = np.empty((self.covered.size, 3), np.float32)
+        image = np.empty((self.has_patch.size, 3), np.float32)
         colors = np.broadcast_to(values.reshape(len(values), -1), (len(values), 3))
         np.take(colors, self._patch, axis=0, out=image, mode="clip")
         image[self._empty] = image[self._dark] = 0
-        return image.reshape(*self.covered.shape, 3)
+        return image.reshape(*self.has_patch.shape, 3)
 
     def display(self, values: np.ndarray) -> np.ndarray:
         """Return the patches' values as images with hidden texels filled and charts dilated."""
@@ -59,7 +60,7 @@ class LightmapStore:
     def dilated(self, images: np.ndarray) -> np.ndarray:
         """Return images with hidden texels filled and charts dilated."""
         if not self._dilations:
-            known = self.covered.copy()
+            known = self.has_patch.copy()
             known.ravel()[self._place[self._hidden]] = False
             self._dilations = [Dilation(mask, self._rings) for mask in known]
         filled = images.copy()

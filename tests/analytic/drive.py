@@ -34,7 +34,7 @@ def drive_with_progress(scene: Scene, settings: Settings) -> tuple[Lightmap, lis
 
 def irradiance(lightmap: Lightmap) -> np.ndarray:
     """Return E/pi of every patch of a lightmap, (n, 3) float32, in the order of the patch list."""
-    return lightmap.image[lightmap.covered]
+    return lightmap.image[lightmap.has_patch]
 
 
 @dataclass(frozen=True)

@@ -82,7 +82,7 @@ def test_furnace_on_a_plain_of_ten_kilometres():
         dataclasses.replace(scene, meshes=(*scene.meshes, ground)),
         Settings(resolution=32, hemicube=16, iterations=30, tolerance=1e-4),
     )
-    inside = lightmap.image[0, :20][lightmap.covered[0, :20]]
+    inside = lightmap.image[0, :20][lightmap.has_patch[0, :20]]
     assert inside == pytest.approx(np.full((384, 3), 2.0), rel=0.005)
 
 

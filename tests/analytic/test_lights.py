@@ -240,7 +240,7 @@ def test_without_light_nothing_is_cast(outputs):
     lightmap, told = drive_with_progress(scene, dataclasses.replace(SETTINGS, outputs=outputs))
     assert {progress.stage for progress in told} <= {"patches", "outputs"}
     assert all((image == 0).all() for image in lightmap.passes.values())
-    assert lightmap.covered.sum() > 60 and list(lightmap.passes) == list(outputs)
+    assert lightmap.has_patch.sum() > 60 and list(lightmap.passes) == list(outputs)
     assert lightmap.report.warnings[0].startswith("Nothing emits light")
     assert (lightmap.report.method, lightmap.report.samples, lightmap.report.iterations) == ("none", 0, 0)
     assert lightmap.report.converged and lightmap.report.residual == 0

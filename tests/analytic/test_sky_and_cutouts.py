@@ -40,7 +40,7 @@ def lit(world, normal_from, material, above=None):
         canopy = quads(above[None], [(9, 1, 6, 6)], [1], 16, "Canopy")
         meshes = (floor, dataclasses.replace(canopy, texture_uvs={"Map": canopy_uvs()}))
     lightmap = drive(Scene(meshes, (opaque(), material), world=world), SETTINGS)
-    chosen = np.argwhere(lightmap.covered[0])[:, 1] < 8
+    chosen = np.argwhere(lightmap.has_patch[0])[:, 1] < 8
     return irradiance(lightmap)[chosen].mean(axis=0)
 
 

@@ -63,7 +63,7 @@ def hemibakes() -> np.ndarray:
     bpy.context.scene.hemibake.resolution = _TEXELS
     settings = engine.Settings(resolution=_TEXELS, outputs=("direct",), light_samples=256)
     lightmap = engine.finished(part("engine.session").bake(gather().scene, settings))
-    return _means(lightmap.image[0], lightmap.covered[0])
+    return _means(lightmap.image[0], lightmap.has_patch[0])
 
 
 def cycles(obj, samples=128) -> np.ndarray:
@@ -86,10 +86,10 @@ def cycles(obj, samples=128) -> np.ndarray:
     return _means(pixels[..., :3], pixels[..., 3] > 0)
 
 
-def _means(image, covered) -> np.ndarray:
+def _means(image, has_patch) -> np.ndarray:
     """Return the mean of each cell's inner texels."""
     width = int(np.sqrt(_SQUARES))
-    assert covered.reshape(width, _TEXELS // width, width, -1).any(axis=(1, 3)).all()
+    assert has_patch.reshape(width, _TEXELS // width, width, -1).any(axis=(1, 3)).all()
     cells = image.reshape(width, _TEXELS // width, width, -1, 3)[:, 2:-2, :, 2:-2]
     return cells.mean(axis=(1, 3), dtype=np.float64).reshape(-1, 3)
 

@@ -14,7 +14,7 @@ def bake(*outputs):
     assert bpy.ops.hemibake.bake() == {"FINISHED"}
 
 
-def covered_mean(name):
+def mean_of_patches(name):
     import bpy
 
     values = pixels(bpy.data.images[name])[..., :3]
@@ -25,16 +25,16 @@ def test_direct_and_indirect_light_are_images_of_their_own():
     furnace()
     bake("combined", "direct", "indirect")
     assert report()["images"] == ["Lightmap", "Lightmap direct", "Lightmap indirect"]
-    assert covered_mean("Lightmap") == pytest.approx(2, rel=0.01)
-    assert covered_mean("Lightmap direct") == pytest.approx(1, rel=0.01)
-    assert covered_mean("Lightmap indirect") == pytest.approx(1, rel=0.02)
+    assert mean_of_patches("Lightmap") == pytest.approx(2, rel=0.01)
+    assert mean_of_patches("Lightmap direct") == pytest.approx(1, rel=0.01)
+    assert mean_of_patches("Lightmap indirect") == pytest.approx(1, rel=0.02)
 
 
 def test_direct_light_alone_takes_one_iteration():
     furnace()
     bake("direct")
     assert report()["images"] == ["Lightmap"] and report()["iterations"] == 1
-    assert covered_mean("Lightmap") == pytest.approx(1, rel=0.01)
+    assert mean_of_patches("Lightmap") == pytest.approx(1, rel=0.01)
 
 
 def test_shadow_masks_need_a_light():

@@ -87,20 +87,20 @@ def _check_lightmap(lightmap: Lightmap, scene: Scene, settings: Settings) -> Non
     shape = (len(scene.atlases), settings.resolution, settings.resolution)
     assert lightmap.atlases == scene.atlases
     assert lightmap.image.shape == lightmap.display.shape == (*shape, 3)
-    assert lightmap.covered.shape == shape and lightmap.covered.dtype == bool
+    assert lightmap.has_patch.shape == shape and lightmap.has_patch.dtype == bool
     assert list(lightmap.passes) == output_names(scene, settings)
     for name, values in {"image": lightmap.image, **lightmap.passes}.items():
         _check_light(name, values)
         assert values.shape == (*shape, 3)
         if name.startswith(("ambient_occlusion", "shadow_mask")):
             assert values.max() <= 1 + 1e-5, f"{name} is {values.max()}"
-    assert not lightmap.image[~lightmap.covered].any()
+    assert not lightmap.image[~lightmap.has_patch].any()
     _check_report(lightmap, settings)
 
 
 def _check_report(lightmap: Lightmap, settings: Settings) -> None:
     report = lightmap.report
-    assert report.patches >= lightmap.covered.sum()
+    assert report.patches >= lightmap.has_patch.sum()
     assert 0 <= report.iterations <= settings.iterations
     assert report.iterations or not lightmap.image.any(), "light without an iteration"
     assert len(report.energies) == report.iterations
@@ -111,7 +111,7 @@ def _check_report(lightmap: Lightmap, settings: Settings) -> None:
 
 def _check_room(lightmap: Lightmap, reflectance: float) -> None:
     """Check the last atlas: E/pi in a closed room of radiance 1 is 1 / (1 - reflectance)."""
-    light = lightmap.image[-1][lightmap.covered[-1]] * (1 - reflectance)
+    light = lightmap.image[-1][lightmap.has_patch[-1]] * (1 - reflectance)
     assert len(light) and abs(light.mean() - 1) < _MEAN, f"mean of the known room: {light.mean()}"
     assert np.abs(light - 1).max() < _TEXEL, f"known room: {light.min()} to {light.max()}"
 
@@ -130,7 +130,7 @@ def _check_patch_file(scene: Scene, settings: Settings, damage: int, expected: L
             with pytest.raises(PatchFileError):
                 _bake(scene, kept)
         else:
-            assert (_bake(scene, kept).covered == expected.covered).all()
+            assert (_bake(scene, kept).has_patch == expected.has_patch).all()
 
 
 def _sample(scene: Scene, settings: Settings) -> float:
@@ -141,8 +141,8 @@ def _sample(scene: Scene, settings: Settings) -> float:
 
 def _check_alike(one: Lightmap, other: Lightmap, sample: float) -> None:
     """Check that two ways to bake give about the same: no more than a few texels may differ, at edges."""
-    assert (one.covered == other.covered).all()
-    first, second = one.image[one.covered], other.image[other.covered]
+    assert (one.has_patch == other.has_patch).all()
+    first, second = one.image[one.has_patch], other.image[other.has_patch]
     if not len(first):
         return
     mean = max(first.mean(), second.mean())

@@ -16,14 +16,14 @@ ROOT = Path(__file__).resolve().parents[2]
 QUICK = Settings(resolution=32, hemicube=8, iterations=3, tolerance=0, visibility="raster", accelerate=False)
 
 
-def test_dilation_touches_no_covered_texel():
+def test_dilation_touches_no_texel_that_has_a_patch():
     """The light is the same, bit for bit, with and without dilation."""
     plain = drive(furnace(0.5, 1.0), replace(QUICK, dilation=0))
     dilated = drive(furnace(0.5, 1.0), replace(QUICK, dilation=32))
-    covered = plain.covered
+    has_patch = plain.has_patch
     assert (plain.image.view(np.uint32) == dilated.image.view(np.uint32)).all()
-    assert (dilated.display[covered].view(np.uint32) == plain.image[covered].view(np.uint32)).all()
-    assert (plain.display[~covered] == 0).all() and (dilated.display > 0).all()
+    assert (dilated.display[has_patch].view(np.uint32) == plain.image[has_patch].view(np.uint32)).all()
+    assert (plain.display[~has_patch] == 0).all() and (dilated.display > 0).all()
 
 
 def test_a_patch_list_from_a_file_gives_the_same_bits(tmp_path):
@@ -83,7 +83,7 @@ def test_world_light_reaches_an_open_plane():
     plane = quads(rectangle((0, 0, 0), (2, 0, 0), (0, 2, 0))[None], [(2, 2, 16, 16)], [0], 32, "Plane")
     scene = replace(furnace(0.5, 0.0), meshes=(plane,), world=np.float32([0.2, 0.4, 0.6]))
     lightmap = drive(scene, QUICK)
-    assert lightmap.image[lightmap.covered] == pytest.approx(np.tile([0.2, 0.4, 0.6], (256, 1)), rel=1e-5)
+    assert lightmap.image[lightmap.has_patch] == pytest.approx(np.tile([0.2, 0.4, 0.6], (256, 1)), rel=1e-5)
 
 
 def test_texels_inside_a_closed_object_are_filled_for_display_only():
@@ -93,7 +93,7 @@ def test_texels_inside_a_closed_object_are_filled_for_display_only():
     box = quads(walls, [(20 + 6 * (i % 2), 2 + 6 * (i // 2), 4, 4) for i in range(5)], [0] * 5, 32, "Box")
     scene = replace(furnace(0.5, 0.0), meshes=(plane, box), world=np.ones(3, np.float32))
     lightmap = drive(scene, QUICK)
-    hidden = lightmap.covered[0] & (lightmap.image[0].max(axis=-1) < 1e-3)
+    hidden = lightmap.has_patch[0] & (lightmap.image[0].max(axis=-1) < 1e-3)
     assert hidden[8:12, 8:12].all() and hidden.sum() == 16
     assert (lightmap.display[0][hidden] > 0.1).all()
 

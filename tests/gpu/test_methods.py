@@ -138,8 +138,8 @@ def test_ten_accelerated_sweeps_light_a_closed_room(visibility):
     exact = drive(
         closed_room, dataclasses.replace(settings, accelerate=False, iterations=300, tolerance=1e-6)
     )
-    covered = quick.covered
-    error = np.abs(quick.image[covered] - exact.image[covered]).mean() / exact.image[covered].mean()
+    has_patch = quick.has_patch
+    error = np.abs(quick.image[has_patch] - exact.image[has_patch]).mean() / exact.image[has_patch].mean()
     assert quick.report.iterations <= 10 and quick.report.converged and error < 1e-3
     assert exact.report.iterations > 65
 
@@ -209,13 +209,13 @@ def test_shared_bounces_bring_the_same_light(visibility):
     own, shared = (
         drive(nine_quad_room(), dataclasses.replace(settings, shared_bounces=width)) for width in (1, 2)
     )
-    covered = own.covered
-    mean = own.image[covered].mean()
-    difference = (shared.image - own.image)[covered]
+    has_patch = own.has_patch
+    mean = own.image[has_patch].mean()
+    difference = (shared.image - own.image)[has_patch]
     assert abs(difference.mean()) < 3e-3 * mean and np.sqrt((difference**2).mean()) < 0.02 * mean
     assert shared.passes["direct"] == pytest.approx(own.passes["direct"], abs=1e-4)
     both = shared.passes["direct"] + shared.passes["indirect"]
-    assert both[covered] == pytest.approx(shared.image[covered], abs=1e-5)
+    assert both[has_patch] == pytest.approx(shared.image[has_patch], abs=1e-5)
 
 
 def test_short_memory_lets_bounces_be_shared():
@@ -311,6 +311,6 @@ def test_flux_of_bright_light_on_large_areas_is_a_number():
         room, meshes=(dataclasses.replace(mesh, positions=mesh.positions * np.float32(1e5)),)
     )
     baked = drive(large, Settings(resolution=16, hemicube=8))
-    assert baked.image[baked.covered] == pytest.approx(2e29, rel=0.01)
+    assert baked.image[baked.has_patch] == pytest.approx(2e29, rel=0.01)
     area = 6 * float(np.ptp(large.meshes[0].positions)) ** 2
     assert sum(baked.report.energies) == pytest.approx(3 * np.pi * area * 0.5 * 2e29, rel=0.05)

@@ -16,5 +16,5 @@ def test_worker_gives_the_same_bits_as_this_process_twice():
     here = finished(bake(furnace(0.5, 1.0), QUICK))
     for there in maps:
         assert np.array_equal(there.image.view(np.uint32), here.image.view(np.uint32))
-        assert np.array_equal(there.covered, here.covered)
+        assert np.array_equal(there.has_patch, here.has_patch)
         assert there.report.energies == here.report.energies

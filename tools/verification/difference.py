@@ -39,7 +39,7 @@ def compare(
     """Return the figures, and the difference relative to the mean, (atlases, h, w, 3), 0 where left out.
 
     ours     (atlases, h, w, 3) float32, E/pi
-    known    (atlases, h, w) bool, covered and not hidden inside of something
+    known    (atlases, h, w) bool, has a patch that is not hidden inside of something
     colour   (atlases, h, w, 3) float32, what is reflected; Cycles tells no light in channels where it is 0
     bakes    two independent bakes of Cycles, (atlases, h, w, 4): the mean of (ours - first) times
              (ours - second) is the squared error without their noise

@@ -35,9 +35,9 @@ def verify(context, samples: int) -> tuple[Difference, np.ndarray, list[str]]:
 def known_texels(lightmap, scene, settings) -> np.ndarray:
     """Return the texels, (atlases, h, w) bool, whose light can be known.
 
-    They are covered, not filled as inside of something, and lie on one surface only.
+    They have a patch, are not filled as inside of something, and lie on one surface only.
     """
-    visible = lightmap.covered & (lightmap.image == lightmap.display).all(axis=-1)
+    visible = lightmap.has_patch & (lightmap.image == lightmap.display).all(axis=-1)
     return visible & ~doubled_texels(_subdivided(scene, settings), len(scene.atlases))
 
 

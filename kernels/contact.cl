@@ -1,7 +1,7 @@
-// 1 for patches that lie in the plane of another face that shows them its back: looked for from `above`
-// to `below` the surface, in heights of the eye.
-__kernel void covered(RAYS_ARGUMENTS, __global const float4 *receivers, const float above, const float below,
-                      __global uchar *result, const int count)
+// 1 for patches hidden by a face that touches them: one that shows them its back, looked for from `above` to
+// `below` the surface, in heights of the eye.
+__kernel void in_contact(RAYS_ARGUMENTS, __global const float4 *receivers, const float above, const float below,
+                         __global uchar *result, const int count)
 {
     const int patch = get_global_id(0);
     if (patch >= count)

@@ -1,4 +1,4 @@
-"""Finds covered patches as `coincident` does, on the host: for machines without OpenCL."""
+"""Finds patches in contact as `contact` does, on the host: for machines without OpenCL."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ from ..scene.model import Scene
 from ..scene.textures import sample
 from ..visibility.raster.clusters import morton_codes
 from ..visibility.views.viewpoints import eye_heights
-from .coincident import ABOVE, BELOW
+from .contact import ABOVE, BELOW
 
 #: Patches that look for triangles together, and pairs that are tested at once.
 _GROUP, _PAIRS = 64, 1 << 20
 
-#: How much wider than they are triangles are, in barycentrics, and the share of light that a surface stops
-#: if it covers another one: both as for rays (kernels/rays.cl).
+#: How much wider triangles are than they are, in barycentrics, and the opacity from which on a surface
+#: hides another one: both as for rays (kernels/rays.cl).
 _RIM, _STOPS = 1e-6, 0.5
 
 
-def covered_on_host(scene: Scene, parts: Subdivision) -> np.ndarray:
-    """Return what `covered_patches` does, found without OpenCL."""
+def in_contact_on_host(scene: Scene, parts: Subdivision) -> np.ndarray:
+    """Return what `patches_in_contact` does, found without OpenCL."""
     geometry, triangles = parts.geometry, parts.triangles
     up = eye_heights(triangles, geometry)[:, None] * geometry.geometric
     start = geometry.center - triangles.middle + ABOVE * up
     step = -(ABOVE + BELOW) * up
     corners = triangles.positions.astype(np.float64) - triangles.middle
-    cutouts, covered = gather_cutouts(scene), np.zeros(len(start), bool)
+    cutouts, in_contact = gather_cutouts(scene), np.zeros(len(start), bool)
     for patch, triangle in _neighbours(start, step, corners):
         met, weights = _backs_met(start[patch], step[patch], corners[triangle])
         triangle = triangle[met]
         stops = _stops(scene, cutouts, triangle, triangles.material[triangle], weights[met])
-        covered[patch[met][stops]] = True
-    return covered
+        in_contact[patch[met][stops]] = True
+    return in_contact
 
 
 def _neighbours(

@@ -8,8 +8,8 @@ import pytest
 from engine import Material, Scene, Settings, Texture, finished
 from engine.device import devices
 from engine.device.compute import Compute
-from engine.direct.coincident import covered_patches
-from engine.direct.host_coincident import covered_on_host
+from engine.direct.contact import patches_in_contact
+from engine.direct.host_contact import in_contact_on_host
 from engine.patches.subdivision import subdivide
 from engine.session import Session
 from engine.visibility.rays.ray_scene import RayScene
@@ -117,18 +117,18 @@ def test_it_is_dark_under_what_stands_on_a_floor(baked, lift, shift):
 
 
 def test_what_sticks_out_over_an_edge_is_lit_there(baked):
-    """The box covers the floor up to x = 2, and its underside is covered up to there."""
+    """The box covers the floor up to x = 2, and its underside is dark up to there."""
     lightmaps = baked(box_on_floor((1.0, -1.2, 0)))
     check_agreement(lightmaps)
     for lightmap in lightmaps.values():
         under = chart(lightmap, UNDERSIDE, 0)
         assert (under[:, :5] == 0).all() and (under[:, 6:] > 0.9).all()
-        covered = chart(lightmap, (15, 4, 5, 11), 0)
-        assert (covered[1:-1, 1:] == 0).all()
+        under = chart(lightmap, (15, 4, 5, 11), 0)
+        assert (under[1:-1, 1:] == 0).all()
 
 
 def test_one_face_on_another(baked):
-    """Two sheets that face away from each other, as two sides of a leaf: both are covered."""
+    """Two sheets that face away from each other, as two sides of a leaf: both are in contact."""
     sheet = rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0))
     mesh = quads(np.stack([sheet, sheet[::-1]]), [FLOOR, (22, 0, 20, 20)], [0, 0], 64, "Leaf")
     leaf = Scene((mesh,), (material("Grey", 0.5),), world=np.ones(3, np.float32))
@@ -173,10 +173,10 @@ def stacks(shift):
 
 
 @pytest.mark.parametrize("shift", [NEAR, FAR])
-def test_covered_patches_are_the_same_without_opencl(graphics, shift):
+def test_patches_in_contact_are_the_same_without_opencl(graphics, shift):
     scene = stacks(shift)
     parts = subdivide(graphics, scene, dataclasses.replace(SETTINGS, resolution=128))
-    found = covered_patches(RayScene(Compute(), scene, parts), len(parts.patches))
-    on_host = covered_on_host(scene, parts)
+    found = patches_in_contact(RayScene(Compute(), scene, parts), len(parts.patches))
+    on_host = in_contact_on_host(scene, parts)
     assert 100 < found.sum() < len(found) / 2
     assert (found != on_host).mean() < 5e-3

@@ -1,4 +1,4 @@
-"""Finds patches that another face covers exactly, as a floor does the underside of a pillar on it."""
+"""Finds patches that a face touches and hides, as a floor does the underside of a pillar on it."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ import pyopencl as cl
 
 from ..visibility.rays.ray_scene import RayScene
 
-#: How far around its surface a patch looks for the other face, in heights of its eye.
+#: How far above and below its surface a patch looks for the other face, in heights of its eye.
 ABOVE, BELOW = 2.0, 1.0
 
 
-def covered_patches(scene: RayScene, count: int) -> np.ndarray:
+def patches_in_contact(scene: RayScene, count: int) -> np.ndarray:
     """Return which patches, (n,) bool, lie in the plane of another face that shows them its back.
 
     Nobody sees such a patch, but its hemicube starts beyond the other face and sees what is there.
     """
     rays, compute = scene.rays, scene.compute
-    (kernel,) = rays.kernels(("receiver.cl", "covered.cl"), "covered")
+    (kernel,) = rays.kernels(("receiver.cl", "contact.cl"), "in_contact")
     output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, count)
     limits = (np.float32(ABOVE), np.float32(BELOW))
     rays.run(kernel, count, scene.receivers, *limits, output, np.int32(count))
-    covered = np.empty(count, np.uint8)
-    cl.enqueue_copy(compute.queue, covered, output)
-    return covered.astype(bool)
+    in_contact = np.empty(count, np.uint8)
+    cl.enqueue_copy(compute.queue, in_contact, output)
+    return in_contact.astype(bool)

@@ -92,10 +92,10 @@ class Case:
 
     def raster(self, path: str | None = None, culling: bool = True) -> HemicubeRaster:
         """Return what draws the scene."""
-        owners = np.arange(LIGHTMAP**2, dtype=np.uint32).reshape(1, LIGHTMAP, LIGHTMAP)
+        texel_to_patch = np.arange(LIGHTMAP**2, dtype=np.uint32).reshape(1, LIGHTMAP, LIGHTMAP)
         cutouts = gather_cutouts(self.scene)
         return HemicubeRaster(
-            self.graphics, self.tiles, self.triangles, cutouts, owners, self.target, path, culling
+            self.graphics, self.tiles, self.triangles, cutouts, texel_to_patch, self.target, path, culling
         )
 
     def draw(self, raster: HemicubeRaster) -> None:

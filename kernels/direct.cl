@@ -57,7 +57,7 @@ void finish_run(const Run *run, Sum *sum)
 __kernel void direct(RAYS_ARGUMENTS, __global const float4 *receivers, __global const float4 *emitters,
                      __global const float4 *light_nodes, __global const int2 *branches, const int root,
                      __global const float *modulations, const int budget,
-                     __global const float4 *radiance, __global const uint *owners, __global const float2 *uvs,
+                     __global const float4 *radiance, __global const uint *texel_to_patch, __global const float2 *uvs,
                      const int resolution, __global const float4 *sky_pixels, __global const float *cumulative,
                      __global const int *listed, const int sky_width, const int sky_height, const int sky_count,
                      const float sky_total, const uint seed, __global float4 *result, const int start,
@@ -68,7 +68,7 @@ __kernel void direct(RAYS_ARGUMENTS, __global const float4 *receivers, __global 
         return;
     const Rays rays = RAYS;
     const Lights lights = {emitters, light_nodes, branches, sky_total, modulations};
-    const Glow glow = {radiance, owners, uvs, resolution};
+    const Glow glow = {radiance, texel_to_patch, uvs, resolution};
     const Bright sky = {sky_pixels, cumulative, listed, sky_width, sky_height, sky_count, sky_total};
     const Receiver r = load_receiver(receivers + RECEIVER * patch);
 

@@ -146,7 +146,7 @@ float linear_sample(const float u, const float a, const float b, float *density)
 
 typedef struct {
     __global const float4 *radiance;  // of each patch, plus 1
-    __global const uint *owners;
+    __global const uint *texel_to_patch; // patch + 1 of each texel of each lightmap, or 0
     __global const float2 *uvs;       // of each corner of each triangle
     int resolution;
 } Glow;
@@ -216,7 +216,8 @@ Sample sample_triangle(__global const float4 *e, const Glow *glow, const Receive
         const int page = (int)e[4].w, limit = glow->resolution - 1;
         const int x = clamp((int)(uv.x * glow->resolution), 0, limit);
         const int y = clamp((int)(uv.y * glow->resolution), 0, limit);
-        radiance = glow->radiance[glow->owners[((size_t)page * glow->resolution + y) * glow->resolution + x]].xyz;
+        const size_t texel = ((size_t)page * glow->resolution + y) * glow->resolution + x;
+        radiance = glow->radiance[glow->texel_to_patch[texel]].xyz;
     }
     s.light = radiance * share * M_1_PI_F;
     return s;

@@ -2,9 +2,9 @@
 // else they are the texels of a hemicube.
 
 typedef struct {
-    __global const float2 *uvs;      // of each corner of each triangle on its lightmap
-    __global const int *atlases;     // of each triangle
-    __global const uint *owners;     // of each texel of each lightmap: patch + 1, or 0
+    __global const float2 *uvs;          // of each corner of each triangle on its lightmap
+    __global const int *atlases;         // of each triangle
+    __global const uint *texel_to_patch; // patch + 1 of each texel of each lightmap, or 0
     int resolution;
 } Lightmaps;
 
@@ -54,7 +54,7 @@ uint look_along(const Rays *rays, const Lightmaps *lightmaps, const float3 origi
     const float2 uv = corner[0] * (1.0f - w.x - w.y) + corner[1] * w.x + corner[2] * w.y;
     const int2 texel = clamp(convert_int2(uv * lightmaps->resolution), 0, lightmaps->resolution - 1);
     const size_t row = (size_t)lightmaps->atlases[hit.triangle] * lightmaps->resolution + texel.y;
-    return lightmaps->owners[row * lightmaps->resolution + texel.x] | (hit.front ? 0u : BACK);
+    return lightmaps->texel_to_patch[row * lightmaps->resolution + texel.x] | (hit.front ? 0u : BACK);
 }
 
 #ifdef COSINE
@@ -65,7 +65,7 @@ uint look_along(const Rays *rays, const Lightmaps *lightmaps, const float3 origi
 #define WEIGHT(i) pattern[i]
 #endif
 #define LOOK_ARGUMENTS RAYS_ARGUMENTS, __global const float4 *receivers, __global const float2 *uvs, \
-    __global const int *atlases, __global const uint *owners, const int resolution, \
+    __global const int *atlases, __global const uint *texel_to_patch, const int resolution, \
     __global const float4 *emission, __global const float4 *sky, const int sky_width, const int sky_height, \
     SAMPLES, const int samples, const int n, const uint salt, const int rotate
 
@@ -75,7 +75,7 @@ __kernel void look(LOOK_ARGUMENTS, const int start, const int cached_from, __glo
 {
     const int patch = start + get_group_id(0);
     const Rays rays = RAYS;
-    const Lightmaps lightmaps = {uvs, atlases, owners, resolution};
+    const Lightmaps lightmaps = {uvs, atlases, texel_to_patch, resolution};
     const Receiver receiver = load_receiver(receivers + RECEIVER * patch);
     const View view = view_of(&receiver, patch, salt, rotate);
     Steady steady = {(float4)(0.0f), 0.0f};
@@ -98,7 +98,7 @@ __kernel void gather_rays(LOOK_ARGUMENTS, const int start, __global const float4
 {
     const int patch = start + get_group_id(0);
     const Rays rays = RAYS;
-    const Lightmaps lightmaps = {uvs, atlases, owners, resolution};
+    const Lightmaps lightmaps = {uvs, atlases, texel_to_patch, resolution};
     const Receiver receiver = load_receiver(receivers + RECEIVER * patch);
     const View view = view_of(&receiver, patch, salt, rotate);
     Steady steady = {(float4)(0.0f), 0.0f};

@@ -4,7 +4,7 @@
 #define MOST 64  // texels of a square
 #define SAME_PLANE 0.95f
 
-__kernel void share(__global const uint *owners, const int resolution, const int width,
+__kernel void share(__global const uint *texel_to_patch, const int resolution, const int width,
                     __global const int *texels, __global const int *materials,
                     __global const float4 *receivers, __global uint *leaders)
 {
@@ -13,11 +13,11 @@ __kernel void share(__global const uint *owners, const int resolution, const int
     uint members[MOST];
     int count = 0;
 
-    // Members in the order of their distance to the middle: texels that patches own only as neighbours do not count.
+    // Members in the order of their distance to the middle: texels that only border on their patch do not count.
     for (int y = y0; y < min(y0 + width, resolution); ++y) {
         for (int x = x0; x < min(x0 + width, resolution); ++x) {
-            const uint owner = owners[page + (size_t)y * resolution + x];
-            if (owner == 0 || texels[owner - 1] != y * resolution + x)
+            const uint entry = texel_to_patch[page + (size_t)y * resolution + x];
+            if (entry == 0 || texels[entry - 1] != y * resolution + x)
                 continue;
             const int dx = 2 * (x - x0) - width + 1, dy = 2 * (y - y0) - width + 1, far = dx * dx + dy * dy;
             int place = count++;
@@ -29,7 +29,7 @@ __kernel void share(__global const uint *owners, const int resolution, const int
                     break;
                 members[place] = members[place - 1];
             }
-            members[place] = owner - 1;
+            members[place] = entry - 1;
         }
     }
 

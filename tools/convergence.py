@@ -27,7 +27,7 @@ from engine.direct.sky import whole_sky
 from engine.gather.hemicube_gather import PaperGather
 from engine.patches.subdivision import Subdivision
 from engine.patches.surfaces import PatchSurfaces
-from engine.reference.cpu_patches import owner_map
+from engine.reference.cpu_patches import map_texels
 from engine.reference.form_factors import form_factors
 from engine.reference.gauss_seidel import gather, gauss_seidel
 from engine.solve.host_radiosity import HostRadiosity
@@ -92,8 +92,8 @@ def _iterations(prepared: Prepared, settings: Settings) -> Iterator[np.ndarray]:
     graphics = Graphics()
     try:
         surfaces = PatchSurfaces(prepared.reflectance, prepared.emission)
-        owners = owner_map(prepared.scene, prepared.patches)
-        parts = Subdivision(prepared.triangles, prepared.patches, prepared.geometry, surfaces, owners, ())
+        texels = map_texels(prepared.scene, prepared.patches)
+        parts = Subdivision(prepared.triangles, prepared.patches, prepared.geometry, surfaces, texels, ())
         sky = whole_sky(prepared.scene.world)
         paper = PaperGather(graphics, Compute(), prepared.scene, parts, prepared.emission, sky, settings)
         radiosity = HostRadiosity(paper, prepared.reflectance, prepared.emission, prepared.geometry.area)

@@ -50,16 +50,16 @@ class BrightTriangles:
 
 
 def bright_triangles(
-    triangles: Triangles, geometry: PatchGeometry, owners: np.ndarray, emission: np.ndarray
+    triangles: Triangles, geometry: PatchGeometry, texel_to_patch: np.ndarray, emission: np.ndarray
 ) -> BrightTriangles:
     """Choose the triangles that are sampled: small enough, or bright enough, against all that emits.
 
-    owners: (atlases, r, r) uint32 index map; emission: (n, 3) float32 radiance of each patch.
+    texel_to_patch: (atlases, r, r) uint32 index map; emission: (n, 3) float32 radiance of each patch.
     """
     red, green, blue = emission.T
     glowing = np.flatnonzero(red + green + blue)
     triangle, shining = geometry.triangle[glowing], emission[glowing]
-    radiance = _mean_radiance(triangles, geometry, owners, emission, (triangle, shining))
+    radiance = _mean_radiance(triangles, geometry, texel_to_patch, emission, (triangle, shining))
     first, second = np.moveaxis(triangles.positions[:, 1:] - triangles.positions[:, :1], 1, 0)
     area = np.linalg.norm(np.cross(first, second), axis=1) / 2
     luminance = radiance @ _LUMINANCE
@@ -82,7 +82,7 @@ def _is_even(triangle: np.ndarray, emission: np.ndarray, mean: np.ndarray) -> np
 def _mean_radiance(
     triangles: Triangles,
     geometry: PatchGeometry,
-    owners: np.ndarray,
+    texel_to_patch: np.ndarray,
     emission: np.ndarray,
     glowing: tuple[np.ndarray, np.ndarray],
 ) -> np.ndarray:
@@ -94,9 +94,10 @@ def _mean_radiance(
     patches = np.bincount(geometry.triangle, minlength=count)
     triangle, shining = glowing
     total = np.stack([np.bincount(triangle, channel, count) for channel in shining.T], axis=1)
-    middle = (triangles.uvs.mean(axis=1) * owners.shape[-1]).astype(int).clip(0, owners.shape[-1] - 1)
-    owner = owners[triangles.atlas, middle[:, 1], middle[:, 0]].astype(np.int64)
-    there = np.where(owner[:, None] > 0, emission[np.maximum(owner - 1, 0)], 0)
+    resolution = texel_to_patch.shape[-1]
+    x, y = (triangles.uvs.mean(axis=1) * resolution).astype(int).clip(0, resolution - 1).T
+    number = texel_to_patch[triangles.atlas, y, x].astype(np.int64)
+    there = np.where(number[:, None] > 0, emission[np.maximum(number - 1, 0)], 0)
     mean: np.ndarray = np.where(patches[:, None] > 0, total / np.maximum(patches, 1)[:, None], there)
     return mean
 

@@ -36,7 +36,7 @@ class DirectLighting:
         # Small bright surfaces and bright sky, unless hemicubes are to see everything as in the paper.
         emission = parts.surfaces.emission
         if settings.sample_emission:
-            self._bright = bright_triangles(parts.triangles, parts.geometry, parts.owners, emission)
+            self._bright = bright_triangles(parts.triangles, parts.geometry, parts.texel_to_patch, emission)
             self._sky = split_sky(scene.world)
         else:
             self._bright = BrightTriangles(

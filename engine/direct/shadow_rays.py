@@ -115,9 +115,9 @@ class ShadowRays:
         return download(self._compute, self._result, (self._count, 4))
 
     def _glow_arguments(self, parts: Subdivision) -> tuple:
-        """Return radiance of patches, owners of texels, UVs of triangles and the resolution."""
+        """Return radiance of patches, texels to patches, UVs of triangles and the resolution."""
         radiance = upload_float4(self._compute, parts.surfaces.emission, first=1)
-        lookups = (upload(self._compute, array) for array in (parts.owners, parts.triangles.uvs))
+        lookups = (upload(self._compute, array) for array in (parts.texel_to_patch, parts.triangles.uvs))
         return (radiance, *lookups, np.int32(parts.patches.resolution))
 
     def _sky_arguments(self, sky: np.ndarray | None) -> tuple:

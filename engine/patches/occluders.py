@@ -31,13 +31,13 @@ class _Places:
     """Where triangles go, (t,) each.
 
     block   number of each triangle's block; triangles of one cluster share a block of one texel
-    owner   True for the triangle that the block's patches lie on
+    chosen  True for the triangle that the block's patches lie on
     level   the side of its block is 2 ** level texels
     texels  size of all blocks
     """
 
     block: np.ndarray
-    owner: np.ndarray
+    chosen: np.ndarray
     level: np.ndarray
     texels: int
 
@@ -132,9 +132,9 @@ def _places_at(centers: np.ndarray, longest: np.ndarray, kinds: np.ndarray, size
     # The largest triangle of a cluster stands for all of it.
     order = np.lexsort((-longest, block))
     first = np.r_[True, np.diff(block[order]) > 0]
-    owner = np.zeros(len(block), bool)
-    owner[order[first]] = True
-    return _Places(block, owner, level, int((4 ** level[owner]).sum()))
+    chosen = np.zeros(len(block), bool)
+    chosen[order[first]] = True
+    return _Places(block, chosen, level, int((4 ** level[chosen]).sum()))
 
 
 def _unique_rows(keys: np.ndarray) -> np.ndarray:
@@ -153,19 +153,19 @@ def _pack(places: _Places, side: int) -> tuple[np.ndarray, np.ndarray]:
     Blocks whose sides are powers of two, the largest first along a Z-order curve, leave no gaps
     (Morton 1966), and none lies across the end of an atlas.
     """
-    owners = np.flatnonzero(places.owner)
-    owners = owners[np.argsort(-places.level[owners], kind="stable")]
-    sizes = 4 ** places.level[owners]
+    chosen = np.flatnonzero(places.chosen)
+    chosen = chosen[np.argsort(-places.level[chosen], kind="stable")]
+    sizes = 4 ** places.level[chosen]
     start = np.zeros(int(places.block.max()) + 1, np.int64)
-    start[places.block[owners]] = np.cumsum(sizes) - sizes
+    start[places.block[chosen]] = np.cumsum(sizes) - sizes
     atlas, code = np.divmod(start[places.block], side * side)
     origin = np.stack([_even_bits(code), _even_bits(code >> 1)], axis=1).astype(np.float32)
 
-    # Owners span their block; followers meet in the middle of its texel.
+    # Chosen triangles span their block; the others of a cluster meet in the centre of its texel.
     high = (2.0**places.level - _HIGH).astype(np.float32)
     corners = np.full((len(code), 3, 2), _LOW, np.float32)
     corners[:, 1, 0] = corners[:, 2, 1] = high
-    corners[~places.owner] = 0.5
+    corners[~places.chosen] = 0.5
     return atlas, origin[:, None] + corners
 
 

@@ -15,22 +15,22 @@ from .geometry import PatchGeometry
 from .patch_file import list_or_load_patches
 from .patch_list import PatchList
 from .surfaces import PatchSurfaces, patch_surfaces
-from .texel_owners import add_thin_patches
+from .texel_to_patch import add_thin_patches
 
 
 @dataclass(frozen=True)
 class Subdivision:
     """Which texels are patches, where they are, and what they are made of.
 
-    owners    (atlases, r, r) uint32 index map: patch + 1, or 0
-    warnings  sentences for the user
+    texel_to_patch  (atlases, r, r) uint32 index map: patch + 1, or 0
+    warnings        sentences for the user
     """
 
     triangles: Triangles
     patches: PatchList
     geometry: PatchGeometry
     surfaces: PatchSurfaces
-    owners: np.ndarray
+    texel_to_patch: np.ndarray
     warnings: tuple[str, ...]
 
 
@@ -40,6 +40,6 @@ def subdivide(graphics: Graphics, scene: Scene, settings: Settings) -> Subdivisi
     covered = list_or_load_patches(graphics, scene, settings)
     warnings = [*note_uncovered(scene, covered), *check_overlap(graphics, scene, triangles, covered)]
     touched = touched_triangles(graphics, triangles, len(scene.atlases), settings.resolution)
-    patches, geometry, owners = add_thin_patches(scene, triangles, covered, touched)
+    patches, geometry, texel_to_patch = add_thin_patches(scene, triangles, covered, touched)
     surfaces = patch_surfaces(scene, triangles, patches, geometry)
-    return Subdivision(triangles, patches, geometry, surfaces, owners, tuple(warnings))
+    return Subdivision(triangles, patches, geometry, surfaces, texel_to_patch, tuple(warnings))

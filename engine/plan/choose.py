@@ -169,7 +169,8 @@ def _shared_solution(bake: Bake, width: int, reasons: tuple[str, ...]) -> tuple[
     solver, choice = _solver(squares)
 
     # Every patch looks for itself, but sees the shared ones.
-    everyone = replace(squares, parts=replace(bake.parts, owners=shared.parts.owners), rays=bake.rays)
+    lookups = replace(bake.parts, texel_to_patch=shared.parts.texel_to_patch)
+    everyone = replace(squares, parts=lookups, rays=bake.rays)
     identity = _identity_makers(everyone)[choice.visibility]()
     final = FinalGather(bake.opencl, _stream(everyone, identity), bake.lights)
     parted = bake.glowing and bool({"direct", "indirect"} & set(bake.settings.outputs))

@@ -19,12 +19,12 @@ from ..visibility.views.viewpoints import place_hemicubes
 class View:
     """What a hemicube sees, texel by texel in the stacked layout.
 
-    owner   (3n, n) int32, patch index + 1, or 0 where no patch owns the lightmap texel
+    patch   (3n, n) int32, patch + 1, or 0 where the lightmap texel belongs to none
     facing  (3n, n) int8, 1 front of a surface, -1 back, 0 surroundings
     above   (3n, n) bool, False behind the plane of the patch's own surface
     """
 
-    owner: np.ndarray
+    patch: np.ndarray
     facing: np.ndarray
     above: np.ndarray
 
@@ -32,8 +32,8 @@ class View:
 class CpuHemicubes:
     """The hemicubes of a scene's patches, with the directions, rotations and look-ups of the GPU path.
 
-    owners    (atlases, r, r) uint32 index map: patch + 1, or 0
-    emission  (n, 3) float32, radiance, seen on back faces
+    texel_to_patch  (atlases, r, r) uint32 index map: patch + 1, or 0
+    emission        (n, 3) float32, radiance, seen on back faces
 
     Made for small scenes: every ray meets every triangle.
     """
@@ -43,11 +43,11 @@ class CpuHemicubes:
         scene: Scene,
         triangles: Triangles,
         geometry: PatchGeometry,
-        owners: np.ndarray,
+        texel_to_patch: np.ndarray,
         emission: np.ndarray,
         settings: Settings,
     ) -> None:
-        self._triangles, self._owners, self._emission = triangles, owners, emission
+        self._triangles, self._texel_to_patch, self._emission = triangles, texel_to_patch, emission
         self._world = np.append(scene.world, 1).astype(np.float32)
         self._multiplier = multiplier_map(settings.hemicube)
         views = place_hemicubes(triangles, geometry, settings)
@@ -61,16 +61,18 @@ class CpuHemicubes:
         directions = np.concatenate([grid @ face for grid, face in zip(self._grid, axes, strict=True)])
         triangle, uv, front = nearest_hits(self._eye[patch], directions, self._triangles)
 
-        # The lightmap texel that was hit, and the patch that owns it.
-        resolution = self._owners.shape[-1]
+        # The lightmap texel that was hit, and its patch.
+        resolution = self._texel_to_patch.shape[-1]
         x, y = np.clip((uv * resolution).astype(int), 0, resolution - 1).T
         hit = triangle >= 0
-        owner = np.where(hit, self._owners[self._triangles.atlas[triangle], y, x], 0)
+        patch_seen = np.where(hit, self._texel_to_patch[self._triangles.atlas[triangle], y, x], 0)
         shape = self._multiplier.shape
         facing = np.where(hit, np.where(front, 1, -1), 0)
         above = directions @ self._geometric[patch] > 0
         return View(
-            owner.astype(np.int32).reshape(shape), facing.astype(np.int8).reshape(shape), above.reshape(shape)
+            patch_seen.astype(np.int32).reshape(shape),
+            facing.astype(np.int8).reshape(shape),
+            above.reshape(shape),
         )
 
     def image(self, view: View, radiance: np.ndarray) -> np.ndarray:
@@ -78,11 +80,11 @@ class CpuHemicubes:
 
         radiance: (n, 3) float32, of each patch.
         """
-        image = np.zeros((*view.owner.shape, 4), np.float32)
+        image = np.zeros((*view.patch.shape, 4), np.float32)
         image[..., 3] = view.facing >= 0
         for facing, values in ((1, radiance), (-1, self._emission)):
-            chosen = (view.facing == facing) & (view.owner > 0)
-            image[chosen, :3] = values[view.owner[chosen] - 1]
+            chosen = (view.facing == facing) & (view.patch > 0)
+            image[chosen, :3] = values[view.patch[chosen] - 1]
         image[view.facing == 0] = self._world
         return image
 

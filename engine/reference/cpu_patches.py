@@ -15,17 +15,17 @@ def list_patches(scene: Scene, resolution: int) -> PatchList:
     triangles may belong to either.
     """
     shape = (len(scene.atlases), resolution * resolution)
-    owner = np.full((*shape, 3), -1, np.int32)
+    identities = np.full((*shape, 3), -1, np.int32)
     barycentric = np.zeros((*shape, 3), np.float32)
     for index, mesh in enumerate(scene.meshes):
         for triangle in range(len(mesh.positions)):
             texel, weights = _covered(mesh.uvs[triangle].astype(np.float64) * resolution, resolution)
-            free = owner[mesh.atlas, texel, 0] < 0
+            free = identities[mesh.atlas, texel, 0] < 0
             identity = (index, mesh.face[triangle], mesh.subface[triangle])
-            owner[mesh.atlas, texel[free]] = identity
+            identities[mesh.atlas, texel[free]] = identity
             barycentric[mesh.atlas, texel[free]] = weights[free]
-    atlas, texel = np.nonzero(owner[..., 0] >= 0)
-    mesh_index, face, subface = owner[atlas, texel].T.copy()
+    atlas, texel = np.nonzero(identities[..., 0] >= 0)
+    mesh_index, face, subface = identities[atlas, texel].T.copy()
     return PatchList(
         resolution,
         atlas.astype(np.int32),
@@ -37,20 +37,20 @@ def list_patches(scene: Scene, resolution: int) -> PatchList:
     )
 
 
-def owner_map(scene: Scene, patches: PatchList) -> np.ndarray:
-    """Return the index map, (atlases, r, r) uint32: the patch + 1 that owns a texel, or 0.
+def map_texels(scene: Scene, patches: PatchList) -> np.ndarray:
+    """Return the index map, (atlases, r, r) uint32: the patch + 1 of a texel, or 0.
 
-    Covered texels are owned by their own patch, those next to them by a neighbour: a ray can hit the
+    Covered texels belong to their own patch, those next to them to a neighbour: a ray can hit the
     very border of a chart.
     """
     shape = (len(scene.atlases), patches.resolution, patches.resolution)
-    owners = np.zeros(shape, np.uint32)
-    owners.reshape(shape[0], -1)[patches.atlas, patches.texel] = np.arange(1, len(patches) + 1)
-    padded = np.pad(owners, [(0, 0), (1, 1), (1, 1)])
+    texel_to_patch = np.zeros(shape, np.uint32)
+    texel_to_patch.reshape(shape[0], -1)[patches.atlas, patches.texel] = np.arange(1, len(patches) + 1)
+    padded = np.pad(texel_to_patch, [(0, 0), (1, 1), (1, 1)])
     for y, x in ((0, -1), (0, 1), (-1, 0), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)):
         neighbour = padded[:, 1 + y : 1 + y + shape[1], 1 + x : 1 + x + shape[2]]
-        owners = np.where(owners == 0, neighbour, owners)
-    return owners
+        texel_to_patch = np.where(texel_to_patch == 0, neighbour, texel_to_patch)
+    return texel_to_patch
 
 
 def _covered(corners: np.ndarray, resolution: int) -> tuple[np.ndarray, np.ndarray]:

@@ -24,7 +24,7 @@ class SharedPatches:
     """Patches that stand for squares of others.
 
     group  (n,) int64, the shared patch of each patch
-    parts  shared patches as a Subdivision; `owners` names them
+    parts  shared patches as a Subdivision
     area   (m,) float32, m^2, of all patches in each
     rays   casts rays from them
     """
@@ -44,7 +44,7 @@ class SharedPatches:
             patches=parts.patches.part(leading),
             geometry=parts.geometry.part(leading),
             surfaces=surfaces,
-            owners=shared[parts.owners],
+            texel_to_patch=shared[parts.texel_to_patch],
         )
         self.rays = rays.of(self.parts)
 
@@ -60,13 +60,13 @@ def _leaders(rays: RayScene, parts: Subdivision, width: int) -> np.ndarray:
     """Return the patch that each patch follows, (n,) uint32; kernels/share.cl."""
     compute, patches = rays.compute, parts.patches
     (share,) = compute.kernels(("receiver.cl", "share.cl"), "share")
-    arrays = (parts.owners, patches.texel, parts.geometry.material)
-    owners, texels, materials = (upload(compute, array) for array in arrays)
+    arrays = (parts.texel_to_patch, patches.texel, parts.geometry.material)
+    lookup, texels, materials = (upload(compute, array) for array in arrays)
     leaders = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * len(patches))
     squares = -(-patches.resolution // (_SQUARES * width)) * _SQUARES
     share(
-        compute.queue, (squares, squares, len(parts.owners)), share.group(_SQUARES, _SQUARES, 1),
-        owners, np.int32(patches.resolution), np.int32(width), texels, materials, rays.receivers, leaders,
+        compute.queue, (squares, squares, len(parts.texel_to_patch)), share.group(_SQUARES, _SQUARES, 1),
+        lookup, np.int32(patches.resolution), np.int32(width), texels, materials, rays.receivers, leaders,
     )  # fmt: skip
     result = np.empty(len(patches), np.uint32)
     cl.enqueue_copy(compute.queue, result, leaders)

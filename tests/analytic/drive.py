@@ -11,7 +11,7 @@ from engine.gather.hemicube_gather import Gather
 from engine.patches.geometry import PatchGeometry, patch_geometry
 from engine.patches.patch_list import PatchList
 from engine.reference.cpu_hemicubes import CpuHemicubes
-from engine.reference.cpu_patches import list_patches, owner_map
+from engine.reference.cpu_patches import list_patches, map_texels
 from engine.scene.triangles import Triangles, join_meshes
 from engine.solve.host_radiosity import HostRadiosity
 from engine.solve.solver import Solver
@@ -50,8 +50,8 @@ class Prepared:
 
     def hemicubes(self, settings: Settings) -> CpuHemicubes:
         """Return the scene's hemicubes on the processor."""
-        owners = owner_map(self.scene, self.patches)
-        return CpuHemicubes(self.scene, self.triangles, self.geometry, owners, self.emission, settings)
+        texels = map_texels(self.scene, self.patches)
+        return CpuHemicubes(self.scene, self.triangles, self.geometry, texels, self.emission, settings)
 
     def solution(self, gather: Gather, settings: Settings) -> Solver:
         """Return the light after the paper's iterations with a way to gather."""

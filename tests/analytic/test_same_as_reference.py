@@ -12,7 +12,7 @@ from engine.device.share import HostCopy
 from engine.gather.opencl import HemicubeIntegrator
 from engine.patches.patch_list import list_patches
 from engine.reference import cpu_hemicubes
-from engine.reference.cpu_patches import owner_map
+from engine.reference.cpu_patches import map_texels
 from engine.reference.form_factors import form_factors
 from engine.reference.gauss_seidel import gather, gauss_seidel
 from engine.scene.cutouts import gather_cutouts
@@ -70,10 +70,10 @@ def draw(room: Prepared, chosen: np.ndarray, radiance: np.ndarray) -> tuple[np.n
     graphics = Graphics()
     try:
         compute = Compute()
-        owners = owner_map(room.scene, room.patches)
+        texel_to_patch = map_texels(room.scene, room.patches)
         target = RadianceTarget(graphics, tiles, room.emission, (*room.scene.world, 1.0))
         cutouts = gather_cutouts(room.scene)
-        raster = HemicubeRaster(graphics, tiles, room.triangles, cutouts, owners, target)
+        raster = HemicubeRaster(graphics, tiles, room.triangles, cutouts, texel_to_patch, target)
         target.set_radiance(radiance)
         places = place_hemicubes(room.triangles, room.geometry, SETTINGS)
         frame, eye, near = (values[chosen] for values in (places.frame, places.eye, places.near))

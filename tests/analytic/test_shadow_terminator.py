@@ -10,7 +10,7 @@ from engine import Light, Material, Mesh, Scene, Settings
 from engine.device.compute import Compute
 from engine.patches.subdivision import Subdivision
 from engine.patches.surfaces import PatchSurfaces
-from engine.reference.cpu_patches import owner_map
+from engine.reference.cpu_patches import map_texels
 from engine.visibility.rays.ray_scene import RayScene
 from engine.visibility.rays.receivers import RECORD
 from tests.analytic.drive import drive, prepare
@@ -122,8 +122,8 @@ def lifted(*meshes):
     scene = Scene(meshes, (BLACK,))
     here = prepare(scene, 64)
     dark = np.zeros((len(here.patches), 3), np.float32)
-    owners = owner_map(scene, here.patches)
-    parts = Subdivision(here.triangles, here.patches, here.geometry, PatchSurfaces(dark, dark), owners, ())
+    texels, surfaces = map_texels(scene, here.patches), PatchSurfaces(dark, dark)
+    parts = Subdivision(here.triangles, here.patches, here.geometry, surfaces, texels, ())
     compute = Compute()
     records = np.empty((len(here.patches), RECORD, 4), np.float32)
     rays = RayScene(compute, scene, parts)

@@ -8,7 +8,7 @@ from engine import Material, Mesh, Scene, SceneError
 from engine.patches.coverage import check_overlap, touched_triangles
 from engine.patches.geometry import patch_geometry
 from engine.patches.patch_list import list_patches
-from engine.patches.texel_owners import add_thin_patches
+from engine.patches.texel_to_patch import add_thin_patches
 from engine.scene.triangles import join_meshes
 from tests.analytic.scenes import furnace, nine_quad_room, quads, rectangle
 
@@ -128,18 +128,18 @@ def test_shared_borders_are_no_overlap(graphics):
     assert check_overlap(graphics, scene, triangles, list_patches(graphics, scene, 16)) == []
 
 
-def test_every_texel_a_surface_touches_has_an_owner_on_that_surface(graphics):
+def test_every_texel_a_surface_touches_belongs_to_a_patch_of_that_surface(graphics):
     """A quad whose borders lie within texels: its border texels belong to its own patches."""
     mesh = one_quad((4, 6, 8, 4))
     uvs = mesh.uvs * 0.83 + 0.041
     scene = Scene((replace(mesh, uvs=uvs),), (GREY,))
-    covered, patches, _, owners = grown(graphics, scene, 16)
+    covered, patches, _, texel_to_patch = grown(graphics, scene, 16)
     assert len(patches) == len(covered)
     low, high = uvs.reshape(-1, 2).min(axis=0) * 16, uvs.reshape(-1, 2).max(axis=0) * 16
     for y in range(int(low[1]), int(np.ceil(high[1]))):
         for x in range(int(low[0]), int(np.ceil(high[0]))):
-            assert owners[0, y, x] > 0
-    assert (owners > 0).sum() > len(covered)
+            assert texel_to_patch[0, y, x] > 0
+    assert (texel_to_patch > 0).sum() > len(covered)
 
 
 def test_a_sliver_without_a_covered_centre_gets_a_patch_of_its_own(graphics):
@@ -147,15 +147,15 @@ def test_a_sliver_without_a_covered_centre_gets_a_patch_of_its_own(graphics):
     thin = mesh.uvs * np.float32([1, 0.01]) + np.float32([0, 0.9])
     sliver = replace(mesh, name="Sliver", positions=mesh.positions + 50, uvs=thin)
     scene = Scene((mesh, sliver), (GREY,))
-    covered, patches, geometry, owners = grown(graphics, scene, 16)
+    covered, patches, geometry, texel_to_patch = grown(graphics, scene, 16)
     added = patches.mesh == 1
     assert (covered.mesh == 0).all() and added.sum() == 8
     assert (geometry.center[added] > 45).all()
-    assert (owners[0].ravel()[patches.texel] == np.arange(1, len(patches) + 1)).all()
+    assert (texel_to_patch[0].ravel()[patches.texel] == np.arange(1, len(patches) + 1)).all()
 
 
 def test_patch_order_and_ids_do_not_depend_on_charts_touching_the_border(graphics):
-    covered, patches, _, owners = grown(graphics, furnace(0.5, 1.0), 32)
+    covered, patches, _, texel_to_patch = grown(graphics, furnace(0.5, 1.0), 32)
     assert len(patches) == len(covered) == 6 * 64
     assert (np.diff(patches.texel) > 0).all()
-    assert (owners[0].ravel()[patches.texel] == np.arange(1, len(patches) + 1)).all()
+    assert (texel_to_patch[0].ravel()[patches.texel] == np.arange(1, len(patches) + 1)).all()

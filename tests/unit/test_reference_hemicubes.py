@@ -53,15 +53,15 @@ def test_inside_a_box_everything_is_front_and_owned():
     for patch in range(1, len(prepared.patches), 7):
         view = hemicubes.view(patch)
         assert (view.facing == 1).all()
-        assert (view.owner > 0).all()
-        assert prepared.patches.face[patch] not in prepared.patches.face[view.owner - 1]
+        assert (view.patch > 0).all()
+        assert prepared.patches.face[patch] not in prepared.patches.face[view.patch - 1]
 
 
 def test_a_patch_sees_what_is_above_it():
     prepared = prepare(scenes.facing_squares(False), 64)
     patch = int(np.flatnonzero(prepared.patches.face == 0)[100])
     view = prepared.hemicubes(Settings(resolution=64, hemicube=32)).view(patch)
-    middle = view.owner[15:17, 15:17] - 1
+    middle = view.patch[15:17, 15:17] - 1
     offset = prepared.geometry.center[middle] - prepared.geometry.center[patch]
     assert np.abs(offset[..., :2]).max() < 0.08
     assert offset[..., 2] == pytest.approx(np.ones((2, 2)))

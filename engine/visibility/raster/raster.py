@@ -29,12 +29,13 @@ _TRIAL = 0.005
 class HemicubeRaster:
     """What every patch of a batch sees.
 
-    cutouts  which surfaces are see-through
-    owners   (atlases, r, r) uint32 index map: patch + 1, or 0
-    target   what is drawn; in the layout of `tiles`
-    path     one of `draw_paths.available_paths`, None for the fastest, found out with the first hemicubes
-    culling  False draws all triangles into all faces
-    depth    of what was drawn; where nothing was, as it was cleared: the farthest
+    cutouts         which surfaces are see-through
+    texel_to_patch  (atlases, r, r) uint32 index map: patch + 1, or 0
+    target          what is drawn; in the layout of `tiles`
+    path            one of `draw_paths.available_paths`, None for the fastest, found out with the first
+                    hemicubes
+    culling         False draws all triangles into all faces
+    depth           of what was drawn; where nothing was, as it was cleared: the farthest
     """
 
     def __init__(
@@ -43,7 +44,7 @@ class HemicubeRaster:
         tiles: Tiles,
         triangles: Triangles,
         cutouts: Cutouts,
-        owners: np.ndarray,
+        texel_to_patch: np.ndarray,
         target: Target,
         path: str | None = None,
         culling: bool = True,
@@ -60,13 +61,13 @@ class HemicubeRaster:
         names = available_paths(graphics) if path is None else (path,)
         self._paths = [DrawPath(graphics, name, tiles, mesh, features) for name in names]
 
-        # What the shaders look up: hemicubes' matrices, the owners of lightmap texels, the target's own.
-        atlases, height, width = owners.shape
-        owner_map = context.texture_array((width, height, atlases), 1, owners.tobytes(), dtype="u4")
+        # What the shaders look up: hemicubes' matrices, the patches of lightmap texels, the target's own.
+        atlases, height, width = texel_to_patch.shape
+        size = (width, height, atlases)
         self._matrices = context.texture((4 * FACES, tiles.capacity), 4, dtype="f4")
         self._lookups: dict[str, moderngl.Texture | moderngl.TextureArray] = {
             "matrices": self._matrices,
-            "owners": owner_map,
+            "texel_to_patch": context.texture_array(size, 1, texel_to_patch.tobytes(), dtype="u4"),
             **target.lookups,
         }
         if cutouts.needed:

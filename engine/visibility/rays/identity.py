@@ -48,7 +48,8 @@ class RayIdentity:
         files = ("receiver.cl", "hemicube.cl", "identity.cl", "look.cl")
         self._look, self._gather_rays = rays.kernels(files, "look", "gather_rays", options=options)
         triangles = sources.triangles
-        lookups = (upload(compute, array) for array in (triangles.uvs, triangles.atlas, sources.owners))
+        arrays = (triangles.uvs, triangles.atlas, sources.texel_to_patch)
+        lookups = (upload(compute, array) for array in arrays)
         self._arguments = (
             *rays.arguments, receivers.receivers, *lookups, np.int32(sources.patches.resolution),
             around.emission, around.sky, around.width, around.height,

@@ -57,7 +57,7 @@ class Hemicubes:
     ) -> None:
         self._tiles = tiles
         self._raster = HemicubeRaster(
-            graphics, tiles, parts.triangles, gather_cutouts(scene), parts.owners, target
+            graphics, tiles, parts.triangles, gather_cutouts(scene), parts.texel_to_patch, target
         )
         self._layers_per_slice = 1
         self._reversed_depth = graphics.reversed_depth

@@ -1,7 +1,7 @@
-"""From a lightmap texel to the patch that owns it, also where no texel centre is covered.
+"""From a lightmap texel to its patch, also where no texel centre is covered.
 
 A look-up by lightmap UV can land on a texel that a triangle touches without covering its centre.
-Such a texel is owned by a patch nearby on the same surface, so that no light is lost at chart
+Such a texel belongs to a patch nearby on the same surface, so that no light is lost at chart
 borders; the radiosity itself is never dilated during iterations (paper, VI.B). A surface too thin
 to cover any centre nearby gets a patch of its own.
 """
@@ -15,7 +15,7 @@ from ..scene.triangles import Triangles
 from .geometry import PatchGeometry, patch_geometry
 from .patch_list import PatchList, concatenate
 
-#: Neighbours that may own a texel, nearest first.
+#: Neighbours whose patch a texel may belong to, nearest first.
 _OFFSETS = sorted(
     ((dy, dx) for dy in range(-2, 3) for dx in range(-2, 3) if (dy, dx) != (0, 0)),
     key=lambda offset: (offset[0] ** 2 + offset[1] ** 2, offset),
@@ -28,17 +28,17 @@ _WITHIN = 0.499
 def add_thin_patches(
     scene: Scene, triangles: Triangles, patches: PatchList, touched: np.ndarray
 ) -> tuple[PatchList, PatchGeometry, np.ndarray]:
-    """Give every touched texel an owner; return the grown patch list, its geometry and the index map.
+    """Give every touched texel a patch; return the grown patch list, its geometry and the index map.
 
     touched: (atlases, r, r) int32 from `touched_triangles`. The index map is (atlases, r, r) uint32,
     patch index + 1, or 0 where nothing is.
     """
     geometry = patch_geometry(scene, triangles, patches)
-    owners = _covered_map(patches, touched.shape)
-    border = np.argwhere((touched >= 0) & (owners == 0))
+    texel_to_patch = _texels_of(patches, touched.shape)
+    border = np.argwhere((touched >= 0) & (texel_to_patch == 0))
     border_triangle = touched[tuple(border.T)]
     barycentric, inside = _closest_points(triangles, border, border_triangle, patches.resolution)
-    neighbour = _owning_neighbour(geometry, triangles, owners, border, border_triangle, barycentric)
+    neighbour = _neighbours(geometry, triangles, texel_to_patch, border, border_triangle, barycentric)
 
     # Surfaces without a covered centre nearby become patches at the point nearest to the texel's centre.
     thin = (neighbour == 0) & inside
@@ -48,21 +48,21 @@ def add_thin_patches(
         )
         patches = _sorted(concatenate([patches, thin_patches]))
         geometry = patch_geometry(scene, triangles, patches)
-        owners = _covered_map(patches, touched.shape)
+        texel_to_patch = _texels_of(patches, touched.shape)
         rest = ~thin
-        neighbour = _owning_neighbour(
-            geometry, triangles, owners, border[rest], border_triangle[rest], barycentric[rest]
+        neighbour = _neighbours(
+            geometry, triangles, texel_to_patch, border[rest], border_triangle[rest], barycentric[rest]
         )
         border = border[rest]
-    owners[tuple(border.T)] = neighbour
-    return patches, geometry, owners
+    texel_to_patch[tuple(border.T)] = neighbour
+    return patches, geometry, texel_to_patch
 
 
-def _covered_map(patches: PatchList, shape: tuple[int, ...]) -> np.ndarray:
-    """Index map of the covered texels alone."""
-    owners = np.zeros(shape, np.uint32)
-    owners.reshape(shape[0], -1)[patches.atlas, patches.texel] = np.arange(1, len(patches) + 1)
-    return owners
+def _texels_of(patches: PatchList, shape: tuple[int, ...]) -> np.ndarray:
+    """Return the index map of the texels that patches lie on."""
+    texel_to_patch = np.zeros(shape, np.uint32)
+    texel_to_patch.reshape(shape[0], -1)[patches.atlas, patches.texel] = np.arange(1, len(patches) + 1)
+    return texel_to_patch
 
 
 def _closest_points(
@@ -91,25 +91,25 @@ def _closest_points(
     return best.astype(np.float32), inside
 
 
-def _owning_neighbour(
+def _neighbours(
     geometry: PatchGeometry,
     triangles: Triangles,
-    owners: np.ndarray,
+    texel_to_patch: np.ndarray,
     texels: np.ndarray,
     triangle: np.ndarray,
     barycentric: np.ndarray,
 ) -> np.ndarray:
-    """Return the owner (m,) uint32 of each border texel: the nearest patch of the same surface, or 0.
+    """Return the nearest patch of the same surface + 1, or 0, for each border texel, (m,) uint32.
 
     Same surface: the same mesh, and no farther away in the world than on the lightmap.
     """
     point = np.einsum("nk,nkd->nd", barycentric, triangles.positions[triangle])
-    height, width = owners.shape[1:]
+    height, width = texel_to_patch.shape[1:]
     result = np.zeros(len(texels), np.uint32)
     for dy, dx in _OFFSETS:
         y, x = texels[:, 1] + dy, texels[:, 2] + dx
         inside = (result == 0) & (y >= 0) & (y < height) & (x >= 0) & (x < width)
-        candidate = np.where(inside, owners[texels[:, 0], y % height, x % width], 0)
+        candidate = np.where(inside, texel_to_patch[texels[:, 0], y % height, x % width], 0)
         chosen = np.flatnonzero(candidate)
         nearby = geometry.part(candidate[chosen].astype(np.int64) - 1)
         texel_size = np.maximum(np.linalg.norm(nearby.edge_u, axis=1), np.linalg.norm(nearby.edge_v, axis=1))

@@ -204,6 +204,11 @@ def descriptions() -> dict[str, Description]:
     return {entry.name: entry.metadata["description"] for entry in fields(Settings)}
 
 
+def chosen_by_people() -> list[str]:
+    """Return the names of the settings that a person chooses, in the order of the interface."""
+    return [name for name, description in descriptions().items() if description.panel is not None]
+
+
 def shown_in(panel: str) -> list[str]:
     """Return the names of the settings that a panel of the interface shows, one of `setting.PANELS`."""
     return [name for name, description in descriptions().items() if description.panel == panel]

@@ -1,23 +1,36 @@
-"""What a click or a script starts: gather the scene, bake it, store the result, report."""
+"""What a click or a script starts: gather the scene, bake it, store the result, report.
 
-import bpy
-
-from . import bake, preview, properties, unwrap
-from .worker_owner import owner
-
-_CLASSES = (*properties.CLASSES, *bake.CLASSES, *unwrap.CLASSES, *preview.CLASSES)
+Nothing is imported here, so that the command line can be read before there is a bpy.
+"""
 
 
 def register() -> None:
-    """Register the properties and the operators."""
-    for cls in _CLASSES:
+    """Register the properties, the operators and the command."""
+    import bpy
+
+    from . import command_line, properties
+
+    for cls in _classes():
         bpy.utils.register_class(cls)
     properties.bind()
+    command_line.register()
 
 
 def unregister() -> None:
-    """Stop all that bakes, then unregister the operators and the properties."""
+    """Stop all that bakes, then unregister the command, the operators and the properties."""
+    import bpy
+
+    from . import command_line, properties
+    from .worker_owner import owner
+
     owner.stop()
+    command_line.unregister()
     properties.unbind()
-    for cls in reversed(_CLASSES):
+    for cls in reversed(_classes()):
         bpy.utils.unregister_class(cls)
+
+
+def _classes() -> tuple[type, ...]:
+    from . import bake, preview, properties, unwrap
+
+    return (*properties.CLASSES, *bake.CLASSES, *unwrap.CLASSES, *preview.CLASSES)

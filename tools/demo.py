@@ -11,7 +11,7 @@ import sys
 import time
 from pathlib import Path
 
-from headless import ROOT, blender
+from headless import ROOT, blender, load
 
 
 def main() -> None:
@@ -57,10 +57,11 @@ def bake(context, options: argparse.Namespace) -> dict:
 def lightmap_picture(image: str, folder: Path) -> Path:
     """Write a picture of a lightmap."""
     import bpy
-    from picture import exposed, read_pixels, write_png
+
+    pictures = load("operators.command_line.pictures")
 
     path = folder / f"{image}.png"
-    write_png(exposed(read_pixels(bpy.data.images[image])), path)
+    pictures.write_png(pictures.exposed(pictures.read_pixels(bpy.data.images[image])), path)
     return path
 
 

@@ -8,13 +8,31 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from types import ModuleType
 
 ROOT = Path(__file__).resolve().parent.parent
 MODULE = "bl_ext.user_default.hemibake"
 
+#: Name of the checkout as a package, apart from the extension that Blender enables.
+_CHECKOUT = "hemibake"
+
 #: What the extension is made of, for where a link cannot be made.
 _PARTS = ("__init__.py", "blender_manifest.toml", "engine", "operators", "panels", "kernels", "shaders")
+
+
+def load(name: str) -> ModuleType:
+    """Return a module of the checkout; most in `operators` can be imported only once Blender runs."""
+    if _CHECKOUT not in sys.modules:
+        spec = spec_from_file_location(
+            _CHECKOUT, ROOT / "__init__.py", submodule_search_locations=[str(ROOT)]
+        )
+        package = module_from_spec(spec)
+        sys.modules[_CHECKOUT] = package
+        spec.loader.exec_module(package)
+    return import_module(f"{_CHECKOUT}.{name}")
 
 
 @contextmanager
@@ -68,15 +86,4 @@ def disable() -> None:
     addon_utils.disable(MODULE)
 
 
-@contextmanager
-def quiet_stdout() -> Iterator[None]:
-    """Send what C code and Python print on standard output to standard error."""
-    sys.stdout.flush()
-    kept = os.dup(1)
-    os.dup2(2, 1)
-    try:
-        yield
-    finally:
-        sys.stdout.flush()
-        os.dup2(kept, 1)
-        os.close(kept)
+quiet_stdout = load("operators.command_line.quiet").quiet_stdout

@@ -5,22 +5,23 @@ python tools/settings_page.py            # docs/settings.md
 
 from __future__ import annotations
 
+import sys
 from dataclasses import fields
 from typing import Any
 
 from headless import ROOT
-from setting_options import setting_names
 
+sys.path.insert(0, str(ROOT))
 from engine.setting import Description, OneOf, SomeOf, Span
-from engine.settings import Settings, descriptions
+from engine.settings import Settings, chosen_by_people, descriptions
 
 PAGE = ROOT / "docs" / "settings.md"
 
 _HEAD = """# Settings
 
-The panel, `bpy.context.scene.hemibake`, `tools/bake.py` and `engine.Settings` have the same settings under
-the same names. This page is written by `tools/settings_page.py` from their descriptions in
-`engine/settings.py`.
+The panel, `bpy.context.scene.hemibake`, `blender -c hemibake`, `tools/bake.py` and `engine.Settings` have
+the same settings under the same names. This page is written by `tools/settings_page.py` from their
+descriptions in `engine/settings.py`.
 
 | Setting | Default | Values | What it does |
 |---|---|---|---|
@@ -30,8 +31,8 @@ the same names. This page is written by `tools/settings_page.py` from their desc
 def page() -> str:
     """Return the page."""
     known, defaults = descriptions(), {entry.name: entry.default for entry in fields(Settings)}
-    rows = [_row(name, known[name], defaults[name]) for name in setting_names()]
-    choices = [_options(name, known[name]) for name in setting_names()]
+    rows = [_row(name, known[name], defaults[name]) for name in chosen_by_people()]
+    choices = [_options(name, known[name]) for name in chosen_by_people()]
     return _HEAD + "\n".join(rows) + "\n" + "".join(choices)
 
 

@@ -1,4 +1,4 @@
-"""tools/bake.py from a plain shell."""
+"""Bakes from a shell: tools/bake.py, and the command that the add-on brings."""
 
 import json
 import os
@@ -9,8 +9,8 @@ import time
 
 import pytest
 
-from tests.blender.things import pixels
-from tools.headless import ROOT
+from tests.blender.things import SQUARE_UVS, furnace, part, pixels, square
+from tools.headless import ROOT, disable, enable
 
 #: A closed tent: two triangles are enough for a wavefront file that is lit by the world.
 OBJ = """o Roof
@@ -25,6 +25,16 @@ f 1 2 3 4
 def command(*arguments, folder=None) -> subprocess.CompletedProcess:
     words = [sys.executable, str(ROOT / "tools" / "bake.py"), *map(str, arguments)]
     return subprocess.run(words, capture_output=True, text=True, timeout=120, cwd=folder)
+
+
+@pytest.fixture
+def signals_as_before():
+    """A command leaves signals ignored, since its process ends."""
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.getsignal(number) for number in numbers]
+    yield
+    for number, handler in zip(numbers, before, strict=True):
+        signal.signal(number, handler)
 
 
 def test_scene_is_baked_and_told_as_one_json_object(tmp_path):
@@ -116,15 +126,16 @@ def test_choice_is_taken_as_the_help_spells_it(option, capsys, monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / "tools"))
     import bake
 
+    options = bake.options
     with pytest.raises(SystemExit):
-        bake.parse(["--help"])
+        options.parse(bake.parser(), ["--help"])
     told = " ".join(capsys.readouterr().out.split())
     for item in bpy.context.scene.hemibake.bl_rna.properties[option].enum_items:
         choice = item.identifier
         assert choice in told
         for word in (choice, choice.upper()):
-            options = bake.parse(["scene.obj", "--out", "out", f"--{option}", word])
-            bake.apply_settings(options, ROOT)
+            words = ["scene.obj", "--out", "out", f"--{option}", word]
+            bake.command.apply_settings(options.parse(bake.parser(), words))
             assert getattr(bpy.context.scene.hemibake, option) == choice
 
 
@@ -135,6 +146,7 @@ def test_setting_out_of_range_is_told(tmp_path):
     assert json.loads(done.stdout)["error"] == "resolution is 0; choose 8 to 16384 texels."
 
 
+@pytest.mark.usefixtures("signals_as_before")
 def test_bug_is_told_as_json_with_its_traceback_on_standard_error(capsys, monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / "tools"))
     import bake
@@ -190,3 +202,99 @@ def test_signal_ends_a_bake_without_a_trace(tmp_path, number, code, moment):
     assert json.loads(output) == {"error": f"Interrupted by {number.name}."}
     assert "Traceback" not in errors
     assert not list(temporary.iterdir()) and not out.exists()
+
+
+def installed(capfd, *arguments) -> tuple[int, list[str]]:
+    """Run the add-on's own command in this Blender; return its exit code and what it printed."""
+    capfd.readouterr()
+    code = part("operators.command_line").main([str(word) for word in arguments])
+    return code, capfd.readouterr().out.splitlines()
+
+
+@pytest.mark.usefixtures("signals_as_before")
+def test_installed_command_bakes_the_open_file(tmp_path, capfd):
+    import bpy
+
+    furnace()
+    code, lines = installed(
+        capfd,
+        "--out",
+        tmp_path,
+        "--resolution",
+        53,
+        "--hemicube",
+        16,
+        "--save-blend",
+        tmp_path / "a.blend",
+        "--json",
+    )
+    facts = json.loads(lines[-1])
+    assert code == 0 and facts["objects"] == 1 and bpy.context.scene.hemibake.resolution == 53
+    assert {str(tmp_path / name) for name in ("Lightmap.exr", "Lightmap.png", "a.blend")} == set(
+        facts["files"]
+    )
+    assert all((tmp_path / name).is_file() for name in facts["files"])
+
+
+@pytest.mark.usefixtures("signals_as_before")
+def test_installed_command_tells_the_same_as_the_tool(tmp_path, capfd):
+    """Of a named scene, which is baked alone: what was open before is left."""
+    square("Left")
+    (tmp_path / "scene.obj").write_text(OBJ)
+    words = [
+        tmp_path / "scene.obj",
+        "--out",
+        tmp_path / "out",
+        "--resolution",
+        31,
+        "--hemicube",
+        16,
+        "--world",
+        "1,2,3",
+        "--json",
+    ]
+    code, lines = installed(capfd, *words)
+    here, there = json.loads(lines[-1]), json.loads(command(*words).stdout)
+    assert code == 0 and here.keys() == there.keys()
+    for facts in (here, there):
+        del facts["seconds"], facts["reasons"]
+    assert here == there
+
+
+@pytest.mark.usefixtures("signals_as_before")
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--json",), "--out"),
+        (("--out", "out", "--resolution", 0, "--json"), "resolution is 0; choose 8 to 16384 texels."),
+        (("missing.obj", "--out", "out", "--json"), "There is no file"),
+        (("--out", "out", "--verify", "--json"), "unrecognized arguments: --verify"),
+    ],
+)
+def test_error_of_the_installed_command_is_one_json_object_and_exit_code_1(
+    tmp_path, capfd, monkeypatch, arguments, words
+):
+    monkeypatch.chdir(tmp_path)
+    square(uvs=SQUARE_UVS)
+    code, lines = installed(capfd, *arguments)
+    assert code == 1 and words in json.loads(lines[-1])["error"]
+
+
+def test_command_comes_and_goes_with_the_add_on(monkeypatch):
+    import bpy
+
+    there = []
+
+    def register(name, function):
+        there.append((name, function))
+        return name
+
+    disable()
+    monkeypatch.setattr(bpy.utils, "register_cli_command", register)
+    monkeypatch.setattr(bpy.utils, "unregister_cli_command", lambda handle: there.pop())
+    enable()
+    assert there == [("hemibake", part("operators.command_line").main)]
+    disable()
+    assert there == []
+    monkeypatch.undo()
+    enable()

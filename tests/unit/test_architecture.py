@@ -45,7 +45,7 @@ def imports(package: str) -> set[tuple[str, str]]:
 
 def module(known: dict[str, Path], source: list[str], name: str) -> str | None:
     """Return the module that `from source import name` imports, None if it is not in the package."""
-    candidates = ([*source, name], source, [*source, "__init__"])
+    candidates = ([*source, name], [*source, name, "__init__"], source, [*source, "__init__"])
     return next((path for parts in candidates if (path := ".".join(parts)) in known), None)
 
 

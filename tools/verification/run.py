@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tools.headless import MODULE, quiet_stdout
-from tools.picture import write_png
+from tools.headless import MODULE, load, quiet_stdout
 from tools.verification.cycles import realised
 from tools.verification.difference import Difference, compare
 from tools.verification.doubled import doubled_texels
@@ -73,4 +72,5 @@ def gathered_scene(context):
 def write_difference(difference: np.ndarray, path: Path) -> None:
     """Write a picture: grey is equal, white and black are +-20 % of the mean."""
     atlases = np.concatenate(list(difference), axis=1)
-    write_png(np.clip(0.5 + 2.5 * atlases, 0, 1), path)
+    pictures = load("operators.command_line.pictures")
+    pictures.write_png(np.clip(0.5 + 2.5 * atlases, 0, 1), path)

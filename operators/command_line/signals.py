@@ -23,7 +23,8 @@ class Signals:
     """Turns the first signal into a Stopped within `heard`; elsewhere it is kept until then.
 
     While Blender starts or ends an exception would get lost in its own scripts, or break off what removes
-    temporary files.
+    temporary files. Afterwards the process ends, which signals no longer break off: Blender's own handler
+    could not be put back, since Python does not know it.
     """
 
     def __init__(self) -> None:
@@ -31,12 +32,13 @@ class Signals:
         self._raises = False
 
     def __enter__(self) -> Signals:
-        self._before = [signal.signal(number, self._receive) for number in _SIGNALS]
+        for number in _SIGNALS:
+            signal.signal(number, self._receive)
         return self
 
     def __exit__(self, *_: object) -> None:
-        for number, handler in zip(_SIGNALS, self._before, strict=True):
-            signal.signal(number, handler)
+        for number in _SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
 
     @contextmanager
     def heard(self) -> Iterator[None]:
@@ -61,9 +63,3 @@ class Signals:
         first, self._received = self._received is None, self._received or number
         if first and self._raises:
             raise Stopped(number)
-
-
-def ignore() -> None:
-    """Let signals no longer break off the end of the process."""
-    for number in _SIGNALS:
-        signal.signal(number, signal.SIG_IGN)

@@ -1,0 +1,49 @@
+"""`blender -b room.blend -c hemibake --out lightmaps`: a bake from a shell, by the installed add-on."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from pathlib import Path
+
+from .command import bake, check_paths, execute, prepare, save
+from .options import parser
+from .signals import Signals
+
+_DESCRIPTION = """Bake the lightmaps of the file that is open, or of a .blend, .glb, .gltf or .obj.
+The folder receives an .exr and a .png picture of each lightmap. With --json the last line on standard
+output is one JSON object: what the bake did (exit code 0), or {"error": ...} (exit code 1; 130 after
+Ctrl+C, 143 after SIGTERM)."""
+
+_commands: list = []
+
+
+def register() -> None:
+    """Add the command to Blender."""
+    import bpy
+
+    _commands.append(bpy.utils.register_cli_command("hemibake", main))
+
+
+def unregister() -> None:
+    """Take the command away again."""
+    import bpy
+
+    while _commands:
+        bpy.utils.unregister_cli_command(_commands.pop())
+
+
+def main(arguments: list[str]) -> int:
+    """Run the command and return the exit code of the process, which ends then."""
+    options = parser("blender -c hemibake", _DESCRIPTION)
+    options.add_argument(
+        "scene", type=Path, nargs="?", help=".blend, .glb, .gltf or .obj; the file that is open without one"
+    )
+    return execute(arguments, options, _bake)
+
+
+def _bake(options: Namespace, signals: Signals) -> dict:
+    """Bake and return the report."""
+    check_paths(options)
+    with signals.heard():
+        prepare(options)
+        return save(options, bake(options, signals))

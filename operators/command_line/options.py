@@ -1,0 +1,129 @@
+"""Options of the command line: those of the engine's settings are made from their descriptions."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from ...engine.setting import Description, FilePath, OneOf, Size, SomeOf, Span, Switch
+from ...engine.settings import Settings, chosen_by_people, descriptions
+
+#: Options that set what the add-on adds to the engine's settings.
+OWN = {"uv_layer": "name of the lightmap UV layer"}
+
+
+class CommandError(Exception):
+    """The command cannot do what it was asked to; the message names the remedy."""
+
+
+class Parser(argparse.ArgumentParser):
+    """Leaves it to the command how an error is told."""
+
+    def error(self, message: str) -> None:
+        """Raise instead of ending the process."""
+        raise CommandError(f"{message}. See --help.")
+
+
+def parser(program: str, description: str) -> Parser:
+    """Return a parser of all options but the scene, which a caller adds as it is given there."""
+    made = Parser(prog=program, description=description, allow_abbrev=False)
+    made.add_argument("--out", type=Path, required=True, help="folder for the lightmaps")
+    _add_settings(made)
+    for name, text in OWN.items():
+        made.add_argument(f"--{name.replace('_', '-')}", help=text)
+    made.add_argument("--world", type=colour, metavar="R,G,B", help="replace the world by this radiance")
+    made.add_argument("--save-blend", type=Path, metavar="FILE", help="save the baked scene")
+    made.add_argument("--json", action="store_true", help="end with one JSON object")
+    return made
+
+
+def parse(parser: Parser, arguments: Sequence[str]) -> argparse.Namespace:
+    """Return the options; raises CommandError. "--world -1,1,1" is read as one word.
+
+    By itself argparse takes what starts with - for an option.
+    """
+    words = iter(arguments)
+    return parser.parse_args([f"{word}={next(words, '')}" if word == "--world" else word for word in words])
+
+
+def _add_settings(parser: argparse.ArgumentParser) -> None:
+    """Add an option for each setting; what is not given is None."""
+    group = parser.add_argument_group("settings, as in the panel")
+    for name in chosen_by_people():
+        option = f"--{name.replace('_', '-')}"
+        description = descriptions()[name]
+        told = f"{description.text[:1].lower()}{description.text[1:]}{_choices(description)}".replace(
+            "%", "%%"
+        )
+        if isinstance(description.values, Switch):
+            group.add_argument(option, action=argparse.BooleanOptionalAction, default=None, help=told)
+        else:
+            group.add_argument(option, type=_reader(name, description), help=told, metavar=_word(description))
+
+
+def _reader(name: str, description: Description) -> Callable[[str], Any]:
+    """Return what turns an argument into what the Blender property of a setting takes."""
+    match description.values:
+        case Span():
+            return type(getattr(Settings, name))
+        case OneOf():
+            return choice
+        case SomeOf():
+            return names
+        case Size():
+            return size
+    return str
+
+
+def names(text: str) -> set[str]:
+    """Return the words between commas."""
+    return {word for part in text.split(",") if (word := choice(part))}
+
+
+def choice(text: str) -> str:
+    """Return one word of a choice as the settings spell it."""
+    return text.strip().lower()
+
+
+def size(text: str) -> tuple[int, ...]:
+    """Return the numbers of "WIDTH,HEIGHT,LAYERS"."""
+    numbers = tuple(int(part) for part in text.split(","))
+    if len(numbers) != 3:
+        raise argparse.ArgumentTypeError(f"'{text}' is no size: give width, height and layers, as 1024,768,2")
+    return numbers
+
+
+def colour(text: str) -> tuple[float, float, float]:
+    """Return the three numbers of "R,G,B"."""
+    try:
+        values = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) != 3 or not all(math.isfinite(value) and value >= 0 for value in values):
+        raise argparse.ArgumentTypeError(f"'{text}' is no radiance: give three numbers from 0, such as 1,1,1")
+    return values
+
+
+def _choices(description: Description) -> str:
+    """Return the names that a choice offers, as the end of its help; else the unit."""
+    match description.values:
+        case OneOf(options) | SomeOf(options):
+            return f": {', '.join(map(str, options))}"
+    return ""
+
+
+def _word(description: Description) -> str:
+    """Return what stands for an argument in the help."""
+    match description.values:
+        case Span(unit=unit, shown=shown):
+            return (shown[0] if shown else unit).replace("of the mean", "share").upper() or "N"
+        case SomeOf():
+            return "NAMES"
+        case Size():
+            return "W,H,LAYERS"
+        case FilePath():
+            return "FILE"
+    return "CHOICE"

@@ -27,7 +27,7 @@ from ..solve.device_radiosity import DeviceRadiosity
 from ..solve.grouped_solution import SharedSolution
 from ..solve.host_radiosity import HostRadiosity
 from ..solve.patch_groups import SharedPatches
-from ..solve.solver import Radiosity, Solution, Solver
+from ..solve.solver import PLAIN_COLUMNS, Radiosity, Solution, Solver
 from ..visibility.identity import Identity, SeenBuffers, Surroundings, sample_bytes, surroundings
 from ..visibility.raster.identity import RasterIdentity
 from ..visibility.raster.tiles import IDENTITY_BYTES, plan_tiles
@@ -103,9 +103,10 @@ class Bake:
 
     @property
     def columns(self) -> int:
-        """Iterates to mix: several if sweeps are accelerated."""
+        """Iterates that the solver keeps: more if sweeps are accelerated."""
         settings = self.settings
-        return COLUMNS if settings.accelerate and settings.method != "paper" and settings.bounces else 1
+        accelerated = settings.accelerate and settings.method != "paper" and settings.bounces
+        return COLUMNS if accelerated else PLAIN_COLUMNS
 
     @property
     def glowing(self) -> bool:

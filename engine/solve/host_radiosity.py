@@ -7,7 +7,7 @@ from collections.abc import Generator
 import numpy as np
 
 from ..gather.hemicube_gather import Gather
-from .solver import Step, Sums
+from .solver import PLAIN_COLUMNS, Step, Sums
 
 
 class HostRadiosity:
@@ -29,7 +29,7 @@ class HostRadiosity:
         area: np.ndarray,
         lights: np.ndarray | None = None,
         glowing: bool = True,
-        columns: int = 1,
+        columns: int = PLAIN_COLUMNS,
     ) -> None:
         self._gather, self._reflectance, self._emission = gather, reflectance, emission
         self._areas = area.astype(np.float64)

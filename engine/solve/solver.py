@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
 
 from ..settings import Settings
 from .anderson import Anderson
+
+#: Iterates that the paper's iteration keeps: the newest, and the one before it to compare with.
+PLAIN_COLUMNS = 2
 
 #: Patches darker than this share of the mean count as if they had it.
 _DARK = 1e-4
@@ -57,7 +59,7 @@ class Radiosity(Protocol):
 
     count    patches
     area     sum over all patches, m^2
-    columns  iterates that are kept, in a ring: `anderson.COLUMNS` for acceleration, else 1
+    columns  iterates that are kept, in a ring: `anderson.COLUMNS` for acceleration, else PLAIN_COLUMNS
 
     An iterate is what all patches gathered from the radiance of the irradiance before; its defect is
     the difference to that irradiance.
@@ -140,7 +142,7 @@ class Solver:
     (Cohen et al. 1988), all later ones mix iterates as Anderson does.
 
     radiosity   holds the light; its first radiance is emission, or that with the direct light reflected;
-                with more columns than one, sweeps are accelerated
+                with more than PLAIN_COLUMNS columns, sweeps are accelerated
     lights      (n, 3) float32, E/pi of lights that patches do not gather
     glowing     True if the patches gather light at first: the first sweep then gives the direct light
                 of emission and surroundings
@@ -155,10 +157,11 @@ class Solver:
     ) -> None:
         self._radiosity, self._lights, self._glowing = radiosity, lights, glowing
         self._limit, self._tolerance = settings.iterations, settings.tolerance
-        self._anderson = Anderson() if radiosity.columns > 1 else None
+        self._anderson = Anderson() if radiosity.columns > PLAIN_COLUMNS else None
         self._newest = -1
         self._direct = lights
         self._steps: list[Step] = []
+        self._factors: list[float] = []
         self._gathered: np.ndarray | None = None
         self._total = 0.0
 
@@ -200,12 +203,22 @@ class Solver:
         self._newest = (self._newest + 1) % self._radiosity.columns
         yield from self._radiosity.sweep(self._newest)
         self._gathered = None
-        sums = self._radiosity.sums(self._newest, max(self._total, _DARKEST))
+        sums = self._radiosity.sums(self._newest, max(self._least_share * self._total, _DARKEST))
         if self._glowing and not self._steps:
             self._direct = self._radiosity.iterate(self._newest)[:, :3]
         self._total = sums.total
+        if self._steps:
+            self._factors.append(_schwarz_quotient(sums.products, self._newest))
         weights, ambient = self._mixture(sums)
         self._steps.append(self._radiosity.mix(weights, ambient, max(_DARK * sums.total, _DARKEST)))
+
+    @property
+    def _least_share(self) -> float:
+        """The least light that weights are made with, as a share of the mean.
+
+        Acceleration lets patches below the mean weigh alike; factors are of errors relative to own light.
+        """
+        return _DARK if self._anderson is None else 1.0
 
     def _mixture(self, sums: Sums) -> tuple[np.ndarray, np.ndarray]:
         """Return weights of the columns, (columns, 3), and the ambient light, (3,)."""
@@ -223,14 +236,15 @@ class Solver:
         """Estimated remaining error of E, relative to E of each patch, mean over all; NaN while unknown.
 
         Relative to its own: in a room beside a sunlit square, the mean of both says nothing. The next
-        accelerated step is what acceleration believes to be missing.
+        accelerated step is what acceleration believes to be missing; plain steps go on shrinking by the
+        larger of the last two factors, since early bounces may meet dark surfaces.
         """
         if self._steps and self._steps[-1].change == 0:
             return 0.0
         if len(self._steps) < 2:
             return float("nan")
         if self._anderson is None:
-            return _geometric_rest(self._steps)
+            return _geometric_rest(self._steps[-1].relative, max(self._factors[-2:]))
         before, last = self._steps[-2:]
         return max(last.relative, before.relative / _MOST_GAIN)
 
@@ -245,11 +259,20 @@ class Solver:
         return self.iterations >= self._limit or (self._tolerance > 0 and self.converged)
 
 
-def _geometric_rest(steps: list[Step]) -> float:
-    """Return the sum of all steps to come if they go on shrinking by the same factor.
+def _schwarz_quotient(products: np.ndarray, newest: int) -> float:
+    """Return the factor (f, f) / (f, g) by which defects shrink, from the last one, g, to the newest, f.
 
-    The larger of the last two factors counts, since early bounces may meet dark surfaces.
+    Patches count by f as much as by g: those whose light has settled do not, however many they are. For a
+    symmetric operator such quotients rise towards its largest eigenvalue (Collatz 1949, Schwarz quotients).
+
+    products  of two or more columns, see `Sums`
     """
-    recent = [step.change for step in steps[-3:]]
-    factor = max(after / before for before, after in pairwise(recent) if before > 0)
-    return steps[-1].relative * factor / (1 - factor) if factor < 1 else float("inf")
+    before = (newest - 1) % len(products)
+    size = float(products[newest, newest].sum())
+    both = size + float(products[newest, before].sum())
+    return size / both if both > 0 else float("inf")
+
+
+def _geometric_rest(last: float, factor: float) -> float:
+    """Return the sum of all steps to come after the last one if each is smaller by a factor."""
+    return last * factor / (1 - factor) if factor < 1 else float("inf")

@@ -1,12 +1,12 @@
 // One iteration: what patches see, known as rows of patch numbers, becomes the light they gather.
 
-#define LIGHT_ARGUMENTS __global const float4 *steady_light, __global const float4 *direct, \
+#define LIGHT_ARGUMENTS __global const float4 *static_light, __global const float4 *direct, \
     __global const float4 *irradiance, __global float4 *gathered, __global float4 *defects, \
     const int column, const int count
 
-// With the light that stays the same and the direct light; and the defect to the last irradiance.
+// With the static light and the direct light; and the defect to the last irradiance.
 #define STORE(light, patch) do { \
-    const float4 all = light + steady_light[patch] + direct[patch]; \
+    const float4 all = light + static_light[patch] + direct[patch]; \
     gathered[(size_t)column * count + patch] = all; \
     defects[(size_t)column * count + patch] = all - irradiance[patch]; \
 } while (0)
@@ -37,7 +37,7 @@ __kernel void gather(__global const Front4 *cache, __global const float4 *multip
         STORE(sum, first + slot);
 }
 
-// The same for light that was gathered already, with what stays the same.
+// The same for light that was gathered already, with the static light.
 __kernel void take(LIGHT_ARGUMENTS)
 {
     const int patch = get_global_id(0);

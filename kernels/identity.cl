@@ -27,38 +27,38 @@ float4 sum_of_group(const float4 value, __local float4 *partial)
     return partial[0];
 }
 
-// What a view holds of light that stays the same: rgb of the surroundings and of the backs' emission, in a
-// the share of the hemisphere that is no back; and the share that patches take.
+// What the samples of a view add up to: in rgb the static light, which no bounce changes, of the surroundings
+// and of the backs' emission, in a the fraction of the view that no back takes; and the fraction that patches take.
 typedef struct {
     float4 light;
     float patches;
-} Steady;
+} ViewSum;
 
 // Count what a sample meets in a direction in world space; return the patch if it is a front, else 0.
 uint count_sample(const uint seen, const float weight, const float3 world, __global const float4 *emission,
-                  __global const float4 *sky, const int2 sky_size, Steady *steady)
+                  __global const float4 *sky, const int2 sky_size, ViewSum *sum)
 {
     if (seen == SKY) {
-        steady->light += weight * (float4)(surroundings(world, sky, sky_size).xyz, 1.0f);
+        sum->light += weight * (float4)(surroundings(world, sky, sky_size).xyz, 1.0f);
         return 0;
     }
     if (seen & BACK) {
         const uint owner = seen & ~BACK;
-        steady->light += weight * (float4)(emission[owner].xyz, owner ? 0.0f : 1.0f);
+        sum->light += weight * (float4)(emission[owner].xyz, owner ? 0.0f : 1.0f);
         return 0;
     }
-    steady->light.w += weight;
-    steady->patches += seen ? weight : 0.0f;
+    sum->light.w += weight;
+    sum->patches += seen ? weight : 0.0f;
     return seen;
 }
 
-void store_steady(const Steady steady, const int patch, __global float4 *steady_light,
-                    __global float *patches_seen, __local float4 *partial)
+void store_view(const ViewSum sum, const int patch, __global float4 *static_light,
+                __global float *patches_seen, __local float4 *partial)
 {
-    const float4 light = sum_of_group(steady.light, partial);
-    const float4 patches = sum_of_group((float4)(steady.patches), partial);
+    const float4 light = sum_of_group(sum.light, partial);
+    const float4 patches = sum_of_group((float4)(sum.patches), partial);
     if (get_local_id(0) == 0) {
-        steady_light[patch] = light;
+        static_light[patch] = light;
         patches_seen[patch] = patches.x;
     }
 }

@@ -71,24 +71,24 @@ uint look_along(const Rays *rays, const Lightmaps *lightmaps, const float3 origi
 
 // Which patches some patches see, a row of numbers each. One patch a group.
 __kernel void look(LOOK_ARGUMENTS, const int start, const int cached_from, __global Front *cache,
-                   __global float4 *steady_light, __global float *patches_seen, __local float4 *partial)
+                   __global float4 *static_light, __global float *patches_seen, __local float4 *partial)
 {
     const int patch = start + get_group_id(0);
     const Rays rays = RAYS;
     const Lightmaps lightmaps = {uvs, atlases, texel_to_patch, resolution};
     const Receiver receiver = load_receiver(receivers + RECEIVER * patch);
     const View view = view_of(&receiver, patch, salt, rotate);
-    Steady steady = {(float4)(0.0f), 0.0f};
+    ViewSum sum = {(float4)(0.0f), 0.0f};
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
         const float3 direction = sample_direction(&view, i, pattern, n);
         uint front = 0;
         if (dot(direction, view.horizon) > 0.0f) {
             const uint seen = look_along(&rays, &lightmaps, view.eye, direction);
-            front = count_sample(seen, WEIGHT(i), direction, emission, sky, (int2)(sky_width, sky_height), &steady);
+            front = count_sample(seen, WEIGHT(i), direction, emission, sky, (int2)(sky_width, sky_height), &sum);
         }
         cache[(size_t)(patch - cached_from) * samples + i] = front;
     }
-    store_steady(steady, patch, steady_light, patches_seen, partial);
+    store_view(sum, patch, static_light, patches_seen, partial);
 }
 
 // The light that some patches gather, without keeping what they see.
@@ -101,15 +101,15 @@ __kernel void gather_rays(LOOK_ARGUMENTS, const int start, __global const float4
     const Lightmaps lightmaps = {uvs, atlases, texel_to_patch, resolution};
     const Receiver receiver = load_receiver(receivers + RECEIVER * patch);
     const View view = view_of(&receiver, patch, salt, rotate);
-    Steady steady = {(float4)(0.0f), 0.0f};
+    ViewSum sum = {(float4)(0.0f), 0.0f};
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
         const float3 direction = sample_direction(&view, i, pattern, n);
         if (dot(direction, view.horizon) <= 0.0f)
             continue;
         const uint seen = look_along(&rays, &lightmaps, view.eye, direction);
         const uint front = count_sample(seen, WEIGHT(i), direction, emission, sky, (int2)(sky_width, sky_height),
-                                        &steady);
-        steady.light += WEIGHT(i) * (float4)(radiance[front].xyz, 0.0f);
+                                        &sum);
+        sum.light += WEIGHT(i) * (float4)(radiance[front].xyz, 0.0f);
     }
-    store_steady(steady, patch, gathered_light, patches_seen, partial);
+    store_view(sum, patch, gathered_light, patches_seen, partial);
 }

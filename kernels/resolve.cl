@@ -12,12 +12,12 @@ __kernel void resolve(__global const uint *hemicubes, __global const float *mult
                       __global const float4 *frames, __global const float4 *emission,
                       __global const float4 *sky, const int sky_width, const int sky_height,
                       const int columns, const int n, const int first, const int cached_from,
-                      __global Front *cache, __global float4 *steady_light, __global float *patches_seen,
+                      __global Front *cache, __global float4 *static_light, __global float *patches_seen,
                       __local float4 *partial)
 {
     const int slot = get_group_id(0), samples = 3 * n * n;
     __global const float4 *frame = frames + 4 * slot;
-    Steady steady = {(float4)(0.0f), 0.0f};
+    ViewSum sum = {(float4)(0.0f), 0.0f};
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
         const int x = i % n, y = i / n;
         const float3 d = texel_direction(x, y, n);
@@ -25,9 +25,9 @@ __kernel void resolve(__global const uint *hemicubes, __global const float *mult
         if (dot(d, frame[3].xyz) > 0.0f) {
             const float3 world = d.x * frame[0].xyz + d.y * frame[1].xyz + d.z * frame[2].xyz;
             front = count_sample(hemicubes[texel_of(slot, x, y, columns, n)], multiplier[i], world, emission,
-                                 sky, (int2)(sky_width, sky_height), &steady);
+                                 sky, (int2)(sky_width, sky_height), &sum);
         }
         cache[(size_t)(first + slot - cached_from) * samples + i] = front;
     }
-    store_steady(steady, first + slot, steady_light, patches_seen, partial);
+    store_view(sum, first + slot, static_light, patches_seen, partial);
 }

@@ -1,10 +1,10 @@
 #version 430
-// One iteration over kept identity hemicubes: the fronts' radiance, weighted and added to what stays the same.
+// One iteration over kept identity hemicubes: the fronts' radiance, weighted and added to the static light.
 #include "hemicube.glsl"
 layout(std430, binding = 2) writeonly buffer Irradiance { vec4 irradiance[]; };
 layout(std430, binding = 3) readonly buffer Cache { uint cache[]; };
 layout(std430, binding = 4) readonly buffer Radiance { vec4 radiance[]; };
-layout(std430, binding = 5) readonly buffer FixedLight { vec4 fixed_light[]; };
+layout(std430, binding = 5) readonly buffer StaticLight { vec4 static_light[]; };
 
 void main()
 {
@@ -14,5 +14,5 @@ void main()
         sum += multiplier[i] * radiance[cache[3 * n * n * hemicube + i]];
     sum = sum_of_group(sum);
     if (gl_LocalInvocationIndex == 0u)
-        irradiance[hemicube] = sum + fixed_light[hemicube];
+        irradiance[hemicube] = sum + static_light[hemicube];
 }

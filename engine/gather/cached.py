@@ -30,20 +30,20 @@ class _Gather:
         multiplier = np.zeros(4, np.float32) if identity.multiplier is None else identity.multiplier
         self._multiplier = upload(compute, multiplier)
         self._quads = np.int32(identity.samples // 4)
-        self.constant = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count)
+        self.static_light = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count)
 
     def gather(self, cache: cl.Buffer, first: int, last: int, light: Light, column: int) -> None:
         """Gather for the patches whose samples a cache holds."""
         (group,) = self._gather.group(self._compute.group)
         self._gather(
             self._queue, (group * (last - first),), (group,),
-            cache, self._multiplier, light.radiance, self.constant, *light.outputs(column),
+            cache, self._multiplier, light.radiance, self.static_light, *light.outputs(column),
             self._quads, np.int32(first), cl.LocalMemory(16 * group),
         )  # fmt: skip
 
     def take(self, light: Light, column: int) -> None:
-        """Make `constant`, which holds all that was gathered, an iterate."""
-        self._compute.run(self._take, light.count, self.constant, *light.outputs(column))
+        """Make `static_light`, which here holds all that was gathered, an iterate."""
+        self._compute.run(self._take, light.count, self.static_light, *light.outputs(column))
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class CachedSweep:
         for first in range(0, self._count, step):
             last = min(first + step, self._count)
             cache = cl.Buffer(context, cl.mem_flags.READ_WRITE, row * (last - first))
-            seen = SeenBuffers(cache, first, self._kernels.constant, light.patches_seen)
+            seen = SeenBuffers(cache, first, self._kernels.static_light, light.patches_seen)
             for done in self._identity.find(first, last, seen):
                 yield (first + done * (last - first)) / self._count
             self._pieces.append(_Piece(cache, first, last))
@@ -99,7 +99,7 @@ class StreamSweep:
         """Gather; see `sweep.Sweep.gather`."""
         for first in range(0, self._count, self._step):
             last = min(first + self._step, self._count)
-            seen = SeenBuffers(self._cache, first, self._kernels.constant, light.patches_seen)
+            seen = SeenBuffers(self._cache, first, self._kernels.static_light, light.patches_seen)
             for done in self._identity.find(first, last, seen):
                 yield (first + done * (last - first)) / self._count
             self._kernels.gather(self._cache, first, last, light, column)
@@ -114,6 +114,6 @@ class RayStreamSweep:
 
     def gather(self, light: Light, column: int) -> Generator[float, None, None]:
         """Gather; see `sweep.Sweep.gather`."""
-        constant = self._kernels.constant
-        yield from self._identity.gather(self._count, light.radiance, constant, light.patches_seen)
+        light_seen = self._kernels.static_light
+        yield from self._identity.gather(self._count, light.radiance, light_seen, light.patches_seen)
         self._kernels.take(light, column)

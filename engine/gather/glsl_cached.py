@@ -12,8 +12,8 @@ from .compute_shader import ComputeShader, HemicubeTables, four, sky_texture
 #: OpenGL does not tell how much memory there is; so much is kept at most, bytes.
 _MOST = 1 << 30
 
-#: Storage blocks of shaders/fixed.comp and shaders/gather.comp.
-_RESULT, _CACHE, _RADIANCE, _FIXED = 2, 3, 4, 5
+#: Storage blocks of shaders/static_light.comp and shaders/gather.comp.
+_RESULT, _CACHE, _RADIANCE, _STATIC_LIGHT = 2, 3, 4, 5
 
 
 def fits_glsl_cache(graphics: Graphics, tiles: Tiles, patches: int) -> bool:
@@ -29,7 +29,7 @@ class GlslCachedIntegrator:
     emission  (n, 3) float32 radiance of each patch, seen on back faces
     sky       (h, w, 3) float32 radiance, equirectangular as `Scene.world`
 
-    What does not depend on the patches' radiance, sky and backs, is summed only once.
+    The static light of sky and backs, which no bounce changes, is summed only once.
     """
 
     name = "glsl"
@@ -44,7 +44,7 @@ class GlslCachedIntegrator:
     ) -> None:
         self._context, self._tiles, self._texture = graphics.context, tiles, texture
         self._tables = HemicubeTables(graphics, tiles)
-        self._fix = ComputeShader(graphics, "fixed", tiles, self._tables, ("sky",))
+        self._sum_static_light = ComputeShader(graphics, "static_light", tiles, self._tables, ("sky",))
         self._gather = ComputeShader(graphics, "gather", tiles, self._tables)
         self._sky = sky_texture(graphics, sky)
         self._emission = self._context.buffer(four(emission, first=1).tobytes())
@@ -73,17 +73,22 @@ class GlslCachedIntegrator:
         for first in range(0, len(frames), self._step):
             count = min(self._step, len(frames) - first)
             cache = self._context.buffer(reserve=count * _hemicube_bytes(self._tiles))
-            fixed = self._context.buffer(reserve=16 * count)
-            buffers = {_RESULT: fixed, _CACHE: cache, _RADIANCE: self._emission}
-            self._fix.run(count, buffers, textures, {"first_slot": first})
-            parts.append((cache, fixed, count))
+            static_light = self._context.buffer(reserve=16 * count)
+            buffers = {_RESULT: static_light, _CACHE: cache, _RADIANCE: self._emission}
+            self._sum_static_light.run(count, buffers, textures, {"first_slot": first})
+            parts.append((cache, static_light, count))
         self._kept.append(parts)
 
     def gather(self, batch: int) -> np.ndarray:
         """Return E/pi and the share of front faces of a batch's patches, (m, 4) float32."""
         results = []
-        for cache, fixed, count in self._kept[batch]:
-            buffers = {_RESULT: self._result, _CACHE: cache, _RADIANCE: self._radiance, _FIXED: fixed}
+        for cache, static_light, count in self._kept[batch]:
+            buffers = {
+                _RESULT: self._result,
+                _CACHE: cache,
+                _RADIANCE: self._radiance,
+                _STATIC_LIGHT: static_light,
+            }
             self._gather.run(count, buffers, {})
             results.append(np.frombuffer(self._result.read(16 * count), np.float32).reshape(-1, 4))
         return np.concatenate(results)

@@ -296,9 +296,9 @@ def _time(compute: Compute, identity: Identity, count: int, tried: int) -> float
     """Return the seconds that the views of some patches in the middle take."""
     first = (count - tried) // 2
     sizes = (identity.row_bytes * tried, 16 * count, 4 * count)
-    cache, constant, seen = (cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size) for size in sizes)
+    cache, static_light, seen = (cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size) for size in sizes)
     began = time.perf_counter()
-    for _ in identity.find(first, first + tried, SeenBuffers(cache, first, constant, seen)):
+    for _ in identity.find(first, first + tried, SeenBuffers(cache, first, static_light, seen)):
         pass
     compute.queue.finish()
     return time.perf_counter() - began

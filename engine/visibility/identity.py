@@ -32,13 +32,14 @@ class SeenBuffers:
 
     cache         a row of samples for each patch from `cached_from` on, uint16 or uint32: patch + 1, or 0
     cached_from   the first patch of the cache
-    constant      float4 of each patch: E/pi of sky and backs, and the share that is no back
-    patches_seen  float of each patch: the share of its view that other patches take
+    static_light  float4 of each patch: E/pi of sky and backs, which no bounce changes, and the fraction of
+                  the view that is no back
+    patches_seen  float of each patch: the fraction of its view that other patches take
     """
 
     cache: cl.Buffer
     cached_from: int
-    constant: cl.Buffer
+    static_light: cl.Buffer
     patches_seen: cl.Buffer
 
 

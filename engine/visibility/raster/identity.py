@@ -67,6 +67,6 @@ class RasterIdentity:
             self._copy.update(), self._weights, rows,
             around.emission, around.sky, around.width, around.height,
             np.int32(self._tiles.columns), np.int32(self._tiles.n), np.int32(start),
-            np.int32(seen.cached_from), seen.cache, seen.constant, seen.patches_seen,
+            np.int32(seen.cached_from), seen.cache, seen.static_light, seen.patches_seen,
             cl.LocalMemory(16 * group),
         )  # fmt: skip

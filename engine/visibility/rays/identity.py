@@ -59,7 +59,7 @@ class RayIdentity:
 
     def find(self, first: int, last: int, seen: SeenBuffers) -> Generator[float, None, None]:
         """Find what the patches first ... last see; yield the fraction done."""
-        outputs = (np.int32(seen.cached_from), seen.cache, seen.constant, seen.patches_seen)
+        outputs = (np.int32(seen.cached_from), seen.cache, seen.static_light, seen.patches_seen)
         yield from self._run(self._look, first, last, outputs)
 
     def gather(

@@ -1,13 +1,13 @@
 #version 430
 // Identity hemicubes: each texel names the patch that is seen, plus 1 (0: none), with the highest bit set
-// for its back; or the surroundings. This sums what stays the same: rgb of the surroundings and of the
-// backs' emission, and in a the share of the hemisphere that is no back. In `cache` only the fronts are
-// left; everything else becomes 0, no patch.
+// for its back; or the surroundings. This sums the static light, which no bounce changes: rgb of the
+// surroundings and of the backs' emission, and in a the fraction of the hemisphere that is no back. In
+// `cache` only the fronts are left; everything else becomes 0, no patch.
 #include "hemicube.glsl"
 const uint BACK = 0x80000000u, SURROUNDINGS = 0x7FFFFFFFu;
 uniform usampler2DArray hemicubes;
 uniform int first_slot;
-layout(std430, binding = 2) writeonly buffer FixedLight { vec4 fixed_light[]; };
+layout(std430, binding = 2) writeonly buffer StaticLight { vec4 static_light[]; };
 layout(std430, binding = 3) writeonly buffer Cache { uint cache[]; };
 layout(std430, binding = 4) readonly buffer Emission { vec4 emission[]; };
 
@@ -36,5 +36,5 @@ void main()
     }
     sum = sum_of_group(sum);
     if (gl_LocalInvocationIndex == 0u)
-        fixed_light[hemicube] = sum;
+        static_light[hemicube] = sum;
 }

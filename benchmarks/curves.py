@@ -37,8 +37,8 @@ def reach(points: Sequence[Point], target: float) -> Reach:
         return Reach(best[0].seconds, "at most")
     after = next(index for index, point in enumerate(best) if point.error <= target)
     slow, fast = best[after], best[after - 1]
-    share = math.log(fast.error / target) / math.log(fast.error / max(slow.error, 1e-12))
-    return Reach(fast.seconds * (slow.seconds / fast.seconds) ** share, "interpolated")
+    step = math.log(fast.error / target) / math.log(fast.error / max(slow.error, 1e-12))
+    return Reach(fast.seconds * (slow.seconds / fast.seconds) ** step, "interpolated")
 
 
 def envelope(points: Sequence[Point]) -> list[Point]:

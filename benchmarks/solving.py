@@ -43,12 +43,12 @@ class Timing:
 
     seconds     mean of the iterations
     iterations  how many were timed
-    share       of the patches that were gathered; less than 1 if the time was up
+    fraction    of the patches that were gathered; less than 1 if the time was up
     """
 
     seconds: float
     iterations: int
-    share: float
+    fraction: float
 
 
 def warm_up(solver: Solver) -> None:

@@ -27,9 +27,9 @@ def cell(value: Any) -> str:
     return f"{value:,}" if isinstance(value, int) else str(value)
 
 
-def percent(share: float | None) -> str | None:
-    """Return a share as per cent."""
-    return None if share is None else f"{share:.2%}"
+def percent(fraction: float | None) -> str | None:
+    """Return a fraction as per cent."""
+    return None if fraction is None else f"{fraction:.2%}"
 
 
 def mebibytes(size: int | None) -> str | None:

@@ -34,16 +34,16 @@ _OUTPUTS = {
     "combined": Option("Combined", "All light that a surface receives"),
     "direct": Option("Direct", "Light that comes straight from lights, emissive surfaces and the world"),
     "indirect": Option("Indirect", "Light that other surfaces reflect"),
-    "ambient_occlusion": Option("Ambient Occlusion", "Share of the hemisphere without a surface nearby"),
+    "ambient_occlusion": Option("Ambient Occlusion", "Part of the hemisphere without a surface nearby"),
     "shadow_mask": Option("Shadow Masks", "A map for each light: 1 where it is seen whole, 0 in its shadow"),
 }
 _LIGHT = ("combined", "direct", "indirect")
-_SHARED_BOUNCES = {
+_PATCH_GROUPS = {
     0: Option("Automatic", "Squares of 4 x 4 patches if memory is short"),
     1: Option("Off", "Every patch is solved on its own"),
     **{
         width: Option(
-            f"{width} x {width}", f"Squares of {width} x {width} patches share all bounces but the last"
+            f"{width} x {width}", f"Squares of {width} x {width} patches are one in all bounces but the last"
         )
         for width in (2, 4, 8)
     },
@@ -144,11 +144,11 @@ class Settings:
         _BYTES,
         "memory",
     )
-    shared_bounces: int = described(
+    patch_groups: int = described(
         0,
-        "Shared Bounces",
-        "Squares of patches that share their bounces; each patch then gathers once more for itself",
-        OneOf(_SHARED_BOUNCES),
+        "Patch Groups",
+        "Squares of patches that are solved as one; each patch then gathers once more for itself",
+        OneOf(_PATCH_GROUPS),
         "memory",
     )
     batch_bytes: int = described(

@@ -1,10 +1,10 @@
 // Direct light at every patch: samples of emitters, each with a shadow ray; and ambient occlusion.
 
-// Rays to an emitter until it may count as seen whole or not at all: so many, or this share of its samples.
+// Rays to an emitter until it may count as seen whole or not at all: so many, or this fraction of its samples.
 #define TRIAL 24.0f
-#define TRIAL_SHARE 0.375f
+#define TRIAL_FRACTION 0.375f
 
-// The share of a sample's light that reaches a point, on its way from a little above the surface to a
+// The fraction of a sample's light that reaches a point, on its way from a little above the surface to a
 // little before the light: that may be a surface, too.
 float seen(const Rays *rays, const Receiver *r, const float3 p, const Sample *s)
 {
@@ -20,7 +20,7 @@ typedef struct {
 } Sum;
 
 // Consecutive samples of one emitter of one radiance. Its light is known but for the shadows: samples only
-// tell what share of it comes through.
+// tell what fraction of it comes through.
 typedef struct {
     float expected;    // samples
     float shadowed, unshadowed;
@@ -96,7 +96,7 @@ __kernel void direct(RAYS_ARGUMENTS, __global const float4 *receivers, __global 
         __global const float4 *e = emitters + EMITTER * emitter;
 
         // Where all rays of a trial met, or none, the others of this emitter are spared.
-        const bool spared = tried >= fmax(TRIAL, TRIAL_SHARE * span.y) && (through == 0.0f || through == tried);
+        const bool spared = tried >= fmax(TRIAL, TRIAL_FRACTION * span.y) && (through == 0.0f || through == tried);
         if (spared && e[0].w > 0.0f)
             continue;
         const float4 u = sample_point(index, key);
@@ -107,27 +107,27 @@ __kernel void direct(RAYS_ARGUMENTS, __global const float4 *receivers, __global 
         if (!(cosine > 0.0f && over > 0.0f && luminance(s.light) > 0.0f))
             continue;
         const float3 brought = s.light * (cosine / span.y);
-        float share = 1.0f;
+        float visible = 1.0f;
         if (spared) {
-            share = through / tried;
+            visible = through / tried;
         } else if (e[0].z > 0.0f) {
-            share = seen(&rays, &r, p, &s);
-            through += share;
+            visible = seen(&rays, &r, p, &s);
+            through += visible;
             tried += 1.0f;
         }
         if (e[0].w > 0.0f) {
             run.unshadowed += luminance(brought);
-            run.shadowed += luminance(brought) * share;
+            run.shadowed += luminance(brought) * visible;
         } else {
             sum.unshadowed += luminance(brought);
-            sum.light += brought * share;
+            sum.light += brought * visible;
         }
     }
     finish_run(&run, &sum);
     result[patch] = (float4)(sum.light, sum.unshadowed);
 }
 
-// The share of each patch's hemisphere, weighted by the cosine, in which nothing is nearer than `reach`.
+// The fraction of each patch's hemisphere, weighted by the cosine, in which nothing is nearer than `reach`.
 __kernel void occlusion(RAYS_ARGUMENTS, __global const float4 *receivers, const int budget, const float reach,
                         const uint seed, __global float4 *result, const int start, const int end)
 {

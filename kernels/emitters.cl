@@ -78,7 +78,7 @@ Sample sample_point_light(__global const float4 *e, const float3 p, const float3
     if (e[3].w == 0.0f && d < radius)
         return sample_around(e, centre, up, u);
     Sample s = {centre / fmax(d, 1e-20f), d, (float3)(0.0f)};
-    float share = 1.0f / fmax(d2, 1e-20f);
+    float weight = 1.0f / fmax(d2, 1e-20f);
     if (radius > 0.0f && e[3].w > 0.0f) {
         float3 x, y;
         basis(s.direction, &x, &y);
@@ -86,7 +86,7 @@ Sample sample_point_light(__global const float4 *e, const float3 p, const float3
         const float3 target = centre + q.x * x + q.y * y;
         s.distance = length(target);
         const float3 direction = target / s.distance;
-        share = dot(direction, s.direction) / (s.distance * s.distance);
+        weight = dot(direction, s.direction) / (s.distance * s.distance);
         s.direction = direction;
     } else if (radius > 0.0f) {
         const float sin2 = fmin(radius * radius / fmax(d2, 1e-20f), 1.0f);
@@ -97,11 +97,11 @@ Sample sample_point_light(__global const float4 *e, const float3 p, const float3
         const float3 axis = s.direction;
         s.direction = cosine * axis + sine * (cospi(2.0f * u.y) * x + sinpi(2.0f * u.y) * y);
         s.distance = d * cosine - sqrt(fmax(radius * radius - d2 * sine * sine, 0.0f));
-        share = 2.0f * one_minus_cos / (radius * radius);
+        weight = 2.0f * one_minus_cos / (radius * radius);
     }
     if (e[2].w >= -1.0f)
-        share *= in_cone(e, -s.direction, e[2].w, e[4].w);
-    s.light = e[3].xyz * share;
+        weight *= in_cone(e, -s.direction, e[2].w, e[4].w);
+    s.light = e[3].xyz * weight;
     return s;
 }
 
@@ -167,7 +167,7 @@ Sample sample_triangle(__global const float4 *e, const Glow *glow, const Receive
     const float size = fmax(dot(edge1, edge1), dot(edge2, edge2));
     Sample s = {(float3)(0.0f, 0.0f, 1.0f), 1.0f, (float3)(0.0f)};
     float2 w;
-    float share;
+    float weight;
     if (twice * 0.5f > WIDE * dot(middle, middle) || size > 0.25f * dot(middle, middle)) {
         const float3 first = normalize(a), second = normalize(a + edge1), third = normalize(a + edge2);
 
@@ -177,11 +177,11 @@ Sample sample_triangle(__global const float4 *e, const Glow *glow, const Receive
         float density = 1.0f;
         const float y = linear_sample(u.y, at_b, 0.5f * (at_a + at_c), &density);
         const float x = linear_sample(u.x, mix(at_b, at_a, y), mix(at_b, at_c, y), &density);
-        s.direction = in_spherical_triangle(first, second, third, (float2)(x, y), &share);
-        share /= density;
+        s.direction = in_spherical_triangle(first, second, third, (float2)(x, y), &weight);
+        weight /= density;
         const float facing = dot(normal, s.direction);
         s.distance = dot(normal, a) / facing;
-        if (!(share > 0.0f && s.distance > 0.0f && s.distance < INFINITY))
+        if (!(weight > 0.0f && s.distance > 0.0f && s.distance < INFINITY))
             return s;
         const float3 q = s.distance * s.direction - a;
         w = (float2)(dot(cross(q, edge2), normal), dot(cross(edge1, q), normal)) / (twice * twice);
@@ -191,7 +191,7 @@ Sample sample_triangle(__global const float4 *e, const Glow *glow, const Receive
         const float3 target = a + w.x * edge1 + w.y * edge2;
         s.distance = length(target);
         s.direction = target / s.distance;
-        share = 0.5f * fabs(dot(normal, s.direction)) / (s.distance * s.distance);
+        weight = 0.5f * fabs(dot(normal, s.direction)) / (s.distance * s.distance);
     }
 
     // The front of an area light shines, emissive surfaces shine on both sides.
@@ -219,7 +219,7 @@ Sample sample_triangle(__global const float4 *e, const Glow *glow, const Receive
         const size_t texel = ((size_t)page * glow->resolution + y) * glow->resolution + x;
         radiance = glow->radiance[glow->texel_to_patch[texel]].xyz;
     }
-    s.light = radiance * share * M_1_PI_F;
+    s.light = radiance * weight * M_1_PI_F;
     return s;
 }
 
@@ -231,7 +231,7 @@ typedef struct {
     float total;
 } Bright;
 
-// Bright sky: pixels by their share of the light.
+// Bright sky: pixels in proportion to their light.
 Sample sample_sky(const Bright *sky, const float2 u)
 {
     int low = 0, high = sky->count - 1;

@@ -10,11 +10,11 @@ __kernel void bound_lifts(RAYS_ARGUMENTS, __global float4 *receivers, const int 
         return;
     const Rays rays = RAYS;
     const Receiver r = load_receiver(receivers + RECEIVER * patch);
-    float share = any(lift_at(&r, r.at) != 0.0f) ? 1.0f : 0.0f;
-    for (int i = 0; i < 5 && share > 0.0f; ++i) {
+    float lifted = any(lift_at(&r, r.at) != 0.0f) ? 1.0f : 0.0f;
+    for (int i = 0; i < 5 && lifted > 0.0f; ++i) {
         const float3 p = point_of_texel(&r, TRIED[i] + 0.5f), lift = lift_at(&r, p);
         if (any(lift != 0.0f))
-            share = fmin(share, 0.5f * nearest_hit(&rays, p + r.height * r.geometric, lift, false).distance);
+            lifted = fmin(lifted, 0.5f * nearest_hit(&rays, p + r.height * r.geometric, lift, false).distance);
     }
-    receivers[RECEIVER * patch + 1].w = share;
+    receivers[RECEIVER * patch + 1].w = lifted;
 }

@@ -14,7 +14,7 @@ typedef struct {
     __global const float *modulations;
 } Lights;
 
-// Least square of a distance; light nearer than this share of a texel's width is spread over the texel.
+// Least square of a distance; light nearer than this fraction of a texel's width is spread over the texel.
 #define LEAST 1e-36f
 #define SPREAD 0.1f
 
@@ -169,7 +169,7 @@ int next_emitter(Walk *walk, const Lights *lights, const Receiver *r, const floa
         const int2 halves = lights->branches[code];
         float2 first = *span, second = *span;
         if (!open) {
-            // Below, an interval is shared in proportion to what the halves may bring.
+            // Below, an interval is split in proportion to what the halves may bring.
             bool ignored;
             const float a = weight_of(lights, halves.x, r, &ignored);
             const float b = weight_of(lights, halves.y, r, &ignored);

@@ -1,8 +1,8 @@
 // Records of patches (receiver.cl) from their triangles and barycentrics.
 
 // corners and normals hold 9 floats a triangle, steps 10: of a texel along u and v, geometric normal, area.
-// Heights of the eye as in engine/visibility/views/viewpoints.py: `heights` holds the share of a texel's width, the most,
-// and the share of the largest coordinate; positions are relative to origin.
+// Heights of the eye as in engine/visibility/views/viewpoints.py: `heights` holds the fraction of a texel's width, the
+// most, and the fraction of the largest coordinate; positions are relative to origin.
 __kernel void pack(__global const int *triangles, __global const float *barycentrics,
                    __global const float *corners, __global const float *normals, __global const float *steps,
                    const float4 heights, const float4 origin, __global float4 *records, const int count)

@@ -109,7 +109,7 @@ float map_alpha(const Rays *rays, const float2 uv, const int4 map)
                mix(alpha_pixel(rays, x, y + 1, map), alpha_pixel(rays, x + 1, y + 1, map), f.x), f.y);
 }
 
-// The share of light that a surface stops at a hit.
+// The fraction of light that a surface stops at a hit.
 float opacity(const Rays *rays, const Hit *hit)
 {
     const int material = rays->materials[hit->triangle];
@@ -125,7 +125,7 @@ float opacity(const Rays *rays, const Hit *hit)
     return min(alpha, 1.0f);
 }
 
-// What is more transparent than this is passed. DITHERED: partial opacity stops that share of the rays,
+// What is more transparent than this is passed. DITHERED: partial opacity stops that fraction of the rays,
 // chosen by a hash of where they hit; else half of it is as good as all.
 float least_opacity(const Hit *hit)
 {
@@ -149,7 +149,7 @@ typedef struct {
     float3 origin, direction, inverse;
     int sought;
     float reach;    // what is farther does not count, in lengths of the direction
-    float through;  // share of light that has come so far
+    float through;  // fraction of light that has come so far
     Hit nearest;
 } Search;
 
@@ -326,7 +326,7 @@ Search search_for(const int sought, const float3 origin, const float3 direction,
     return search;
 }
 
-// The share of light that comes through along a ray up to a distance: 1 if nothing is in its way.
+// The fraction of light that comes through along a ray up to a distance: 1 if nothing is in its way.
 float transmittance(const Rays *rays, const float3 origin, const float3 direction, const float distance)
 {
     Search search = search_for(ALL, origin, direction, distance);
@@ -355,7 +355,7 @@ __kernel void cast(RAYS_ARGUMENTS, __global const float4 *origins, __global cons
     distances[i] = hit.distance;
 }
 
-// The share of light that comes through along each ray, up to the distance in its direction's w.
+// The fraction of light that comes through along each ray, up to the distance in its direction's w.
 __kernel void pass(RAYS_ARGUMENTS, __global const float4 *origins, __global const float4 *directions,
                    __global float *through, const int count)
 {

@@ -8,7 +8,7 @@ typedef struct {
     float3 corner, edge1, edge2;                   // its triangle
     float3 normals[3];                             // of the triangle's corners
     float height, size;                            // of the start of rays above the surface; of the texel
-    float lifted;                                  // the share of `lift_at` that nothing is in the way of
+    float lifted;                                  // the fraction of `lift_at` that nothing is in the way of
     float3 horizon;                                // normal of the plane beyond which no lamp is seen
 } Receiver;
 
@@ -29,7 +29,7 @@ Receiver load_receiver(__global const float4 *record)
 #define LEANS_MUCH 0.64f
 #define LEANS_LITTLE 0.82f
 
-// What a surface rises by counts above this share of the longest edge: flat faces rise by rounding.
+// What a surface rises by counts above this fraction of the longest edge: flat faces rise by rounding.
 #define FLAT 1e-4f
 
 // How far outside of its flat triangle the smooth surface is at a point: the point is projected on the planes

@@ -34,9 +34,9 @@ __kernel void products(__global const float4 *gathered, __global const float4 *d
 #pragma unroll
             for (int b = a; b < COLUMNS; ++b, ++k)
                 acc[k] += weight * difference[a] * difference[b];
-        const float4 share = area[i] * reflectance[i];
-        acc[PRODUCTS + COLUMNS] += share * f;
-        acc[PRODUCTS + COLUMNS + 1] += share * patches_seen[i];
+        const float4 reflecting = area[i] * reflectance[i];
+        acc[PRODUCTS + COLUMNS] += reflecting * f;
+        acc[PRODUCTS + COLUMNS + 1] += reflecting * patches_seen[i];
         acc[PRODUCTS + COLUMNS + 2].x += total;
     }
 #pragma unroll

@@ -75,7 +75,7 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
     )
     atlas: StringProperty(
         name="Atlas",
-        description="Lightmap that holds the object's charts; objects with the same name here share one",
+        description="Lightmap that holds the object's charts; objects with the same name here are in one",
         default="Lightmap",
     )
     image: PointerProperty(
@@ -91,7 +91,7 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
     )
     uv_scale: FloatProperty(
         name="UV Scale",
-        description="Lightmap UV = UV of the mesh * scale + offset: objects that share a mesh differ in it",
+        description="Lightmap UV = UV of the mesh * scale + offset: objects of one mesh differ in it",
         default=1.0,
         options={"HIDDEN"},
     )

@@ -1,5 +1,5 @@
 // Whether a fragment is a hole: the back of a culled material, or see-through by its alpha. Partial
-// alpha keeps that share of the fragments, chosen by a hash of their place on the lightmap.
+// alpha keeps that fraction of the fragments, chosen by a hash of their place on the lightmap.
 uniform usampler2DArray cutout_alpha;
 uniform isampler2DArray cutout_maps;
 uniform sampler2DArray cutout_constants;

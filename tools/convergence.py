@@ -42,7 +42,7 @@ RESOLUTION = 128
 class Curve:
     """One line of the graph.
 
-    difference  mean |E - E_gs| over patches and channels after each iteration, share of mean E_gs
+    difference  mean |E - E_gs| over patches and channels after each iteration, fraction of mean E_gs
     seconds     of all iterations
     """
 
@@ -115,9 +115,9 @@ def _write(curves: list[Curve], sweeps: int, patches: int, picture: Path) -> Non
 
     figure, axes = pyplot.subplots(figsize=(7, 4.2), layout="constrained")
     for curve in curves:
-        shares = 100 * np.array(curve.difference)
+        percent = 100 * np.array(curve.difference)
         axes.semilogy(
-            np.arange(1, len(shares) + 1), shares, label=f"N = {curve.hemicube}: {shares[-1]:.2f} %"
+            np.arange(1, len(percent) + 1), percent, label=f"N = {curve.hemicube}: {percent[-1]:.2f} %"
         )
     axes.set_xlabel("iteration")
     axes.set_ylabel("mean difference of E/π to Gauss–Seidel\n(% of the mean)")

@@ -25,7 +25,9 @@ def run(options: Options) -> list[dict[str, Any]]:
     ways = [*hemicubes, *({"visibility": "rays", "samples": n} for n in (256, 1024))]
     for resolution, values in product((128, 512) if options.gpu else (128,), ways):
         rate = gather_bytes_per_second(values, resolution)
-        records.append({"copy_bytes_per_second": copied, **rate, "share": rate["bytes_per_second"] / copied})
+        records.append(
+            {"copy_bytes_per_second": copied, **rate, "fraction": rate["bytes_per_second"] / copied}
+        )
     return records
 
 
@@ -35,7 +37,7 @@ def tables(records: list[dict[str, Any]], options: Options) -> str:
         (
             record["samples"], record["patches"], record["bytes"] / 1e9, 1e3 * record["seconds"],
             1e3 * record["iteration_seconds"], record["bytes_per_second"] / 1e9,
-            record["copy_bytes_per_second"] / 1e9, f"{record['share']:.0%}",
+            record["copy_bytes_per_second"] / 1e9, f"{record['fraction']:.0%}",
         )
         for record in records
     ]  # fmt: skip

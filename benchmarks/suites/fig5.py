@@ -75,8 +75,8 @@ def _cached(n: int, budget: float, drawing_budget: float) -> dict[str, Any]:
     )  # fmt: skip
     with solving(nine_quad_room(), chosen) as (solver, choice, patches):
         first = time_iterations(solver, 1, drawing_budget)
-        told = {"first_ms": 1000 * first.seconds, "first_share": first.share}
-        if first.share < 1:
+        told = {"first_ms": 1000 * first.seconds, "first_fraction": first.fraction}
+        if first.fraction < 1:
             reason = f"drawing takes more than {drawing_budget:.0f} s"
             return {"hemicube": n, "layers": None, "method": choice.method, "skipped": reason, **told}
         time_iterations(solver, 1, budget)
@@ -92,7 +92,7 @@ def _record(n: int, layers: int | None, method: str, patches: int, timing) -> di
         "patches": patches,
         "ms": 1000 * timing.seconds,
         "iterations": timing.iterations,
-        "share": timing.share,
+        "fraction": timing.fraction,
     }
 
 
@@ -108,7 +108,7 @@ def _rows(record: dict, records: list[dict], other: dict | None, paper: dict) ->
     yield (
         n, layers, method, known["cpu"].get(str(layers)), known["gpu"].get(str(layers)),
         ours if ours is not None else record["skipped"], elsewhere, theirs / ours if ours else None,
-        f"{record['share']:.0%}" if "share" in record else None,
+        f"{record['fraction']:.0%}" if "fraction" in record else None,
     )  # fmt: skip
 
 

@@ -16,7 +16,7 @@ from benchmarks.tables import mebibytes, table
 _PATCHES = (10_000, 40_000, 160_000, 640_000, 2_500_000, 16_000_000)
 _TRIANGLES = (24, 1_000, 10_000, 100_000, 1_000_000)
 
-#: Share of a lightmap that the box's charts cover, about.
+#: Fraction of a lightmap that the box's charts cover, about.
 _COVERED = 0.75
 
 #: What is baked: 256 rays a patch.
@@ -31,7 +31,7 @@ _SMALLER, _SMALL_BUDGET = 320, 4 << 20
 
 _TITLES = {
     "patches": "Growing patches",
-    "memory": "1 GiB for what patches see: bounces are shared",
+    "memory": "1 GiB for what patches see: patches are solved in groups",
     "triangles": "Growing triangles",
 }
 

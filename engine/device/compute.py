@@ -23,7 +23,7 @@ _PROBE = "__kernel void probe(__global float *x) { x[get_global_id(0)] = sqrt(2.
 class Compute:
     """An OpenCL context with one in-order queue; the first GPU found, else the first device.
 
-    group  work items that share a patch, where a kernel can run in groups of so many: processors take a
+    group  work items that work on one patch, where a kernel can run in groups of so many: processors take a
            patch at a time
 
     Raises DeviceError if there is no device that can build kernels.

@@ -17,8 +17,8 @@ def shader_source(name: str, features: Sequence[str] = ()) -> str:
     """
     version, _, rest = _included(name).partition("\n")
     lines = [version, *(f"#define {feature.upper()}" for feature in features)]
-    shared = [_ROOT / "shaders" / f"{feature}.glsl" for feature in features if name.endswith(".frag")]
-    lines += [path.read_text(encoding="utf-8") for path in shared if path.exists()]
+    parts = [_ROOT / "shaders" / f"{feature}.glsl" for feature in features if name.endswith(".frag")]
+    lines += [path.read_text(encoding="utf-8") for path in parts if path.exists()]
     return "\n".join([*lines, rest])
 
 

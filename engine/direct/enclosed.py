@@ -10,9 +10,9 @@ from ..scene.model import Light, Scene
 from ..scene.triangles import Triangles
 from ..visibility.rays.rays import Rays
 
-#: Rays from each lamp, and the share of them that meets backs if it is enclosed.
+#: Rays from each lamp, and the fraction of them that meets backs if it is enclosed.
 _RAYS = 256
-_SHARE = 0.98
+_ENCLOSED = 0.98
 
 
 def note_enclosed(rays: Rays, scene: Scene, triangles: Triangles, lamps: Sequence[Light]) -> list[str]:
@@ -28,7 +28,7 @@ def note_enclosed(rays: Rays, scene: Scene, triangles: Triangles, lamps: Sequenc
         mine = slice(index * _RAYS, (index + 1) * _RAYS)
         shines = directions @ -lamp.axes[2] > 0 if lamp.kind in ("spot", "area") else np.full(_RAYS, True)
         back = (hit[mine] >= 0) & ~front[mine] & shines
-        if back.sum() >= _SHARE * shines.sum():
+        if back.sum() >= _ENCLOSED * shines.sum():
             name = scene.meshes[int(np.bincount(triangles.mesh[hit[mine][back]]).argmax())].name
             warnings.append(f"Light '{lamp.name}' is inside object '{name}' and lights nothing. Move it.")
     return warnings

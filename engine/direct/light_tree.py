@@ -95,11 +95,11 @@ def _emitters(records: np.ndarray) -> _Emitters:
     one_sided = lamp | (~point & (rows[:, 5, 2] > 0))
     alike = np.where(point, strength, 0)
     along = np.where(point, 0, strength * twice / 2)
-    share = np.where(one_sided, along / 2, along)
+    side = np.where(one_sided, along / 2, along)
     power = alike + along
-    outer = share[:, None] * normal[:, [0, 1, 2, 0, 0, 1]] * normal[:, [0, 1, 2, 1, 2, 2]]
-    facing = np.where(one_sided, share, 0)[:, None] * normal
-    totals = np.column_stack([power, power[:, None] * centre, alike, share, facing, outer])
+    outer = side[:, None] * normal[:, [0, 1, 2, 0, 0, 1]] * normal[:, [0, 1, 2, 1, 2, 2]]
+    facing = np.where(one_sided, side, 0)[:, None] * normal
+    totals = np.column_stack([power, power[:, None] * centre, alike, side, facing, outer])
 
     # Cones: of spots, widened where they are squeezed; of area lights, their spread.
     spot = point & (last[:, 2] >= -1)

@@ -60,7 +60,7 @@ class DirectLighting:
         return (yield from self._casting().shadow_mask(lamp))
 
     def ambient_occlusion(self) -> Generator[float, None, np.ndarray]:
-        """Return the open share of each patch's hemisphere, (n,) float32; yield the fraction done."""
+        """Return the open fraction of each patch's hemisphere, (n,) float32; yield the fraction done."""
         return (yield from self._casting().ambient_occlusion())
 
     def in_contact(self) -> np.ndarray:

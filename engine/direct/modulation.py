@@ -20,7 +20,7 @@ def is_modulated(light: Light) -> bool:
 def pack_modulations(lights: Sequence[Light]) -> tuple[np.ndarray, list[int]]:
     """Return the float32 that kernels/modulation.cl reads, and where each lamp's begin: 0 for none.
 
-    Lamps that share a profile's factors share its place.
+    Lamps of one profile have one copy of it.
     """
     modulated = [light for light in lights if is_modulated(light)]
     parts = [np.zeros((1 + len(modulated)) * _SIZE, np.float32)]

@@ -85,7 +85,7 @@ class ShadowRays:
         return np.minimum(mask, 1).astype(np.float32)
 
     def ambient_occlusion(self) -> Generator[float, None, np.ndarray]:
-        """Return the share of each patch's hemisphere that is open, (n,) float32; yield the fraction done.
+        """Return the fraction of each patch's hemisphere that is open, (n,) float32; yield the fraction done.
 
         It is weighted by the cosine; a surface within `Settings.ao_distance` closes it.
         """
@@ -121,14 +121,14 @@ class ShadowRays:
         return (radiance, *lookups, np.int32(parts.patches.resolution))
 
     def _sky_arguments(self, sky: np.ndarray | None) -> tuple:
-        """Return pixels, cumulative shares, numbers of the pixels that shine, sizes and total luminance."""
+        """Return pixels, cumulative power and numbers of the pixels that shine, sizes and total luminance."""
         pixels = np.zeros((1, 1, 4), np.float32)
         if sky is not None:
             pixels = np.concatenate([sky, np.zeros((*sky.shape[:2], 1), np.float32)], axis=2)
-        shares = (pixels[..., :3] @ _LUMINANCE) * solid_angles(*pixels.shape[:2])[:, None]
-        listed = np.flatnonzero(shares)
-        total = float(shares.sum())
-        cumulative = np.cumsum(shares.ravel()[listed]) / max(total, 1e-30)
+        power = (pixels[..., :3] @ _LUMINANCE) * solid_angles(*pixels.shape[:2])[:, None]
+        listed = np.flatnonzero(power)
+        total = float(power.sum())
+        cumulative = np.cumsum(power.ravel()[listed]) / max(total, 1e-30)
         listed = listed if len(listed) else np.zeros(1, np.int64)
         cumulative = cumulative if len(cumulative) else np.ones(1)
         arrays = (pixels, cumulative.astype(np.float32), listed.astype(np.int32))

@@ -34,13 +34,13 @@ def split_sky(world: np.ndarray) -> Sky:
     if world.ndim == 1:
         return Sky(whole_sky(world), None)
     luminance = world.astype(np.float64) @ _LUMINANCE
-    mean = float((luminance.mean(axis=1) * _row_shares(len(world))).sum())
+    mean = float((luminance.mean(axis=1) * _row_fractions(len(world))).sum())
     most = np.full_like(luminance, _BRIGHT * mean)
-    share = np.divide(most, luminance, out=np.ones_like(most), where=luminance > most)[..., None]
-    rest = world * share
-    if (share == 1).all():
+    kept = np.divide(most, luminance, out=np.ones_like(most), where=luminance > most)[..., None]
+    rest = world * kept
+    if (kept == 1).all():
         return Sky(_shrunk(rest), None)
-    return Sky(_shrunk(rest), (world * (1 - share)).astype(np.float32))
+    return Sky(_shrunk(rest), (world * (1 - kept)).astype(np.float32))
 
 
 def whole_sky(world: np.ndarray) -> np.ndarray:
@@ -48,16 +48,16 @@ def whole_sky(world: np.ndarray) -> np.ndarray:
     return _shrunk(world.reshape(-1, world.shape[-2] if world.ndim > 1 else 1, 3))
 
 
-def _row_shares(height: int) -> np.ndarray:
-    """Return the share of the sphere that each row covers, (h,) float64."""
+def _row_fractions(height: int) -> np.ndarray:
+    """Return the fraction of the sphere that each row covers, (h,) float64."""
     borders = np.cos(np.linspace(0, np.pi, height + 1))
-    shares: np.ndarray = (borders[:-1] - borders[1:]) / 2
-    return shares
+    fractions: np.ndarray = (borders[:-1] - borders[1:]) / 2
+    return fractions
 
 
 def solid_angles(height: int, width: int) -> np.ndarray:
     """Return the solid angle of the pixels of each row of an equirectangular map, (h,) float64, sr."""
-    angles: np.ndarray = _row_shares(height) * 4 * np.pi / width
+    angles: np.ndarray = _row_fractions(height) * 4 * np.pi / width
     return angles
 
 

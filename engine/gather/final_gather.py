@@ -32,7 +32,7 @@ class FinalGather:
     def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
         """Gather from radiance, (m, 3) float32; yield the fraction done.
 
-        Returns E/pi with the lights, and the share that is no back, (n, 4) float32.
+        Returns E/pi with the lights, and the fraction that is no back, (n, 4) float32.
         """
         self.radiance = upload_float4(self._compute, radiance, first=1)
         yield from self._sweep.gather(self, 0)

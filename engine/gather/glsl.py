@@ -41,7 +41,7 @@ class GlslIntegrator:
         self._irradiance = graphics.context.buffer(reserve=16 * tiles.capacity)
 
     def integrate(self, frames: np.ndarray) -> np.ndarray:
-        """Return E/pi and the share of front faces; see `Integrator.integrate`."""
+        """Return E/pi and the fraction of front faces; see `Integrator.integrate`."""
         self._tables.set_frames(frames)
         self._shader.run(len(frames), {2: self._irradiance}, self._textures, self._uniforms)
         irradiance = self._irradiance.read(16 * len(frames))

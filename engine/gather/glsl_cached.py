@@ -80,7 +80,7 @@ class GlslCachedIntegrator:
         self._kept.append(parts)
 
     def gather(self, batch: int) -> np.ndarray:
-        """Return E/pi and the share of front faces of a batch's patches, (m, 4) float32."""
+        """Return E/pi and the fraction of front faces of a batch's patches, (m, 4) float32."""
         results = []
         for cache, static_light, count in self._kept[batch]:
             buffers = {

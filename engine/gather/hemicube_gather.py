@@ -30,7 +30,7 @@ class Gather(Protocol):
     def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
         """Gather once from (n, 3) float32 radiance; yield the fraction done after each slice.
 
-        Returns (n, 4) float32: rgb is E/pi, a the share of the hemisphere not taken by back faces.
+        Returns (n, 4) float32: rgb is E/pi, a the fraction of the hemisphere not taken by back faces.
         """
 
 

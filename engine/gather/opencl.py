@@ -42,7 +42,7 @@ class HemicubeIntegrator:
         self._columns = cl.LocalMemory(16 * self._reduce_column_group[0])
 
     def integrate(self, hemicubes: cl.Buffer, frames: np.ndarray) -> np.ndarray:
-        """Return E/pi and the share of front faces for the first m slots.
+        """Return E/pi and the fraction of front faces for the first m slots.
 
         hemicubes: (layers, height, width, 4) float32 radiance and front flag; frames: (m, 4, 3) float32,
         the rows of `Viewpoints.frame` and the horizon. Returns (m, 4) float32: rgb
@@ -91,7 +91,7 @@ class CopiedIntegrator:
         self._integrator = HemicubeIntegrator(compute, tiles, sky)
 
     def integrate(self, frames: np.ndarray) -> np.ndarray:
-        """Return E/pi and the share of front faces; see `Integrator.integrate`."""
+        """Return E/pi and the fraction of front faces; see `Integrator.integrate`."""
         return self._integrator.integrate(self._copy.update(), frames)
 
 

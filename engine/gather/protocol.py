@@ -13,7 +13,7 @@ class Integrator(Protocol):
     name: str
 
     def integrate(self, frames: np.ndarray) -> np.ndarray:
-        """Return E/pi and the share of front faces for the first m slots.
+        """Return E/pi and the fraction of front faces for the first m slots.
 
         frames: (m, 4, 3) float32, the rows of `Viewpoints.frame` and the horizon. Returns (m, 4) float32:
         rgb is E/pi, the multiplier-weighted mean of the radiance above the horizon; a of the front flag.

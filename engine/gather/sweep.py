@@ -13,7 +13,7 @@ class Light(Protocol):
 
     count         patches that gather
     radiance      float4 of each patch that is seen + 1; entry 0 is black
-    patches_seen  float of each patch: the share of its view that patches take
+    patches_seen  float of each patch: the fraction of its view that patches take
     """
 
     count: int

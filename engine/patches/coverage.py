@@ -12,7 +12,7 @@ from ..scene.model import Scene
 from ..scene.triangles import Triangles
 from .patch_list import PatchList
 
-#: Charts overlap if more than this share of an object's texels is covered twice.
+#: Charts overlap if more than this fraction of an object's texels is covered twice.
 _OVERLAP_TOLERANCE = 0.005
 
 
@@ -56,7 +56,7 @@ def check_overlap(graphics: Graphics, scene: Scene, triangles: Triangles, patche
         counts.append(image.view(np.float32)[..., 0].ravel()[patches.texel[patches.atlas == atlas]])
     twice = np.concatenate(counts) > 1.5
 
-    # Shares of each object's texels; rounding at shared chart borders doubles a few texels at most.
+    # Fractions of each object's texels; rounding at common chart borders doubles a few texels at most.
     total = np.bincount(patches.mesh, minlength=len(scene.meshes))
     doubled = np.bincount(patches.mesh[twice], minlength=len(scene.meshes))
     bad = doubled > np.maximum(_OVERLAP_TOLERANCE * total, 2)
@@ -112,9 +112,9 @@ def _overlap_message(scene: Scene, triangles: Triangles, patches: PatchList, dou
     meshes = {int(mesh) for patch in sample for mesh in _meshes_at(triangles, patches, int(patch))}
     names = [scene.meshes[mesh].name for mesh in sorted(meshes)]
     atlas = scene.atlases[int(patches.atlas[sample[0]])]
-    share = len(doubled) / max(1, int(np.isin(patches.mesh, list(meshes)).sum()))
+    fraction = len(doubled) / max(1, int(np.isin(patches.mesh, list(meshes)).sum()))
     sentence = (
-        f"Lightmap UVs overlap in atlas '{atlas}' ({share:.0%} of the texels of {{}}). "
+        f"Lightmap UVs overlap in atlas '{atlas}' ({fraction:.0%} of the texels of {{}}). "
         "Unwrap or pack them without overlaps, or give the objects atlases of their own."
     )
     return naming(sentence, names)

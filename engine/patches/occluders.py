@@ -1,7 +1,7 @@
 """Places for surfaces without a lightmap: they reflect and emit, so they need patches, at low density.
 
-They share atlases of the engine's own, mostly one. A triangle larger than a texel's world size gets a square
-block of texels; smaller ones of like position, direction and material share a single texel.
+They lie in atlases of the engine's own, mostly one. A triangle larger than a texel's world size gets a square
+block of texels; smaller ones of like position, direction and material have a single texel.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _LOW, _HIGH = 0.1, 0.05
 class _Places:
     """Where triangles go, (t,) each.
 
-    block   number of each triangle's block; triangles of one cluster share a block of one texel
+    block   number of each triangle's block; triangles of one cluster have one block of one texel
     chosen  True for the triangle that the block's patches lie on
     level   the side of its block is 2 ** level texels
     texels  size of all blocks

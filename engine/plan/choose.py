@@ -24,9 +24,9 @@ from ..settings import Settings
 from ..solve.anderson import COLUMNS
 from ..solve.darkness import Darkness
 from ..solve.device_radiosity import DeviceRadiosity
-from ..solve.grouped_solution import SharedSolution
+from ..solve.grouped_solution import GroupedSolution
 from ..solve.host_radiosity import HostRadiosity
-from ..solve.patch_groups import SharedPatches
+from ..solve.patch_groups import PatchGroups
 from ..solve.solver import PLAIN_COLUMNS, Radiosity, Solution, Solver
 from ..visibility.identity import Identity, SeenBuffers, Surroundings, sample_bytes, surroundings
 from ..visibility.raster.identity import RasterIdentity
@@ -40,8 +40,8 @@ _TRIED, _MORE, _LONG_ENOUGH = 32, 8, 0.01
 #: If rays take less than this for all patches, drawing is not tried: the trial would take about as long, s.
 _SHORT = 0.5
 
-#: Width of the squares of patches that share their bounces where memory is short, texels.
-_SHARED = 4
+#: Width of the squares of patches that are solved as one where memory is short, texels.
+_GROUP_WIDTH = 4
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def choose_solver(bake: Bake) -> tuple[Solution, Choice]:
         why = "No light reaches any patch: nothing is looked for."
         return Darkness(len(bake.parts.patches)), Choice("none", "none", 0, (why,))
     width, reasons = _choose_width(bake)
-    return _solver(bake) if width == 1 else _shared_solution(bake, width, reasons)
+    return _solver(bake) if width == 1 else _grouped_solution(bake, width, reasons)
 
 
 def _solver(bake: Bake) -> tuple[Solver, Choice]:
@@ -140,17 +140,17 @@ def _solver(bake: Bake) -> tuple[Solver, Choice]:
 
 
 def _choose_width(bake: Bake) -> tuple[int, tuple[str, ...]]:
-    """Return how wide the squares are of patches that share their bounces, texels, and why."""
+    """Return how wide the squares of patches are that are solved as one, texels, and why."""
     settings, count = bake.settings, len(bake.parts.patches)
     if bake.compute is None or settings.method == "paper" or not settings.bounces:
         return 1, ()
-    if settings.shared_bounces:
-        return settings.shared_bounces, ("The settings ask for shared bounces.",)
+    if settings.patch_groups:
+        return settings.patch_groups, ("The settings ask for groups of patches.",)
     needed, budget = _most_samples(settings) * count * sample_bytes(count), bake.budget
     if settings.method != "auto" or needed <= budget:
         return 1, ()
     why = f"what all patches see takes {needed / 2**20:,.0f} MiB, {budget / 2**20:,.0f} MiB may be used"
-    return _SHARED, (f"Squares of {_SHARED} x {_SHARED} patches share their bounces: {why}.",)
+    return _GROUP_WIDTH, (f"Squares of {_GROUP_WIDTH} x {_GROUP_WIDTH} patches are solved as one: {why}.",)
 
 
 def _most_samples(settings: Settings) -> int:
@@ -160,22 +160,22 @@ def _most_samples(settings: Settings) -> int:
     return {"raster": hemicube, "rays": cast, "auto": max(hemicube, cast)}[settings.visibility]
 
 
-def _shared_solution(bake: Bake, width: int, reasons: tuple[str, ...]) -> tuple[SharedSolution, Choice]:
+def _grouped_solution(bake: Bake, width: int, reasons: tuple[str, ...]) -> tuple[GroupedSolution, Choice]:
     """Return what solves for squares of patches, then gathers for each patch."""
-    shared = SharedPatches(bake.rays, bake.parts, width)
-    emission, lights = shared.mean(bake.emission), shared.mean(bake.lights)
+    groups = PatchGroups(bake.rays, bake.parts, width)
+    emission, lights = groups.mean(bake.emission), groups.mean(bake.lights)
     squares = replace(
-        bake, parts=shared.parts, rays=shared.rays, emission=emission, lights=lights, area=shared.area
+        bake, parts=groups.parts, rays=groups.rays, emission=emission, lights=lights, area=groups.area
     )
     solver, choice = _solver(squares)
 
-    # Every patch looks for itself, but sees the shared ones.
-    lookups = replace(bake.parts, texel_to_patch=shared.parts.texel_to_patch)
+    # Every patch looks for itself, but sees the groups.
+    lookups = replace(bake.parts, texel_to_patch=groups.parts.texel_to_patch)
     everyone = replace(squares, parts=lookups, rays=bake.rays)
     identity = _identity_makers(everyone)[choice.visibility]()
     final = FinalGather(bake.opencl, _stream(everyone, identity), bake.lights)
     parted = bake.glowing and bool({"direct", "indirect"} & set(bake.settings.outputs))
-    solution = SharedSolution(solver, shared, final, bake.lights, emission, parted)
+    solution = GroupedSolution(solver, groups, final, bake.lights, emission, parted)
     return solution, replace(choice, reasons=(*reasons, *choice.reasons))
 
 

@@ -30,7 +30,7 @@ def check_limits(graphics: Graphics, compute: Compute | None, scene: Scene, sett
         raise SettingsError(
             f"The scene has {len(scene.atlases)} lightmaps, with those of its occluders; "
             f"'{graphics.name}' holds at most {layers}. "
-            "Let objects share lightmaps: give them the same atlas name, or raise the resolution."
+            "Put objects into one lightmap: give them the same atlas name, or raise the resolution."
         )
 
     # Memory that grows with the lightmaps; hemicubes are drawn in batches that fit. OpenGL tells of none.

@@ -31,4 +31,4 @@ def without_opencl(devices: Devices, scene: Scene, settings: Settings) -> tuple[
     if not graphics.computes:
         raise DeviceError(f"'{graphics.name}' has no OpenGL 4.3, so OpenCL is needed. {error}")
     note = f"Baked without OpenCL: small bright surfaces and bright sky give more noise. {error}"
-    return replace(settings, sample_emission=False, shared_bounces=1), (note,)
+    return replace(settings, sample_emission=False, patch_groups=1), (note,)

@@ -89,7 +89,7 @@ class CpuHemicubes:
         return image
 
     def gather(self, views: list[View], radiance: np.ndarray) -> np.ndarray:
-        """Return E/pi and the share of front faces of patches, (m, 4) float32, one hemicube at a time.
+        """Return E/pi and the fraction of front faces of patches, (m, 4) float32, one hemicube at a time.
 
         views     of m patches
         radiance  (n, 3) float32, of each patch

@@ -20,13 +20,13 @@ from .surfaces import Surfaces, blockers, surfaces
 #: A cos cos / (pi r^2) errs by less than edge^2 / (3 r^2) = 0.17 %.
 NEAR = 14.0
 
-#: Visible share of a near patch: measured on a grid of this many points each way.
+#: Visible fraction of a near patch: measured on a grid of this many points each way.
 NEAR_SAMPLES = 4
 
 #: Pairs worked on at once: small enough for the processor's cache.
 PAIRS = 1 << 17
 
-#: A crossing this close to either end of a line of sight, as a share of its length, blocks nothing.
+#: A crossing this close to either end of a line of sight, as a fraction of its length, blocks nothing.
 GRAZE = 1e-5
 
 
@@ -34,7 +34,7 @@ def form_factors(geometry: PatchGeometry, scene: Scene) -> np.ndarray:
     """Return the form factors F_ij from the centre of patch i to the parallelogram of patch j.
 
     Far pairs use A_j cos_i cos_j / (pi r^2) (Cohen and Greenberg 1985), near ones Lambert's polygon
-    formula clipped to the horizon; both are multiplied by the visible share of patch j, which is
+    formula clipped to the horizon; both are multiplied by the visible fraction of patch j, which is
     decided by exact intersection with the planar pieces of the scene.
 
     geometry  of n patches; one patch's texel is taken whole, even where a chart covers part of it
@@ -128,16 +128,16 @@ def _near(
     if not len(walls):
         return factor
 
-    # The visible share of each patch, on a grid of points.
+    # The visible fraction of each patch, on a grid of points.
     steps = (np.arange(NEAR_SAMPLES) + 0.5) / NEAR_SAMPLES - 0.5
-    share = np.zeros(len(factor))
+    visible = np.zeros(len(factor))
     for a in steps:
         for b in steps:
             seen = np.ones(len(factor), bool)
             for wall in walls:
                 seen &= _misses(center, middle + a * edge_u + b * edge_v, pieces, wall, paired=True)
-            share += seen / NEAR_SAMPLES**2
-    factor *= share
+            visible += seen / NEAR_SAMPLES**2
+    factor *= visible
     return factor
 
 
@@ -156,7 +156,7 @@ def _misses(
         end = [values[None, :] for values in end]
     (height, u, v), (end_height, end_u, end_v) = start, end
 
-    # A line crosses the plane at the share t of its length; parallel ones never do.
+    # A line crosses the plane at the fraction t of its length; parallel ones never do.
     rise = height - end_height
     t = np.divide(height, rise, out=np.full(rise.shape, -1, np.float32), where=rise != 0)
     miss: np.ndarray = (t <= GRAZE) | (t >= 1 - GRAZE)

@@ -19,7 +19,7 @@ def gauss_seidel(
     factors      (n, n) float32, from `form_factors`: F_ij or -F'_ij, zero on the diagonal
     emission     (n, 3) float32, radiance
     reflectance  (n, 3) float32, 1
-    tolerance    stop once no patch changes by more than this share of the greatest radiance
+    tolerance    stop once no patch changes by more than this fraction of the greatest radiance
     sweeps       stop after this many
 
     Returns the radiance, (n, 3) float32, and the number of sweeps run.

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..scene.model import Scene
 
-#: A corner closer to a plane than this share of the scene's extent lies in the plane.
+#: A corner closer to a plane than this fraction of the scene's extent lies in the plane.
 PLANE_TOLERANCE = 1e-5
 
 #: Origin, edge_u and edge_v of a planar piece, and whether it is a triangle.

@@ -36,7 +36,7 @@ class Material:
 
     reflectance      (3,) float32, in [0, 1]
     emission         (3,) float32, radiance, sent out by both sides of the surface
-    alpha            share of the light that the surface stops, in [0, 1]
+    alpha            fraction of the light that the surface stops, in [0, 1]
     alpha_threshold  alpha at or above it is 1, below it 0; None leaves alpha as it is
     culled           True if the back is see-through
     """
@@ -109,7 +109,7 @@ class Light:
     radius       point, spot: m
     soft         point, spot: True for a disk that faces the receiver, False for a sphere
     half_angle   spot: of the cone; sun: of its disk; area: half its spread, pi/2 for none; radians
-    blend        spot: share of the cone in which it fades
+    blend        spot: fraction of the cone in which it fades
     stretch      (3,) float64, scale along x, y, z: unequal ones make the cone of a spot elliptical and turn
                  the directions of a profile
     size         (2,) float64, area: full widths along x and y, m

@@ -13,12 +13,12 @@ class _Overlaps:
     """Pieces into which the borders of old and new pixels cut an axis, from its start to its end.
 
     source  (k,) int64, the old pixel that each piece lies in
-    share   (k,) float32, of the new pixel that it lies in
+    weight  (k,) float32, fraction of the new pixel that it lies in
     first   (m + 1,) int64, the first piece of each new pixel, then k
     """
 
     source: np.ndarray
-    share: np.ndarray
+    weight: np.ndarray
     first: np.ndarray
 
 
@@ -32,15 +32,15 @@ def shrink(
 ) -> np.ndarray:
     """Return an image averaged by area to another size, (h, w, c) -> (height, width, c) float32.
 
-    area  returns the share of the image's area below places along v, (n,) in [0, 1]: all rows cover the
+    area  returns the fraction of the image's area below places along v, (n,) in [0, 1]: all rows cover the
           same by default
     """
     rows, columns = _overlaps(len(pixels), height, area), _overlaps(pixels.shape[1], width)
     image = np.empty((height, width, pixels.shape[2]), np.float32)
     for row in range(height):
         pieces = slice(rows.first[row], rows.first[row + 1])
-        line = np.einsum("r,rwc->wc", rows.share[pieces], pixels[rows.source[pieces]])
-        parts = line[columns.source] * columns.share[:, None]
+        line = np.einsum("r,rwc->wc", rows.weight[pieces], pixels[rows.source[pieces]])
+        parts = line[columns.source] * columns.weight[:, None]
         np.add.reduceat(parts, columns.first[:-1], axis=0, out=image[row])
     return image
 
@@ -51,6 +51,6 @@ def _overlaps(old: int, new: int, area: Callable[[np.ndarray], np.ndarray] = _ev
     borders = np.union1d(before, after)
     first = np.searchsorted(borders, after)
     size = np.diff(area(borders))
-    share = size / np.repeat(np.add.reduceat(size, first[:-1]), np.diff(first))
+    weight = size / np.repeat(np.add.reduceat(size, first[:-1]), np.diff(first))
     source = np.searchsorted(before, borders[:-1], side="right") - 1
-    return _Overlaps(source, share.astype(np.float32), first)
+    return _Overlaps(source, weight.astype(np.float32), first)

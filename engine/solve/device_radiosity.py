@@ -25,7 +25,7 @@ class DeviceRadiosity:
 
     emission      float4 of each patch + 1, on the device, radiance that the patches see; entry 0 is black
     radiance      float4 of each patch + 1; entry 0 is black
-    patches_seen  float of each patch: the share of its view that other patches take
+    patches_seen  float of each patch: the fraction of its view that other patches take
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class DeviceRadiosity:
         self._emission, self._reflectance = emission, upload_float4(compute, reflectance)
         self._lights = upload_float4(compute, lights)
 
-        # Areas as shares of all: bright light times large areas leaves float32.
+        # Areas as fractions of all: bright light times large areas leaves float32.
         self._area = upload(compute, (area / max(self.area, _LEAST_AREA)).astype(np.float32))
         self.patches_seen = zeros(compute, 4 * self.count)
         self._gathered, self._defects = (zeros(compute, 16 * self.count * columns) for _ in range(2))
@@ -102,7 +102,7 @@ class DeviceRadiosity:
         return Step(change / self.count, relative / self.count, np.pi * flux * self.area)
 
     def iterate(self, column: int) -> np.ndarray:
-        """Return E/pi and the share that is no back, (n, 4) float32, of a column."""
+        """Return E/pi and the fraction that is no back, (n, 4) float32, of a column."""
         return download(self._compute, self._gathered, (self.count, 4), 16 * self.count * column)
 
     def _read_sums(self, numbers: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The light of patches that share their bounces: solved for squares of them, then gathered by each."""
+"""The light of groups of patches: solved for each group, then gathered by each patch."""
 
 from __future__ import annotations
 
@@ -7,29 +7,29 @@ from collections.abc import Generator
 import numpy as np
 
 from ..gather.final_gather import FinalGather
-from .patch_groups import SharedPatches
+from .patch_groups import PatchGroups
 from .solver import Solver
 
 
-class SharedSolution:
-    """What a `Solver` is, for all patches, from a solver of shared ones.
+class GroupedSolution:
+    """What a `Solver` is, for all patches, from a solver of groups.
 
     lights    (n, 3) float32, E/pi of lights that patches do not gather
-    emission  (m, 3) float32, radiance of shared patches that patches see
+    emission  (m, 3) float32, radiance of groups that patches see
     parted    True if direct and indirect light are wanted apart
     """
 
     def __init__(
         self,
         solver: Solver,
-        shared: SharedPatches,
+        groups: PatchGroups,
         final: FinalGather,
         lights: np.ndarray,
         emission: np.ndarray,
         parted: bool,
     ) -> None:
-        self._solver, self._shared, self._final = solver, shared, final
-        self._emission, self._reflectance = emission, shared.parts.surfaces.reflectance
+        self._solver, self._groups, self._final = solver, groups, final
+        self._emission, self._reflectance = emission, groups.parts.surfaces.reflectance
         self._direct: np.ndarray | None = None if parted else lights
         self._gathered: np.ndarray | None = None
 
@@ -70,8 +70,8 @@ class SharedSolution:
 
     @property
     def gathered(self) -> np.ndarray:
-        """E/pi and the share that is no back, (n, 4) float32; before the last gather that of the squares."""
-        return self._solver.gathered[self._shared.group] if self._gathered is None else self._gathered
+        """E/pi and the fraction that is no back, (n, 4) float32; before the last gather of the groups."""
+        return self._solver.gathered[self._groups.group] if self._gathered is None else self._gathered
 
     @property
     def irradiance(self) -> np.ndarray:
@@ -81,7 +81,7 @@ class SharedSolution:
     @property
     def direct(self) -> np.ndarray:
         """E/pi of light that was not reflected, (n, 3) float32."""
-        return self._solver.direct[self._shared.group] if self._direct is None else self._direct
+        return self._solver.direct[self._groups.group] if self._direct is None else self._direct
 
     @property
     def indirect(self) -> np.ndarray:

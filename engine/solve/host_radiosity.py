@@ -58,11 +58,11 @@ class HostRadiosity:
         weight = 1 / np.maximum(total, least) ** 2
         differences = self._defects.astype(np.float64) - self._defects[newest]
         differences[newest] = self._defects[newest]
-        share = self._areas[:, None] * self._reflectance
+        reflecting = self._areas[:, None] * self._reflectance
         return Sums(
             np.einsum("n,inc,jnc->ijc", weight, differences, differences, optimize=True),
-            (share * self._defects[newest]).sum(axis=0),
-            (share * self._gathered[newest, :, 3:]).sum(axis=0),
+            (reflecting * self._defects[newest]).sum(axis=0),
+            (reflecting * self._gathered[newest, :, 3:]).sum(axis=0),
             float(total.mean()),
         )
 
@@ -79,5 +79,5 @@ class HostRadiosity:
         return Step(float(change.mean()), float(relative.mean()), float(flux))
 
     def iterate(self, column: int) -> np.ndarray:
-        """Return E/pi and the share that is no back, (n, 4) float32, of a column: a copy."""
+        """Return E/pi and the fraction that is no back, (n, 4) float32, of a column: a copy."""
         return self._gathered[column].copy()

@@ -1,6 +1,6 @@
 """Bounces of large lightmaps: solved for squares of patches, gathered once more by every patch.
 
-Light that was reflected several times is smooth, and only its sources are shared: what a patch shows
+Light that was reflected several times is smooth, and only its sources are averaged: what a patch shows
 is its own last gather.
 """
 
@@ -20,11 +20,11 @@ from ..visibility.rays.ray_scene import RayScene
 _SQUARES = 8
 
 
-class SharedPatches:
-    """Patches that stand for squares of others.
+class PatchGroups:
+    """Squares of patches that are solved as one: each is a patch that stands for its members.
 
-    group  (n,) int64, the shared patch of each patch
-    parts  shared patches as a Subdivision
+    group  (n,) int64, the group of each patch
+    parts  groups as a Subdivision
     area   (m,) float32, m^2, of all patches in each
     rays   casts rays from them
     """
@@ -38,13 +38,13 @@ class SharedPatches:
         self._members = np.bincount(self.group, minlength=len(leading)).astype(np.float32)
         self.area = self.mean(parts.geometry.area) * self._members
         surfaces = PatchSurfaces(self.mean(parts.surfaces.reflectance), self.mean(parts.surfaces.emission))
-        shared = np.concatenate([[0], self.group + 1]).astype(np.uint32)
+        entries = np.concatenate([[0], self.group + 1]).astype(np.uint32)
         self.parts = replace(
             parts,
             patches=parts.patches.part(leading),
             geometry=parts.geometry.part(leading),
             surfaces=surfaces,
-            texel_to_patch=shared[parts.texel_to_patch],
+            texel_to_patch=entries[parts.texel_to_patch],
         )
         self.rays = rays.of(self.parts)
 
@@ -57,15 +57,15 @@ class SharedPatches:
 
 
 def _leaders(rays: RayScene, parts: Subdivision, width: int) -> np.ndarray:
-    """Return the patch that each patch follows, (n,) uint32; kernels/share.cl."""
+    """Return the patch that each patch follows, (n,) uint32; kernels/patch_groups.cl."""
     compute, patches = rays.compute, parts.patches
-    (share,) = compute.kernels(("receiver.cl", "share.cl"), "share")
+    (group_patches,) = compute.kernels(("receiver.cl", "patch_groups.cl"), "group_patches")
     arrays = (parts.texel_to_patch, patches.texel, parts.geometry.material)
     lookup, texels, materials = (upload(compute, array) for array in arrays)
     leaders = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * len(patches))
     squares = -(-patches.resolution // (_SQUARES * width)) * _SQUARES
-    share(
-        compute.queue, (squares, squares, len(parts.texel_to_patch)), share.group(_SQUARES, _SQUARES, 1),
+    group_patches(
+        compute.queue, (squares, squares, len(parts.texel_to_patch)), group_patches.group(_SQUARES, _SQUARES, 1),
         lookup, np.int32(patches.resolution), np.int32(width), texels, materials, rays.receivers, leaders,
     )  # fmt: skip
     result = np.empty(len(patches), np.uint32)

@@ -14,7 +14,7 @@ from .anderson import Anderson
 #: Iterates that the paper's iteration keeps: the newest, and the one before it to compare with.
 PLAIN_COLUMNS = 2
 
-#: Patches darker than this share of the mean count as if they had it.
+#: Patches darker than this fraction of the mean count as if they had it.
 _DARK = 1e-4
 
 #: The least light that weights are made with: float32 holds the square of its reciprocal.
@@ -79,7 +79,7 @@ class Radiosity(Protocol):
         """Make the next irradiance: iterates times (columns, 3), and (3,) wherever patches are seen."""
 
     def iterate(self, column: int) -> np.ndarray:
-        """Return E/pi and the share that is no back, (n, 4) float32, of a column: a copy."""
+        """Return E/pi and the fraction that is no back, (n, 4) float32, of a column: a copy."""
 
 
 class Solution(Protocol):
@@ -100,7 +100,7 @@ class Solution(Protocol):
 
     @property
     def gathered(self) -> np.ndarray:
-        """E/pi and the share that is no back, (n, 4) float32."""
+        """E/pi and the fraction that is no back, (n, 4) float32."""
         ...
 
     @property
@@ -182,7 +182,7 @@ class Solver:
 
     @property
     def gathered(self) -> np.ndarray:
-        """What the last sweep gathered, (n, 4) float32: E/pi, and the share that is no back."""
+        """What the last sweep gathered, (n, 4) float32: E/pi, and the fraction that is no back."""
         if self._gathered is None:
             self._gathered = self._radiosity.iterate(self._newest)
         return self._gathered

@@ -20,7 +20,7 @@ from .objects.items import scene_items
 from .objects.skipped import note_skipped
 from .places import Place, choose_places
 from .scene_objects import ItemReader, Reading
-from .uvs.sharing import shared_sources
+from .uvs.multi_user import multi_user_sources
 from .world_mesh import world_mesh
 
 #: Session uid of a baked object, and where its charts are; of an instance session uid of the instancer,
@@ -101,7 +101,7 @@ def gather(
             elif item.object.type == "MESH":
                 reader.add(item)
         readings, origin = reader.finish()
-        atlases, places = choose_places(readings, shared_sources(uv_layer), resolution, troubles)
+        atlases, places = choose_places(readings, multi_user_sources(uv_layer), resolution, troubles)
         notes += troubles.tell()
         if not any(places):
             raise SceneError(_nothing_left({reading.name for reading in readings} - troubles.names, notes))

@@ -34,7 +34,7 @@ NO_ROOM = (
     "or merge faces into fewer UV islands."
 )
 NO_TILE = (
-    f"more objects and instances share the mesh than fit into lightmaps of this resolution: {_SEEN}. "
+    f"more objects and instances have the mesh than fit into lightmaps of this resolution: {_SEEN}. "
     "Raise the resolution, or set the role of some to Occluder."
 )
 LINKED = (

@@ -11,7 +11,7 @@ from .gather import Gathered
 from .messages import OVERLAPPING, Troubles
 from .uvs.uv_faults import covered_texels
 
-#: Texels that may lie in several triangles: of an object, and the share of all that it has.
+#: Texels that may lie in several triangles: of an object, and the fraction of all that it has.
 _ALLOWED = 2
 _ALLOWED_SHARE = 0.005
 

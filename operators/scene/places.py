@@ -43,14 +43,14 @@ class Place:
 
 
 def choose_places(
-    readings: Sequence[Reading], shared: set[int], resolution: int, troubles: Troubles
+    readings: Sequence[Reading], several: set[int], resolution: int, troubles: Troubles
 ) -> tuple[list[str], list[Place | None]]:
     """Return the names of all atlases, and the place of each reading, None for occluders.
 
-    shared    sources of UVs that may be shown several times, see `shared_sources`
+    several   sources of UVs that may be shown several times, see `multi_user_sources`
     troubles  is told of readings that become occluders since they have no place
     """
-    tiled = _tiled(readings, shared)
+    tiled = _tiled(readings, several)
     places: list[Place | None] = [
         None if several else _own_place(reading, troubles)
         for reading, several in zip(readings, tiled, strict=True)
@@ -81,12 +81,12 @@ def _own_place(reading: Reading, troubles: Troubles) -> Place | None:
     return None
 
 
-def _tiled(readings: Sequence[Reading], shared: set[int]) -> list[bool]:
+def _tiled(readings: Sequence[Reading], several: set[int]) -> list[bool]:
     """Return whether the charts of each reading may be shown by another baked one, too."""
     users = Counter((reading.uvs, reading.atlas) for reading in readings)
     return [
         reading.atlas is not None
-        and (reading.instancer is not None or reading.uvs in shared or users[reading.uvs, reading.atlas] > 1)
+        and (reading.instancer is not None or reading.uvs in several or users[reading.uvs, reading.atlas] > 1)
         for reading in readings
     ]
 

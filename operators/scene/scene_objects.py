@@ -21,7 +21,7 @@ from .uvs.uv_modifier import uv_source
 
 @dataclass(frozen=True)
 class Shape:
-    """A mesh in object space, shared by all that show it.
+    """A mesh in object space, one for all that show it.
 
     corners  its triangles
     slots    (t,) int32, index into `Scene.materials` of each triangle

@@ -57,7 +57,7 @@ def test_inside_of_a_sphere_light_comes_from_everywhere(kind, height, aside):
 
 
 def test_inside_of_a_sphere_light_others_count_as_much_as_outside():
-    """Samples are shared among lamps by what each may bring: a sphere from within is no endless source."""
+    """Samples go to lamps by what each may bring: a sphere from within is no endless source."""
     inside = light("point", 1e-5, 0.01, radius=1.0, soft=False)
     lamps = (inside, dataclasses.replace(light("point"), position=np.array([1.0, 0, 2.0])))
     mesh = quads(rectangle((-0.01, -0.01, 0), 0.02 * X, 0.02 * Y)[None], [(1, 1, 6, 6)], [0], 16, "Floor")

@@ -21,7 +21,7 @@ SETTINGS = Settings(
     resolution=64, hemicube=8, iterations=1, visibility="rays", light_samples=16, outputs=("direct",)
 )
 
-#: Float4 1 of a receiver holds in w the share of its lift.
+#: Float4 1 of a receiver holds in w the fraction of its lift.
 LIFTED = (1, 3)
 
 
@@ -118,7 +118,7 @@ def test_a_bright_ball_lights_nothing_of_itself():
 
 
 def lifted(*meshes):
-    """Return the share of the lift of every patch, (n,)."""
+    """Return the fraction of the lift of every patch, (n,)."""
     scene = Scene(meshes, (BLACK,))
     here = prepare(scene, 64)
     dark = np.zeros((len(here.patches), 3), np.float32)
@@ -144,5 +144,5 @@ def test_only_smooth_surfaces_that_bulge_are_lifted():
 
 def test_lifts_end_half_way_to_what_is_above():
     lid = quads(rectangle((1.001, -20, -20), (0, 0, 40), (0, 40, 0))[None], [(50, 1, 6, 6)], [0], 64, "Lid")
-    share = lifted(ball(8, 8), lid)
-    assert 0 < share[share > 0].min() < 0.35 and share.max() == 1
+    fraction = lifted(ball(8, 8), lid)
+    assert 0 < fraction[fraction > 0].min() < 0.35 and fraction.max() == 1

@@ -29,7 +29,7 @@ def ramp(tree, number):
 
 
 def squares(material):
-    """Return objects in a row that share one mesh and one material."""
+    """Return objects in a row that have one mesh and one material."""
     first = mesh_object("Café", SQUARE, [(0, 1, 2, 3)], SQUARE_UVS, material)
     others = [bpy_link(first.copy()) for _ in range(_COUNT - 1)]
     for index, obj in enumerate([first, *others]):
@@ -190,7 +190,7 @@ def test_attributes_of_the_instancer(tmp_path):
     compare(tmp_path)
 
 
-def test_two_shared_meshes_with_one_material_have_textures_of_their_own(tmp_path):
+def test_two_multi_user_meshes_with_one_material_have_textures_of_their_own(tmp_path):
     """Their UVs lie over each other, each fills the unit square."""
     material, tree, emission = glowing()
     place, noise = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeTexNoise")

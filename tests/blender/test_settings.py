@@ -26,7 +26,7 @@ def test_properties_start_with_the_defaults_of_the_engine():
     ("name", "given", "taken"),
     [("resolution", 17, 17), ("hemicube", "128", 128), ("tolerance", 0.25, 0.25),
      ("method", "stream", "stream"), ("directions", "hemicube", "hemicube"),
-     ("outputs", {"shadow_mask", "direct"}, ("direct", "shadow_mask")), ("shared_bounces", "4", 4),
+     ("outputs", {"shadow_mask", "direct"}, ("direct", "shadow_mask")), ("patch_groups", "4", 4),
      ("memory_budget", 3, 3 << 20), ("batch_bytes", 1, 1 << 20), ("rotate", False, False),
      ("array_size", (97, 193, 5), (97, 193, 5)), ("patch_file", "", None)],
 )  # fmt: skip

@@ -302,9 +302,9 @@ def test_thousands_of_objects_are_looked_through_once():
     mesh = square("First", uvs=None).data
     for number in range(4000):
         bpy.context.scene.collection.objects.link(bpy.data.objects.new(f"Copy {number}", mesh.copy()))
-    sharing = part("operators.scene.uvs.sharing")
+    multi_user = part("operators.scene.uvs.multi_user")
     start = time.perf_counter()
-    assert sharing.shared_sources("Lightmap") == set()
+    assert multi_user.multi_user_sources("Lightmap") == set()
     assert time.perf_counter() - start < 1
 
 

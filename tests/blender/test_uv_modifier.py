@@ -230,7 +230,7 @@ def test_layer_of_the_user_stays_as_it_is():
 
 
 def test_users_of_one_mesh_with_modifiers_of_their_own():
-    """The plain one keeps the mesh's layer, equal ones share UVs, all have a place of their own."""
+    """The plain one keeps the mesh's layer, equal ones have the same UVs, all have a place of their own."""
     import bpy
 
     plain = mesh_object("Plain", CUBE, INWARD)

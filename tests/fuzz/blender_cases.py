@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 Vector = tuple[float, float, float]
 
-#: Kinds of objects; "shared" has the mesh of the one before it, "collection" and "nodes" make instances.
+#: Kinds of objects; "multi-user" has the mesh of the one before it, "collection" and "nodes" make instances.
 THINGS = (
     "quad", "cube", "inward cube", "ball", "ngon", "loose edges", "nothing", "NaN vertex",
-    "far vertex", "flat", "shared", "collection", "nodes", "curve", "text", "metaball", "empty",
+    "far vertex", "flat", "multi-user", "collection", "nodes", "curve", "text", "metaball", "empty",
     "armature", "lattice",
 )  # fmt: skip
 
@@ -115,7 +115,7 @@ _SCALE = st.one_of(st.just((1.0, 1.0, 1.0)), _triple(_among([1.0, 0.5, -1.0], [0
 _THINGS = st.builds(
     Thing,
     kind=_among(
-        ["quad", "cube", "inward cube", "ball", "ngon", "shared", "collection", "curve"], list(THINGS)
+        ["quad", "cube", "inward cube", "ball", "ngon", "multi-user", "collection", "curve"], list(THINGS)
     ),
     place=_PLACE,
     scale=_SCALE,
@@ -200,8 +200,8 @@ _EXAMPLES: dict[str, Case] = {
     "sky of odd size": Case(world="odd image"),
     "Render Result stays": Case(world="noise"),
     "Render Result stays after a cancel": Case(world="noise", steps=("cancel",)),
-    "value of the object": Case((Thing(), Thing("shared", (3, 0, 0))), ("object info",)),
-    "attribute of the object": Case((Thing(), Thing("shared", (3, 0, 0))), ("attribute",)),
+    "value of the object": Case((Thing(), Thing("multi-user", (3, 0, 0))), ("object info",)),
+    "attribute of the object": Case((Thing(), Thing("multi-user", (3, 0, 0))), ("attribute",)),
     **{
         f"{kind} modifier": Case(
             (Thing("quad", uvs=("Lightmap",), modifiers=(kind,)), Thing("cube", (3, 0, 0)))

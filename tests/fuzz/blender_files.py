@@ -121,7 +121,7 @@ def _object(thing: Thing, name: str, made: list[bpy.types.Object]) -> bpy.types.
     if thing.kind in _MESHES:
         return bpy.data.objects.new(name, _MESHES[thing.kind](name))
     meshes = [obj for obj in made if obj.type == "MESH"]
-    if thing.kind == "shared":
+    if thing.kind == "multi-user":
         return bpy.data.objects.new(name, meshes[-1].data if meshes else _MESHES["quad"](name))
     if thing.kind == "nodes":
         obj = bpy.data.objects.new(name, _MESHES["cube"](name))

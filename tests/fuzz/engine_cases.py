@@ -15,7 +15,7 @@ from tests.analytic.scenes import material, quads, room_walls
 
 Vector = tuple[float, float, float]
 
-#: Where a closed room with radiosity known beforehand stands, and its size, as shares of the scene's extent.
+#: Where a closed room with radiosity known beforehand stands, and its size, in extents of the scene.
 _AWAY, _ROOM = 4.0, 1.0
 
 
@@ -430,7 +430,7 @@ def _triple(numbers: st.SearchStrategy[float]) -> st.SearchStrategy[Vector]:
     return st.one_of(numbers.map(lambda value: (value,) * 3), st.tuples(numbers, numbers, numbers))
 
 
-_SHARE = _among([0.0, 0.2, 0.5, 0.8], [1.0, 1e-6, 0.999])
+_FRACTION = _among([0.0, 0.2, 0.5, 0.8], [1.0, 1e-6, 0.999])
 _LENGTH = _among([0.1, 0.5, 1.0, 2.0], [0.0, 1e-7, 1e-3, 100.0, 1e5])
 _SCALE = _among([1.0, 0.5, 3.0], [1e-3, 1e-4, 1e-6, 1e-8, 1e3, 1e5, 1e8])
 _PLACE = _triple(_among([0.0, 0.5, 1.0, -1.0, 0.3], [1e-7, 10.0, -1000.0, 1e5]))
@@ -464,10 +464,10 @@ def _sometimes(strategy: st.SearchStrategy) -> st.SearchStrategy:
 
 _SURFACES = st.builds(
     Surface,
-    reflectance=_triple(_SHARE),
+    reflectance=_triple(_FRACTION),
     emission=st.one_of(st.just((0.0, 0.0, 0.0)), _triple(_LIGHT)),
-    alpha=st.one_of(st.just(1.0), _SHARE),
-    alpha_threshold=_sometimes(_SHARE),
+    alpha=st.one_of(st.just(1.0), _FRACTION),
+    alpha_threshold=_sometimes(_FRACTION),
     culled=st.booleans(),
     reflectance_map=_sometimes(_MAPS),
     emission_map=_sometimes(_LIT_MAPS),
@@ -498,7 +498,7 @@ _LAMPS = st.builds(
     radius=_LENGTH,
     soft=st.booleans(),
     half_angle=_among([0.3, 0.8], [0.0, 1e-6, float(np.pi / 2)]),
-    blend=_SHARE,
+    blend=_FRACTION,
     stretch=st.one_of(st.just((1.0, 1.0, 1.0)), _triple(_among([0.5, 1.0], [1e-6]))),
     size=st.tuples(_LENGTH, _LENGTH),
     ellipse=st.booleans(),
@@ -527,7 +527,7 @@ _SETTINGS = st.fixed_dictionaries(
         "visibility": st.sampled_from(["auto", "raster", "rays"]),
         "samples": st.sampled_from([0, 4, 5, 16, 61, 64]),
         "directions": st.sampled_from(["cosine", "hemicube"]),
-        "shared_bounces": st.sampled_from([0, 1, 2, 4, 8]),
+        "patch_groups": st.sampled_from([0, 1, 2, 4, 8]),
         "half_radiance": st.booleans(),
         "accelerate": st.booleans(),
         "memory_budget": st.sampled_from([0, 1, 10_000, 1_000_000]),
@@ -567,7 +567,7 @@ def _again(case: Case) -> st.SearchStrategy[Case]:
         {"visibility": "raster", "method": "paper"},
     ]
     fixed = {**case.settings, "hemicube": 32, "light_samples": 64, "accelerate": False, "tolerance": 0.0}
-    for name in ("samples", "outputs", "memory_budget", "shared_bounces", "half_radiance", "array_size"):
+    for name in ("samples", "outputs", "memory_budget", "patch_groups", "half_radiance", "array_size"):
         fixed.pop(name, None)
 
     # Far from the middle float32 has few digits, which each way spends differently.
@@ -622,7 +622,7 @@ def _cancelled(case: Case) -> st.SearchStrategy[Case]:
 _ENDS = {_cancelled: 1, _spoilt: 1, _kept: 1, _again: 2, _with_room: 3, st.just: 4}
 
 CASES: st.SearchStrategy[Case] = st.sampled_from(
-    [end for end, share in _ENDS.items() for _ in range(share)]
+    [end for end, count in _ENDS.items() for _ in range(count)]
 ).flatmap(_BAKES.flatmap)
 
 _SMALL = {"resolution": 16, "hemicube": 8, "iterations": 2, "light_samples": 4, "ao_samples": 4}

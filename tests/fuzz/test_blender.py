@@ -12,7 +12,7 @@ from tests.fuzz.blender_cases import CASES, EXAMPLES, REFUSED, Case
 #: Longest time of a case, s; the first one starts Blender and makes kernels.
 LIMIT = 120
 
-#: One file for so many scenes of the engine, and the share of the files that have to be baked, not refused.
+#: One file for so many scenes of the engine, and what part of the files has to be baked, not refused.
 FEWER, BAKED = 5, 0.4
 
 

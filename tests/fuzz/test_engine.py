@@ -12,7 +12,7 @@ from tests.fuzz.engine_cases import CASES, EXAMPLES, Case
 #: Longest time of a case, s; the first one makes kernels.
 LIMIT = 120
 
-#: Share of the cases that have to be baked, not refused, lest the test tests nothing.
+#: Fraction of the cases that have to be baked, not refused, lest the test tests nothing.
 BAKED = 0.5
 
 

@@ -20,7 +20,7 @@ BAKES = {
     "raster": replace(SETTINGS, visibility="raster"),
     "rays": replace(SETTINGS, visibility="rays", outputs=("combined", "shadow_mask", "ambient_occlusion")),
     "stream": replace(SETTINGS, visibility="rays", method="stream", directions="hemicube"),
-    "shared": replace(SETTINGS, visibility="rays", shared_bounces=4),
+    "groups": replace(SETTINGS, visibility="rays", patch_groups=4),
 }
 
 
@@ -33,7 +33,7 @@ class WithoutComputeShaders(Graphics):
 
 
 class InGroups(Compute):
-    """A device whose patches are shared by the items of a group, as a graphics card's are."""
+    """A device where the items of a group work on one patch, as a graphics card's are."""
 
     def __init__(self, cache_dir=None):
         super().__init__(cache_dir)

@@ -37,7 +37,7 @@ __kernel void looked_at(__global const float4 *receivers, __global const float4 
 
 __kernel void chosen(__global const float4 *receivers, __global const float4 *emitters,
                      __global const float4 *nodes, __global const int2 *branches, const int root,
-                     const int budget, const int seeds, __global float2 *shares)
+                     const int budget, const int seeds, __global float2 *drawn)
 {
     const Receiver r = load_receiver(receivers);
     const Lights lights = {emitters, nodes, branches, 0.0f, 0};
@@ -52,7 +52,7 @@ __kernel void chosen(__global const float4 *receivers, __global const float4 *em
             if (sample >= span.x)
                 emitter = next_emitter(&walk, &lights, &r, sample, &span);
             if (emitter >= 0)
-                shares[emitter] += (float2)(1.0f / seeds, 1.0f / (span.y * seeds));
+                drawn[emitter] += (float2)(1.0f / seeds, 1.0f / (span.y * seeds));
         }
     }
 }
@@ -115,13 +115,13 @@ def test_work_grows_as_the_logarithm_of_the_number_of_lamps(device, counting):
 def test_emitters_are_chosen_as_often_as_their_interval_is_wide(device, counting, budget):
     """So the mean of 1 / width over all seeds is 1 for each emitter: what it brings is counted once."""
     records, seeds = lamps(300), 200_000 // budget
-    tree, shares = build_light_tree(records), np.zeros((300, 2), np.float32)
+    tree, drawn = build_light_tree(records), np.zeros((300, 2), np.float32)
     arguments = buffers(device, receivers(1), records, tree.nodes, tree.children)
-    out = cl.Buffer(device.context, cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR, hostbuf=shares)
+    out = cl.Buffer(device.context, cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR, hostbuf=drawn)
     sizes = map(np.int32, (tree.root, budget, seeds))
     cl.Kernel(counting, "chosen")(device.queue, (1,), None, *arguments, *sizes, out)
-    cl.enqueue_copy(device.queue, shares, out)
-    assert shares[:, 0].sum() == pytest.approx(budget, rel=1e-3)
-    chosen = shares[:, 0] * seeds > 50
+    cl.enqueue_copy(device.queue, drawn, out)
+    assert drawn[:, 0].sum() == pytest.approx(budget, rel=1e-3)
+    chosen = drawn[:, 0] * seeds > 50
     assert chosen.mean() > 0.5
-    assert shares[chosen, 1] == pytest.approx(1, rel=0.05)
+    assert drawn[chosen, 1] == pytest.approx(1, rel=0.05)

@@ -199,29 +199,29 @@ def find(compute, identity, first, last, count):
 
 
 @pytest.mark.parametrize("visibility", ["raster", "rays"])
-def test_shared_bounces_bring_the_same_light(visibility):
+def test_patch_groups_bring_the_same_light(visibility):
     """A square of 2 x 2 patches is 0.2 m wide in this room; direct and indirect light add up."""
     outputs = ("combined", "direct", "indirect")
     settings = Settings(
         resolution=128, hemicube=16, samples=512, tolerance=1e-3, visibility=visibility, outputs=outputs,
         sample_emission=False,
     )  # fmt: skip
-    own, shared = (
-        drive(nine_quad_room(), dataclasses.replace(settings, shared_bounces=width)) for width in (1, 2)
+    own, grouped = (
+        drive(nine_quad_room(), dataclasses.replace(settings, patch_groups=width)) for width in (1, 2)
     )
     has_patch = own.has_patch
     mean = own.image[has_patch].mean()
-    difference = (shared.image - own.image)[has_patch]
+    difference = (grouped.image - own.image)[has_patch]
     assert abs(difference.mean()) < 3e-3 * mean and np.sqrt((difference**2).mean()) < 0.02 * mean
-    assert shared.passes["direct"] == pytest.approx(own.passes["direct"], abs=1e-4)
-    both = shared.passes["direct"] + shared.passes["indirect"]
-    assert both[has_patch] == pytest.approx(shared.image[has_patch], abs=1e-5)
+    assert grouped.passes["direct"] == pytest.approx(own.passes["direct"], abs=1e-4)
+    both = grouped.passes["direct"] + grouped.passes["indirect"]
+    assert both[has_patch] == pytest.approx(grouped.image[has_patch], abs=1e-5)
 
 
-def test_short_memory_lets_bounces_be_shared():
+def test_short_memory_groups_patches():
     settings = Settings(resolution=128, samples=256, visibility="rays", memory_budget=4 << 20)
     report = drive(nine_quad_room(), settings).report
-    assert report.method == "cached" and "share their bounces" in report.reasons[0]
+    assert report.method == "cached" and "are solved as one" in report.reasons[0]
 
 
 def test_opengl_and_opencl_sum_alike(paper, monkeypatch):

@@ -17,9 +17,9 @@ def test_points_are_those_of_the_r2_sequence_and_neighbours_follow_each_other():
 
 
 def test_points_are_even_with_any_shift():
-    """Boxes of the square hold their share of the points, whatever a patch adds to them."""
+    """Boxes of the square hold their part of the points, whatever a patch adds to them."""
     points = r2_sequence(256)
     for shift in np.random.default_rng(0).integers(0, 2**32, (20, 2), np.uint64).astype(np.uint32):
         shifted = (points + shift) / 2.0**32
-        share = (shifted < 0.5).all(axis=1).mean()
-        assert abs(share - 0.25) < 0.03
+        fraction = (shifted < 0.5).all(axis=1).mean()
+        assert abs(fraction - 0.25) < 0.03

@@ -12,10 +12,10 @@ def test_multiplier_map_sums_to_one_in_float32(n):
     assert (weights > 0).all()
 
 
-def test_multiplier_map_shares_of_the_faces():
+def test_multiplier_map_sums_over_the_faces():
     weights = multiplier_map(64).astype(np.float64)
-    shares = [weights[row : row + rows].sum() for row, rows in face_rows(64)]
-    np.testing.assert_allclose(shares, [0.5541264240] + 4 * [0.1114683940], rtol=1e-6)
+    weights_of_faces = [weights[row : row + rows].sum() for row, rows in face_rows(64)]
+    np.testing.assert_allclose(weights_of_faces, [0.5541264240] + 4 * [0.1114683940], rtol=1e-6)
 
 
 def test_multiplier_map_is_close_to_delta_form_factors():

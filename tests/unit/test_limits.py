@@ -32,7 +32,7 @@ def test_one_atlas_is_listed_at_a_time_and_all_have_index_maps(atlases, unified,
 
 
 def test_more_or_larger_lightmaps_than_the_driver_holds():
-    with pytest.raises(SettingsError, match="The scene has 257 lightmaps.*at most 256[.] Let objects share"):
+    with pytest.raises(SettingsError, match="The scene has 257 lightmaps.*at most 256[.] Put objects into"):
         check(257, 64, 1 << 40, False)
     with pytest.raises(SettingsError, match="resolution is 8192; 'Card' draws at most 4096 texels"):
         check(1, 8192, 1 << 40, False)

@@ -49,7 +49,7 @@ def test_without_occluders_the_scene_stays():
     assert place_occluders(scene, 64) is scene
 
 
-def test_triangles_get_texels_in_proportion_to_their_size_and_share_none():
+def test_triangles_get_texels_in_proportion_to_their_size_and_no_other_has_them():
     occluder = mesh(triangles([0.01, 0.3, 1.0, 2.5]), OCCLUDER)
     placed = place_occluders(Scene((BAKED, occluder), (GREY,)), 64)
     assert placed.atlases == ("Lightmap", "(occluders)") and placed.meshes[1].atlas == 1
@@ -99,7 +99,7 @@ def test_an_occluder_in_several_atlases_keeps_its_faces_and_textures():
     assert (np.sort(np.concatenate([part.material for part in parts])) == np.arange(count)).all()
 
 
-def test_small_triangles_that_are_close_share_a_texel():
+def test_small_triangles_that_are_close_have_one_texel():
     near = np.array([(0, 0, 0), (1e-3, 0, 0), (0, 1e-3, 0)]) + np.arange(5)[:, None, None] * 1e-3
     placed = place_occluders(Scene((BAKED, mesh(near + 0.001, OCCLUDER)), (GREY,)), 64)
     uvs = placed.meshes[1].uvs

@@ -1,4 +1,4 @@
-"""Profiles of lamps: packed once for all lamps that share one, refused if they cannot be looked up."""
+"""Profiles of lamps: packed once for all lamps that have one, refused if they cannot be looked up."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ def lamp(**values):
     return Light("Lamp", "point", np.zeros(3), np.eye(3), np.ones(3, np.float32), profile=profile, **values)
 
 
-def test_lamps_that_share_a_profile_share_its_place_also_in_the_worker():
+def test_lamps_of_one_profile_have_one_copy_of_it_also_in_the_worker():
     first, plain = lamp(), replace(lamp(), profile=None)
     lights = (first, plain, replace(first, falloff_power=2), lamp())
     parcel = messages.Parcel(lights)

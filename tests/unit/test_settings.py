@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
     [("resolution", 0), ("resolution", 100000), ("hemicube", 48), ("iterations", 0), ("tolerance", -1),
      ("tolerance", float("nan")), ("method", "magic"), ("dilation", -1), ("seed", -1), ("batch_bytes", 0),
      ("outputs", ("direct", "direct")), ("outputs", ()), ("outputs", ("foo",)), ("samples", 1),
-     ("samples", 3), ("samples", 65537), ("shared_bounces", 3), ("visibility", "RASTER"), ("rotate", "no"),
+     ("samples", 3), ("samples", 65537), ("patch_groups", 3), ("visibility", "RASTER"), ("rotate", "no"),
      ("array_size", (32, 0, 1)), ("array_size", (-1, -1, -1)), ("memory_budget", -1)],
 )  # fmt: skip
 def test_setting_out_of_its_range(name, value):

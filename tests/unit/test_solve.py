@@ -10,19 +10,19 @@ from engine.solve.solver import PLAIN_COLUMNS, Solver
 
 
 class Views:
-    """Gathers with a matrix of view shares, (n, n)."""
+    """Gathers with a matrix of form factors, (n, n)."""
 
-    def __init__(self, shares):
-        self._shares = np.asarray(shares)
+    def __init__(self, factors):
+        self._factors = np.asarray(factors)
 
     def iteration(self, radiance):
         yield 0.5
-        seen = self._shares.sum(axis=1, keepdims=True)
-        return np.concatenate([self._shares @ radiance, seen], axis=1).astype(np.float32)
+        seen = self._factors.sum(axis=1, keepdims=True)
+        return np.concatenate([self._factors @ radiance, seen], axis=1).astype(np.float32)
 
 
-def solve(shares, reflectance, emission, settings, accelerate=False, area=None, lights=None, glowing=True):
-    count = len(shares)
+def solve(factors, reflectance, emission, settings, accelerate=False, area=None, lights=None, glowing=True):
+    count = len(factors)
     colours = [np.broadcast_to(np.float32(x).reshape(-1, 1), (count, 3)) for x in (reflectance, emission)]
     lights = np.zeros((count, 3), np.float32) if lights is None else lights
     area = np.full(count, 1 / count, np.float32) if area is None else area
@@ -40,10 +40,10 @@ def furnace(rho, accelerate=False, **settings):
 
 
 def chain(count=8):
-    """Return view shares of rooms in a row, each open to its neighbours: light spreads slowly."""
-    shares = np.eye(count) * 0.6 + np.eye(count, k=1) * 0.2 + np.eye(count, k=-1) * 0.2
-    shares[0, 0] = shares[-1, -1] = 0.8
-    return shares
+    """Return form factors of rooms in a row, each open to its neighbours: light spreads slowly."""
+    factors = np.eye(count) * 0.6 + np.eye(count, k=1) * 0.2 + np.eye(count, k=-1) * 0.2
+    factors[0, 0] = factors[-1, -1] = 0.8
+    return factors
 
 
 @pytest.mark.parametrize("rho", [0.6, 0.9])
@@ -108,15 +108,15 @@ def test_ground_without_bounces_does_not_hide_the_error_of_a_closed_room(rho):
 @pytest.mark.parametrize("glowing", [True, False])
 def test_acceleration_finds_the_same_light_in_far_fewer_sweeps(glowing):
     """Rooms in a row of reflectance 0.9, lit at one end by emission or by a lamp."""
-    shares, rho = chain(), 0.9
+    factors, rho = chain(), 0.9
     emission, lights = np.zeros(8), np.zeros((8, 3), np.float32)
     (emission if glowing else lights)[0] = 1
     settings = Settings(iterations=400, tolerance=1e-4)
-    source = shares @ emission + lights[:, 0]
-    true = np.linalg.solve(np.eye(8) - rho * shares, source)
+    source = factors @ emission + lights[:, 0]
+    true = np.linalg.solve(np.eye(8) - rho * factors, source)
     sweeps = {}
     for accelerate in (False, True):
-        solution, _ = solve(shares, rho, emission, settings, accelerate, lights=lights, glowing=glowing)
+        solution, _ = solve(factors, rho, emission, settings, accelerate, lights=lights, glowing=glowing)
         error = np.abs(solution.irradiance[:, 0] - true) / true
         assert error.mean() < 3e-4
         sweeps[accelerate] = solution.iterations
@@ -124,11 +124,11 @@ def test_acceleration_finds_the_same_light_in_far_fewer_sweeps(glowing):
 
 
 def test_the_estimate_of_accelerated_sweeps_bounds_their_error():
-    shares, rho, emission = chain(), 0.8, np.linspace(1, 2, 8)
-    true = np.linalg.solve(np.eye(8) - rho * shares, shares @ emission)
+    factors, rho, emission = chain(), 0.8, np.linspace(1, 2, 8)
+    true = np.linalg.solve(np.eye(8) - rho * factors, factors @ emission)
     for sweeps in range(3, 9):
         settings = Settings(iterations=sweeps, tolerance=0)
-        solution, _ = solve(shares, rho, emission, settings, accelerate=True)
+        solution, _ = solve(factors, rho, emission, settings, accelerate=True)
         error = (np.abs(solution.irradiance[:, 0] - true) / true).mean()
         assert error < 4 * solution.residual + 1e-6
 

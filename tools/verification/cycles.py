@@ -167,7 +167,7 @@ class RealisedScene:
 def _move_uvs(mesh: bpy.types.Mesh, name: str, place) -> None:
     """Put a UV layer in its place in the atlas.
 
-    The layer is made anew: a copied mesh shares its arrays with the original, and foreach_set writes to both.
+    The layer is made anew: a copied mesh has the arrays of the original, and foreach_set writes to both.
     """
     layer = mesh.uv_layers[name]
     uvs = np.empty(2 * len(layer.uv), np.float32)

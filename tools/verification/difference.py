@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-#: A texel is on an edge of light if its 3 x 3 neighbourhood spans more than this share of the mean.
+#: A texel is on an edge of light if its 3 x 3 neighbourhood spans more than this fraction of the mean.
 _EDGE = 0.5
 
 #: Reflectance below which Cycles tells nothing.
@@ -21,7 +21,7 @@ class Difference:
     smooth      rmse off the edges of light
     noise       of the reference's mean, taken out of both rmse
     texels      compared; hidden: left out, since they are inside of something or black
-    edges       share of the texels that are on an edge of light
+    edges       fraction of the texels that are on an edge of light
     """
 
     rmse: float

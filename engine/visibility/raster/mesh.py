@@ -49,7 +49,7 @@ def indexed_mesh(
 def _distinct(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the first of each set of rows of equal bits, in their order, and each row's place among them.
 
-    Rows are told apart by a hash of 64 bits; should two different ones share it, all rows are kept.
+    Rows are told apart by a hash of 64 bits; should two different ones have the same, all rows are kept.
     """
     code = np.zeros(len(rows), np.uint64)
     for column in np.ascontiguousarray(rows).view(np.uint32).T:

@@ -11,7 +11,7 @@ import numpy as np
 from ...device.graphics import Graphics
 from .tiles import Tiles
 
-#: Patches in a row of the radiosity texture, and in all its rows: front and back share 16384.
+#: Patches in a row of the radiosity texture, and in all its rows: front and back have 16384 together.
 _ROW = 4096
 MAX_PATCHES = _ROW * 8192 - 1
 

@@ -20,7 +20,7 @@ _GROUP = 256
 #: So many clusters are split from the top down: this makes better boxes than merging, but takes longer.
 _TOP = 2048
 
-#: If a round merges less than this share of the clusters, all merge in pairs instead: this bounds the depth.
+#: If a round merges less than this fraction of the clusters, all merge in pairs instead, to bound the depth.
 _FEWEST = 1 / 16
 
 #: A traversal stack is a multiple of so many nodes, so that few programs are built.

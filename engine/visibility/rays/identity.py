@@ -67,7 +67,7 @@ class RayIdentity:
     ) -> Generator[float, None, None]:
         """Gather from radiance, float4 of each source + 1, into light, float4 of each patch; keep nothing.
 
-        light  E/pi of all that is seen, and the share that is no back
+        light  E/pi of all that is seen, and the fraction that is no back
         """
         yield from self._run(self._gather_rays, 0, count, (radiance, light, patches_seen))
 

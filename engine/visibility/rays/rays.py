@@ -59,7 +59,7 @@ class Rays:
         return hits[:, 0], hits[:, 1] != 0, distances
 
     def transmittance(self, origins: np.ndarray, directions: np.ndarray, distance: float) -> np.ndarray:
-        """Return the share of light, (m,) float32, that comes through along each ray up to a distance.
+        """Return the fraction of light, (m,) float32, that comes through along each ray up to a distance.
 
         origins, directions: (m, 3) float as for `cast`; distance in lengths of the direction.
         """

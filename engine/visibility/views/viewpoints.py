@@ -11,7 +11,7 @@ from ...scene.triangles import Triangles
 from ...settings import Settings
 from .hemicube import frames, rotations
 
-#: Height of the eye above the surface: a share of a texel's width, at most a share of the scene's
+#: Height of the eye above the surface: a fraction of a texel's width, at most a fraction of the scene's
 #: diagonal, and at least what float32 can tell apart at the patch's coordinates, in the world and from the
 #: scene's middle.
 OF_TEXEL = 0.01

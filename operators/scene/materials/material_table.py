@@ -172,7 +172,7 @@ def _once(names: Sequence[str]) -> list[str]:
 def _overlapping(item: SceneItem, atlas: str | None, placed: bool) -> tuple:
     """Return what tells items apart whose lightmap UVs may overlap, so that they need textures of their own.
 
-    Users of one mesh share its UVs, which may lie over those of other such meshes: each mesh has its texture,
+    Users of one mesh have its UVs, which may lie over those of other such meshes: each mesh has its texture,
     and each user if it matters where that is. Of occluders, without such UVs, a mean is taken.
     """
     if atlas is None or (item.instancer is None and item.source.data.users < 2):

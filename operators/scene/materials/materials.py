@@ -170,16 +170,16 @@ def _mix(reader: ShaderReader, node: bpy.types.Node) -> Surface:
     factor, threshold = reader.alpha(node.inputs[0])
     if first.is_hole and second.threshold is None:
         return Surface(second.reflectance, second.emission, second.alpha * factor, threshold)
-    share = min(max(factor.number, 0.0), 1.0)
+    mix = min(max(factor.number, 0.0), 1.0)
     if second.is_hole and first.threshold is None:
-        return Surface(first.reflectance, first.emission, first.alpha * (1 - share))
-    if share in (0.0, 1.0):
-        return second if share else first
+        return Surface(first.reflectance, first.emission, first.alpha * (1 - mix))
+    if mix in (0.0, 1.0):
+        return second if mix else first
     if first.alpha.number * second.alpha.number != 1:
         raise ComplexError
     return Surface(
-        first.reflectance * (1 - share) + second.reflectance * share,
-        first.emission * (1 - share) + second.emission * share,
+        first.reflectance * (1 - mix) + second.reflectance * mix,
+        first.emission * (1 - mix) + second.emission * mix,
         ONE,
     )
 

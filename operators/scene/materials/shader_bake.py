@@ -71,11 +71,11 @@ def bake_textures(
     """Return a material as textures over lightmap UVs, float32.
 
     They are "reflectance" and "emission", (h, w, 3), and "alpha", (h, w, 1), which is missing where it is
-    1. There may be variants of a material for objects that share the lightmap, each on a part of it. Raises
+    1. There may be variants of a material for objects of one lightmap, each on a part of it. Raises
     RuntimeError if Cycles cannot bake.
     """
-    share = np.sqrt(variants)
-    size = int(np.clip(resolution / share, _SMALLEST / min(share, _SHRINKING), _LARGEST))
+    scale = np.sqrt(variants)
+    size = int(np.clip(resolution / scale, _SMALLEST / min(scale, _SHRINKING), _LARGEST))
     with _stage(shapes, material, uv_layer) as stage:
         textures = {}
         for name in _PASSES:

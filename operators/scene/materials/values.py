@@ -58,7 +58,7 @@ class Surface:
     """What a shader does with light.
 
     reflectance, emission  of the part that is there
-    alpha                  the share of it that is there; grey
+    alpha                  the fraction of it that is there; grey
     threshold              see engine.Material
     """
 

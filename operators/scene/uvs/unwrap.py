@@ -14,7 +14,7 @@ from ...changes import Changes
 from ...lookup import find
 from ..messages import NO_ROOM, Troubles
 from .charts import pack_charts
-from .sharing import instanced_objects, shared_sources
+from .multi_user import instanced_objects, multi_user_sources
 from .uv_layers import add_layer, remove_layer
 from .uv_modifier import (
     NAME,
@@ -109,11 +109,11 @@ class _Unwrapping:
 
     def _store(self, targets: Sequence[Target]) -> list[_Page]:
         """Pack the charts of each atlas and store the UVs; return what lies together."""
-        shared, instanced = shared_sources(self._uv_layer), instanced_objects()
+        multi_user, instanced = multi_user_sources(self._uv_layer), instanced_objects()
         pages = []
         for atlas, members in _by_atlas(targets).items():
-            tiled = [target for target in members if _is_shared(target, shared, instanced)]
-            alone = [target for target in members if not _is_shared(target, shared, instanced)]
+            tiled = [target for target in members if _is_multi_user(target, multi_user, instanced)]
+            alone = [target for target in members if not _is_multi_user(target, multi_user, instanced)]
             area = sum(target.area for target in members)
             pages += self._pack(alone, atlas, self._resolution)
             for target in tiled:
@@ -223,18 +223,18 @@ def _without(targets: Sequence[Target], replaced: Sequence[Target]) -> list[Targ
     return [target for target in targets if any(obj.session_uid not in gone for obj in target.objects)]
 
 
-def _is_shared(target: Target, shared: set[int], instanced: set[int]) -> bool:
+def _is_multi_user(target: Target, multi_user: set[int], instanced: set[int]) -> bool:
     """Return whether several objects, or instances, may show a mesh, which then gets a square to itself."""
     first = target.objects[0]
     if target.topology is None:
-        return first.data.session_uid in shared
+        return first.data.session_uid in multi_user
     return len(target.objects) > 1 or first.session_uid in instanced
 
 
 def _tile_width(area: float, total: float, resolution: int) -> int:
     """Return about how many texels wide the tile of a mesh will be."""
-    share = np.sqrt(area / total) if total > 0 else 1.0
-    return int(np.clip(resolution * share, min(64, resolution), resolution))
+    scale = np.sqrt(area / total) if total > 0 else 1.0
+    return int(np.clip(resolution * scale, min(64, resolution), resolution))
 
 
 def _set_atlas(uid: int, atlas: str) -> None:

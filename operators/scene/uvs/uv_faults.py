@@ -10,10 +10,10 @@ from ....engine.scene.checks import UV_TOLERANCE
 _GRID = 512
 _CHUNK = 1 << 13
 
-#: Share of the covered texels that several triangles may cover.
+#: Fraction of the covered texels that several triangles may cover.
 _DOUBLED = 0.0025
 
-#: Share of the surface that may have next to no place, and what that is relative to the mean.
+#: Fraction of the surface that may have next to no place, and what that is relative to the mean.
 _MISSING = 0.005
 _FLAT = 0.01
 

@@ -9,7 +9,7 @@ import bpy
 from .uv_modifier import uv_source
 
 
-def shared_sources(uv_layer: str) -> set[int]:
+def multi_user_sources(uv_layer: str) -> set[int]:
     """Return the sources of lightmap UVs (see `uv_source`) that several objects, or instances, may show.
 
     Their charts have a square to themselves, and each object and instance a tile for it in an atlas.

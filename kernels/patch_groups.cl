@@ -1,12 +1,12 @@
-// Squares of neighbouring patches that share their bounces: in each square of texels, patches of one
+// Groups of neighbouring patches that are solved as one: in each square of texels, patches of one
 // material that lie in about one plane follow the one nearest to the square's middle.
 
 #define MOST 64  // texels of a square
 #define SAME_PLANE 0.95f
 
-__kernel void share(__global const uint *texel_to_patch, const int resolution, const int width,
-                    __global const int *texels, __global const int *materials,
-                    __global const float4 *receivers, __global uint *leaders)
+__kernel void group_patches(__global const uint *texel_to_patch, const int resolution, const int width,
+                            __global const int *texels, __global const int *materials,
+                            __global const float4 *receivers, __global uint *leaders)
 {
     const int x0 = width * get_global_id(0), y0 = width * get_global_id(1);
     const size_t page = (size_t)get_global_id(2) * resolution * resolution;

@@ -32,7 +32,7 @@ _FIRST, _LAST = 16, 4096
 
 
 def operator_bake(context: bpy.types.Context, values: dict[str, Any]) -> tuple[float, Any]:
-    """Bake as the Bake operator does: gather, engine, store; return seconds and the engine's Lightmap."""
+    """Bake as the Bake operator does: read the scene, bake, store; return seconds and the Lightmap."""
     session = importlib.import_module(f"{MODULE}.engine.session")
     runs = importlib.import_module(f"{MODULE}.operators.run")
     for name, value in values.items():
@@ -58,8 +58,8 @@ class Reference:
     seconds  of both when they were made
     """
 
-    def __init__(self, cycles: RealisedScene, gathered, name: str, samples: int, cache: Path) -> None:
-        key = _digest(gathered.scene, samples)
+    def __init__(self, cycles: RealisedScene, read, name: str, samples: int, cache: Path) -> None:
+        key = _digest(read.scene, samples)
         path = cache / f"reference-{name}-{samples}-{key}.npz"
         if not path.exists():
             with quiet_stdout():

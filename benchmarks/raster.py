@@ -21,7 +21,7 @@ from engine.errors import DeviceError
 from engine.gather.glsl import GlslIntegrator
 from engine.gather.opencl import CopiedIntegrator
 from engine.gather.protocol import Integrator
-from engine.scene.cutouts import gather_cutouts
+from engine.scene.cutouts import read_cutouts
 from engine.scene.model import Scene
 from engine.scene.triangles import Triangles, join_meshes
 from engine.settings import Settings
@@ -93,7 +93,7 @@ class Case:
     def raster(self, path: str | None = None, culling: bool = True) -> HemicubeRaster:
         """Return what draws the scene."""
         texel_to_patch = np.arange(LIGHTMAP**2, dtype=np.uint32).reshape(1, LIGHTMAP, LIGHTMAP)
-        cutouts = gather_cutouts(self.scene)
+        cutouts = read_cutouts(self.scene)
         return HemicubeRaster(
             self.graphics, self.tiles, self.triangles, cutouts, texel_to_patch, self.target, path, culling
         )

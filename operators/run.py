@@ -1,4 +1,4 @@
-"""One bake: gather, engine, store. The operators only drive it."""
+"""One bake: read the scene, bake, store. The operators only drive it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from .lookup import find
 from .result import images
 from .result.contents import lightmap_contents
 from .result.places import choose_places
-from .scene import Gathered, gather, visible_meshes
+from .scene import ReadScene, read_scene, visible_meshes
 from .scene.overlaps import without_overlaps
 from .scene.uvs.unwrap import unwrap_missing
 from .scene.uvs.uv_modifier import has_uvs, uv_source
@@ -35,7 +35,7 @@ Job = Generator[Progress | None, None, Lightmap]
 class Run:
     """A bake of the context's scene; what it changes can be taken back until `finish` returns.
 
-    Making one gathers the scene and raises EngineError, with everything as before, if that fails.
+    Making one reads the scene and raises EngineError, with everything as before, if that fails.
 
     watched    False shows no partial lightmaps: nobody sees them before the bake is done
     makes_uvs  it has made lightmap UVs: an undo step must follow before anything else happens
@@ -51,19 +51,19 @@ class Run:
         self.failure: str | None = None
         self._start = time.perf_counter()
         try:
-            self._gathered = self._gather(context)
-            self._names = _image_names(self._gathered.scene, self._settings)
+            self._read = self._read_scene(context)
+            self._names = _image_names(self._read.scene, self._settings)
             self._places = choose_places(
                 context.scene, self._names, context.scene.hemibake.directory, self._changes
             )
-            self._seconds = {"gather": time.perf_counter() - self._start}
+            self._seconds = {"read": time.perf_counter() - self._start}
             self._bake = bake
-            self._job = bake(self._gathered.scene, self._settings)
+            self._job = bake(self._read.scene, self._settings)
         except BaseException:
             self._changes.take_back()
             raise
 
-    def _gather(self, context: bpy.types.Context) -> Gathered:
+    def _read_scene(self, context: bpy.types.Context) -> ReadScene:
         """Return the visible objects, with lightmap UVs made where they are missing."""
         properties = context.scene.hemibake
         self._settings = replace(read_settings(properties), partials=self._watched)
@@ -77,7 +77,7 @@ class Run:
             for obj in usable
             if has_uvs(obj, self._uv_layer)
         }
-        return gather(context, usable, self._uv_layer, self._settings.resolution, made.notes)
+        return read_scene(context, usable, self._uv_layer, self._settings.resolution, made.notes)
 
     def step(self) -> Progress | None:
         """Let the engine do a slice of work; raises StopIteration(Lightmap) at the end."""
@@ -92,11 +92,11 @@ class Run:
 
     def _leave_out_overlaps(self, error: OverlapError) -> None:
         """Start again without the objects whose charts lie on others'; raise the error if none is left."""
-        gathered = without_overlaps(self._gathered, self._settings.resolution)
-        if gathered.entries == self._gathered.entries or not any(gathered.entries):
+        read = without_overlaps(self._read, self._settings.resolution)
+        if read.entries == self._read.entries or not any(read.entries):
             raise error
-        self._gathered = gathered
-        self._job = self._bake(gathered.scene, self._settings)
+        self._read = read
+        self._job = self._bake(read.scene, self._settings)
 
     def drain(self) -> Lightmap:
         """Let the engine work to the end and return the lightmap."""
@@ -145,7 +145,7 @@ class Run:
     def _store(self, targets: list[bpy.types.Image], lightmaps: np.ndarray) -> list[str]:
         """Store lightmaps and return their files."""
         try:
-            contents = lightmap_contents(self._gathered, self._settings, self._uv_layer)
+            contents = lightmap_contents(self._read, self._settings, self._uv_layer)
             return images.store(targets, lightmaps, self._places, contents)
         except EngineError as error:
             self.failure = str(error)
@@ -190,16 +190,16 @@ class Run:
 
         lost: objects without lightmap UVs, which stay as they are
         """
-        image = dict(zip(self._gathered.scene.atlases, targets, strict=False))
+        image = dict(zip(self._read.scene.atlases, targets, strict=False))
         editable = {obj.session_uid: obj for obj in bpy.data.objects if obj.is_editable}
         instances: dict[int, list[dict]] = {}
-        for uid, name, number, place in self._gathered.instances:
+        for uid, name, number, place in self._read.instances:
             if uid in editable and name not in lost.values():
                 entry = {"object": name, "persistent_id": number, "image": image[place.atlas].name}
                 instances.setdefault(uid, []).append({**entry, "scale": place.scale, "offset": place.offset})
         for uid, entries in instances.items():
             editable[uid].hemibake.instances = json.dumps(entries)
-        for uid, place in self._gathered.objects:
+        for uid, place in self._read.objects:
             if uid in editable and uid not in lost:
                 properties = editable[uid].hemibake
                 properties.image, properties.uv_layer = image[place.atlas], self._uv_layer
@@ -207,7 +207,7 @@ class Run:
 
     def _report(self, lightmap: Lightmap, names: list[str], files: list[str], lost: dict[int, str]) -> dict:
         facts = lightmap.report
-        notes = [*self._gathered.notes, *facts.warnings]
+        notes = [*self._read.notes, *facts.warnings]
         if lost:
             sentence = "These objects lost their lightmap UVs during the bake, as by an undo: {}. Bake again."
             notes.append(naming(sentence, list(lost.values())))
@@ -217,10 +217,10 @@ class Run:
             )
         seconds = {**self._seconds, **facts.seconds, "total": time.perf_counter() - self._start}
         return {
-            "objects": sum(uid not in lost for uid, _ in self._gathered.objects),
-            "instances": sum(name not in lost.values() for _, name, *_ in self._gathered.instances),
-            "triangles": self._gathered.triangles,
-            "scene_bytes": self._gathered.bytes,
+            "objects": sum(uid not in lost for uid, _ in self._read.objects),
+            "instances": sum(name not in lost.values() for _, name, *_ in self._read.instances),
+            "triangles": self._read.triangles,
+            "scene_bytes": self._read.bytes,
             "patches": int(facts.patches),
             "method": facts.method,
             "visibility": facts.visibility,

@@ -111,15 +111,15 @@ def _cycles(bpy, scene: Scene, resolution: int, samples: int, options: Options):
     from benchmarks.contest import Reference
     from tools.headless import quiet_stdout
     from tools.verification.cycles import realised
-    from tools.verification.run import gathered_scene
+    from tools.verification.run import read_for_bake
 
     with quiet_stdout():
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
         _build(bpy, scene)
         bpy.context.scene.hemibake.resolution = resolution
-        gathered, _ = gathered_scene(bpy.context)
-    with realised(bpy.context, gathered, resolution) as cycles:
-        return Reference(cycles, gathered, f"box-{resolution}", samples, Path(options.cache))
+        read, _ = read_for_bake(bpy.context)
+    with realised(bpy.context, read, resolution) as cycles:
+        return Reference(cycles, read, f"box-{resolution}", samples, Path(options.cache))
 
 
 def _build(bpy, scene: Scene) -> None:

@@ -120,7 +120,7 @@ def _measure(case: _Case, path: Path | None, options: Options) -> dict[str, Any]
     from benchmarks import contest
     from tools.headless import quiet_stdout
     from tools.verification.cycles import realised
-    from tools.verification.run import gathered_scene, known_texels
+    from tools.verification.run import known_texels, read_for_bake
 
     limit = 40.0 if options.full or options.gpu else 25.0
     with quiet_stdout():
@@ -130,10 +130,10 @@ def _measure(case: _Case, path: Path | None, options: Options) -> dict[str, Any]
         settings = bpy.context.scene.hemibake
         settings.resolution, settings.directory = case.resolution, folder
         with quiet_stdout():
-            gathered, chosen = gathered_scene(bpy.context)
-        known_of = partial(known_texels, scene=gathered.scene, settings=chosen)
-        with realised(bpy.context, gathered, case.resolution) as cycles:
-            reference = contest.Reference(cycles, gathered, case.name, case.samples, Path(options.cache))
+            read, chosen = read_for_bake(bpy.context)
+        known_of = partial(known_texels, scene=read.scene, settings=chosen)
+        with realised(bpy.context, read, case.resolution) as cycles:
+            reference = contest.Reference(cycles, read, case.name, case.samples, Path(options.cache))
             ours, known = contest.hemibake_curve(bpy.context, reference, known_of, configurations(), limit)
             theirs = {
                 device: contest.cycles_curve(cycles, reference, known, device, min(_TARGETS), limit)
@@ -142,7 +142,7 @@ def _measure(case: _Case, path: Path | None, options: Options) -> dict[str, Any]
     return {
         "scene": case.name,
         "resolution": case.resolution,
-        "triangles": gathered.triangles,
+        "triangles": read.triangles,
         "reference_samples": 2 * reference.samples,
         "hemibake": ours,
         "cycles": theirs,

@@ -49,8 +49,8 @@ class Cutouts:
         return bool((self.maps[:, 1] > 0).any() or (self.constants[:, 0] < 1).any() or self.culled.any())
 
 
-def gather_cutouts(scene: Scene) -> Cutouts:
-    """Collect the alpha of all materials, and each triangle's place on its alpha map."""
+def read_cutouts(scene: Scene) -> Cutouts:
+    """Read the alpha of all materials, and each triangle's place on its alpha map."""
     images, maps = _Images(), np.zeros((len(scene.materials), 4), np.int32)
     for index, material in enumerate(scene.materials):
         if material.alpha_map is not None:

@@ -7,27 +7,27 @@ import bpy
 from ...engine.finish.outputs import output_names
 from ...engine.settings import Settings
 from ..lookup import find
-from ..scene import Gathered
+from ..scene import ReadScene
 
 
-def lightmap_contents(gathered: Gathered, settings: Settings, uv_layer: str) -> list[dict]:
+def lightmap_contents(read: ReadScene, settings: Settings, uv_layer: str) -> list[dict]:
     """Return "atlas", "output" and "objects" of each lightmap, output after output as they are baked."""
-    objects = _objects_by_atlas(gathered, uv_layer)
+    objects = _objects_by_atlas(read, uv_layer)
     return [
         {"atlas": atlas, "output": output, "objects": objects.get(atlas, [])}
-        for output in output_names(gathered.scene, settings)
-        for atlas in gathered.scene.atlases
+        for output in output_names(read.scene, settings)
+        for atlas in read.scene.atlases
     ]
 
 
-def _objects_by_atlas(gathered: Gathered, uv_layer: str) -> dict[str, list[dict]]:
+def _objects_by_atlas(read: ReadScene, uv_layer: str) -> dict[str, list[dict]]:
     """Return the objects and instances in each atlas: lightmap UV = UV of the mesh * scale + offset."""
     found: dict[str, list[dict]] = {}
-    for uid, place in gathered.objects:
+    for uid, place in read.objects:
         obj = find(bpy.data.objects, uid)
         if obj is not None:
             found.setdefault(place.atlas, []).append({"object": obj.name, **_placed(place, uv_layer)})
-    for uid, name, number, place in gathered.instances:
+    for uid, name, number, place in read.instances:
         instancer = find(bpy.data.objects, uid)
         if instancer is not None:
             entry = {"object": name, "instancer": instancer.name, "persistent_id": number}

@@ -1,6 +1,6 @@
 """Blender scene -> engine.Scene."""
 
-from .gather import Gathered, gather
 from .objects.visible import visible_meshes
+from .read import ReadScene, read_scene
 
-__all__ = ["Gathered", "gather", "visible_meshes"]
+__all__ = ["ReadScene", "read_scene", "visible_meshes"]

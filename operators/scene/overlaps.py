@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from ...engine.scene.model import OCCLUDER, Mesh, Scene
-from .gather import Gathered
 from .messages import OVERLAPPING, Troubles
+from .read import ReadScene
 from .uvs.uv_faults import covered_texels
 
 #: Texels that may lie in several triangles: of an object, and the fraction of all that it has.
@@ -16,22 +16,22 @@ _ALLOWED = 2
 _ALLOWED_SHARE = 0.005
 
 
-def without_overlaps(gathered: Gathered, resolution: int) -> Gathered:
-    """Return what was gathered such that no two charts lie on each other: the first keeps its place."""
-    overlapping = set(_overlapping(gathered.scene, resolution))
+def without_overlaps(read: ReadScene, resolution: int) -> ReadScene:
+    """Return what was read such that no two charts lie on each other: the first keeps its place."""
+    overlapping = set(_overlapping(read.scene, resolution))
     troubles = Troubles()
     for index in overlapping:
-        troubles.add(OVERLAPPING, gathered.scene.meshes[index].name)
+        troubles.add(OVERLAPPING, read.scene.meshes[index].name)
     meshes = tuple(
         replace(mesh, atlas=OCCLUDER) if index in overlapping else mesh
-        for index, mesh in enumerate(gathered.scene.meshes)
+        for index, mesh in enumerate(read.scene.meshes)
     )
-    gone = {gathered.entries[index] for index in overlapping}
+    gone = {read.entries[index] for index in overlapping}
     return replace(
-        gathered,
-        scene=replace(gathered.scene, meshes=meshes),
-        entries=tuple(None if entry in gone else entry for entry in gathered.entries),
-        notes=(*gathered.notes, *troubles.tell()),
+        read,
+        scene=replace(read.scene, meshes=meshes),
+        entries=tuple(None if entry in gone else entry for entry in read.entries),
+        notes=(*read.notes, *troubles.tell()),
     )
 
 

@@ -15,7 +15,7 @@ from engine.reference import cpu_hemicubes
 from engine.reference.cpu_patches import map_texels
 from engine.reference.form_factors import form_factors
 from engine.reference.gauss_seidel import gather, gauss_seidel
-from engine.scene.cutouts import gather_cutouts
+from engine.scene.cutouts import read_cutouts
 from engine.visibility.raster.raster import HemicubeRaster
 from engine.visibility.raster.targets import RadianceTarget
 from engine.visibility.raster.tiles import plan_tiles
@@ -72,7 +72,7 @@ def draw(room: Prepared, chosen: np.ndarray, radiance: np.ndarray) -> tuple[np.n
         compute = Compute()
         texel_to_patch = map_texels(room.scene, room.patches)
         target = RadianceTarget(graphics, tiles, room.emission, (*room.scene.world, 1.0))
-        cutouts = gather_cutouts(room.scene)
+        cutouts = read_cutouts(room.scene)
         raster = HemicubeRaster(graphics, tiles, room.triangles, cutouts, texel_to_patch, target)
         target.set_radiance(radiance)
         places = place_hemicubes(room.triangles, room.geometry, SETTINGS)

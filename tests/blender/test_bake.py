@@ -1,4 +1,4 @@
-"""The Bake operator from gather to file."""
+"""The Bake operator from reading to file."""
 
 from pathlib import Path
 
@@ -79,7 +79,7 @@ def test_report_tells_what_was_done(tmp_path):
     facts = report()
     assert facts["objects"] == 1 and facts["patches"] > 100 and facts["converged"]
     assert facts["iterations"] == len(facts["energies"]) > 1
-    assert {"gather", "hemicubes", "store", "total"} <= set(facts["seconds"])
+    assert {"read", "hemicubes", "store", "total"} <= set(facts["seconds"])
     assert set(facts["devices"]) == {"gl", "cl"}
     assert facts["files"] == [str(tmp_path / "lightmaps" / "scene_Lightmap.exr")]
     assert facts["warnings"] == []

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.blender.things import bpy_link, gather, mesh_object, part
+from tests.blender.things import bpy_link, mesh_object, part, read_scene
 
 #: Squares around the lamp, each with a cell of the lightmap, and texels of the lightmap.
 _SQUARES, _TEXELS = 36, 48
@@ -62,7 +62,7 @@ def hemibakes() -> np.ndarray:
     engine = part("engine")
     bpy.context.scene.hemibake.resolution = _TEXELS
     settings = engine.Settings(resolution=_TEXELS, outputs=("direct",), light_samples=256)
-    lightmap = engine.finished(part("engine.session").bake(gather().scene, settings))
+    lightmap = engine.finished(part("engine.session").bake(read_scene().scene, settings))
     return _means(lightmap.image[0], lightmap.has_patch[0])
 
 
@@ -182,7 +182,7 @@ def test_colour_strength_and_profile_multiply(around):
     tree.links.new(product.outputs[0], emission.inputs["Strength"])
     tree.links.new(warm.outputs[0], emission.inputs["Color"])
     compare_ies(around)
-    assert gather().notes == ()
+    assert read_scene().notes == ()
 
 
 @pytest.mark.parametrize("output", ["Quadratic", "Linear", "Constant"])
@@ -224,7 +224,7 @@ def test_a_broken_ies_file_is_named_and_baked_as_in_cycles(around, text):
     node = ies_node(tree, emission, text or "")
     if text is None:
         node.mode, node.filepath = "EXTERNAL", "//nowhere.ies"
-    (note,) = gather().notes
+    (note,) = read_scene().notes
     assert "IES" in note and "'Lamp'" in note
     ours, theirs = hemibakes(), cycles(around)
     assert ours == pytest.approx(theirs, rel=0.01)
@@ -240,6 +240,6 @@ def test_lamps_leave_nothing_behind(around):
         tree.links.new(warm.outputs[0], noise.inputs["Scale"])
     kinds = ("scenes", "objects", "lights", "meshes", "materials", "images", "texts", "node_groups")
     before = {kind: sorted(item.name for item in getattr(bpy.data, kind)) for kind in kinds}
-    notes = gather().notes
+    notes = read_scene().notes
     assert {kind: sorted(item.name for item in getattr(bpy.data, kind)) for kind in kinds} == before
     assert len(notes) == 1 and "'Lamp.002'" in notes[0]

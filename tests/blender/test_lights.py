@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.blender.things import bpy_link, gather, square
+from tests.blender.things import bpy_link, read_scene, square
 
 
 def lamp(kind, **values):
@@ -15,30 +15,30 @@ def lamp(kind, **values):
     return bpy_link(bpy.data.objects.new("Lamp", data))
 
 
-def gathered_light():
+def read_light():
     square()
-    (light,) = gather().scene.lights
+    (light,) = read_scene().scene.lights
     return light
 
 
 def test_point():
     lamp("POINT", energy=100, color=(1, 0.5, 0.25), shadow_soft_size=0.2).location = (1, 2, 3)
-    light = gathered_light()
+    light = read_light()
     assert light.kind == "point" and light.soft and light.radius == pytest.approx(0.2)
     assert light.strength == pytest.approx(np.array([1, 0.5, 0.25]) * 100 / (4 * np.pi), rel=1e-5)
-    assert light.position + gather().scene.origin == pytest.approx([1, 2, 3])
+    assert light.position + read_scene().scene.origin == pytest.approx([1, 2, 3])
 
 
 def test_spot():
     lamp("SPOT", energy=10, spot_size=1.0, spot_blend=0.3).rotation_euler = (np.pi / 2, 0, 0)
-    light = gathered_light()
+    light = read_light()
     assert (light.kind, light.half_angle, light.blend) == ("spot", pytest.approx(0.5), pytest.approx(0.3))
     assert -light.axes[2] == pytest.approx([0, 1, 0], abs=1e-6)
 
 
 def test_sun():
     lamp("SUN", energy=3, angle=0.1)
-    light = gathered_light()
+    light = read_light()
     assert light.kind == "sun" and light.half_angle == pytest.approx(0.05)
     assert light.strength == pytest.approx([3, 3, 3])
 
@@ -46,7 +46,7 @@ def test_sun():
 @pytest.mark.parametrize(("shape", "area"), [("SQUARE", 4.0), ("RECTANGLE", 2.0), ("ELLIPSE", np.pi / 2)])
 def test_area_with_scale(shape, area):
     lamp("AREA", energy=12, shape=shape, size=2, size_y=1, spread=1.0).scale = (2, 3, 1)
-    light = gathered_light()
+    light = read_light()
     assert light.strength == pytest.approx(np.full(3, 12 / (np.pi * area * 6)), rel=1e-5)
     assert light.half_angle == pytest.approx(0.5) and light.ellipse == (shape == "ELLIPSE")
 
@@ -57,7 +57,7 @@ def test_exposure_temperature_and_normalization():
         pytest.skip("Lights have these since 4.5.")
     obj.data.exposure, obj.data.normalize = 1.0, False
     obj.data.use_temperature, obj.data.temperature = True, 3000
-    light = gathered_light()
+    light = read_light()
     warm = np.array(obj.data.temperature_color)[:3]
     assert light.strength == pytest.approx(24 / np.pi * warm, rel=1e-5)
     assert light.strength[0] > 2 * light.strength[2]
@@ -70,7 +70,7 @@ def test_shadowless_and_hidden_lights():
     hidden = lamp("POINT")
     hidden.hide_render = True
     bpy.context.view_layer.update()
-    assert not gathered_light().casts_shadow
+    assert not read_light().casts_shadow
 
 
 def test_instances_of_a_light_are_lights():
@@ -85,7 +85,7 @@ def test_instances_of_a_light_are_lights():
         instance.instance_type, instance.instance_collection = "COLLECTION", inside
         instance.location.x = number
     square()
-    scene = gather().scene
+    scene = read_scene().scene
     assert sorted(light.position[0] + scene.origin[0] for light in scene.lights) == pytest.approx([0, 1, 2])
 
 
@@ -95,15 +95,15 @@ def test_negative_power_is_refused_by_name():
     from tests.blender.things import part
 
     with pytest.raises(part("engine.errors").SceneError, match="Light 'Lamp'.*negative"):
-        gather()
+        read_scene()
 
 
 def test_portals_are_named_and_not_used():
     obj = lamp("AREA")
     obj.data.cycles.is_portal = True
     square()
-    gathered = gather()
-    assert gathered.scene.lights == () and "Portals" in gathered.notes[0] and "'Lamp'" in gathered.notes[0]
+    read = read_scene()
+    assert read.scene.lights == () and "Portals" in read.notes[0] and "'Lamp'" in read.notes[0]
 
 
 @pytest.mark.parametrize("kind", ["SUN", "SPOT", "AREA"])
@@ -113,9 +113,9 @@ def test_lamps_scaled_to_0_light_nothing_and_are_named(kind):
     lamp("POINT").scale = (0, 0, 0)
     lamp("SUN").scale = (0, 0, 1)
     square()
-    gathered = gather()
-    assert [light.kind for light in gathered.scene.lights] == ["point", "sun"]
-    assert gathered.notes == ("Lamps that are scaled to 0 light nothing: 'Lamp'.",)
+    read = read_scene()
+    assert [light.kind for light in read.scene.lights] == ["point", "sun"]
+    assert read.notes == ("Lamps that are scaled to 0 light nothing: 'Lamp'.",)
 
 
 def test_a_bake_with_lamps_scaled_to_0_ends():
@@ -136,8 +136,8 @@ def test_light_linking_is_named():
     obj = lamp("POINT")
     obj.light_linking.receiver_collection = bpy.data.collections.new("Only these")
     square()
-    gathered = gather()
-    assert len(gathered.scene.lights) == 1 and "Light linking" in gathered.notes[0]
+    read = read_scene()
+    assert len(read.scene.lights) == 1 and "Light linking" in read.notes[0]
 
 
 def test_nodes_of_a_light_multiply_its_power():
@@ -145,7 +145,7 @@ def test_nodes_of_a_light_multiply_its_power():
     obj.data.use_nodes = True
     emission = next(node for node in obj.data.node_tree.nodes if node.bl_idname == "ShaderNodeEmission")
     emission.inputs["Strength"].default_value = 2.5
-    assert gathered_light().strength == pytest.approx([2.5, 2.5, 2.5])
+    assert read_light().strength == pytest.approx([2.5, 2.5, 2.5])
 
 
 def noded(kind="POINT", **values):
@@ -162,5 +162,5 @@ def test_nodes_of_any_kind_on_a_light_end_in_light(kind, socket):
     _, tree, emission = noded()
     node = tree.nodes.new(f"ShaderNode{kind}")
     tree.links.new(node.outputs[0], emission.inputs[socket])
-    light = gathered_light()
+    light = read_light()
     assert np.isfinite(light.strength).all() and light.strength.any()

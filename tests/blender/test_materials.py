@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.blender.things import SQUARE_UVS, gather, material, part, snapshot, square
+from tests.blender.things import SQUARE_UVS, material, part, read_scene, snapshot, square
 
 
 def image(pixels, name="Picture", space="sRGB"):
@@ -34,7 +34,7 @@ def textured(socket="Base Color", output="Color", pixels=None):
 
 
 def only_material():
-    (result,) = gather().scene.materials
+    (result,) = read_scene().scene.materials
     return result
 
 
@@ -45,7 +45,7 @@ def test_an_image_is_a_texture_over_its_own_uv_map():
     uv = surface.node_tree.nodes.new("ShaderNodeUVMap")
     uv.uv_map = "Tiles"
     surface.node_tree.links.new(uv.outputs[0], node.inputs["Vector"])
-    scene = gather().scene
+    scene = read_scene().scene
     texture = scene.materials[0].reflectance_map
     assert texture.pixels == pytest.approx(noise()[..., :3], abs=1e-6) and texture.srgb
     assert texture.uv_map == "Tiles"
@@ -59,7 +59,7 @@ def test_materials_that_use_an_image_share_its_pixels(output):
     other.image = node.image
     square(surface=first)
     square(surface=second)
-    maps = [entry.alpha_map for entry in gather().scene.materials]
+    maps = [entry.alpha_map for entry in read_scene().scene.materials]
     assert len(maps) == 2 and maps[0].pixels is maps[1].pixels
 
 
@@ -150,9 +150,9 @@ def test_networks_are_evaluated_by_blender_and_nothing_else_changes():
     node.inputs["Specular IOR Level"].default_value = 0
     square(surface=surface)
     before = snapshot()
-    gathered = gather()
-    assert snapshot() == before and gathered.notes == ()
-    result = gathered.scene.materials[0]
+    read = read_scene()
+    assert snapshot() == before and read.notes == ()
+    result = read.scene.materials[0]
     size = result.reflectance_map.pixels.shape[0]
     u = (np.arange(size) + 0.5) / size
     inside = slice(size // 5, 4 * size // 5)
@@ -175,7 +175,7 @@ def test_vertex_colours_are_evaluated():
     obj = square(surface=surface)
     paint = obj.data.color_attributes.new("Paint", "FLOAT_COLOR", "CORNER")
     paint.data.foreach_set("color", [0.25, 0.5, 0.75, 1] * 4)
-    texture = gather().scene.materials[0].reflectance_map
+    texture = read_scene().scene.materials[0].reflectance_map
     middle = texture.pixels[texture.pixels.shape[0] // 2, texture.pixels.shape[1] // 2]
     assert middle == pytest.approx([0.25, 0.5, 0.75], abs=0.01)
 
@@ -188,7 +188,7 @@ def test_nodes_that_only_objects_without_faces_have_are_not_evaluated():
     tree.links.new(node.outputs["Color"], tree.nodes["Principled BSDF"].inputs["Base Color"])
     square("Nothing yet", surface=surface).modifiers.new("Build", "BUILD")
     square()
-    assert sum(len(mesh.positions) for mesh in gather().scene.meshes) == 2
+    assert sum(len(mesh.positions) for mesh in read_scene().scene.meshes) == 2
 
 
 @pytest.mark.parametrize("broken", ["no image", "no file"])
@@ -200,15 +200,15 @@ def test_images_that_cannot_be_read_are_magenta_and_named(broken):
         node.image.source = "FILE"
         node.image.filepath = "//is/not/there.png"
     square(surface=surface)
-    gathered = gather()
-    assert gathered.scene.materials[0].reflectance_map.pixels[0, 0] == pytest.approx([1, 0, 1])
-    assert "'Textured'" in gathered.notes[0] and "magenta" in gathered.notes[0]
+    read = read_scene()
+    assert read.scene.materials[0].reflectance_map.pixels[0, 0] == pytest.approx([1, 0, 1])
+    assert "'Textured'" in read.notes[0] and "magenta" in read.notes[0]
 
 
 def test_several_materials_of_one_object():
     obj = square(surface=material("First", (0.1, 0.1, 0.1)))
     obj.data.materials.append(material("Second", (0.9, 0.9, 0.9)))
     obj.data.polygons[0].material_index = 1
-    scene = gather().scene
+    scene = read_scene().scene
     chosen = [scene.materials[index].name for index in scene.meshes[0].material]
     assert chosen == ["Second", "Second"]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.blender.things import SQUARE, SQUARE_UVS, bpy_link, gather, mesh_object, part
+from tests.blender.things import SQUARE, SQUARE_UVS, bpy_link, mesh_object, part, read_scene
 
 _COUNT = 3
 
@@ -42,7 +42,7 @@ def squares(material):
 
 def ours() -> np.ndarray:
     """Return the mean emission of each object or instance from left to right, (n, 3)."""
-    scene = gather().scene
+    scene = read_scene().scene
     meshes = sorted(scene.meshes, key=lambda mesh: mesh.positions[..., 0].min())
     return np.array([_mean_emission(scene.materials[mesh.material[0]]) for mesh in meshes])
 
@@ -203,7 +203,7 @@ def test_two_multi_user_meshes_with_one_material_have_textures_of_their_own(tmp_
     bpy_link(first.copy()).location = (0, 40, 0)
     bpy_link(second.copy()).location = (40, 40, 0)
     bpy_link(first.copy()).location = (4, 0, 0)
-    scene = gather().scene
+    scene = read_scene().scene
     seen = {mesh.name: _mean_emission(scene.materials[mesh.material[0]]) for mesh in scene.meshes}
     theirs = cycles(tmp_path)
     assert seen["First"] == pytest.approx(theirs[0], rel=0.03)
@@ -223,7 +223,7 @@ def test_many_variants_of_a_network_have_small_textures():
     for _ in range(16 - _COUNT):
         bpy_link(first.copy())
     bpy.context.view_layer.update()
-    maps = [item.emission_map.pixels for item in gather().scene.materials]
+    maps = [item.emission_map.pixels for item in read_scene().scene.materials]
     assert len(maps) == 16 and sum(pixels.size for pixels in maps) <= 512 * 512 * 3
     assert len({pixels.tobytes() for pixels in maps}) == 16
 
@@ -258,7 +258,7 @@ def test_instances_of_geometry_nodes_have_their_own_random_numbers(tmp_path):
     info = tree.nodes.new("ShaderNodeObjectInfo")
     tree.links.new(info.outputs["Random"], emission.inputs["Color"])
     scattered(material)
-    scene = gather().scene
+    scene = read_scene().scene
     near = [mesh for mesh in scene.meshes if mesh.positions[0, 0, 1] + scene.origin[1] < 50]
     near.sort(key=lambda mesh: mesh.positions[..., 0].min())
     mine = np.array([_mean_emission(scene.materials[mesh.material[0]]) for mesh in near])
@@ -271,5 +271,5 @@ def test_attributes_that_geometry_nodes_give_to_instances_are_named():
     node.attribute_type, node.attribute_name = "INSTANCER", "tint"
     tree.links.new(node.outputs["Color"], emission.inputs["Color"])
     scattered(material)
-    (note,) = (note for note in gather().notes if "tint" in note)
+    (note,) = (note for note in read_scene().notes if "tint" in note)
     assert "'Glow'" in note

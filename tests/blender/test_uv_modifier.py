@@ -10,11 +10,11 @@ from tests.blender.things import (
     SQUARE_UVS,
     bpy_link,
     furnace,
-    gather,
     material,
     mesh_object,
     part,
     pixels,
+    read_scene,
     report,
     snapshot,
     square,
@@ -57,7 +57,7 @@ def evaluated_uvs(obj, layer="Lightmap") -> np.ndarray:
 
 def coverage(*objects, size=256) -> np.ndarray:
     """Return how many triangles cover each texel centre of a grid over the lightmap."""
-    triangles = np.concatenate([mesh.uvs for mesh in gather().scene.meshes if mesh.name in objects])
+    triangles = np.concatenate([mesh.uvs for mesh in read_scene().scene.meshes if mesh.name in objects])
     centre = (np.arange(size) + 0.5) / size
     points = np.stack(np.meshgrid(centre, centre), axis=-1)
     count = np.zeros((size, size), int)

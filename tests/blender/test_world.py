@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.blender.things import bpy_link, gather, part, square
+from tests.blender.things import bpy_link, part, read_scene, square
 
 
 def world(**links):
@@ -40,14 +40,14 @@ def test_an_equirectangular_image_is_read_as_it_is():
     tree, background = world()
     environment(tree, background, sky())
     background.inputs["Strength"].default_value = 2
-    assert gather().scene.world == pytest.approx(2 * sky()[..., :3], rel=1e-5)
+    assert read_scene().scene.world == pytest.approx(2 * sky()[..., :3], rel=1e-5)
 
 
 def test_an_image_of_odd_size_is_shrunk_without_a_shift():
     square()
     tree, background = world()
     environment(tree, background, sky(1543))
-    read = gather().scene.world
+    read = read_scene().scene.world
     assert read.shape == (1024, 2048, 3)
     middles = (np.arange(1024) + 0.5) / 1024
     assert read[:, 7, 0] == pytest.approx(middles, abs=1e-3)
@@ -67,7 +67,7 @@ def test_a_turned_image_is_what_blender_renders():
     mapping.inputs["Rotation"].default_value = (0.3, -0.4, 1.1)
     tree.links.new(place.outputs["Generated"], mapping.inputs["Vector"])
     tree.links.new(mapping.outputs[0], node.inputs["Vector"])
-    read = gather().scene.world
+    read = read_scene().scene.world
     before = len(bpy.data.scenes), len(bpy.data.objects), len(bpy.data.cameras), len(bpy.data.images)
     rendered = part("operators.scene.light.panorama").render_world(bpy.context.scene.world)
     after = len(bpy.data.scenes), len(bpy.data.objects), len(bpy.data.cameras)
@@ -83,7 +83,7 @@ def test_other_nodes_are_rendered():
     place, separate = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeSeparateXYZ")
     tree.links.new(place.outputs["Generated"], separate.inputs[0])
     tree.links.new(separate.outputs["Z"], background.inputs["Color"])
-    rendered = gather().scene.world
+    rendered = read_scene().scene.world
     height = rendered.shape[0]
     z = -np.cos(np.pi * (np.arange(height) + 0.5) / height)
     assert rendered[:, 0, 0] == pytest.approx(np.maximum(z, 0), abs=0.02)
@@ -94,7 +94,7 @@ def test_no_world_is_black():
 
     square()
     bpy.context.scene.world = None
-    assert (gather().scene.world == 0).all()
+    assert (read_scene().scene.world == 0).all()
 
 
 @pytest.fixture
@@ -114,7 +114,7 @@ def test_a_rendered_world_leaves_no_render_result(small_pictures):
 
     square()
     checkered_world()
-    assert gather().scene.world.ndim == 3
+    assert read_scene().scene.world.ndim == 3
     assert not len(bpy.data.images)
 
 
@@ -130,5 +130,5 @@ def test_a_render_result_of_the_user_stays(small_pictures):
     scene.render.resolution_x = scene.render.resolution_y = 8
     bpy.ops.render.render()
     before = {image.session_uid for image in bpy.data.images}
-    gather()
+    read_scene()
     assert {image.session_uid for image in bpy.data.images} == before and len(before) == 2

@@ -67,13 +67,13 @@ def furnace(name="Furnace"):
     return mesh_object(name, CUBE, INWARD, surface=material("Glow", emission=1.0))
 
 
-def gather():
-    """Return what the add-on gathers from the scene."""
+def read_scene():
+    """Return what the add-on reads from the scene."""
     import bpy
 
     scene = part("operators.scene")
     objects = scene.visible_meshes(bpy.context)
-    return scene.gather(bpy.context, objects, "Lightmap", bpy.context.scene.hemibake.resolution)
+    return scene.read_scene(bpy.context, objects, "Lightmap", bpy.context.scene.hemibake.resolution)
 
 
 def loop_uvs(obj, layer="Lightmap") -> np.ndarray:

@@ -7,7 +7,7 @@ import pytest
 
 from engine import Material, Scene, SceneError, Settings, Texture
 from engine.scene import cutouts
-from engine.scene.cutouts import gather_cutouts
+from engine.scene.cutouts import read_cutouts
 from engine.visibility.raster import table
 from tests.analytic.drive import drive
 from tests.analytic.scenes import quads, rectangle
@@ -100,16 +100,16 @@ def test_an_image_is_kept_once_however_many_materials_use_it():
         see_through(pixels, alpha=0.5 + index / 20)
         for index, pixels in enumerate([image, image, image.copy(), other, image])
     ]
-    found = gather_cutouts(squares(materials))
+    found = read_cutouts(squares(materials))
     assert len(found.alpha) == 2 * image.size + 1
     assert found.maps[:, 0].tolist() == [0, 0, 0, image.size, 0, 0]
-    turned = gather_cutouts(squares([see_through(image), see_through(image.reshape(53, 37, 1))]))
+    turned = read_cutouts(squares([see_through(image), see_through(image.reshape(53, 37, 1))]))
     assert turned.maps[:2, 1:3].tolist() == [[53, 37], [37, 53]]
 
 
 def test_pixels_of_8_and_16_bits_are_kept_exactly():
     levels = np.concatenate([np.arange(256) / np.float32(255), np.arange(65536) / np.float32(65535)])
-    kept = gather_cutouts(squares([see_through(levels.astype(np.float32).reshape(1, -1, 1))])).alpha[:-1]
+    kept = read_cutouts(squares([see_through(levels.astype(np.float32).reshape(1, -1, 1))])).alpha[:-1]
     assert (kept[:256] == 257 * np.arange(256)).all() and (kept[256:] == np.arange(65536)).all()
 
 
@@ -125,4 +125,4 @@ def test_alpha_as_high_as_the_threshold_is_opaque(changes, threshold):
 def test_more_pixels_than_can_be_counted_are_a_clear_error(monkeypatch):
     monkeypatch.setattr(cutouts, "MOST_PIXELS", 100)
     with pytest.raises(SceneError, match="alpha maps.*'Holes'.*143 pixels.*at most 100.*smaller images"):
-        gather_cutouts(squares([see_through(np.ones((11, 13, 1), np.float32))]))
+        read_cutouts(squares([see_through(np.ones((11, 13, 1), np.float32))]))

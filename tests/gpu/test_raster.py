@@ -7,7 +7,7 @@ from engine.device.compute import Compute
 from engine.device.graphics import Graphics
 from engine.gather.glsl import GlslIntegrator
 from engine.gather.opencl import CopiedIntegrator
-from engine.scene.cutouts import gather_cutouts
+from engine.scene.cutouts import read_cutouts
 from engine.scene.triangles import join_meshes
 from engine.visibility.raster.clusters import Clusters
 from engine.visibility.raster.draw_paths import available_paths
@@ -29,7 +29,7 @@ def drawing(graphics, tiles, count, emission=0.0, eye=(0.5, 0.5, 0.5), nothing=(
     triangles = join_meshes(scene)
     texel_to_patch = np.ones((1, 32, 32), np.uint32)
     target = RadianceTarget(graphics, tiles, np.full((1, 3), emission, np.float32), nothing)
-    raster = HemicubeRaster(graphics, tiles, triangles, gather_cutouts(scene), texel_to_patch, target)
+    raster = HemicubeRaster(graphics, tiles, triangles, read_cutouts(scene), texel_to_patch, target)
     target.texture.write(np.full((tiles.layers, tiles.height, tiles.width, 4), before, np.float32).tobytes())
     target.set_radiance(np.full((1, 3), 2, np.float32))
     frame = frames(np.tile([0.0, 0.0, 1.0], (count, 1)), rotations(1, np.arange(count)))
@@ -77,7 +77,7 @@ def pictures(graphics, tiles, path=None, culling=True, **changes):
     target = RadianceTarget(graphics, tiles, np.zeros((64 * 64, 3), np.float32), (*WORLD, 1.0))
     target.set_radiance(np.random.default_rng(4).random((64 * 64, 3), np.float32))
     texel_to_patch = np.arange(64 * 64, dtype=np.uint32).reshape(1, 64, 64)
-    arguments = (graphics, tiles, triangles, gather_cutouts(scene), texel_to_patch, target, path, culling)
+    arguments = (graphics, tiles, triangles, read_cutouts(scene), texel_to_patch, target, path, culling)
     raster = HemicubeRaster(*arguments)
     count = tiles.capacity - 1
     chosen = np.linspace(0, len(triangles.positions) - 1, count).astype(int)
@@ -191,7 +191,7 @@ def test_half_floats_are_rounded_and_never_infinite(graphics):
     target.set_radiance(radiance)
     scene = furnace(0.5, 1.0)
     texel_to_patch = np.ones((1, 32, 32), np.uint32)
-    arguments = (graphics, tiles, join_meshes(scene), gather_cutouts(scene), texel_to_patch, target)
+    arguments = (graphics, tiles, join_meshes(scene), read_cutouts(scene), texel_to_patch, target)
     raster = HemicubeRaster(*arguments)
     frame = frames(np.tile([0.0, 0.0, 1.0], (3, 1)), np.zeros(3))
     list(raster.draw(matrices(frame, np.zeros((3, 3)), np.full(3, 1e-4), graphics.reversed_depth), 1))

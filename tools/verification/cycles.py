@@ -25,9 +25,9 @@ _COLOURS = {"ShaderNodeBsdfPrincipled": "Base Color", "ShaderNodeBsdfDiffuse": "
 
 
 @contextmanager
-def realised(context: bpy.types.Context, gathered, resolution: int) -> Iterator[RealisedScene]:
+def realised(context: bpy.types.Context, read, resolution: int) -> Iterator[RealisedScene]:
     """Make a scene of copies: objects and instances with their places in the lightmaps, lamps, the world."""
-    scene = RealisedScene(context, gathered, resolution)
+    scene = RealisedScene(context, read, resolution)
     try:
         yield scene
     finally:
@@ -40,12 +40,12 @@ class RealisedScene:
     seconds  wall time of Blender's bake operator in the last bake, s
     """
 
-    def __init__(self, context: bpy.types.Context, gathered, resolution: int) -> None:
+    def __init__(self, context: bpy.types.Context, read, resolution: int) -> None:
         self._items = importlib.import_module(f"{MODULE}.operators.scene.objects.items")
         self._uv_layer = context.scene.hemibake.uv_layer
         self._scene = bpy.data.scenes.new("Reference")
         self._scene.world = context.scene.world
-        self._atlases = gathered.scene.atlases
+        self._atlases = read.scene.atlases
         self._images = [_image(resolution) for _ in self._atlases]
         self._anchor = bpy.data.objects.new("Anchor", None)
         self._scene.collection.objects.link(self._anchor)
@@ -53,8 +53,8 @@ class RealisedScene:
         self._materials: dict[tuple, bpy.types.Material] = {}
         self._made: list = []
         self.seconds = 0.0
-        places = dict(gathered.objects)
-        places |= {(uid, number): place for uid, _, number, place in gathered.instances}
+        places = dict(read.objects)
+        places |= {(uid, number): place for uid, _, number, place in read.instances}
         depsgraph = context.evaluated_depsgraph_get()
         for item in self._items.scene_items(context, depsgraph):
             if item.object.type == "LIGHT":

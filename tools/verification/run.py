@@ -20,15 +20,15 @@ def verify(context, samples: int) -> tuple[Difference, np.ndarray, list[str]]:
     """
     engine = importlib.import_module(f"{MODULE}.engine")
     with quiet_stdout():
-        gathered, settings = gathered_scene(context)
-        lightmap = engine.finished(engine.bake(gathered.scene, settings))
-        with realised(context, gathered, settings.resolution) as reference:
+        read, settings = read_for_bake(context)
+        lightmap = engine.finished(engine.bake(read.scene, settings))
+        with realised(context, read, settings.resolution) as reference:
             bakes = reference.bake(samples, 1), reference.bake(samples, 2)
             colour = reference.colour()
 
-    known = known_texels(lightmap, gathered.scene, settings)
+    known = known_texels(lightmap, read.scene, settings)
     figures, difference = compare(lightmap.image, known, colour, bakes)
-    return figures, difference, [*gathered.notes, *lightmap.report.warnings]
+    return figures, difference, [*read.notes, *lightmap.report.warnings]
 
 
 def known_texels(lightmap, scene, settings) -> np.ndarray:
@@ -55,8 +55,8 @@ def _subdivided(scene, settings):
         context.release()
 
 
-def gathered_scene(context):
-    """Return what a bake of the context's scene gathers, and its settings; missing lightmap UVs are made."""
+def read_for_bake(context):
+    """Return what a bake of the context's scene reads, and its settings; missing lightmap UVs are made."""
     scene = importlib.import_module(f"{MODULE}.operators.scene")
     unwrap = importlib.import_module(f"{MODULE}.operators.scene.uvs.unwrap")
     changes = importlib.import_module(f"{MODULE}.operators.changes").Changes()
@@ -66,7 +66,7 @@ def gathered_scene(context):
     objects, layer = scene.visible_meshes(context), context.scene.hemibake.uv_layer
     made = unwrap.unwrap_missing(context, objects, layer, settings.resolution, changes)
     usable = [obj for obj in objects if obj not in made.skipped]
-    return scene.gather(context, usable, layer, settings.resolution, made.notes), settings
+    return scene.read_scene(context, usable, layer, settings.resolution, made.notes), settings
 
 
 def write_difference(difference: np.ndarray, path: Path) -> None:

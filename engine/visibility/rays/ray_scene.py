@@ -10,7 +10,7 @@ import pyopencl as cl
 from ...device.compute import Compute
 from ...errors import DeviceError
 from ...patches.subdivision import Subdivision
-from ...scene.cutouts import gather_cutouts
+from ...scene.cutouts import read_cutouts
 from ...scene.model import Scene
 from .rays import Rays
 from .receivers import pack_receivers
@@ -43,7 +43,7 @@ class RayScene:
     @cached_property
     def rays(self) -> Rays:
         """The triangles and their hierarchy."""
-        return Rays(self.compute, self._parts.triangles, gather_cutouts(self._scene))
+        return Rays(self.compute, self._parts.triangles, read_cutouts(self._scene))
 
     @cached_property
     def receivers(self) -> cl.Buffer:

@@ -11,7 +11,7 @@ import numpy as np
 from ...device.graphics import Graphics
 from ...device.raw_gl import DepthArray
 from ...patches.subdivision import Subdivision
-from ...scene.cutouts import gather_cutouts
+from ...scene.cutouts import read_cutouts
 from ...scene.model import Scene
 from ...settings import Settings
 from ..raster.raster import HemicubeRaster
@@ -57,7 +57,7 @@ class Hemicubes:
     ) -> None:
         self._tiles = tiles
         self._raster = HemicubeRaster(
-            graphics, tiles, parts.triangles, gather_cutouts(scene), parts.texel_to_patch, target
+            graphics, tiles, parts.triangles, read_cutouts(scene), parts.texel_to_patch, target
         )
         self._layers_per_slice = 1
         self._reversed_depth = graphics.reversed_depth

@@ -29,7 +29,7 @@ Entry = tuple[int, Place] | tuple[int, str, tuple[int, ...], Place]
 
 
 @dataclass(frozen=True)
-class Gathered:
+class ReadScene:
     """A scene ready for the engine.
 
     entries  of each mesh of the scene, None for an occluder
@@ -74,13 +74,13 @@ class Gathered:
 _MESH_ARRAYS = ("positions", "normals", "uvs", "face", "subface", "material")
 
 
-def gather(
+def read_scene(
     context: bpy.types.Context,
     objects: Sequence[bpy.types.Object],
     uv_layer: str,
     resolution: int,
     earlier_notes: Sequence[str] = (),
-) -> Gathered:
+) -> ReadScene:
     """Return what the scene shows as an engine.Scene; raises SceneError.
 
     objects  those that get a lightmap; every one with faces must have the UV layer. All other surfaces
@@ -121,7 +121,7 @@ def gather(
     check_scene(scene)
     note_skipped(context, notes)
     entries = tuple(_entry(reading, place) for reading, place in zip(readings, places, strict=True))
-    return Gathered(scene, entries, tuple(notes))
+    return ReadScene(scene, entries, tuple(notes))
 
 
 def _entry(reading: Reading, place: Place | None) -> Entry | None:

@@ -3,7 +3,17 @@
 import numpy as np
 import pytest
 
-from tests.blender.things import CUBE, INWARD, SQUARE, SQUARE_UVS, gather, material, mesh_object, part, square
+from tests.blender.things import (
+    CUBE,
+    INWARD,
+    SQUARE,
+    SQUARE_UVS,
+    material,
+    mesh_object,
+    part,
+    read_scene,
+    square,
+)
 
 
 def geometric_normals(mesh) -> np.ndarray:
@@ -14,7 +24,7 @@ def geometric_normals(mesh) -> np.ndarray:
 
 def test_quad_becomes_two_subfaces_of_one_face():
     square()
-    (mesh,) = gather().scene.meshes
+    (mesh,) = read_scene().scene.meshes
     assert mesh.face.tolist() == [0, 0]
     assert mesh.subface.tolist() == [0, 1]
     assert mesh.positions.dtype == mesh.normals.dtype == mesh.uvs.dtype == np.float32
@@ -25,14 +35,14 @@ def test_subfaces_count_within_polygons_of_any_size():
     hexagon = [(np.cos(a), np.sin(a), 0) for a in angles]
     triangle = [(3, 0, 0), (4, 0, 0), (3, 1, 0)]
     mesh_object("Mixed", hexagon + triangle, [range(6), (6, 7, 8)], np.zeros((9, 2)))
-    (mesh,) = gather().scene.meshes
+    (mesh,) = read_scene().scene.meshes
     assert mesh.face.tolist() == [0, 0, 0, 0, 1]
     assert mesh.subface.tolist() == [0, 1, 2, 3, 0]
 
 
 def test_corners_keep_their_uvs_and_places():
     square().location = (5, 6, 7)
-    scene = gather().scene
+    scene = read_scene().scene
     (mesh,) = scene.meshes
     positions = mesh.positions + scene.origin
     expected = 0.1 + 0.8 * (positions[..., :2] - (5, 6))
@@ -44,7 +54,7 @@ def test_corners_keep_their_uvs_and_places():
 def test_winding_and_normals_agree_for_any_scale(scale):
     uvs = np.zeros((24, 2))
     mesh_object("Cube", CUBE, INWARD, uvs).scale = scale
-    (mesh,) = gather().scene.meshes
+    (mesh,) = read_scene().scene.meshes
     normals = geometric_normals(mesh)
     np.testing.assert_allclose(mesh.normals, np.repeat(normals[:, None], 3, axis=1), atol=1e-5)
     centre = mesh.positions.reshape(-1, 3).mean(axis=0)
@@ -54,7 +64,7 @@ def test_winding_and_normals_agree_for_any_scale(scale):
 def test_modifiers_are_applied_and_the_mesh_is_not():
     obj = square()
     obj.modifiers.new("Subdivision", "SUBSURF").levels = 2
-    (mesh,) = gather().scene.meshes
+    (mesh,) = read_scene().scene.meshes
     assert len(mesh.positions) == 32
     assert len(obj.data.polygons) == 1
 
@@ -62,9 +72,9 @@ def test_modifiers_are_applied_and_the_mesh_is_not():
 def test_zero_area_triangles_are_left_out_with_a_note():
     sliver = [(2, 0, 0), (3, 0, 0), (4, 0, 0)]
     mesh_object("Sliver", SQUARE + sliver, [(0, 1, 2, 3), (4, 5, 6)], np.zeros((7, 2)))
-    gathered = gather()
-    assert len(gathered.scene.meshes[0].positions) == 2
-    assert gathered.notes == ("Object 'Sliver': 1 zero-area triangles were left out.",)
+    read = read_scene()
+    assert len(read.scene.meshes[0].positions) == 2
+    assert read.notes == ("Object 'Sliver': 1 zero-area triangles were left out.",)
 
 
 @pytest.mark.parametrize("distance", [1e10, np.inf])
@@ -73,17 +83,17 @@ def test_object_with_a_distant_vertex_is_left_out_and_the_others_keep_their_digi
     mesh_object("Wide", [(0, 0, 0), (9e8, 0, 0), (0, 9e8, 0)], [(0, 1, 2)], SQUARE_UVS[:3])
     square("Near", uvs=None).location = (1000, 2000, 3000)
     square("Also near").location = (1001, 2000, 3000)
-    gathered = gather()
-    assert [mesh.name for mesh in gathered.scene.meshes] == ["Wide", "Near", "Also near"]
-    assert any("'Far'" in note and "left out" in note for note in gathered.notes)
-    positions = gathered.scene.meshes[1].positions + gathered.scene.origin
+    read = read_scene()
+    assert [mesh.name for mesh in read.scene.meshes] == ["Wide", "Near", "Also near"]
+    assert any("'Far'" in note and "left out" in note for note in read.notes)
+    positions = read.scene.meshes[1].positions + read.scene.origin
     np.testing.assert_allclose(np.unique(positions[..., 0]), [1000, 1001], atol=1e-3)
 
 
 def test_loose_vertices_far_away_do_no_harm():
     mesh_object("Loose", [*SQUARE, (1e30, 0, 0)], [(0, 1, 2, 3)], SQUARE_UVS)
-    gathered = gather()
-    assert gathered.notes == () and np.abs(gathered.scene.meshes[0].positions).max() <= 1
+    read = read_scene()
+    assert read.notes == () and np.abs(read.scene.meshes[0].positions).max() <= 1
 
 
 def test_hidden_objects_are_not_baked():
@@ -99,7 +109,7 @@ def test_hidden_objects_are_not_baked():
     bpy.context.scene.collection.objects.unlink(inside)
     collection.objects.link(inside)
     collection.hide_render = True
-    assert [mesh.name for mesh in gather().scene.meshes] == ["Shown"]
+    assert [mesh.name for mesh in read_scene().scene.meshes] == ["Shown"]
 
 
 def test_users_of_one_mesh_get_places_of_their_own():
@@ -109,11 +119,11 @@ def test_users_of_one_mesh_get_places_of_their_own():
     second = bpy.data.objects.new("Second", first.data)
     second.location.x = 3
     bpy.context.scene.collection.objects.link(second)
-    gathered = gather()
-    assert gathered.scene.atlases == ("Lightmap instances",)
-    boxes = [(mesh.uvs.min(axis=(0, 1)), mesh.uvs.max(axis=(0, 1))) for mesh in gathered.scene.meshes]
+    read = read_scene()
+    assert read.scene.atlases == ("Lightmap instances",)
+    boxes = [(mesh.uvs.min(axis=(0, 1)), mesh.uvs.max(axis=(0, 1))) for mesh in read.scene.meshes]
     assert apart(*boxes)
-    for (uid, place), mesh in zip(gathered.objects, gathered.scene.meshes, strict=True):
+    for (uid, place), mesh in zip(read.objects, read.scene.meshes, strict=True):
         assert uid in {first.session_uid, second.session_uid}
         np.testing.assert_allclose(
             mesh.uvs[0], np.float32(SQUARE_UVS)[:3] * place.scale + np.array(place.offset), atol=1e-6
@@ -132,7 +142,7 @@ def test_larger_users_of_a_mesh_get_larger_places():
     second = bpy.data.objects.new("Second", first.data)
     second.scale = (2, 2, 2)
     bpy.context.scene.collection.objects.link(second)
-    (_, small), (_, large) = gather().objects
+    (_, small), (_, large) = read_scene().objects
     assert large.scale == pytest.approx(2 * small.scale)
 
 
@@ -153,10 +163,10 @@ def test_many_users_of_a_mesh_share_atlases():
     bpy.context.scene.hemibake.resolution = 128
     duplicates(40)
     square("Alone").hemibake.atlas = "Lightmap instances"
-    gathered = gather()
-    assert gathered.notes == ()
-    assert len(gathered.scene.atlases) == 2 and "Lightmap instances" in gathered.scene.atlases
-    boxes = [(mesh.uvs.min(axis=(0, 1)), mesh.uvs.max(axis=(0, 1))) for mesh in gathered.scene.meshes[:40]]
+    read = read_scene()
+    assert read.notes == ()
+    assert len(read.scene.atlases) == 2 and "Lightmap instances" in read.scene.atlases
+    boxes = [(mesh.uvs.min(axis=(0, 1)), mesh.uvs.max(axis=(0, 1))) for mesh in read.scene.meshes[:40]]
     assert all(apart(boxes[i], boxes[j]) for i in range(40) for j in range(i))
 
 
@@ -166,17 +176,17 @@ def test_more_users_of_a_mesh_than_fit_become_occluders():
     bpy.context.scene.hemibake.resolution = 8
     duplicates(65)
     with pytest.raises(part("engine.errors").SceneError, match=r"more objects and instances.*than fit"):
-        gather()
+        read_scene()
     alone = square("Alone")
-    gathered = gather()
-    assert [uid for uid, _ in gathered.objects] == [alone.session_uid] and len(gathered.scene.meshes) == 66
-    assert any("'First'" in note and "Raise the resolution" in note for note in gathered.notes)
+    read = read_scene()
+    assert [uid for uid, _ in read.objects] == [alone.session_uid] and len(read.scene.meshes) == 66
+    assert any("'First'" in note and "Raise the resolution" in note for note in read.notes)
 
 
 def test_atlases_that_the_user_named_are_not_too_many():
     for number in range(70):
         square(f"Square {number}").hemibake.atlas = f"Atlas {number}"
-    assert len(gather().scene.atlases) == 70
+    assert len(read_scene().scene.atlases) == 70
 
 
 def test_all_that_renders_show_takes_part():
@@ -206,12 +216,12 @@ def test_all_that_renders_show_takes_part():
     scene.objects.link(instance)
     lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT"))
     scene.objects.link(lamp)
-    gathered = gather()
-    assert gathered.notes == ()
-    seen = {mesh.name: mesh.atlas for mesh in gathered.scene.meshes}
+    read = read_scene()
+    assert read.notes == ()
+    seen = {mesh.name: mesh.atlas for mesh in read.scene.meshes}
     assert seen == {"Square": 0, "Tube": -1, "Hose": -1, "Text": -1, "Chair": 1}
-    assert [light.name for light in gathered.scene.lights] == ["Lamp"]
-    ((uid, name, _, place),) = gathered.instances
+    assert [light.name for light in read.scene.lights] == ["Lamp"]
+    ((uid, name, _, place),) = read.instances
     assert (uid, name, place.atlas) == (instance.session_uid, "Chair", "Lightmap instances")
 
 
@@ -231,9 +241,9 @@ def geometry_nodes(obj, kind):
 def test_object_whose_faces_are_made_by_modifiers_is_an_occluder():
     square()
     geometry_nodes(mesh_object("Made", [], []), "GeometryNodeMeshCube")
-    gathered = gather()
-    assert [(mesh.name, mesh.atlas) for mesh in gathered.scene.meshes] == [("Square", 0), ("Made", -1)]
-    (note,) = gathered.notes
+    read = read_scene()
+    assert [(mesh.name, mesh.atlas) for mesh in read.scene.meshes] == [("Square", 0), ("Made", -1)]
+    (note,) = read.notes
     assert "'Made': faces without lightmap UVs" in note and "apply its modifiers" in note
 
 
@@ -250,7 +260,7 @@ def test_array_that_moves_its_uvs_is_baked():
     obj = square(uvs=[(0.1, 0.1), (0.3, 0.1), (0.3, 0.3), (0.1, 0.3)])
     modifier = obj.modifiers.new("Array", "ARRAY")
     modifier.count, modifier.offset_u = 3, 0.25
-    assert len(gather().scene.meshes[0].positions) == 6
+    assert len(read_scene().scene.meshes[0].positions) == 6
 
 
 def test_principled_constants():
@@ -259,7 +269,7 @@ def test_principled_constants():
     node.inputs["Metallic"].default_value = 0.5
     node.inputs["Emission Color"].default_value = (1, 0.5, 0, 1)
     square(surface=surface)
-    (result,) = gather().scene.materials
+    (result,) = read_scene().scene.materials
     np.testing.assert_allclose(result.reflectance, (0.4, 0.2, 0.1), rtol=1e-6)
     np.testing.assert_allclose(result.emission, (3, 1.5, 0), rtol=1e-6)
 
@@ -272,18 +282,18 @@ def test_linked_sockets_rgb_nodes_count_others_are_evaluated():
     constant.outputs[0].default_value = (0.7, 0.6, 0.5, 1)
     tree.links.new(constant.outputs[0], node.inputs["Base Color"])
     square(surface=surface)
-    assert gather().notes == ()
-    np.testing.assert_allclose(gather().scene.materials[0].reflectance, (0.7, 0.6, 0.5), rtol=1e-6)
+    assert read_scene().notes == ()
+    np.testing.assert_allclose(read_scene().scene.materials[0].reflectance, (0.7, 0.6, 0.5), rtol=1e-6)
     tree.links.new(noise.outputs[1], node.inputs["Base Color"])
-    gathered = gather()
-    assert gathered.notes == () and gathered.scene.materials[0].reflectance_map.pixels.std() > 0.02
+    read = read_scene()
+    assert read.notes == () and read.scene.materials[0].reflectance_map.pixels.std() > 0.02
 
 
 def test_muted_shader_gives_no_light():
     surface = material("Muted", (0.1, 0.2, 0.3), emission=4)
     surface.node_tree.nodes["Principled BSDF"].mute = True
     square(surface=surface)
-    (result,) = gather().scene.materials
+    (result,) = read_scene().scene.materials
     assert not result.reflectance.any() and not result.emission.any()
 
 
@@ -302,10 +312,10 @@ def test_muted_nodes_pass_what_blender_links_internally():
     for node in (mix, invert, muted):
         node.mute = True
     square(surface=surface)
-    gathered = gather()
-    (result,) = gathered.scene.materials
+    read = read_scene()
+    (result,) = read.scene.materials
     np.testing.assert_allclose(result.reflectance, (0.7, 0.6, 0.5), rtol=1e-6)
-    assert not result.emission.any() and gathered.notes == ()
+    assert not result.emission.any() and read.notes == ()
 
 
 def test_no_material_is_grey_and_slots_may_belong_to_the_object():
@@ -313,7 +323,7 @@ def test_no_material_is_grey_and_slots_may_belong_to_the_object():
     painted = square("Painted", surface=material("Of the mesh", (1, 0, 0)))
     painted.material_slots[0].link = "OBJECT"
     painted.material_slots[0].material = material("Of the object", (0, 1, 0))
-    bare, own = gather().scene.materials
+    bare, own = read_scene().scene.materials
     np.testing.assert_allclose(bare.reflectance, 0.8, rtol=1e-6)
     assert own.name == "Of the object"
 
@@ -329,10 +339,10 @@ def test_world_is_colour_times_strength():
     background.inputs["Color"].default_value = (0.1, 0.2, 0.4, 1)
     background.inputs["Strength"].default_value = 5
     square()
-    np.testing.assert_allclose(gather().scene.world, (0.5, 1, 2), rtol=1e-6)
+    np.testing.assert_allclose(read_scene().scene.world, (0.5, 1, 2), rtol=1e-6)
 
 
-def test_mesh_in_edit_mode_is_gathered_as_edited():
+def test_mesh_in_edit_mode_is_read_as_edited():
     import bmesh
     import bpy
 
@@ -343,6 +353,6 @@ def test_mesh_in_edit_mode_is_gathered_as_edited():
     for vertex in edited.verts:
         vertex.co.z = 2
     bmesh.update_edit_mesh(obj.data)
-    scene = gather().scene
+    scene = read_scene().scene
     assert bpy.context.mode == "EDIT_MESH"
     np.testing.assert_allclose(scene.meshes[0].positions[..., 2] + scene.origin[2], 2)

@@ -64,8 +64,9 @@ def _leaders(rays: RayScene, parts: Subdivision, width: int) -> np.ndarray:
     lookup, texels, materials = (upload(compute, array) for array in arrays)
     leaders = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * len(patches))
     squares = -(-patches.resolution // (_SQUARES * width)) * _SQUARES
+    group = group_patches.group(_SQUARES, _SQUARES, 1)
     group_patches(
-        compute.queue, (squares, squares, len(parts.texel_to_patch)), group_patches.group(_SQUARES, _SQUARES, 1),
+        compute.queue, (squares, squares, len(parts.texel_to_patch)), group,
         lookup, np.int32(patches.resolution), np.int32(width), texels, materials, rays.receivers, leaders,
     )  # fmt: skip
     result = np.empty(len(patches), np.uint32)

@@ -214,7 +214,7 @@ class Solver:
 
     @property
     def _least_share(self) -> float:
-        """The least light that weights are made with, as a share of the mean.
+        """The least light that weights are made with, as a fraction of the mean.
 
         Acceleration lets patches below the mean weigh alike; factors are of errors relative to own light.
         """

@@ -119,7 +119,7 @@ def _word(description: Description) -> str:
     """Return what stands for an argument in the help."""
     match description.values:
         case Span(unit=unit, shown=shown):
-            return (shown[0] if shown else unit).replace("of the mean", "share").upper() or "N"
+            return (shown[0] if shown else unit).replace("of the mean", "fraction").upper() or "N"
         case SomeOf():
             return "NAMES"
         case Size():

@@ -27,7 +27,7 @@ def solve(factors, reflectance, emission, settings, accelerate=False, area=None,
     lights = np.zeros((count, 3), np.float32) if lights is None else lights
     area = np.full(count, 1 / count, np.float32) if area is None else area
     columns = COLUMNS if accelerate else PLAIN_COLUMNS
-    radiosity = HostRadiosity(Views(shares), *colours, area, lights, glowing, columns)
+    radiosity = HostRadiosity(Views(factors), *colours, area, lights, glowing, columns)
     solution = Solver(radiosity, lights, settings, glowing)
     while not solution.done:
         for _ in solution.iteration():
@@ -85,22 +85,22 @@ def test_residual_is_unknown_after_one_iteration():
 
 
 def room_beside_lit_ground(rho, room=23, ground=114):
-    """Return shares, reflectance and lights of a closed room, and of lit ground that none sees."""
+    """Return factors, reflectance and lights of a closed room, and of lit ground that none sees."""
     count = room + ground
-    shares = np.zeros((count, count))
-    shares[:room, :room] = 1 / room
+    factors = np.zeros((count, count))
+    factors[:room, :room] = 1 / room
     lights = np.repeat(np.float32([1, 7])[:, None], 3, axis=1)[np.arange(count) % 3 % 2]
     lights[:room] = 1
-    return shares, np.where(np.arange(count) < room, rho, 0.5), lights
+    return factors, np.where(np.arange(count) < room, rho, 0.5), lights
 
 
 @pytest.mark.parametrize("rho", [0.2, 0.9])
 def test_ground_without_bounces_does_not_hide_the_error_of_a_closed_room(rho):
     """The light of five patches out of six has settled; one in six goes on reflecting."""
-    shares, reflectance, lights = room_beside_lit_ground(rho)
+    factors, reflectance, lights = room_beside_lit_ground(rho)
     settings = Settings(iterations=200, tolerance=0.001)
-    solution, _ = solve(shares, reflectance, 0.0, settings, lights=lights, glowing=True)
-    true = np.linalg.solve(np.eye(len(lights)) - shares * reflectance, lights[:, 0])
+    solution, _ = solve(factors, reflectance, 0.0, settings, lights=lights, glowing=True)
+    true = np.linalg.solve(np.eye(len(lights)) - factors * reflectance, lights[:, 0])
     error = (np.abs(solution.irradiance[:, 0] - true) / true).mean()
     assert error == pytest.approx(solution.residual, rel=0.1) and solution.converged
 

@@ -53,9 +53,15 @@ def run_apart(
         with DeviceMemory() if watched else nullcontext() as memory:
             error = _wait(command, limit)
         seconds = time.perf_counter() - started
-        told = json.loads(answer.read_text(encoding="utf-8")) if answer.exists() else {}
+        outcome = json.loads(answer.read_text(encoding="utf-8")) if answer.exists() else {}
     peak = memory.peak if memory is not None else None
-    return Outcome(told.get("value"), told.get("error") or error, seconds, told.get("host_bytes"), peak)
+    return Outcome(
+        outcome.get("value"),
+        outcome.get("error") or error,
+        seconds,
+        outcome.get("host_bytes"),
+        peak,
+    )
 
 
 def _wait(command: list[str], limit: float | None) -> str | None:
@@ -111,14 +117,14 @@ def main() -> None:
     """Answer one call."""
     function, arguments, answer = sys.argv[1:]
     module, _, name = function.partition(":")
-    told: dict[str, Any] = {}
+    outcome: dict[str, Any] = {}
     try:
-        told["value"] = getattr(importlib.import_module(module), name)(**json.loads(arguments))
+        outcome["value"] = getattr(importlib.import_module(module), name)(**json.loads(arguments))
     except Exception as error:  # noqa: BLE001
         traceback.print_exc()
-        told["error"] = f"{type(error).__name__}: {error}"
-    told["host_bytes"] = _peak_host_bytes()
-    Path(answer).write_text(json.dumps(told), encoding="utf-8")
+        outcome["error"] = f"{type(error).__name__}: {error}"
+    outcome["host_bytes"] = _peak_host_bytes()
+    Path(answer).write_text(json.dumps(outcome), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -46,5 +46,5 @@ def label(values: dict[str, Any]) -> str:
 
 
 def settings(values: dict[str, Any], **more: Any) -> Settings:
-    """Return settings with some values."""
+    """Return settings with these values."""
     return Settings(partials=False, **values, **more)

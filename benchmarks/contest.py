@@ -171,8 +171,8 @@ def _errors(figures: Difference) -> dict[str, float | None]:
 
 def _digest(scene, samples: int) -> str:
     """Return a digest of what a reference depends on: the whole scene, samples and Blender's version."""
-    told = f"{bpy.app.version_string} {samples} {_plain(scene)!r}"
-    return hashlib.sha256(told.encode()).hexdigest()[:12]
+    key = f"{bpy.app.version_string} {samples} {_plain(scene)!r}"
+    return hashlib.sha256(key.encode()).hexdigest()[:12]
 
 
 def _plain(value: Any) -> Any:

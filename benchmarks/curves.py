@@ -67,7 +67,7 @@ def reach_by_sampling(samples: Sequence[int], points: Sequence[Point], target: f
     return Reach(last.seconds + max(each, 0.0) * (needed - samples[-1]), "extrapolated")
 
 
-def told(reached: Reach) -> str:
+def text_of(reached: Reach) -> str:
     """Return a reach as a cell of a table."""
     if reached.seconds is None:
         return reached.how

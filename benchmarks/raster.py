@@ -63,7 +63,7 @@ def opencl() -> Compute | None:
 
 
 def boxes(triangles: int) -> Scene:
-    """Return a closed room of 4 x 4 x 3 m with boxes in it; so many triangles, a multiple of 12 from 24."""
+    """Return a closed room of 4 x 4 x 3 m with boxes in it; `triangles` of them, a multiple of 12 from 24."""
     random = np.random.default_rng(7)
     shells = [room_walls(4, 4, 3)]
     width = 1.5 / max(1.0, (triangles / 12 - 1) ** (1 / 3))
@@ -157,7 +157,7 @@ def made(name: str, case: Case, raster: HemicubeRaster, compute: Compute | None)
 
 
 def quickest(work: Callable[[], Any], seconds: float) -> float:
-    """Return the least time of some runs that take so many seconds together, after a first one."""
+    """Return the least time of runs that together take `seconds`, after a first one that does not count."""
     work()
     times: list[float] = []
     while sum(times) < seconds:

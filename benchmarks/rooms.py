@@ -17,7 +17,7 @@ _WHITE, _RED, _GREEN, _LIGHT = range(4)
 
 
 def cornell_box(resolution: int) -> Scene:
-    """Return a closed Cornell box, 17 quads, whose charts fill a lightmap of so many texels a side.
+    """Return a closed Cornell box, 17 quads, whose charts fill a lightmap of `resolution` texels a side.
 
     Six walls, two boxes without bottoms and a light that hangs 0.1 m below the ceiling.
     """
@@ -26,14 +26,14 @@ def cornell_box(resolution: int) -> Scene:
 
 
 def dark_box(resolution: int, lamps: int) -> Scene:
-    """Return the same box without its light, lit by so many point lamps in a grid below the ceiling."""
+    """Return the same box without its light, lit by `lamps` point lamps in a grid below the ceiling."""
     pieces, materials = _cornell_quads()
     mesh = _charted(pieces[:-1], materials[:-1], resolution, "Box")
     return Scene((mesh,), _materials(0.0), lights=tuple(_lamps(lamps)))
 
 
 def hilly_room(resolution: int, triangles: int) -> Scene:
-    """Return a closed room with a light whose floor is a grid of hills of about so many triangles.
+    """Return a closed room with a light whose floor is a grid of hills; about `triangles` triangles.
 
     The floor's chart takes half of the lightmap. With 14 triangles or fewer the floor is flat.
     """

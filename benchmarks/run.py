@@ -2,7 +2,7 @@
 
     python benchmarks/run.py [--suite NAME ...] [--gpu] [--full] [--out FOLDER]
 
-Each suite runs in a process of its own: one that fails is told and the others go on. docs/benchmarks.md
+Each suite runs in a process of its own: one that fails is named and the others go on. docs/benchmarks.md
 explains the tables.
 """
 
@@ -47,7 +47,7 @@ def main() -> None:
         print(f"\n## {name}: {SUITES[name]}\n", flush=True)
         started = time.perf_counter()
         stored["suites"][name] = run_suite(name, options, machine["opencl"]["gpu"])
-        print(_told(name, stored["suites"][name], options))
+        print(_table(name, stored["suites"][name], options))
         print(f"\nMeasured in {time.perf_counter() - started:.0f} s.", flush=True)
         _write(path, stored)
     print(f"\nStored in {path}")
@@ -97,7 +97,7 @@ def _machine(gpu: bool) -> dict[str, Any]:
     return outcome.value
 
 
-def _told(name: str, suite: dict[str, Any], options: Options) -> str:
+def _table(name: str, suite: dict[str, Any], options: Options) -> str:
     """Return the tables of a suite."""
     if "failed" in suite:
         return f"Failed: {suite['failed']}"

@@ -45,7 +45,7 @@ class Report:
 class Lightmap:
     """Every atlas of a bake; row 0 is the bottom row (v = 0), as in OpenGL and Blender.
 
-    image      (atlases, h, w, 3) float32, the first output asked for (E/pi of all light unless told
+    image      (atlases, h, w, 3) float32, the first output asked for (E/pi of all light unless set
                otherwise); 0 where `has_patch` is False
     display    (atlases, h, w, 3) float32, `image` with hidden texels filled and charts dilated
     has_patch  (atlases, h, w) bool, texels that are patches

@@ -60,7 +60,7 @@ _BYTES = Span(0, 1 << 50, "bytes", ("MiB", 1 << 20))
 
 @dataclass(frozen=True)
 class Settings:
-    """The settings of one bake; what each does is told by its description."""
+    """The settings of one bake; its description says what each does."""
 
     resolution: int = described(
         256, "Resolution", "Width and height of each lightmap", Span(8, 16384, "texels"), "bake"

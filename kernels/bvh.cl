@@ -1,5 +1,5 @@
 // Builds the hierarchy of kernels/rays.cl: clusters of triangles along a Morton curve, each merged with its
-// best neighbour if that one wants it, too (PLOC; Meister and Bittner 2018), until few are left, which are
+// best neighbour if the choice is mutual (PLOC; Meister and Bittner 2018), until few are left, which are
 // split from the top down; then binary nodes are joined to nodes of WIDTH children with leaves of packets.
 // engine/visibility/rays/bvh.py runs the kernels.
 
@@ -148,7 +148,7 @@ __kernel void best_neighbours(__global const float *rows, const int stride, __gl
     best[i] = i + other;
 }
 
-// With whom a cluster merges: itself if the other one wants another. In pairs if `paired`.
+// With which neighbour a cluster merges: with itself unless the choice is mutual. In pairs if `paired`.
 int mate_of(__global const int *best, const int i, const int paired, const int count)
 {
     if (paired)

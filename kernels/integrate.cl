@@ -43,7 +43,7 @@ __kernel void reduce_row(__global const float4 *workspace, __global float4 *rows
     rows[(size_t)hemicube_row * width + x] = sum;
 }
 
-// One work group, of n items if there may be so many, halves the number of columns of one hemicube until one
+// One work group, of n items where the device allows, halves the number of columns of one hemicube until one
 // value is left.
 __kernel void reduce_column(__global const float4 *rows, __global float4 *irradiance, const int n,
                             __local float4 *partial)

@@ -69,7 +69,7 @@ uint look_along(const Rays *rays, const Lightmaps *lightmaps, const float3 origi
     __global const float4 *emission, __global const float4 *sky, const int sky_width, const int sky_height, \
     SAMPLES, const int samples, const int n, const uint salt, const int rotate
 
-// Which patches some patches see, a row of numbers each. One patch a group.
+// Which patches the patches of this launch see, a row of numbers each. One patch a group.
 __kernel void look(LOOK_ARGUMENTS, const int start, const int cached_from, __global Front *cache,
                    __global float4 *static_light, __global float *patches_seen, __local float4 *partial)
 {
@@ -91,7 +91,7 @@ __kernel void look(LOOK_ARGUMENTS, const int start, const int cached_from, __glo
     store_view(sum, patch, static_light, patches_seen, partial);
 }
 
-// The light that some patches gather, without keeping what they see.
+// The light that the patches of this launch gather, without keeping what they see.
 __kernel void gather_rays(LOOK_ARGUMENTS, const int start, __global const float4 *radiance,
                           __global float4 *gathered_light, __global float *patches_seen,
                           __local float4 *partial)

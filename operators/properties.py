@@ -45,7 +45,7 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
     )
     report: StringProperty(
         name="Report",
-        description="What the last bake told, as JSON",
+        description="Report of the last bake, as JSON",
         options={"HIDDEN"},
     )
 

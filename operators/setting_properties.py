@@ -47,35 +47,35 @@ def setting_values(properties: bpy.types.PropertyGroup) -> dict[str, Any]:
 
 def _property(description: Description, default: Any) -> Any:
     """Return the Blender property of a setting."""
-    told = {"name": description.label, "description": description.text}
+    labels = {"name": description.label, "description": description.text}
     match description.values:
         case Span() as span:
-            return _number(span, default, told)
+            return _number(span, default, labels)
         case OneOf(options):
-            return EnumProperty(items=_items(options), default=str(default), **told)
+            return EnumProperty(items=_items(options), default=str(default), **labels)
         case SomeOf(options):
-            return EnumProperty(items=_items(options), default=set(default), options={"ENUM_FLAG"}, **told)
+            return EnumProperty(items=_items(options), default=set(default), options={"ENUM_FLAG"}, **labels)
         case Switch():
-            return BoolProperty(default=default, **told)
+            return BoolProperty(default=default, **labels)
         case Size():
-            return IntVectorProperty(default=default, size=3, soft_min=0, **told)
+            return IntVectorProperty(default=default, size=3, soft_min=0, **labels)
         case FilePath():
-            return StringProperty(subtype="FILE_PATH", options=PATH_OPTIONS, **told)
+            return StringProperty(subtype="FILE_PATH", options=PATH_OPTIONS, **labels)
 
 
-def _number(span: Span, default: float, told: dict[str, str]) -> Any:
+def _number(span: Span, default: float, labels: dict[str, str]) -> Any:
     """Return the property of a number, in the unit that people read."""
     unit, scale = span.shown or (span.unit, 1)
     low = span.low if span.automatic is None else span.automatic
     limits = {"soft_min": -(-low // scale), "soft_max": min(span.high // scale, _LARGEST)}
     if unit == "m":
-        return FloatProperty(default=default, subtype="DISTANCE", **limits, **told)
+        return FloatProperty(default=default, subtype="DISTANCE", **limits, **labels)
     if isinstance(default, float):
-        return FloatProperty(default=default, precision=4, step=0.1, **limits, **told)
+        return FloatProperty(default=default, precision=4, step=0.1, **limits, **labels)
     if unit:
-        told["description"] += f", in {unit}"
+        labels["description"] += f", in {unit}"
     limits = {name: int(value) for name, value in limits.items()}
-    return IntProperty(default=default // scale, **limits, **told)
+    return IntProperty(default=default // scale, **limits, **labels)
 
 
 def _items(options: dict[Any, Option]) -> list[tuple[str, str, str]]:

@@ -106,7 +106,7 @@ class HEMIBAKE_PT_object(_Sidebar, bpy.types.Panel):
 
 
 class HEMIBAKE_PT_report(_Sidebar, bpy.types.Panel):
-    """What the last bake told."""
+    """Report of the last bake."""
 
     bl_label = "Last Bake"
     bl_parent_id = "HEMIBAKE_PT_bake"

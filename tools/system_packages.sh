@@ -40,7 +40,7 @@ opengl_packages() {
         echo libegl1 libgl1 libgl1-mesa-dri
 }
 
-# OpenCL: a kernel built as the engine does it; the PoCL of the requirements is older than some processors.
+# OpenCL: a kernel built as the engine does it; the PoCL of the requirements is older than recent processors.
 opencl_packages() {
     "$python" -c "from engine.device.compute import Compute; Compute()" 2>/dev/null ||
         echo pocl-opencl-icd

@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks import baking
 from benchmarks.configurations import configurations, fine, finest, label, settings
-from benchmarks.curves import Point, Reach, reach, told
+from benchmarks.curves import Point, Reach, reach, text_of
 from benchmarks.machine import has_bpy
 from benchmarks.options import ROOT, Options
 from benchmarks.rooms import cornell_box
@@ -44,7 +44,7 @@ def tables(records: list[dict[str, Any]], options: Options) -> str:
             record["resolution"] ** 2,
             record["patches"],
             name,
-            told(Reach(**found["reach"])),
+            text_of(Reach(**found["reach"])),
             percent(found["least"]),
         )
         for record in records

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.configurations import configurations, label
-from benchmarks.curves import Reach, reach, reach_by_sampling, told
+from benchmarks.curves import Reach, reach, reach_by_sampling, text_of
 from benchmarks.machine import has_bpy
 from benchmarks.options import ROOT, Options
 from benchmarks.tables import percent, table
@@ -43,7 +43,7 @@ _ALL = (
 
 
 def run(options: Options) -> list[dict[str, Any]]:
-    """Measure the curves of all scenes; those whose files are absent are told."""
+    """Measure the curves of all scenes; files that are absent are named."""
     if not has_bpy():
         return [{"scene": "all", "skipped": "Blender is not there as a Python module (bpy)"}]
     sys.path.insert(0, str(ROOT / "tools"))
@@ -193,12 +193,12 @@ def _row(record: dict[str, Any], contest: dict[str, Any]) -> tuple:
     least = min((point[error] for point in record["hemibake"] if point[error] is not None), default=None)
     return (
         record["scene"], record["resolution"], _ERRORS[error], f"{contest['target']:.0%}",
-        told(Reach(**contest["hemibake"])), told(Reach(**contest["cycles"])), contest["device"],
-        _told_ratio(contest), percent(least),
+        text_of(Reach(**contest["hemibake"])), text_of(Reach(**contest["cycles"])), contest["device"],
+        _ratio_text(contest), percent(least),
     )  # fmt: skip
 
 
-def _told_ratio(contest: dict[str, Any]) -> str | None:
+def _ratio_text(contest: dict[str, Any]) -> str | None:
     """Return a ratio as a cell: a bound where one of both times is one."""
     if contest["ratio"] is None:
         return None

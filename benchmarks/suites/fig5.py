@@ -20,7 +20,7 @@ _LAYERS = (1, 2, 4, 8)
 
 _PAPER = Path(__file__).resolve().parents[1] / "paper_fig5.json"
 
-#: The paper's mean is over so many iterations.
+#: Iterations that the paper's mean is taken over.
 _ITERATIONS = 30
 
 
@@ -46,7 +46,7 @@ def tables(records: list[dict[str, Any]], options: Options) -> str:
         "hemicube", "layers", "method", "paper, CPU", "paper, GPU", f"ours, this {kind}", f"ours, {rest}",
         "paper / ours", "patches timed",
     )  # fmt: skip
-    where = f"{rest} figures: {other['told']}" if other else f"No {rest} figures are stored yet."
+    where = f"{rest} figures: {other['source']}" if other else f"No {rest} figures are stored yet."
     return f"ms per iteration. Paper: {paper['cpu']}; {paper['gpu']}.\n{where}\n\n{table(titles, rows)}"
 
 
@@ -75,13 +75,13 @@ def _cached(n: int, budget: float, drawing_budget: float) -> dict[str, Any]:
     )  # fmt: skip
     with solving(nine_quad_room(), chosen) as (solver, choice, patches):
         first = time_iterations(solver, 1, drawing_budget)
-        told = {"first_ms": 1000 * first.seconds, "first_fraction": first.fraction}
+        first_facts = {"first_ms": 1000 * first.seconds, "first_fraction": first.fraction}
         if first.fraction < 1:
             reason = f"drawing takes more than {drawing_budget:.0f} s"
-            return {"hemicube": n, "layers": None, "method": choice.method, "skipped": reason, **told}
+            return {"hemicube": n, "layers": None, "method": choice.method, "skipped": reason, **first_facts}
         time_iterations(solver, 1, budget)
         timing = time_iterations(solver, _ITERATIONS, budget)
-    return {**_record(n, None, choice.method, patches, timing), **told}
+    return {**_record(n, None, choice.method, patches, timing), **first_facts}
 
 
 def _record(n: int, layers: int | None, method: str, patches: int, timing) -> dict[str, Any]:
@@ -126,6 +126,6 @@ def _stored(options: Options, records: list[dict]) -> dict[str, Any] | None:
         stored = json.loads(path.read_text(encoding="utf-8"))
         opencl, suite = stored["machine"]["opencl"], stored["suites"].get("fig5", {})
         if opencl["gpu"] != records[0]["gpu"] and suite.get("records"):
-            told = f"{opencl['device']}, commit {stored['machine']['commit']}, {path.name}"
-            return {"records": suite["records"], "told": told}
+            source = f"{opencl['device']}, commit {stored['machine']['commit']}, {path.name}"
+            return {"records": suite["records"], "source": source}
     return None

@@ -24,9 +24,9 @@ def run(options: Options) -> list[dict[str, Any]]:
     records = []
     for lamps in _LAMPS:
         seconds, lightmap = baking.timed(dark_box(resolution, lamps), chosen)
-        told = baking.facts(lightmap)
+        facts = baking.facts(lightmap)
         records.append({"lamps": lamps, "resolution": resolution, "light_samples": chosen.light_samples,
-                        "seconds": seconds, **told})  # fmt: skip
+                        "seconds": seconds, **facts})  # fmt: skip
     return records
 
 

@@ -83,14 +83,14 @@ def _grown(cases: list[dict[str, Any]], limit: float) -> list[dict[str, Any]]:
             records.append({**arguments, "skipped": too_long})
             continue
         outcome = run_apart("benchmarks.suites.scaling:case", arguments, 2 * limit, watched=True)
-        told = outcome.value or {"failed": outcome.error}
-        device = told.get("device_bytes") or outcome.device_bytes
-        records.append({**arguments, **told, "host_bytes": outcome.host_bytes, "device_bytes": device})
+        facts = outcome.value or {"failed": outcome.error}
+        device = facts.get("device_bytes") or outcome.device_bytes
+        records.append({**arguments, **facts, "host_bytes": outcome.host_bytes, "device_bytes": device})
         if index + 1 < len(cases) and not outcome.value:
             too_long = "a smaller one failed"
         elif index + 1 < len(cases):
             growth = cases[index + 1]["size"] / arguments["size"] if arguments["kind"] == "patches" else 1
-            if told["seconds"] * growth > limit:
+            if facts["seconds"] * growth > limit:
                 too_long = f"would take more than {limit:.0f} s"
     return records
 

@@ -15,7 +15,7 @@ def upload(compute: Compute, values: np.ndarray) -> cl.Buffer:
 
 
 def upload_float4(compute: Compute, values: np.ndarray, first: int = 0) -> cl.Buffer:
-    """Return (n, 3) float32 as float4 of each, after so many zeros; the fourth is 0."""
+    """Return (n, 3) float32 as (first + n, 4): rows of zeros first, then the values; the fourth is 0."""
     count = first + len(values)
     wide = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count)
     (widen,) = compute.kernels("widen.cl", "widen")
@@ -25,7 +25,7 @@ def upload_float4(compute: Compute, values: np.ndarray, first: int = 0) -> cl.Bu
 
 
 def zeros(compute: Compute, size: int) -> cl.Buffer:
-    """Return so many bytes, all 0."""
+    """Return a buffer of `size` bytes, all 0."""
     buffer = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)
     cl.enqueue_fill_buffer(compute.queue, buffer, np.zeros(1, np.float32), 0, size)
     return buffer

@@ -23,7 +23,7 @@ _PROBE = "__kernel void probe(__global float *x) { x[get_global_id(0)] = sqrt(2.
 class Compute:
     """An OpenCL context with one in-order queue; the first GPU found, else the first device.
 
-    group  work items that work on one patch, where a kernel can run in groups of so many: processors take a
+    group  work items that work on one patch, where a kernel can run in groups of this size: processors take a
            patch at a time
 
     Raises DeviceError if there is no device that can build kernels.
@@ -55,7 +55,7 @@ class Compute:
         return [self._kernels[key, name] for name in names]
 
     def run(self, kernel: Kernel, items: int, *arguments: object) -> None:
-        """Run a kernel for at least so many items; it has to leave those alone that are too many.
+        """Run a kernel for at least `items` work items; the kernel has to ignore those beyond.
 
         Work groups have one size whatever the number of items, since PoCL compiles a kernel anew for each.
         """

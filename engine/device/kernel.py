@@ -38,7 +38,7 @@ class Kernel:
         group: tuple[int, ...] | None,
         *arguments: object,
     ) -> cl.Event:
-        """Start so many work items, in groups.
+        """Start `items` work items, in groups.
 
         arguments  buffers, local memory, NumPy scalars, and arrays for vectors
         """

@@ -127,7 +127,7 @@ def check_references(mesh: Mesh, scene: Scene) -> None:
     if len(used) and not 0 <= used[0] <= used[-1] < len(scene.materials):
         raise SceneError(
             f"Object '{mesh.name}' names materials {used[0]} to {used[-1]} of {len(scene.materials)}. "
-            "Give its faces some of these."
+            "Give its faces one of them."
         )
     for material in (scene.materials[index] for index in used):
         for texture in _textures(material):

@@ -85,7 +85,7 @@ class Mesh:
     texture_uvs: dict[str, np.ndarray] = field(default_factory=dict)
 
     def part(self, chosen: np.ndarray) -> Mesh:
-        """Return some triangles, by a mask."""
+        """Return the triangles that a mask selects."""
         arrays = {name: getattr(self, name)[chosen] for name in _TRIANGLE_ARRAYS}
         return replace(
             self, texture_uvs={name: uvs[chosen] for name, uvs in self.texture_uvs.items()}, **arrays

@@ -111,7 +111,7 @@ def _words(text: str) -> list[str]:
 
 
 def _numbers(words: Sequence[str], first: int, count: int) -> np.ndarray:
-    """Return so many words as float64; raises SceneError if some are missing or no numbers."""
+    """Return the next `count` words as float64; raises SceneError if one is missing or no number."""
     if len(words) < first + count:
         raise SceneError("it ends too early")
     try:

@@ -23,7 +23,7 @@ class _Overlaps:
 
 
 def _even(places: np.ndarray) -> np.ndarray:
-    """Return the area between an image's start and some places of an axis: rows that are alike."""
+    """Return the area between an image's start and points along an axis, where rows are alike."""
     return places
 
 

@@ -12,17 +12,17 @@ import pyopencl as cl
 from ..device.buffers import upload_float4
 from ..device.compute import Compute
 
-#: So many patches have numbers of 16 bits.
+#: Most patches whose number plus 1 fits into 16 bits.
 _NARROW = (1 << 16) - 1
 
 
 def sample_bytes(sources: int) -> int:
-    """Return how many bytes hold the number of one of so many patches + 1, or 0: 2 or 4."""
+    """Return the bytes of a kept sample, 2 or 4: 0, or the number of one of `sources` patches plus 1."""
     return 2 if sources <= _NARROW else 4
 
 
 def sample_options(size: int) -> tuple[str, ...]:
-    """Return how kernels are built that read or write samples of so many bytes."""
+    """Return the build options of kernels that read or write samples of `size` bytes."""
     return ("-DNARROW",) if size == 2 else ()
 
 

@@ -71,7 +71,7 @@ class _Outbox:
             self.listen(None)
 
     def listen(self, patience: float | None = 0) -> None:
-        """Hear what the parent says within `patience` s (None: for ever); raise _CancelError if so told."""
+        """Hear what the parent says within `patience` s (None: for ever); raise _CancelError on a cancel."""
         if self._connection.poll(patience):
             request, *names = self._connection.recv()
             if request == "cancel":

@@ -96,7 +96,7 @@ def _remove(memory: SharedMemory) -> None:
 def _attach(name: str) -> SharedMemory:
     """Open a block without becoming responsible for it.
 
-    Until Python 3.13 brought `track`, opening a block also told the resource tracker to remove it
+    Until Python 3.13 brought `track`, opening a block also made the resource tracker remove it
     (python/cpython#82300), which would take it from the parent and print a warning.
     """
     if sys.version_info >= (3, 13):

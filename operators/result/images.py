@@ -108,8 +108,8 @@ def _write_all(lightmaps: np.ndarray, places: Places, facts: list[dict]) -> None
         staged = [staging / f"{index}.exr" for index in range(len(lightmaps))]
         for path, pixels in zip(staged, lightmaps, strict=True):
             write_exr(path, pixels)
-        manifest, told = staging / NAME, [{"blend": places.blend, **fact} for fact in facts]
-        write_manifest(manifest, places.folder, staged, places.names, told)
+        manifest, entries = staging / NAME, [{"blend": places.blend, **fact} for fact in facts]
+        write_manifest(manifest, places.folder, staged, places.names, entries)
         replace_all([manifest, *staged], [places.folder / NAME, *places.paths], staging)
 
 

@@ -131,7 +131,7 @@ def _candidates(scene: str, stem: str, atlas: str, others: set[str]) -> Iterator
 
 
 def file_name(name: str) -> str:
-    """Return a name without what file systems refuse: some characters, dots at the end, great length."""
+    """Return a name without what file systems refuse: reserved characters, dots at the end, great length."""
     plain = re.sub(r'[<>:"/\\|?*\x00-\x1f]', "_", name)
     short = plain.encode()[:_LONGEST].decode(errors="ignore").rstrip(". ")
     return short or "Lightmap"

@@ -9,7 +9,7 @@ from ...engine.scene.checks import LARGEST, MOST_FACES
 _LEFT_OUT = "left out of the bake"
 _SEEN = "seen and reflecting, but without a lightmap"
 
-NO_FACES = f"no faces with an area: {_LEFT_OUT}. Give it some, or set its role to Ignored."
+NO_FACES = f"no faces with an area: {_LEFT_OUT}. Give it faces, or set its role to Ignored."
 NOT_FINITE = (
     f"NaN or infinite vertex coordinates: {_LEFT_OUT}. Delete those vertices, "
     "or check the modifiers and the object's scale."
@@ -35,7 +35,7 @@ NO_ROOM = (
 )
 NO_TILE = (
     f"more objects and instances have the mesh than fit into lightmaps of this resolution: {_SEEN}. "
-    "Raise the resolution, or set the role of some to Occluder."
+    "Raise the resolution, or set the role of less important ones to Occluder."
 )
 LINKED = (
     f"no lightmap UVs of its own, and linked from another file: {_SEEN}. Make the mesh local, "

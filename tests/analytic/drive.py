@@ -23,13 +23,13 @@ def drive(scene: Scene, settings: Settings) -> Lightmap:
 
 
 def drive_with_progress(scene: Scene, settings: Settings) -> tuple[Lightmap, list[Progress]]:
-    """Bake to the end; return the lightmap and everything the bake told about itself."""
-    generator, told = bake(scene, settings), []
+    """Bake to the end; return the lightmap and all progress that the bake yielded."""
+    generator, progress = bake(scene, settings), []
     while True:
         try:
-            told.append(next(generator))
+            progress.append(next(generator))
         except StopIteration as stop:
-            return stop.value, told
+            return stop.value, progress
 
 
 def irradiance(lightmap: Lightmap) -> np.ndarray:

@@ -175,9 +175,9 @@ def recoloured_box(reflectances: list[float], emissions: list[float]) -> Scene:
 
 def sweeps(prepared: Prepared, settings: Settings) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return the radiance before and E/pi gathered by each iteration of a bake, (n, 3) float32 each."""
-    _, told = drive_with_progress(prepared.scene, dataclasses.replace(settings, accelerate=False))
+    _, steps = drive_with_progress(prepared.scene, dataclasses.replace(settings, accelerate=False))
     radiance, result = prepared.emission, []
-    for progress in told:
+    for progress in steps:
         if progress.partial is not None:
             gathered = progress.partial[0].reshape(-1, 3)[prepared.patches.texel]
             result.append((radiance, gathered))

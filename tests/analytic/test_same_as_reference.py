@@ -30,7 +30,7 @@ SETTINGS = Settings(resolution=128, hemicube=N, sample_emission=False, visibilit
 
 @dataclasses.dataclass
 class Hemicubes:
-    """Hemicubes of some patches of the nine-quad room; the radiance of a patch is (index, face + 1, 1).
+    """Hemicubes of a few patches of the nine-quad room; the radiance of a patch is (index, face + 1, 1).
 
     cast    (m, 3n, n, 4) float32, ray by ray
     drawn   (m, 3n, n, 4) float32, by OpenGL
@@ -65,7 +65,7 @@ def hemicubes(room) -> Hemicubes:
 
 
 def draw(room: Prepared, chosen: np.ndarray, radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Draw and integrate the hemicubes of some patches on the GPU path."""
+    """Draw and integrate the hemicubes of that sample on the GPU path."""
     tiles = plan_tiles(SETTINGS, len(chosen))
     graphics = Graphics()
     try:

@@ -137,7 +137,7 @@ def ies_node(tree, emission, text, socket="Strength"):
 
 
 def compare(obj, tolerance=0.01, steep=0):
-    """Bake with both and compare; some squares may lie where light is steep, such as the rim of a cone."""
+    """Bake with both and compare; a few squares may lie where light is steep, such as the rim of a cone."""
     ours, theirs = hemibakes(), cycles(obj)
     assert theirs.max() > 0 and np.ptp(theirs) > 0
     apart = np.abs(ours - theirs).max(axis=1) > tolerance * (theirs.max(axis=1) + 0.02 * theirs.max())

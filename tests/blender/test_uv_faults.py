@@ -1,4 +1,4 @@
-"""Lightmap UVs that are of no use are told from those that are."""
+"""Lightmap UVs that cannot be used are found, and those that can are not."""
 
 import numpy as np
 import pytest

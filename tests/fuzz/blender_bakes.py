@@ -113,7 +113,7 @@ def _preview(user: _User, case: Case) -> str:
 
 
 def _cancel(user: _User, case: Case) -> str:
-    """Cancel a bake after some slices, as the window does."""
+    """Cancel a bake after a few slices, as the window does."""
     before, files = user.state(), user.files()
     engine = part("engine")
     try:

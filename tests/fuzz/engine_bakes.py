@@ -61,7 +61,7 @@ def _bake(scene: Scene, settings: Settings) -> Lightmap:
 
 
 def _cancel(scene: Scene, settings: Settings, slices: int) -> None:
-    """Cancel a bake after some slices, or at its end."""
+    """Cancel a bake after a few slices, or at its end."""
     work = _session.bake(scene, settings)
     for _, progress in zip(range(slices), work, strict=False):
         _check_progress(progress)
@@ -117,7 +117,7 @@ def _check_room(lightmap: Lightmap, reflectance: float) -> None:
 
 
 def _check_patch_file(scene: Scene, settings: Settings, damage: int, expected: Lightmap) -> None:
-    """Check that a bake from a patch file is the same, and that a damaged file is told."""
+    """Check that a bake from a patch file is the same, and that a damaged file is an error."""
     with tempfile.TemporaryDirectory(prefix="hemibake-fuzz-") as folder:
         path = Path(folder) / "patches"
         kept = replace(settings, patch_file=str(path))

@@ -54,9 +54,9 @@ if __name__ == "__main__":
     devices.Graphics = WithoutComputeShaders
     devices.Compute = InGroups if "groups" in sys.argv else Compute
     compute = devices.Compute()
-    told = {"limit": compute.device.max_work_group_size}
+    facts = {"limit": compute.device.max_work_group_size}
     for name, settings in BAKES.items():
         lightmap = drive(room(), settings)
-        told |= {f"{name} {key}": float(image.mean()) for key, image in lightmap.passes.items()}
+        facts |= {f"{name} {key}": float(image.mean()) for key, image in lightmap.passes.items()}
         assert lightmap.report.integrator == "opencl"
-    sys.stdout.write(json.dumps(told))
+    sys.stdout.write(json.dumps(facts))

@@ -149,7 +149,7 @@ def test_small_texels_of_a_large_scene_see_what_is_near(baked, gap):
 
 
 def stacks(shift):
-    """Return boxes in a heap, some of which touch, with see-through, patterned and one-sided surfaces."""
+    """Return boxes in a heap, a few of which touch, with see-through, patterned and one-sided surfaces."""
     random, boxes, charts = np.random.default_rng(11), [], []
     for index in range(18):
         low = np.round(random.uniform(0, 4, 3))

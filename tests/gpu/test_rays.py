@@ -32,7 +32,7 @@ def random(count, size=0.5):
 
 
 def needles(count):
-    """Return long, thin triangles, and some that are lines or points."""
+    """Return long, thin triangles, among them lines and points."""
     triangles = random(count)
     triangles[:, 2] = triangles[:, 1] + (triangles[:, 2] - triangles[:, 1]) * 1e-2
     triangles[::7, 2] = triangles[::7, 1]
@@ -63,7 +63,7 @@ SOUPS = {
 
 
 def rays_for(triangles, count):
-    """Return rays from around some triangles to points on them, and some along the axes."""
+    """Return rays from around triangles to points on them, then rays along the axes."""
     generator = np.random.default_rng(5)
     low, high = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
     origins = (

@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def bakes(limit: int, *arguments: str) -> dict[str, float]:
-    """Return what tests/gpu/small_device_bakes.py tells on a device of PoCL with groups of so many items."""
+    """Return what tests/gpu/small_device_bakes.py reports on a device of PoCL whose groups are this small."""
     result = subprocess.run(
         [sys.executable, "-m", "tests.gpu.small_device_bakes", *arguments],
         cwd=ROOT,
@@ -22,10 +22,10 @@ def bakes(limit: int, *arguments: str) -> dict[str, float]:
         timeout=120,
     )
     assert result.returncode == 0, result.stderr
-    told: dict[str, float] = json.loads(result.stdout)
-    if told.pop("limit") > limit:
+    facts: dict[str, float] = json.loads(result.stdout)
+    if facts.pop("limit") > limit:
         pytest.skip("only PoCL can play a small device")
-    return told
+    return facts
 
 
 @pytest.fixture(scope="module")

@@ -27,7 +27,7 @@ BAKED = mesh([[(0, 0, 0), (1, 0, 0), (0, 1, 0)]], 0, [[(0, 0), (1, 0), (0, 1)]])
 
 
 def triangles(sizes, seed=0):
-    """Return right triangles of some sizes at places apart, (t, 3, 3)."""
+    """Return right triangles of the given sizes, apart from each other, (t, 3, 3)."""
     corner = np.random.default_rng(seed).random((len(sizes), 1, 3)) * 20
     return corner + np.asarray(sizes)[:, None, None] * np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)])
 

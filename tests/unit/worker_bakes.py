@@ -81,7 +81,7 @@ def deaf(scene, settings):
 
 
 def chatter(scene, settings):
-    """Yield and print much more than anyone wants to know."""
+    """Yield and print far more than a pipe holds."""
     for index in range(CHATTER):
         sys.stderr.write("x" * 100)
         yield Progress("hemicubes", index / CHATTER, index)
@@ -89,7 +89,7 @@ def chatter(scene, settings):
 
 
 def crash(scene, settings):
-    """Die as in a driver crash, after some last words."""
+    """Die as in a driver crash, after a last line of output."""
     yield Progress("patches", 0.0)
     sys.stderr.write("last words\n")
     os._exit(3)

@@ -16,7 +16,7 @@ from tools.verification.doubled import doubled_texels
 def verify(context, samples: int) -> tuple[Difference, np.ndarray, list[str]]:
     """Return the figures, the picture of the difference and the notes of Hemibake's bake.
 
-    The settings are the scene's. Objects without lightmap UVs get some, as in every bake.
+    The settings are the scene's. Objects without lightmap UVs are unwrapped, as in every bake.
     """
     engine = importlib.import_module(f"{MODULE}.engine")
     with quiet_stdout():

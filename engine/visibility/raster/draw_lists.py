@@ -53,7 +53,7 @@ def hemicube_items(seen: np.ndarray, slots: np.ndarray, draws: np.ndarray) -> Dr
 
 
 def _listed(items: np.ndarray, instances: np.ndarray, draws: np.ndarray) -> DrawList:
-    """Return the list of items, so many of each cluster."""
+    """Return the draw list of items, of which `instances` (c,) belong to each cluster."""
     commands = draws.copy()
     commands[:, 1] = instances
     commands[:, 4] = np.cumsum(instances) - instances

@@ -117,7 +117,7 @@ class HemicubeRaster:
             yield min(count, first + slots)
 
     def _draw_slots(self, path: DrawPath, matrices: np.ndarray, first: int, last: int) -> None:
-        """Draw some hemicubes, as many at a time as visibility is tested for at once."""
+        """Draw hemicubes first ... last, in steps for which one visibility test has room."""
         step = max(1, _TESTS // len(self._clusters))
         for start in range(first, last, step):
             end = min(start + step, last)
@@ -141,7 +141,7 @@ class HemicubeRaster:
             del self._paths[1:]
 
     def _seconds(self, path: DrawPath, matrices: np.ndarray, count: int) -> float:
-        """Return how long a path takes to draw so many hemicubes."""
+        """Return the time a path takes to draw the first `count` hemicubes, s."""
         self._graphics.context.finish()
         started = time.perf_counter()
         self._draw_slots(path, matrices, 0, count)

@@ -61,7 +61,7 @@ class Tiles:
 
 
 def plan_tiles(settings: Settings, patches: int, texel_bytes: int = COPIED_RADIANCE_BYTES) -> Tiles:
-    """Choose the texture array for a bake of so many patches, whose texels take so many bytes.
+    """Choose the texture array for a bake; `patches` is their number, a hemicube texel takes `texel_bytes`.
 
     Without `settings.array_size`, a layer holds as many hemicubes as one draw call can fill, so that
     a batch takes a single draw. Raises SettingsError if array_size holds no hemicube.

@@ -14,16 +14,16 @@ from .treetop import Treetop
 #: Clusters beyond either end of a row, and values that a work item sums, as in kernels/bvh.cl.
 _FAR, _CHUNK = 8, 32
 
-#: Items of a work group, where the device can run so many.
+#: Items of a work group; fewer where the device's limit is lower.
 _GROUP = 256
 
-#: So many clusters are split from the top down: this makes better boxes than merging, but takes longer.
+#: Clusters left when merging ends. These are split from the top down: better boxes, but slower to make.
 _TOP = 2048
 
 #: If a round merges less than this fraction of the clusters, all merge in pairs instead, to bound the depth.
 _FEWEST = 1 / 16
 
-#: A traversal stack is a multiple of so many nodes, so that few programs are built.
+#: Sizes of traversal stacks are multiples of this, nodes, so that few programs are built.
 _STACK = 64
 
 
@@ -159,7 +159,7 @@ class _Builder:
         return cluster, count, made
 
     def _join(self, cluster: cl.Buffer, count: int, made: int) -> int:
-        """Make the nodes above some clusters, from number `made` on; return the root."""
+        """Make the nodes above the clusters, numbered from `made` on; return the root."""
         picked = self._buffer(32 * count), self._buffer(16 * count)
         self._run("pick_clusters", count, cluster, self._boxes, self._links, *picked, np.int32(count))
         boxes, links = np.empty((count, 8), np.float32), np.empty((count, 4), np.int32)
@@ -224,7 +224,7 @@ class _Builder:
         return Bvh(nodes, packets, _layout(self._shape, stack), len(levels))
 
     def _level(self, roots: cl.Buffer, count: int) -> tuple[_Level, int]:
-        """Return the wide nodes of some binary nodes, and how many wide nodes are their children."""
+        """Return the wide nodes that stand for binary ones, and how many wide nodes are their children."""
         chunks = -(-count // _CHUNK)
         children = self._buffer(4 * self._shape.width * count)
         before, totals = self._buffer(8 * count), self._buffer(8 * (chunks + 1))

@@ -72,7 +72,7 @@ class RayIdentity:
         yield from self._run(self._gather_rays, 0, count, (radiance, light, patches_seen))
 
     def _run(self, kernel: Kernel, first: int, last: int, outputs: tuple) -> Generator[float, None, None]:
-        """Run a kernel over some patches, slice by slice, a group each."""
+        """Run a kernel over patches first ... last, slice by slice, one work group for each patch."""
         (group,) = kernel.group(self._compute.group)
         partial = cl.LocalMemory(16 * group)
 
@@ -87,6 +87,6 @@ class RayIdentity:
 
 
 def ray_count(settings: Settings) -> int:
-    """Return the rays of a patch, a multiple of 4; unless told, as many as give a hemicube's error."""
+    """Return the rays of a patch, a multiple of 4: those set, or as many as give a hemicube's error."""
     wanted = settings.samples or 2 * settings.hemicube**2
     return -(-wanted // 4) * 4

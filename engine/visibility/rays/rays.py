@@ -75,7 +75,7 @@ class Rays:
         self._compute.run(kernel, items, *self.arguments, *arguments)
 
     def _rays(self, origins: np.ndarray, directions: np.ndarray, distance: float) -> list[cl.Buffer]:
-        """Return the device buffers of some rays."""
+        """Upload rays; return their device buffers."""
         rays = (_four(origins - self.origin), _four(directions, distance))
         return [upload(self._compute, array) for array in rays]
 

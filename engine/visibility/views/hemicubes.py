@@ -23,7 +23,7 @@ from .viewpoints import place_hemicubes
 #: A slice of work should take about this long, s.
 _SLICE = 0.04
 
-#: Where hemicubes stand may be kept if there are no more than so many.
+#: Most patches whose viewpoints and matrices are kept between iterations.
 _KEPT = 1 << 17
 
 

@@ -26,7 +26,7 @@ _NEAR_STANDARD_DEPTH = 1e-5
 
 @dataclass(frozen=True)
 class Viewpoints:
-    """The hemicubes of some patches.
+    """Where hemicubes stand and how they are turned; n of them.
 
     eye      (n, 3) float64, world space, metres
     frame    (n, 3, 3) float64, rows right, up, normal, from `hemicube.frames`
@@ -63,7 +63,7 @@ def place_hemicubes(
 ) -> Viewpoints:
     """Place a hemicube on each patch, with a rotation about the normal for life (paper, IV.B).
 
-    geometry may be that of some patches, of which `first` is the first.
+    geometry: of patches `first`, `first` + 1, ..., all or a part of them.
     """
     diagonal = triangles.diagonal
     center = geometry.center.astype(np.float64)

@@ -49,7 +49,7 @@ class Lamps:
         self._lights.append((_read_light(item), item.source.data, item.matrix))
 
     def finish(self, origin: np.ndarray) -> tuple[Light, ...]:
-        """Read the nodes, return the lamps, and say what is special about some.
+        """Read the nodes, return the lamps, and warn where a lamp is not exact.
 
         origin: (3,) float64, world space: positions are relative to it.
         """

@@ -75,12 +75,12 @@ class MaterialTable:
     def _freeze(
         self, material: bpy.types.Material, values: dict[Source, tuple[float, ...]]
     ) -> bpy.types.Material:
-        """Return a material as objects with some values show it."""
+        """Return a material as it looks on objects with these values."""
         self._frozen.append(FrozenMaterial(material, values))
         return self._frozen[-1].material
 
     def uv_maps(self, indices: Iterable[int]) -> set[str]:
-        """Return the UV maps that textures of some materials need; "" is the one that renders use."""
+        """Return the UV maps that textures of these materials need; "" is the one that renders use."""
         maps: set[str] = set()
         for index in set(indices):
             material = self._materials[index]

@@ -196,7 +196,7 @@ def _set_up(scene: bpy.types.Scene) -> None:
 
 
 def _show_alpha(tree: bpy.types.NodeTree) -> bool:
-    """Let a material emit its alpha; False if it is 1 everywhere as far as can be told.
+    """Let a material emit its alpha; False if nothing says that it differs from 1.
 
     Known are the Alpha of a Principled BSDF, and the factor of a Mix Shader with a Transparent BSDF.
     """

@@ -33,7 +33,7 @@ class Made:
     """What unwrapping did.
 
     objects  those that have got lightmap UVs
-    skipped  those that need some but cannot have them
+    skipped  those that need UVs but cannot have them
     notes    sentences for the user
     """
 
@@ -85,7 +85,7 @@ class _Unwrapping:
             drop_uv_modifier(obj, self._uv_layer, self._changes)
 
     def unwrap(self, objects: Sequence[bpy.types.Object]) -> Made:
-        """Make all UVs that are missing, and say what is special about some."""
+        """Make all UVs that are missing; warn where they cannot be as usual."""
         own = own_targets(objects, self._uv_layer, self._leave)
         pages = self._store(own)
         made = {obj.data.session_uid for target in own for obj in target.objects}

@@ -120,7 +120,7 @@ def _remove(collection, uid: int) -> None:
 
 
 def _node_group(holder: bpy.types.Object, corners: int, uv_layer: str) -> bpy.types.NodeTree:
-    """Return nodes that store UVs on a mesh of so many corners, and leave all other geometry as it is."""
+    """Return nodes that store UVs on a mesh of `corners` corners, and leave all other geometry as it is."""
     group = bpy.data.node_groups.new(holder.name, "GeometryNodeTree")
     group.is_modifier = True
     for direction in ("INPUT", "OUTPUT"):

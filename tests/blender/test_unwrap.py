@@ -348,3 +348,23 @@ def test_many_torn_polygons_take_their_time_each_and_are_numbered_without_gaps(m
         assert (made.chart == np.repeat(np.arange(count), 2)).all()
         assert made.uvs[-4:] == pytest.approx(made.uvs[:4], abs=1e-6)
     assert seconds[1] < 3 * 16 * seconds[0]
+
+
+def test_an_atlas_is_destroyed_only_after_its_threads_have_rested():
+    """Destroyed at once, an Atlas of xatlas waits for ever now and then."""
+    resting, rests = part("operators.scene.uvs.resting_atlases"), []
+
+    class Atlas:
+        def __del__(self):
+            rests.append(time.monotonic() - self.worked)
+
+    atlases = resting.RestingAtlases(Atlas)
+    for pause in (0, 0, resting.REST / 2, 2 * resting.REST, 0):
+        time.sleep(pause)
+        with atlases.atlas() as atlas:
+            atlas.worked = time.monotonic()
+        del atlas
+    assert len(rests) == 3
+    atlases.destroy()
+    assert len(rests) == 5
+    assert min(rests) >= resting.REST

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....engine.errors import EngineError
+from .resting_atlases import RestingAtlases
 
 #: Least distance of two charts, texels.
 PADDING = 4
@@ -80,6 +81,14 @@ def _xatlas():
     return xatlas
 
 
+_atlases = RestingAtlases(lambda: _xatlas().Atlas())
+
+
+def destroy_atlases() -> None:
+    """Free what xatlas holds for the charts that were made and packed."""
+    _atlases.destroy()
+
+
 def make_charts(mesh: PolygonMesh) -> Charts:
     """Return a mesh's charts such that every loop has one UV; coordinates have to be finite."""
     uvs, chart = _segment(mesh)
@@ -105,12 +114,12 @@ def _segment(mesh: PolygonMesh) -> tuple[np.ndarray, np.ndarray]:
     vertices = mesh.corners[mesh.triangles]
     positions = mesh.positions - (mesh.positions.min(axis=0) + mesh.positions.max(axis=0)) / 2
     scale = _unit_area_scale(positions[vertices])
-    atlas = _xatlas().Atlas()
-    atlas.add_mesh((positions * scale).astype(np.float32), vertices.astype(np.uint32))
-    atlas.generate(pack_options=_drafting(positions[vertices] * scale))
-    _, indices, uvs = atlas.get_mesh(0)
-    _, charts = atlas.get_mesh_vertex_assignment(0)
-    size = np.array([atlas.width, atlas.height]) / max(atlas.texels_per_unit, 1e-30) / scale
+    with _atlases.atlas() as atlas:
+        atlas.add_mesh((positions * scale).astype(np.float32), vertices.astype(np.uint32))
+        atlas.generate(pack_options=_drafting(positions[vertices] * scale))
+        _, indices, uvs = atlas.get_mesh(0)
+        _, charts = atlas.get_mesh_vertex_assignment(0)
+        size = np.array([atlas.width, atlas.height]) / max(atlas.texels_per_unit, 1e-30) / scale
     chart = charts[indices].astype(np.int64)
     chart[chart == _UNPLACED] = -1
     return (uvs * size)[indices], chart.min(axis=1)
@@ -253,19 +262,19 @@ def _pack_at(
     It keeps 2 * padding + 1 texels between charts, and puts chart borders on texel centres; half a
     texel further on they lie between texels.
     """
-    xatlas = _xatlas()
-    atlas, options = xatlas.Atlas(), xatlas.PackOptions()
+    options = _xatlas().PackOptions()
     options.padding, options.texels_per_unit = PADDING // 2, 1.0
     options.bruteForce = sum(chart.chart.max(initial=-1) + 1 for chart in charts) < 64
     inputs = [_uv_mesh(mesh, chart, scale) for mesh, chart in zip(meshes, charts, strict=True)]
-    for arrays in inputs:
-        atlas.add_uv_mesh(*arrays)
-    atlas.generate(pack_options=options)
-    size = np.array([atlas.width, atlas.height])
-    places = [
-        _loop_places(atlas, index, mesh, chart, size)
-        for index, (mesh, chart) in enumerate(zip(meshes, charts, strict=True))
-    ]
+    with _atlases.atlas() as atlas:
+        for arrays in inputs:
+            atlas.add_uv_mesh(*arrays)
+        atlas.generate(pack_options=options)
+        size = np.array([atlas.width, atlas.height])
+        places = [
+            _loop_places(atlas, index, mesh, chart, size)
+            for index, (mesh, chart) in enumerate(zip(meshes, charts, strict=True))
+        ]
     return places, int(size.max())
 
 

@@ -13,7 +13,7 @@ from ....engine.naming import naming
 from ...changes import Changes
 from ...lookup import find
 from ..messages import NO_ROOM, Troubles
-from .charts import pack_charts
+from .charts import destroy_atlases, pack_charts
 from .multi_user import instanced_objects, multi_user_sources
 from .uv_layers import add_layer, remove_layer
 from .uv_modifier import (
@@ -61,7 +61,10 @@ def unwrap_missing(
         raise SceneError("The lightmap UV layer has no name. Type one, such as Lightmap.")
     unwrapping = _Unwrapping(context, uv_layer, resolution, changes)
     unwrapping.prepare(objects)
-    return unwrapping.unwrap(objects)
+    try:
+        return unwrapping.unwrap(objects)
+    finally:
+        destroy_atlases()
 
 
 class _Unwrapping:

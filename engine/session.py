@@ -9,6 +9,7 @@ from collections.abc import Generator
 from typing import TYPE_CHECKING
 
 from .clock import Stopwatch
+from .device.found import DeviceSurvey
 from .device.packages import require_packages
 from .lightmap import Lightmap
 from .progress import Progress
@@ -54,13 +55,14 @@ class Session:
     def _take(self, settings: Settings) -> Devices:
         """Return the devices of the last bake, or new ones; until the bake has ended well nobody has them."""
         devices, self._devices = self._devices, None
-        if devices is not None and devices.cache_dir == settings.cache_dir:
+        wanted = (settings.cache_dir, settings.opencl_device)
+        if devices is not None and (devices.cache_dir, devices.opencl_device) == wanted:
             return devices
         if devices is not None:
             devices.release()
         from .device.devices import Devices
 
-        return Devices(settings.cache_dir)
+        return Devices(*wanted)
 
 
 _session = Session()
@@ -69,6 +71,18 @@ _session = Session()
 def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap]:
     """Bake in the one session of this process: what the worker process runs."""
     return (yield from _session.bake(scene, settings))
+
+
+def find_devices(opencl_device: str | None) -> Generator[Progress, None, DeviceSurvey]:
+    """Find the devices of this machine; `opencl_device` is the one that the settings choose.
+
+    Raises DeviceError for a package that is not installed.
+    """
+    yield Progress("devices", 0.0)
+    require_packages()
+    from .device.survey import survey
+
+    return survey(opencl_device)
 
 
 def close() -> None:

@@ -12,8 +12,11 @@ from typing import Any, NamedTuple, Protocol
 
 from .errors import SettingsError
 
+#: Where the add-on keeps what describes the machine and not the scene; it is no part of a .blend.
+PREFERENCES = "preferences"
+
 #: Places of settings in the interface, in its order.
-PANELS = ("bake", "outputs", "advanced", "memory", "paper")
+PANELS = ("bake", "outputs", "advanced", "memory", "paper", PREFERENCES)
 
 
 class Option(NamedTuple):
@@ -95,6 +98,15 @@ class Size:
         if len(value) == 3 and (min(value) > 0 or not any(value)):
             return None
         return "three numbers from 1 on, or three zeros"
+
+
+@dataclass(frozen=True)
+class DeviceName:
+    """The name of an OpenCL device, or None."""
+
+    def demand(self, value: Any) -> str | None:
+        """Return None: whether there is such a device is found out when it is used."""
+        return None
 
 
 @dataclass(frozen=True)

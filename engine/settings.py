@@ -4,7 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
-from .setting import Description, FilePath, OneOf, Option, Size, SomeOf, Span, Switch, described
+from .setting import (
+    PREFERENCES,
+    Description,
+    DeviceName,
+    FilePath,
+    OneOf,
+    Option,
+    Size,
+    SomeOf,
+    Span,
+    Switch,
+    described,
+)
 
 _METHODS = {
     "auto": Option("Automatic", "Cached if there is memory for it, else Stream"),
@@ -137,12 +149,20 @@ class Settings:
         "File that keeps the patch list between bakes of the same UVs; empty for none",
         FilePath(),
     )
+    opencl_device: str | None = described(
+        None,
+        "OpenCL Device",
+        "Device that casts rays and sums light, as platform: device; empty for the first graphics card, else "
+        "the first device that works",
+        DeviceName(),
+        PREFERENCES,
+    )
     memory_budget: int = described(
         0,
         "Memory Budget",
         "Device memory for what patches see; 0 for half of the device's",
         _BYTES,
-        "memory",
+        PREFERENCES,
     )
     patch_groups: int = described(
         0,
@@ -156,7 +176,7 @@ class Settings:
         "Batch",
         "Memory for one batch of hemicubes",
         Span(1, 1 << 50, "bytes", ("MiB", 1 << 20)),
-        "memory",
+        PREFERENCES,
     )
     rotate: bool = described(
         True,
@@ -207,6 +227,11 @@ def descriptions() -> dict[str, Description]:
 def chosen_by_people() -> list[str]:
     """Return the names of the settings that a person chooses, in the order of the interface."""
     return [name for name, description in descriptions().items() if description.panel is not None]
+
+
+def kept_with_scene() -> list[str]:
+    """Return the names of the settings that describe how a scene is baked: they belong to the .blend."""
+    return [name for name in chosen_by_people() if descriptions()[name].panel != PREFERENCES]
 
 
 def shown_in(panel: str) -> list[str]:

@@ -21,8 +21,10 @@ def unregister() -> None:
     import bpy
 
     from . import command_line, properties
+    from .devices import finder
     from .worker_owner import owner
 
+    finder.stop()
     owner.stop()
     command_line.unregister()
     properties.unbind()
@@ -31,6 +33,7 @@ def unregister() -> None:
 
 
 def _classes() -> tuple[type, ...]:
-    from . import bake, preview, properties, unwrap
+    from . import bake, preferences, preview, properties, self_test, unwrap
 
-    return (*properties.CLASSES, *bake.CLASSES, *unwrap.CLASSES, *preview.CLASSES)
+    modules = (properties, bake, unwrap, preview, preferences, self_test)
+    return tuple(cls for module in modules for cls in module.CLASSES)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import sys
 import time
+import traceback
 
 import bpy
 
 from ..engine.errors import EngineError, WorkerError
+from .log import log
 from .run import Run
 from .telling import tell
 from .window_bake import WindowBake
@@ -44,6 +46,7 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
             self._refuse(error)
             return {"CANCELLED"}
         except BaseException:
+            log(traceback.format_exc())
             if run is not None:
                 run.cancel()
             raise
@@ -77,6 +80,7 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
             self._refuse(error)
             return {"CANCELLED"}
         except BaseException:
+            log(traceback.format_exc())
             self.cancel(context)
             raise
 
@@ -103,6 +107,7 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
     def _refuse(self, error: EngineError | KeyboardInterrupt) -> None:
         """Report an error; a dead worker's last words, which follow its first line, go to the console."""
         text = str(error).strip() or "The bake was interrupted."
+        log(text)
         first, _, details = text.partition("\n")
         if isinstance(error, WorkerError) and details:
             print(text, file=sys.stderr)  # noqa: T201
@@ -114,12 +119,13 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
         for warning in report["warnings"]:
             tell(self, "WARNING", warning)
         where = ", ".join(report["files"]) or "packed into the .blend"
-        self.report(
-            {"INFO"},
+        done = (
             f"Baked {report['objects']} objects, {report['patches']} patches, "
             f"{report['iterations']} iterations, remaining error {_percent(report['residual'])}, "
-            f"{report['seconds']['total']:.1f} s: {where}",
+            f"{report['seconds']['total']:.1f} s: {where}"
         )
+        log("\n".join([done, *map(str, report["devices"].values()), *report["warnings"], failure or ""]))
+        self.report({"INFO"}, done)
         if failure:
             self.report({"ERROR"}, failure)
 

@@ -1,26 +1,30 @@
-"""Scene properties -> engine.Settings."""
+"""Properties of a scene and of the machine -> engine.Settings."""
 
 from __future__ import annotations
 
-import bpy
+from typing import Any
 
-from ..engine.settings import Settings, check_settings
+from ..engine.settings import Settings, check_settings, kept_with_scene
+from .preferences import machine_settings
 from .properties import HemibakeSceneProperties
 from .setting_properties import setting_values
-
-_EXTENSION = __package__.rpartition(".")[0]
+from .user_files import cache_folder
 
 
 def read_settings(properties: HemibakeSceneProperties) -> Settings:
-    """Return the checked settings of a scene; raises SettingsError."""
-    settings = Settings(**setting_values(properties), cache_dir=_cache_dir())
+    """Return the checked settings of a scene on this machine; raises SettingsError."""
+    settings = Settings(**setting_values(properties, kept_with_scene()), **_machine())
     check_settings(settings)
     return settings
 
 
-def _cache_dir() -> str | None:
-    """Return the extension's own folder for compiled kernels, None if it cannot be made."""
-    try:
-        return bpy.utils.extension_path_user(_EXTENSION, path="cl_cache", create=True)
-    except (ValueError, OSError):
-        return None
+def machine_defaults() -> Settings:
+    """Return the settings of the machine, with the engine's defaults for what belongs to a scene."""
+    settings = Settings(**_machine())
+    check_settings(settings)
+    return settings
+
+
+def _machine() -> dict[str, Any]:
+    cache = cache_folder()
+    return {**machine_settings(), "cache_dir": None if cache is None else str(cache)}

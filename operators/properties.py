@@ -13,6 +13,7 @@ from bpy.props import (
     StringProperty,
 )
 
+from ..engine.settings import kept_with_scene
 from .compat import PATH_OPTIONS
 from .setting_properties import setting_properties
 
@@ -25,7 +26,7 @@ class HemibakeLightmapProperties(bpy.types.PropertyGroup):
 
 
 class HemibakeSceneProperties(bpy.types.PropertyGroup):
-    """How the scene is baked, with a property for each of the engine's settings; the last bake's report."""
+    """How the scene is baked, with the engine's settings that are the scene's; the last bake's report."""
 
     uv_layer: StringProperty(
         name="UV Layer",
@@ -50,7 +51,7 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
     )
 
 
-HemibakeSceneProperties.__annotations__.update(setting_properties())
+HemibakeSceneProperties.__annotations__.update(setting_properties(kept_with_scene()))
 
 
 class HemibakeSlotProperties(bpy.types.PropertyGroup):

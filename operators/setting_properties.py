@@ -5,6 +5,7 @@ The limits of numbers are soft: a script that leaves them gets the engine's mess
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any
 
@@ -18,31 +19,24 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..engine.setting import Description, FilePath, OneOf, Option, Size, SomeOf, Span, Switch
+from ..engine.setting import Description, DeviceName, FilePath, OneOf, Option, Size, SomeOf, Span, Switch
 from ..engine.settings import Settings, descriptions
 from .compat import PATH_OPTIONS
+from .devices import finder
 
 #: Blender's integers have 32 bits.
 _LARGEST = (1 << 31) - 1
 
 
-def setting_properties() -> dict[str, Any]:
-    """Return the annotations of a property group with every setting that a person chooses."""
-    defaults = {entry.name: entry.default for entry in fields(Settings)}
-    return {
-        name: _property(description, defaults[name])
-        for name, description in descriptions().items()
-        if description.panel is not None
-    }
+def setting_properties(names: Sequence[str]) -> dict[str, Any]:
+    """Return the annotations of a group of properties for settings of these names."""
+    known, defaults = descriptions(), {entry.name: entry.default for entry in fields(Settings)}
+    return {name: _property(known[name], defaults[name]) for name in names}
 
 
-def setting_values(properties: bpy.types.PropertyGroup) -> dict[str, Any]:
-    """Return the settings that a property group with `setting_properties` holds, as the engine takes them."""
-    return {
-        name: _value(description, getattr(properties, name))
-        for name, description in descriptions().items()
-        if description.panel is not None
-    }
+def setting_values(properties: bpy.types.bpy_struct, names: Sequence[str]) -> dict[str, Any]:
+    """Return the settings that a group with `setting_properties` holds, as the engine takes them."""
+    return {name: _value(descriptions()[name], getattr(properties, name)) for name in names}
 
 
 def _property(description: Description, default: Any) -> Any:
@@ -59,6 +53,8 @@ def _property(description: Description, default: Any) -> Any:
             return BoolProperty(default=default, **labels)
         case Size():
             return IntVectorProperty(default=default, size=3, soft_min=0, **labels)
+        case DeviceName():
+            return StringProperty(search=_device_names, **labels)
         case FilePath():
             return StringProperty(subtype="FILE_PATH", options=PATH_OPTIONS, **labels)
 
@@ -78,6 +74,11 @@ def _number(span: Span, default: float, labels: dict[str, str]) -> Any:
     return IntProperty(default=default // scale, **limits, **labels)
 
 
+def _device_names(owner: bpy.types.bpy_struct, context: bpy.types.Context, text: str) -> list[str]:
+    """Return the devices that a field offers: Blender itself looks which of them fit the text."""
+    return finder.names
+
+
 def _items(options: dict[Any, Option]) -> list[tuple[str, str, str]]:
     """Return the items of an enumeration."""
     return [(str(value), option.label, option.text) for value, option in options.items()]
@@ -94,6 +95,8 @@ def _value(description: Description, value: Any) -> Any:
             return tuple(option for option in options if option in value)
         case Size():
             return tuple(value)
+        case DeviceName():
+            return value or None
         case FilePath():
             return bpy.path.abspath(value) or None
     return value

@@ -46,11 +46,13 @@ class WorkerOwner:
 
     def worker(self) -> Worker:
         """Return the worker; it starts its process, anew if that has died, with the next bake."""
-        from ..engine.worker.worker import Worker
-
         if self._worker is None:
-            self._worker = Worker(search_path=[_ROOT, *sys.path])
+            self._worker = new_worker("engine.session:bake")
         return self._worker
+
+    def printed(self) -> str:
+        """Return what the worker has printed since the last call; it may be at work on nothing."""
+        return "" if self._worker is None or self.busy else self._worker.printed()
 
     def stop(self) -> None:
         """Cancel the bake that is running, end the worker process, and free the devices of this process."""
@@ -60,6 +62,13 @@ class WorkerOwner:
         if worker is not None:
             worker.stop()
         session.close()
+
+
+def new_worker(work: str) -> Worker:
+    """Return a worker that runs the generator "module:function" of the engine."""
+    from ..engine.worker.worker import Worker
+
+    return Worker(search_path=[_ROOT, *sys.path], bake=work)
 
 
 #: One for the whole add-on: Blender has no place of its own to keep a Python object between operators.

@@ -12,8 +12,8 @@ from typing import Any
 from headless import ROOT
 
 sys.path.insert(0, str(ROOT))
-from engine.setting import Description, OneOf, SomeOf, Span
-from engine.settings import Settings, chosen_by_people, descriptions
+from engine.setting import PREFERENCES, Description, OneOf, SomeOf, Span
+from engine.settings import Settings, descriptions, kept_with_scene, shown_in
 
 PAGE = ROOT / "docs" / "settings.md"
 
@@ -23,6 +23,14 @@ The panel, `bpy.context.scene.hemibake`, `blender -c hemibake`, `tools/bake.py` 
 the same settings under the same names. This page is written by `tools/settings_page.py` from their
 descriptions in `engine/settings.py`.
 
+What decides how a scene comes out belongs to the scene, and is saved in the .blend. What describes the
+machine is in the add-on's preferences and the same for every file: a .blend takes no device with it. An
+option of the command line for one of these holds for that process.
+"""
+
+_TABLE = """
+## {}
+
 | Setting | Default | Values | What it does |
 |---|---|---|---|
 """
@@ -31,15 +39,19 @@ descriptions in `engine/settings.py`.
 def page() -> str:
     """Return the page."""
     known, defaults = descriptions(), {entry.name: entry.default for entry in fields(Settings)}
-    rows = [_row(name, known[name], defaults[name]) for name in chosen_by_people()]
-    choices = [_options(name, known[name]) for name in chosen_by_people()]
-    return _HEAD + "\n".join(rows) + "\n" + "".join(choices)
+    groups = {"Of the scene": kept_with_scene(), "Of the machine": shown_in(PREFERENCES)}
+    tables = [
+        _TABLE.format(title) + "".join(_row(name, known[name], defaults[name]) for name in names)
+        for title, names in groups.items()
+    ]
+    choices = [_options(name, known[name]) for names in groups.values() for name in names]
+    return _HEAD + "".join(tables) + "".join(choices)
 
 
 def _row(name: str, description: Description, default: Any) -> str:
     """Return the row of a setting."""
     cells = (f"**{description.label}** `{name}`", _shown(description, default), _values(description))
-    return f"| {' | '.join(cells)} | {description.text}. |"
+    return f"| {' | '.join(cells)} | {description.text}. |\n"
 
 
 def _shown(description: Description, value: Any) -> str:

@@ -21,19 +21,20 @@ _PROBE = "__kernel void probe(__global float *x) { x[get_global_id(0)] = sqrt(2.
 
 
 class Compute:
-    """An OpenCL context with one in-order queue; the first GPU found, else the first device.
+    """An OpenCL context with one in-order queue; the first GPU found, else the first device that works.
 
+    opencl_device  see `Settings.opencl_device`
     group  work items that work on one patch, where a kernel can run in groups of this size: processors take a
            patch at a time
 
     Raises DeviceError if there is no device that can build kernels.
     """
 
-    def __init__(self, cache_dir: str | None = None) -> None:
+    def __init__(self, cache_dir: str | None = None, opencl_device: str | None = None) -> None:
         self._cache_dir = cache_dir
         self._programs: dict[tuple, cl.Program] = {}
         self._kernels: dict[tuple, Kernel] = {}
-        self.context = self._first_working_context(_devices())
+        self.context = self._first_working_context(_chosen(found_devices(), opencl_device))
         self.device = self.context.devices[0]
         self.queue = cl.CommandQueue(self.context)
         self.name = self.device.name.strip()
@@ -48,7 +49,7 @@ class Compute:
         key = (files, tuple(options))
         if key not in self._programs:
             text = "\n".join(kernel_source(file) for file in files)
-            self._programs[key] = self._build(self.context, text, options)
+            self._programs[key] = _build(self.context, text, self._cache_dir, options)
         for name in names:
             if (key, name) not in self._kernels:
                 self._kernels[key, name] = Kernel(self._programs[key], name, self.device)
@@ -70,20 +71,54 @@ class Compute:
         failures = []
         for device in devices:
             try:
-                context = cl.Context([device])
-                self._build(context, _PROBE)
-                return context
+                return _probed(device, self._cache_dir)
             except cl.Error as error:
                 failures.append(
                     f"{device.name.strip()} ({device.platform.version.strip()}): {_reason(error)}"
                 )
         raise DeviceError(f"No OpenCL device can build kernels: {'; '.join(failures)}. {_REMEDY}")
 
-    def _build(self, context: cl.Context, source: str, options: Sequence[str] = ()) -> cl.Program:
-        return cl.Program(context, source).build(list(options), cache_dir=self._cache_dir)
+
+def _probed(device: cl.Device, cache_dir: str | None) -> cl.Context:
+    """Return a context of a device that has built a kernel; raises cl.Error."""
+    context = cl.Context([device])
+    _build(context, _PROBE, cache_dir)
+    return context
 
 
-def _devices() -> list[cl.Device]:
+def _build(
+    context: cl.Context, source: str, cache_dir: str | None, options: Sequence[str] = ()
+) -> cl.Program:
+    return cl.Program(context, source).build(list(options), cache_dir=cache_dir)
+
+
+def trouble_with(device: cl.Device) -> str:
+    """Return why a device cannot build kernels, empty if it can."""
+    try:
+        _probed(device, None)
+    except cl.Error as error:
+        return _reason(error)
+    return ""
+
+
+def device_name(device: cl.Device) -> str:
+    """Return the name of a device as the settings have it: its platform's, and its own."""
+    return f"{device.platform.name.strip()}: {device.name.strip()}"
+
+
+def _chosen(devices: list[cl.Device], name: str | None) -> list[cl.Device]:
+    """Return the devices of a name, all of them without one; several platforms may offer the same."""
+    chosen = [device for device in devices if name in (None, device_name(device))]
+    if not chosen:
+        offered = ", ".join(f"'{known}'" for known in dict.fromkeys(map(device_name, devices)))
+        raise DeviceError(
+            f"There is no OpenCL device '{name}'. Choose one of {offered}, or none for the best, in "
+            "Hemibake's preferences."
+        )
+    return chosen
+
+
+def found_devices() -> list[cl.Device]:
     """Return every device, the best kind first: GPU, accelerator, then anything else."""
     try:
         devices = [device for platform in cl.get_platforms() for device in platform.get_devices()]

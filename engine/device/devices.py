@@ -19,19 +19,22 @@ _TOO_LARGE = "INVALID_BUFFER_SIZE"
 class Devices:
     """Both devices, with what was built for them; they may serve several bakes, one after the other.
 
-    cache_dir  see `Settings.cache_dir`
+    cache_dir, opencl_device  as in `Settings`
     compute    None if there is no OpenCL; `missing` then tells why and the remedy
 
-    Raises DeviceError if there is no OpenGL.
+    Raises DeviceError if there is no OpenGL, or if the chosen OpenCL device is not there or does not work.
     """
 
-    def __init__(self, cache_dir: str | None = None) -> None:
+    def __init__(self, cache_dir: str | None = None, opencl_device: str | None = None) -> None:
         self.graphics = Graphics()
-        self.cache_dir, self.missing = cache_dir, ""
+        self.cache_dir, self.opencl_device, self.missing = cache_dir, opencl_device, ""
         self.compute: Compute | None = None
         try:
-            self.compute = Compute(cache_dir)
+            self.compute = Compute(cache_dir, opencl_device)
         except DeviceError as error:
+            if opencl_device is not None:
+                self.release()
+                raise
             self.missing = str(error)
 
     @contextmanager

@@ -5,7 +5,7 @@ it is may touch it:
 
     parent                            worker
                                   <-  ready
-    bake BLOCK (scene, settings)  ->
+    bake BLOCK (its arguments)    ->
                                   <-  grow SIZE                   the next object does not fit
     turn BLOCK (a larger one)     ->
                                   <-  progress (in the block)     the newest one
@@ -30,17 +30,15 @@ from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import Any, NoReturn
 
-from ..lightmap import Lightmap
 from ..progress import Progress
-from ..scene.model import Scene
-from ..settings import Settings
 from . import messages
 from .shared_block import BorrowedBlock
 
 if sys.platform == "win32":
     from multiprocessing.connection import PipeConnection
 
-Bake = Callable[[Scene, Settings], Generator[Progress, None, Lightmap]]
+#: A bake, or any other work that tells its progress: what it returns travels as the lightmap does.
+Bake = Callable[..., Generator[Progress, None, Any]]
 
 
 class _CancelError(Exception):
@@ -92,18 +90,18 @@ def serve(connection: Connection[Any, Any], bake: Bake) -> None:
 def _answer(connection: Connection[Any, Any], bake: Bake, name: str) -> None:
     """Run one bake and send what comes of it."""
     with BorrowedBlock(name) as block:
-        scene, settings = block.read()
+        arguments = block.read()
     outbox = _Outbox(connection, name)
     try:
-        outbox.send(*_outcome(bake, scene, settings, outbox))
+        outbox.send(*_outcome(bake, arguments, outbox))
     except _CancelError:
         connection.send(("cancelled",))
 
 
-def _outcome(bake: Bake, scene: Scene, settings: Settings, outbox: _Outbox) -> tuple[str, object]:
+def _outcome(bake: Bake, arguments: tuple[object, ...], outbox: _Outbox) -> tuple[str, object]:
     """Return "lightmap" and it, or "error" and its description."""
     try:
-        with closing(bake(scene, settings)) as job:
+        with closing(bake(*arguments)) as job:
             _report(job, outbox)
     except StopIteration as end:
         return "lightmap", end.value
@@ -113,7 +111,7 @@ def _outcome(bake: Bake, scene: Scene, settings: Settings, outbox: _Outbox) -> t
         return "error", messages.describe_error(error, traceback.format_exc())
 
 
-def _report(job: Generator[Progress, None, Lightmap], outbox: _Outbox) -> NoReturn:
+def _report(job: Generator[Progress, None, Any], outbox: _Outbox) -> NoReturn:
     """Run a bake to its StopIteration; after each slice offer the newest progress and partial."""
     newest = next(job)
     while True:

@@ -16,6 +16,7 @@ from dataclasses import fields
 from typing import Any
 
 from .. import errors
+from ..device.found import DeviceSurvey, FoundDevice
 from ..lightmap import Lightmap, Report
 from ..progress import Progress
 from ..scene.model import Light, Material, Mesh, Scene, Texture
@@ -25,7 +26,20 @@ from ..settings import Settings
 #: The dataclasses that may travel, by name.
 RECORDS: dict[str, type] = {
     record.__name__: record
-    for record in (Light, Lightmap, Material, Mesh, Profile, Progress, Report, Scene, Settings, Texture)
+    for record in (
+        DeviceSurvey,
+        FoundDevice,
+        Light,
+        Lightmap,
+        Material,
+        Mesh,
+        Profile,
+        Progress,
+        Report,
+        Scene,
+        Settings,
+        Texture,
+    )
 }
 
 #: The errors that arrive as what they were, by name; all others arrive as a WorkerError.

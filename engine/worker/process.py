@@ -47,7 +47,7 @@ class WorkerProcess:
         # no name. So nothing stays behind, whichever of the two is killed, and when.
         self._connection, inherited = Pipe()
         self._answered = False
-        self._log = tempfile.TemporaryFile()  # noqa: SIM115
+        self._log, self._printed = tempfile.TemporaryFile(buffering=0), 0  # noqa: SIM115
 
         command = [executable, "-s", "-P", "-m", "engine.worker.child", "--bake", bake]
         try:
@@ -142,6 +142,16 @@ class WorkerProcess:
         size = self._log.seek(0, os.SEEK_END)
         self._log.seek(max(0, size - LOG_TAIL))
         return self._log.read().decode(errors="replace")
+
+    def printed(self) -> str:
+        """Return what the process has printed since the last call; it has to be idle.
+
+        Both have one position in the file, which has to stay at its end.
+        """
+        self._log.seek(self._printed)
+        text = self._log.read()
+        self._printed += len(text)
+        return text.decode(errors="replace")
 
     def stop(self) -> None:
         """End the process and remove what it leaves; may be called again."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Generator, Sequence
+from typing import Any
 
 from ..errors import WorkerError
 from ..lightmap import Lightmap
@@ -36,7 +37,8 @@ class Worker:
 
         executable   the Python to run
         search_path  where it finds its modules; None for the `sys.path` of this process
-        bake         "module:function" of the generator that the child runs, as seen there
+        bake         "module:function" of the generator that the child runs, as seen there; another one
+                     than a bake is run with `run`
         start_limit  how long the child may take until it answers, s
         """
         self._executable = executable
@@ -57,22 +59,33 @@ class Worker:
         return self._child is not None and self._child.alive
 
     def bake(self, scene: Scene, settings: Settings) -> Job:
-        """Bake in the child: each `next` yields the newest Progress, or None.
+        """Bake in the child, see `run`; returns the Lightmap."""
+        return (yield from self.run(scene, settings))
 
-        A `next` takes a few ms, and where a partial or the lightmap arrived as long as copying it.
-        Returns the Lightmap. Raises the child's SceneError, SettingsError or DeviceError, or a
-        WorkerError if the child has a bug, dies, cannot be started or is at work already. Closing
-        the generator cancels the bake, within about 2 s.
+    def run(self, *arguments: object) -> Generator[Progress | None, None, Any]:
+        """Let the child work: each `next` yields the newest Progress, or None.
+
+        A `next` takes a few ms; where a partial or the lightmap arrived as long as copying it.
+        Returns what the child's generator returns. Raises the child's SceneError, SettingsError or
+        DeviceError, or a WorkerError if the child has a bug, dies, cannot be started or is at work
+        already. Closing the generator cancels the bake, within about 2 s.
         """
         if self._busy:
             raise WorkerError("Another bake is running. Wait until it is done, or cancel it.")
         self._busy = True
         try:
             child = yield from self._ready_child()
-            with SharedBlock(messages.Parcel((scene, settings))) as block:
+            with SharedBlock(messages.Parcel(arguments)) as block:
                 return (yield from self._converse(child, block))
         finally:
             self._busy = False
+
+    def printed(self) -> str:
+        """Return what an idle child has printed since the last call.
+
+        The last words of one that died are in the error that told of it.
+        """
+        return self._child.printed() if self._child and self._child.alive else ""
 
     def stop(self) -> None:
         """End the child process, if there is one."""
@@ -94,8 +107,8 @@ class Worker:
             raise
         return child
 
-    def _converse(self, child: WorkerProcess, block: SharedBlock) -> Job:
-        """Have the child bake what is in the block; cancel it if anything goes wrong on this side."""
+    def _converse(self, child: WorkerProcess, block: SharedBlock) -> Generator[Progress | None, None, Any]:
+        """Have the child work on what is in the block; cancel it if anything goes wrong on this side."""
         try:
             child.send("bake", block.name)
             kind = yield from _relay(child, block)
@@ -104,8 +117,7 @@ class Worker:
             child.cancel()
             raise
         if kind == "lightmap":
-            lightmap: Lightmap = outcome
-            return lightmap
+            return outcome
 
         # A bug may leave the child in any state, so the next bake gets a new one.
         error = messages.rebuild_error(*outcome)

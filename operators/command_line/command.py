@@ -16,7 +16,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...engine.settings import chosen_by_people
+from ...engine.setting import PREFERENCES
+from ...engine.settings import kept_with_scene, shown_in
 from .options import OWN, CommandError, Parser, parse
 from .quiet import quiet_stdout
 from .signals import Signals, Stopped
@@ -168,19 +169,32 @@ def _replace_world(radiance: tuple[float, float, float]) -> None:
 
 
 def apply_settings(options: argparse.Namespace) -> None:
-    """Copy the given options to the scene's bake settings."""
+    """Copy the given options to the settings of the scene and, for this process, of the machine."""
     import bpy
 
-    settings = bpy.context.scene.hemibake
-    settings.directory = str(options.out.resolve())
-    for name in (*chosen_by_people(), *OWN):
-        value = getattr(options, name)
-        if value is None:
-            continue
-        try:
-            setattr(settings, name, value)
-        except (TypeError, ValueError, OverflowError) as error:
-            raise CommandError(_refusal(settings.bl_rna.properties[name], value)) from error
+    scene = bpy.context.scene.hemibake
+    scene.directory = str(options.out.resolve())
+    given = {name: value for name, value in vars(options).items() if value is not None}
+    for name in given.keys() & {*kept_with_scene(), *OWN}:
+        _apply(scene, name, given[name])
+    for name in given.keys() & set(shown_in(PREFERENCES)):
+        _apply(_preferences(), name, given[name])
+
+
+def _preferences() -> bpy.types.AddonPreferences:
+    """Return the preferences of the add-on, whichever repository it has been installed from."""
+    import bpy
+
+    addons = bpy.context.preferences.addons
+    return next(addon.preferences for addon in addons if addon.module.rpartition(".")[2] == "hemibake")
+
+
+def _apply(settings: bpy.types.bpy_struct, name: str, value: object) -> None:
+    """Give a setting the value of its option."""
+    try:
+        setattr(settings, name, value)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise CommandError(_refusal(settings.bl_rna.properties[name], value)) from error
 
 
 def _refusal(setting: bpy.types.Property, value: object) -> str:

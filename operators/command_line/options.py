@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ...engine.setting import Description, FilePath, OneOf, Size, SomeOf, Span, Switch
+from ...engine.setting import Description, DeviceName, FilePath, OneOf, Size, SomeOf, Span, Switch
 from ...engine.settings import Settings, chosen_by_people, descriptions
 
 #: Options that set what the add-on adds to the engine's settings.
@@ -51,7 +51,7 @@ def parse(parser: Parser, arguments: Sequence[str]) -> argparse.Namespace:
 
 def _add_settings(parser: argparse.ArgumentParser) -> None:
     """Add an option for each setting; what is not given is None."""
-    group = parser.add_argument_group("settings, as in the panel")
+    group = parser.add_argument_group("settings, as in the panel and the preferences")
     for name in chosen_by_people():
         option = f"--{name.replace('_', '-')}"
         description = descriptions()[name]
@@ -124,6 +124,8 @@ def _word(description: Description) -> str:
             return "NAMES"
         case Size():
             return "W,H,LAYERS"
+        case DeviceName():
+            return "NAME"
         case FilePath():
             return "FILE"
     return "CHOICE"

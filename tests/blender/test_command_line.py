@@ -237,6 +237,20 @@ def test_installed_command_bakes_the_open_file(tmp_path, capfd):
 
 
 @pytest.mark.usefixtures("signals_as_before")
+def test_installed_command_takes_settings_of_the_machine(tmp_path, capfd):
+    furnace()
+    preferences = part("operators.preferences").machine_properties()
+    sizes = ("--out", tmp_path, "--resolution", 16, "--hemicube", 8, "--json")
+    try:
+        code, lines = installed(capfd, *sizes, "--memory-budget", 3, "--opencl-device", "Card C")
+        assert code == 1 and "There is no OpenCL device 'Card C'" in json.loads(lines[-1])["error"]
+        assert preferences.memory_budget == 3
+    finally:
+        for name in ("memory_budget", "opencl_device"):
+            preferences.property_unset(name)
+
+
+@pytest.mark.usefixtures("signals_as_before")
 def test_installed_command_tells_the_same_as_the_tool(tmp_path, capfd):
     """Of a named scene, which is baked alone: what was open before is left."""
     square("Left")

@@ -1,10 +1,12 @@
 """Panels are drawn on a layout that writes down what it is asked to show."""
 
 import json
+import time
 
 import pytest
 
 from tests.blender.things import furnace, part
+from tools.headless import MODULE
 
 
 class Layout:
@@ -28,7 +30,7 @@ class Layout:
         group, operator = name.split(".")
         assert operator in dir(getattr(bpy.ops, group))
         self.shown.append(name)
-        return Layout(self.shown)
+        return self._part()
 
     def label(self, text="", icon="NONE"):
         import bpy
@@ -40,11 +42,11 @@ class Layout:
         self.shown.append(options["text"])
 
 
-def draw(name):
+def draw(name, module="panels.bake"):
     """Draw a panel and return what it shows; None if it does not want to be shown."""
     import bpy
 
-    panel = getattr(part("panels.bake"), name)
+    panel = getattr(part(module), name)
     if hasattr(panel, "poll") and not panel.poll(bpy.context):
         return None
     shown = []
@@ -53,13 +55,93 @@ def draw(name):
     return shown
 
 
-def test_panels_show_every_setting_once():
+def test_panels_show_every_setting_once(devices):
+    import bpy
+
     shown = [*draw("HEMIBAKE_PT_bake"), *draw("HEMIBAKE_PT_outputs"), *draw("HEMIBAKE_PT_advanced")]
-    settings = [name for name in shown if not name.startswith("hemibake.")]
+    shown += draw("HEMIBAKE_AP_preferences", "panels.preferences")
+    groups = (bpy.context.scene.hemibake, part("operators.preferences").machine_properties())
+    settings = [name for name in shown if any(name in group.bl_rna.properties for group in groups)]
     people = {name for name, known in part("engine.settings").descriptions().items() if known.panel}
     hidden = {"ao_samples", "ao_distance"}
     assert set(settings) == (people | {"uv_layer", "directory"}) - hidden
     assert len(settings) == len(set(settings))
+
+
+@pytest.fixture
+def devices(monkeypatch):
+    """The devices of a machine that this is not."""
+    found = part("engine.device.found")
+    survey = found.DeviceSurvey(
+        (
+            found.FoundDevice("OpenGL", "Card A", "4.6", use="drawing hemicubes"),
+            found.FoundDevice("OpenCL", "CUDA: Card A", "580.1", 3 << 30, "casting rays and summing light"),
+            found.FoundDevice("OpenCL", "Portable Computing Language: cpu", "PoCL 3.0", trouble="no target"),
+        ),
+        ("There is a long sentence about what is missing here, and what to install. " * 3,),
+    )
+    monkeypatch.setattr(part("operators.devices").finder, "found", survey)
+
+
+def preferences():
+    return draw("HEMIBAKE_AP_preferences", "panels.preferences")
+
+
+def test_preferences_show_devices_and_what_is_missing(devices):
+    shown = preferences()
+    assert {"OpenGL: Card A", "OpenCL: CUDA: Card A", "3.0 GiB, used for casting rays and summing light",
+            "Driver 580.1", "not used, no target"} <= set(shown)  # fmt: skip
+    assert all(len(text) < 200 for text in shown) and sum("sentence" in text for text in shown) > 1
+    assert {"hemibake.find_devices", "hemibake.self_test", "hemibake.clear_cache", "wm.path_open"} <= set(
+        shown
+    )
+
+
+def test_preferences_show_where_files_are(devices):
+    files, shown = part("operators.user_files"), preferences()
+    cache, log = files.cache_folder(), files.log_file()
+    (cache / "folder").mkdir(exist_ok=True)
+    (cache / "folder" / "kernel").write_bytes(bytes(3 << 20))
+    assert f"Kernel cache: 0.0 MiB in {cache}" in shown and f"Log: {log}" in shown
+    assert f"Kernel cache: 3.0 MiB in {cache}" in preferences()
+    files.clear_cache()
+    assert f"Kernel cache: 0.0 MiB in {cache}" in preferences() and not any(cache.iterdir())
+
+
+def test_preferences_look_for_devices_by_themselves_without_waiting(monkeypatch):
+    import bpy
+
+    finder, steps = part("operators.devices").finder, []
+    monkeypatch.setattr(finder, "found", None)
+    monkeypatch.setattr(bpy.app.timers, "register", lambda step, **options: steps.append(step))
+    try:
+        assert "Looking for devices …" in preferences() and "Looking for devices …" in preferences()
+        (step,) = steps
+        while step() is not None:
+            time.sleep(0.02)
+        assert any(text.startswith("OpenGL: ") for text in preferences())
+    finally:
+        monkeypatch.setattr(bpy.app.timers, "unregister", lambda step: None)
+        finder.stop()
+
+
+@pytest.mark.parametrize("right", [True, False])
+def test_preferences_show_what_the_last_test_told(devices, monkeypatch, right):
+    last = part("operators.self_test").last_test
+    monkeypatch.setattr(last, "right", right)
+    monkeypatch.setattr(last, "text", "First.\nSecond.")
+    shown = preferences()
+    assert shown.index("First.") + 1 == shown.index("Second.")
+
+
+def test_help_menu_has_the_self_test():
+    import bpy
+
+    drawn = bpy.types.TOPBAR_MT_help.draw._draw_funcs
+    (entry,) = [function for function in drawn if function.__module__.startswith(MODULE)]
+    shown = []
+    entry(type("Menu", (), {"layout": Layout(shown)}), bpy.context)
+    assert shown == ["hemibake.self_test"]
 
 
 def test_ambient_occlusion_shows_its_settings():

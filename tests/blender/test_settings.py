@@ -2,7 +2,7 @@ from dataclasses import asdict, replace
 
 import pytest
 
-from tests.blender.things import part
+from tests.blender.things import furnace, part
 
 
 def read():
@@ -27,7 +27,7 @@ def test_properties_start_with_the_defaults_of_the_engine():
     [("resolution", 17, 17), ("hemicube", "128", 128), ("tolerance", 0.25, 0.25),
      ("method", "stream", "stream"), ("directions", "hemicube", "hemicube"),
      ("outputs", {"shadow_mask", "direct"}, ("direct", "shadow_mask")), ("patch_groups", "4", 4),
-     ("memory_budget", 3, 3 << 20), ("batch_bytes", 1, 1 << 20), ("rotate", False, False),
+     ("rotate", False, False),
      ("array_size", (97, 193, 5), (97, 193, 5)), ("patch_file", "", None)],
 )  # fmt: skip
 def test_properties_become_settings_of_the_engine(name, given, taken):
@@ -37,10 +37,51 @@ def test_properties_become_settings_of_the_engine(name, given, taken):
     assert getattr(read(), name) == taken
 
 
+@pytest.fixture
+def preferences():
+    """The add-on's preferences, with their defaults again at the end."""
+    group = part("operators.preferences").machine_properties()
+    yield group
+    for name in MACHINE:
+        group.property_unset(name)
+
+
+MACHINE = {"memory_budget", "batch_bytes", "opencl_device"}
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "taken"),
+    [("memory_budget", 3, 3 << 20), ("batch_bytes", 1, 1 << 20),
+     ("opencl_device", "CUDA: Card B", "CUDA: Card B"), ("opencl_device", "", None)],
+)  # fmt: skip
+def test_preferences_become_settings_of_every_scene(preferences, name, given, taken):
+    setattr(preferences, name, given)
+    assert getattr(read(), name) == getattr(part("operators.bake_settings").machine_defaults(), name) == taken
+
+
+def test_scene_holds_nothing_of_the_machine_and_the_preferences_nothing_of_the_scene(preferences):
+    import bpy
+
+    scene = set(bpy.context.scene.hemibake.bl_rna.properties.keys())
+    machine = set(preferences.bl_rna.properties.keys())
+    people = {name for name, known in part("engine.settings").descriptions().items() if known.panel}
+    assert machine & people == MACHINE and scene & people == people - MACHINE
+
+
+def test_chosen_device_that_is_not_there_is_told_by_the_bake(preferences):
+    import bpy
+
+    furnace()
+    preferences.opencl_device = "CUDA: Card C"
+    with pytest.raises(RuntimeError, match="There is no OpenCL device 'CUDA: Card C'. Choose one of '"):
+        bpy.ops.hemibake.bake()
+
+
 def test_every_setting_for_people_is_a_property_with_name_and_tooltip():
     import bpy
 
-    properties = bpy.context.scene.hemibake.bl_rna.properties
+    groups = (bpy.context.scene.hemibake, part("operators.preferences").machine_properties())
+    properties = {name: known for group in groups for name, known in group.bl_rna.properties.items()}
     for name, description in part("engine.settings").descriptions().items():
         assert (name in properties) == (description.panel is not None)
         if name in properties:

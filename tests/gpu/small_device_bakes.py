@@ -35,8 +35,8 @@ class WithoutComputeShaders(Graphics):
 class InGroups(Compute):
     """A device where the items of a group work on one patch, as a graphics card's are."""
 
-    def __init__(self, cache_dir=None):
-        super().__init__(cache_dir)
+    def __init__(self, *chosen):
+        super().__init__(*chosen)
         self.group = 64
 
 

@@ -56,7 +56,7 @@ def paper(request):
 class NoCompute:
     """Stands in for OpenCL on a machine that has none."""
 
-    def __init__(self, cache_dir=None):
+    def __init__(self, *chosen):
         raise DeviceError("There is no OpenCL device. Install one.")
 
 

@@ -12,9 +12,9 @@ ROOT = Path(__file__).resolve().parents[2]
 #: Rooms and files of each package, from the top down.
 ORDERS = {
     "engine": [
-        "worker", "__init__", "session", "algorithm", "plan", "finish", "solve", "gather", "direct",
-        "reference", "visibility", "patches", "device", "scene", "clock", "settings", "setting", "lightmap",
-        "naming", "progress", "errors",
+        "worker", "__init__", "self_test", "session", "algorithm", "plan", "finish", "solve", "gather",
+        "direct", "reference", "visibility", "patches", "device", "scene", "clock", "settings", "setting",
+        "lightmap", "naming", "progress", "errors",
     ],
     "operators/scene": [
         "__init__", "overlaps", "read", "places", "world_mesh", "scene_objects",

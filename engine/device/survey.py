@@ -1,0 +1,63 @@
+"""Finds out which devices there are, which of them work, and what a bake uses each for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pyopencl as cl
+
+from ..errors import DeviceError
+from .compute import Compute, device_name, found_devices, trouble_with
+from .found import DeviceSurvey, FoundDevice
+from .graphics import Graphics
+
+
+def survey(opencl_device: str | None) -> DeviceSurvey:
+    """Return every device; `opencl_device` is the one that the settings choose."""
+    missing: list[str] = []
+    compute = _opencl(opencl_device, missing)
+    graphics = _opengl(alone=not compute, missing=missing)
+    return DeviceSurvey((*graphics, *compute), tuple(missing))
+
+
+def _opengl(alone: bool, missing: list[str]) -> list[FoundDevice]:
+    """Return the OpenGL device; alone it has to do what OpenCL would."""
+    try:
+        graphics = Graphics()
+    except DeviceError as error:
+        missing.append(str(error))
+        return []
+    use = "drawing and summing hemicubes" if alone and graphics.computes else "drawing hemicubes"
+    found = FoundDevice("OpenGL", graphics.name, graphics.context.info["GL_VERSION"], use=use)
+    graphics.release()
+    return [found]
+
+
+def _opencl(chosen: str | None, missing: list[str]) -> list[FoundDevice]:
+    """Return every OpenCL device once, though several platforms offer it under one name."""
+    try:
+        devices = found_devices()
+    except DeviceError as error:
+        missing.append(str(error))
+        return []
+    found: dict[str, FoundDevice] = {}
+    for device in devices:
+        name = device_name(device)
+        if name not in found or found[name].trouble:
+            found[name] = _describe(device)
+    try:
+        used = device_name(Compute(opencl_device=chosen).device)
+        found[used] = replace(found[used], use="casting rays and summing light")
+    except DeviceError as error:
+        missing.append(str(error))
+    return list(found.values())
+
+
+def _describe(device: cl.Device) -> FoundDevice:
+    return FoundDevice(
+        "OpenCL",
+        device_name(device),
+        device.driver_version.strip(),
+        device.global_mem_size,
+        trouble=trouble_with(device),
+    )

@@ -1,0 +1,123 @@
+"""A bake whose result is known tells whether a machine computes light right."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .errors import DeviceError
+from .lightmap import Lightmap
+from .progress import Progress
+from .scene.model import Material, Mesh, Scene
+from .settings import Settings
+
+#: A bake in this process or in another one, which may have nothing to tell at times.
+Bake = Callable[[Scene, Settings], Generator[Progress | None, None, Lightmap]]
+
+#: Reflectance and emission of the furnace; in a closed room of one material E/pi is everywhere
+#: emission / (1 - reflectance).
+_REFLECTANCE, _EMISSION = 0.5, 1.0
+_EXPECTED = _EMISSION / (1 - _REFLECTANCE)
+
+#: Largest difference of a texel from that, relative to it, which a machine that works stays below.
+TOLERANCE = 0.01
+
+#: Width of the lightmap and of a wall in it, texels: a prime, so that no size is a round one by chance.
+_RESOLUTION, _WALL = 53, 13
+
+_SETTINGS = Settings(
+    resolution=_RESOLUTION,
+    hemicube=16,
+    tolerance=1e-4,
+    method="cached",
+    sample_emission=False,
+    partials=False,
+)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a test that went well has found.
+
+    error    largest difference of a texel from the light that is known, relative to it
+    devices  as in `Report`
+    notes    what is missing, as sentences with a remedy
+    """
+
+    error: float
+    devices: dict[str, str]
+    notes: tuple[str, ...]
+
+
+def run_self_test(bake: Bake, settings: Settings) -> Generator[Progress | None, None, Verdict]:
+    """Bake a furnace by drawing and by casting rays; yields the bakes' progress.
+
+    settings: the machine's are taken from it: OpenCL device, memory, cache
+    Raises DeviceError if a result is wrong, and what a bake raises.
+    """
+    base = replace(
+        _SETTINGS,
+        opencl_device=settings.opencl_device,
+        memory_budget=settings.memory_budget,
+        batch_bytes=settings.batch_bytes,
+        cache_dir=settings.cache_dir,
+    )
+    drawn = yield from bake(furnace(), replace(base, visibility="raster"))
+    error, devices = _checked(drawn, "drawn hemicubes"), drawn.report.devices
+    if "cl" in devices:
+        cast = yield from bake(furnace(), replace(base, visibility="rays"))
+        error = max(error, _checked(cast, "rays"))
+    return Verdict(error, devices, drawn.report.warnings)
+
+
+def _checked(lightmap: Lightmap, way: str) -> float:
+    """Return the error of a bake; raises DeviceError if it is too large."""
+    light = lightmap.image[lightmap.has_patch]
+    error = float(np.abs(light / _EXPECTED - 1).max()) if len(light) else np.inf
+    if error <= TOLERANCE:
+        return error
+    devices = " and ".join(f"'{name}'" for name in lightmap.report.devices.values())
+    raise DeviceError(
+        f"The light of a closed room, which is known, comes out wrong by {error:.1%} with {way}, on "
+        f"{devices}. Update the driver, or choose another OpenCL device in Hemibake's preferences."
+    )
+
+
+def furnace() -> Scene:
+    """Return a closed cube, seen from inside, whose walls reflect half and shine."""
+    corners = _walls()
+    split = np.array([[0, 1, 2], [0, 2, 3]])
+    positions = corners[:, split].reshape(-1, 3, 3)
+    normals = np.cross(positions[:, 1] - positions[:, 0], positions[:, 2] - positions[:, 0])
+    walls = np.arange(12, dtype=np.int32)
+    mesh = Mesh(
+        name="Furnace",
+        positions=positions,
+        normals=np.repeat(normals[:, None], 3, axis=1),
+        uvs=_charts()[:, split].reshape(-1, 3, 2),
+        face=walls // 2,
+        subface=walls % 2,
+        material=np.zeros(12, np.int32),
+    )
+    grey = np.ones(3, np.float32)
+    return Scene((mesh,), (Material("Furnace", _REFLECTANCE * grey, _EMISSION * grey),), ("Furnace",))
+
+
+def _walls() -> np.ndarray:
+    """Return the walls of a cube of 1 m, (6, 4, 3) float32, counter-clockwise from inside."""
+    unit = np.eye(3, dtype=np.float32)
+    walls = []
+    for axis in range(3):
+        u, v = unit[(axis + 1) % 3], unit[(axis + 2) % 3]
+        walls.append([0 * u, u, u + v, v])
+        walls.append([unit[axis] + v, unit[axis] + u + v, unit[axis] + u, unit[axis]])
+    return np.array(walls, np.float32)
+
+
+def _charts() -> np.ndarray:
+    """Return the lightmap UVs of the walls, (6, 4, 2) float32: three in a row, on borders of texels."""
+    square = np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * _WALL
+    start = np.array([(wall % 3, wall // 3) for wall in range(6)]) * (_WALL + 4) + 1
+    return ((start[:, None] + square) / _RESOLUTION).astype(np.float32)

@@ -1,0 +1,94 @@
+"""What the add-on keeps for a machine, in Blender's preferences: a .blend holds none of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..engine.device.found import DeviceSurvey
+from ..engine.setting import PREFERENCES
+from ..engine.settings import shown_in
+from .devices import finder
+from .extension import EXTENSION
+from .setting_properties import setting_properties, setting_values
+from .telling import tell
+from .user_files import clear_cache
+from .worker_owner import owner
+
+
+class HemibakePreferences:
+    """The settings that describe the machine; `panels` makes Blender's class of it, which draws them."""
+
+    bl_idname = EXTENSION
+    __annotations__ = setting_properties(shown_in(PREFERENCES))
+
+
+def machine_properties() -> bpy.types.AddonPreferences | None:
+    """Return the preferences; None if a script has enabled the add-on without making it an entry of these."""
+    entry = bpy.context.preferences.addons.get(EXTENSION)
+    return None if entry is None else entry.preferences
+
+
+def machine_settings() -> dict[str, Any]:
+    """Return the settings of the machine as the engine takes them; what is not kept has its default."""
+    properties = machine_properties()
+    return {} if properties is None else setting_values(properties, shown_in(PREFERENCES))
+
+
+def known_devices() -> DeviceSurvey | None:
+    """Return the devices of the machine; None while they are looked for, which the first call begins."""
+    if finder.found is None and not finder.busy:
+        finder.start(_chosen_device())
+    return finder.found
+
+
+def guide() -> Path | None:
+    """Return the page that explains Hemibake, if the package has it."""
+    path = Path(__file__).parents[1] / "README.md"
+    return path if path.is_file() else None
+
+
+def _chosen_device() -> str | None:
+    return machine_settings().get("opencl_device")
+
+
+class HEMIBAKE_OT_find_devices(bpy.types.Operator):
+    """Look again which devices there are, and which of them bakes use"""
+
+    bl_idname = "hemibake.find_devices"
+    bl_label = "Find Devices"
+    bl_options = {"INTERNAL"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        if bpy.app.background:
+            finder.find(_chosen_device())
+        else:
+            finder.start(_chosen_device())
+        return {"FINISHED"}
+
+
+class HEMIBAKE_OT_clear_cache(bpy.types.Operator):
+    """Remove all compiled kernels; the next bake compiles what it needs"""
+
+    bl_idname = "hemibake.clear_cache"
+    bl_label = "Clear Kernel Cache"
+    bl_options = {"INTERNAL"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if owner.busy:
+            cls.poll_message_set("A bake is running")
+        return not owner.busy
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        try:
+            clear_cache()
+        except OSError as error:
+            tell(self, "ERROR", f"Some kernels stay: {error}. Close other Blenders, then try again.")
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+CLASSES = (HEMIBAKE_OT_find_devices, HEMIBAKE_OT_clear_cache)

@@ -1,0 +1,130 @@
+"""The Self-Test operator: whether this machine bakes right, and what to do if not."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator
+
+import bpy
+
+from ..engine.errors import EngineError
+from ..engine.progress import Progress, finished
+from ..engine.self_test import Verdict, run_self_test
+from .bake_settings import machine_defaults
+from .log import log
+from .telling import tell
+from .window_bake import WindowBake
+from .worker_owner import owner
+
+#: Longest time one timer event may take from the window, s.
+_SLICE = 0.03
+
+
+class LastTest:
+    """What the last test told.
+
+    right  None before the first one
+    """
+
+    def __init__(self) -> None:
+        self.right: bool | None = None
+        self.text = ""
+
+    def keep(self, right: bool, text: str) -> None:
+        """Keep it, in the log, too."""
+        self.right, self.text = right, text
+        log(f"Self-test: {text}")
+
+
+#: One for the whole add-on, since Blender keeps no Python objects.
+last_test = LastTest()
+
+
+class _Test:
+    """A test that a window follows."""
+
+    def __init__(self, job: Generator[Progress | None, None, Verdict]) -> None:
+        self.job, self.start = job, time.perf_counter()
+
+    def cancel(self, keep_images: bool = False) -> bool:
+        """Stop it; there is nothing to keep."""
+        self.job.close()
+        return False
+
+
+class HEMIBAKE_OT_self_test(bpy.types.Operator):
+    """Bake a small closed room whose light is known, and tell whether this machine gets it right"""
+
+    bl_idname = "hemibake.self_test"
+    bl_label = "Hemibake Self-Test"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if owner.busy:
+            cls.poll_message_set("A bake is running")
+        return not owner.busy
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Test and return when it is done."""
+        test = _Test(run_self_test(owner.bake(), machine_defaults()))
+        try:
+            return self._right(finished(test.job), test.start)
+        except EngineError as error:
+            return self._wrong(error)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Start the test in the worker process; `modal` follows it."""
+        self._window = WindowBake(context, _Test(run_self_test(owner.worker().bake, machine_defaults())))
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if event.type == "ESC" and event.value == "PRESS":
+            self.cancel(context)
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        try:
+            return self._follow(context)
+        except EngineError as error:
+            self.cancel(context)
+            return self._wrong(error)
+        except BaseException:
+            self.cancel(context)
+            raise
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Stop the test; Blender calls this when a window closes."""
+        self._window.cancel()
+
+    def _follow(self, context: bpy.types.Context) -> set[str]:
+        """Take what the worker has to say for a short time."""
+        limit, test = time.perf_counter() + _SLICE, self._window.run
+        while time.perf_counter() < limit:
+            try:
+                progress = next(test.job)
+            except StopIteration as end:
+                self._window.leave()
+                return self._right(end.value, test.start)
+            if progress is None:
+                break
+            self._window.show(context, progress)
+        return {"PASS_THROUGH"}
+
+    def _right(self, verdict: Verdict, start: float) -> set[str]:
+        """Tell that all is well, and with what."""
+        devices, seconds = " and ".join(verdict.devices.values()), time.perf_counter() - start
+        text = f"Right within {verdict.error:.2%}, in {seconds:.1f} s, on {devices}."
+        last_test.keep(True, "\n".join([text, *verdict.notes]))
+        for note in verdict.notes:
+            tell(self, "WARNING", note)
+        self.report({"INFO"}, text)
+        return {"FINISHED"}
+
+    def _wrong(self, error: EngineError) -> set[str]:
+        last_test.keep(False, str(error))
+        tell(self, "ERROR", str(error))
+        return {"CANCELLED"}
+
+
+CLASSES = (HEMIBAKE_OT_self_test,)

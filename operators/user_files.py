@@ -1,0 +1,66 @@
+"""What Hemibake writes into Blender's user folder: compiled kernels and a log; uninstalling removes it."""
+
+from __future__ import annotations
+
+import shutil
+from contextlib import suppress
+from pathlib import Path
+
+import bpy
+
+from .extension import EXTENSION
+
+#: Length at which the log becomes the old log, bytes.
+_LOG_LIMIT = 1 << 20
+
+
+def cache_folder() -> Path | None:
+    """Return the folder for compiled kernels, None if it cannot be made."""
+    return _folder("cl_cache")
+
+
+def cache_size() -> int:
+    """Return the size of all compiled kernels, bytes."""
+    folder = cache_folder()
+    files = folder.rglob("*") if folder else ()
+    size = 0
+    for path in files:
+        with suppress(OSError):
+            size += path.lstat().st_size if path.is_file() else 0
+    return size
+
+
+def clear_cache() -> None:
+    """Remove all compiled kernels; raises OSError for one that cannot be."""
+    folder = cache_folder()
+    for path in folder.iterdir() if folder else ():
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
+
+
+def log_file() -> Path | None:
+    """Return the path of the log, None if its folder cannot be made."""
+    folder = _folder("log")
+    return None if folder is None else folder / "hemibake.log"
+
+
+def append_to_log(text: str) -> None:
+    """Write at the end of the log; one that cannot be written stops nothing."""
+    path = log_file()
+    if path is None:
+        return
+    with suppress(OSError):
+        if path.exists() and path.stat().st_size > _LOG_LIMIT:
+            path.replace(path.with_suffix(".old.log"))
+        with path.open("a", encoding="utf-8") as file:
+            file.write(text)
+
+
+def _folder(name: str) -> Path | None:
+    """Return a folder of the extension's own, made where it is missing; None if it cannot be."""
+    try:
+        return Path(bpy.utils.extension_path_user(EXTENSION, path=name, create=True))
+    except (ValueError, OSError):
+        return None

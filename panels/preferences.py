@@ -1,0 +1,122 @@
+"""Hemibake in Blender's preferences: devices, self-test, files; and its entry in the Help menu."""
+
+from __future__ import annotations
+
+import textwrap
+
+import bpy
+
+from ..engine.device.found import FoundDevice
+from ..engine.setting import PREFERENCES
+from ..engine.settings import shown_in
+from ..operators.preferences import HemibakePreferences, guide, known_devices
+from ..operators.self_test import last_test
+from ..operators.user_files import cache_folder, cache_size, log_file
+
+#: Width of a letter, pixels of an unscaled interface, and the letters of a line where a width is unknown.
+_LETTER, _LINE = 7, 90
+
+
+#: Share of a row that a path has, beside a button.
+_BESIDE = 0.8
+
+
+class HEMIBAKE_AP_preferences(HemibakePreferences, bpy.types.AddonPreferences):
+    """What describes the machine, and whether it works."""
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, letters = self.layout, _letters(context)
+        _draw_devices(layout.box(), letters)
+        settings = layout.column()
+        settings.use_property_split = True
+        settings.use_property_decorate = False
+        for name in shown_in(PREFERENCES):
+            settings.prop(self, name)
+        _draw_test(layout.box(), letters)
+        _draw_files(layout.box())
+
+
+def _draw_devices(layout: bpy.types.UILayout, letters: int) -> None:
+    """Show every device, and what is missing."""
+    head = layout.row()
+    head.label(text="Devices")
+    head.operator("hemibake.find_devices", text="", icon="FILE_REFRESH")
+    survey = known_devices()
+    if survey is None:
+        layout.label(text="Looking for devices …", icon="SORTTIME")
+        return
+    for device in survey.devices:
+        _draw_device(layout.column(align=True), device, letters)
+    for sentence in survey.missing:
+        _draw_text(layout, sentence, letters, "ERROR")
+
+
+def _draw_device(layout: bpy.types.UILayout, device: FoundDevice, letters: int) -> None:
+    """Show a device: name, driver, memory, use."""
+    icon = "ERROR" if device.trouble else "CHECKMARK" if device.use else "DOT"
+    _draw_text(layout, f"{device.api}: {device.name}", letters, icon)
+    memory = f"{device.memory / 2**30:.1f} GiB" if device.memory else ""
+    use = f"used for {device.use}" if device.use else "not used"
+    _draw_text(layout, ", ".join(filter(None, [memory, use, device.trouble])), letters, "BLANK1")
+    _draw_text(layout, f"Driver {device.driver}", letters, "BLANK1")
+
+
+def _draw_test(layout: bpy.types.UILayout, letters: int) -> None:
+    """Show the button of the test, and what the last one told."""
+    layout.operator("hemibake.self_test", text="Self-Test", icon="VIEWZOOM")
+    for number, line in enumerate(last_test.text.splitlines()):
+        wrong = number > 0 or not last_test.right
+        _draw_text(layout, line, letters, "ERROR" if wrong else "CHECKMARK")
+
+
+def _draw_files(layout: bpy.types.UILayout) -> None:
+    """Show where compiled kernels and the log are, and where Hemibake is explained."""
+    row = layout.split(factor=_BESIDE)
+    row.label(text=f"Kernel cache: {cache_size() / 2**20:.1f} MiB in {cache_folder() or 'no folder'}")
+    row.operator("hemibake.clear_cache", text="Clear", icon="TRASH")
+    _draw_path(layout, "Log", log_file())
+    _draw_path(layout, "Guide", guide())
+
+
+def _draw_path(layout: bpy.types.UILayout, name: str, path: object) -> None:
+    """Show a file, with a button that opens it."""
+    if path is None:
+        return
+    row = layout.split(factor=_BESIDE)
+    row.label(text=f"{name}: {path}")
+    button = row.row()
+    button.enabled = path.is_file()
+    button.operator("wm.path_open", text="Open", icon="TEXT").filepath = str(path)
+
+
+def _draw_text(layout: bpy.types.UILayout, text: str, letters: int, icon: str) -> None:
+    """Show a text in as many lines as it takes."""
+    column = layout.column(align=True)
+    for number, line in enumerate(textwrap.wrap(text, letters)):
+        column.label(text=line, icon="BLANK1" if number else icon)
+
+
+def _letters(context: bpy.types.Context) -> int:
+    """Return about how many letters a line has room for."""
+    if context.region is None:
+        return _LINE
+    scale = context.preferences.system.ui_scale
+    return max(30, int(context.region.width / (_LETTER * scale)) - 10)
+
+
+def _draw_help(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
+    """Add the self-test to a menu, where the search finds it."""
+    menu.layout.operator("hemibake.self_test")
+
+
+CLASSES = (HEMIBAKE_AP_preferences,)
+
+
+def bind() -> None:
+    """Add the entry of the Help menu."""
+    bpy.types.TOPBAR_MT_help.append(_draw_help)
+
+
+def unbind() -> None:
+    """Remove it."""
+    bpy.types.TOPBAR_MT_help.remove(_draw_help)

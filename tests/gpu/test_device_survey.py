@@ -1,0 +1,128 @@
+"""Devices are found, told apart and chosen by name; what is missing is said."""
+
+import dataclasses
+
+import pytest
+
+from engine import DeviceError, Settings, finished
+from engine.device import compute, survey
+from engine.device.compute import Compute, device_name, found_devices
+from engine.session import Session, find_devices
+from engine.worker.worker import Worker
+from tests.analytic.scenes import furnace
+
+
+def test_every_device_is_listed_once_and_the_one_of_a_bake_is_marked():
+    found = survey.survey(None)
+    opengl, *opencl = found.devices
+    names = [device.name for device in opencl]
+    assert opengl.api == "OpenGL" and opengl.use == "drawing hemicubes" and opengl.driver
+    assert sorted(names) == sorted({device_name(device) for device in found_devices()})
+    (used,) = [device for device in opencl if device.use]
+    assert used.name == device_name(Compute().device) and used.memory > 1 << 28 and not used.trouble
+    assert not found.missing
+
+
+def test_the_worker_finds_the_same_devices_and_keeps_them_out_of_this_process():
+    worker = Worker(bake="engine.session:find_devices")
+    try:
+        assert finished(worker.run(None)) == survey.survey(None) == finished(find_devices(None))
+    finally:
+        worker.stop()
+
+
+class Platform:
+    def __init__(self, name, version):
+        self.name, self.version = name, version
+
+
+class Device:
+    """A device of a machine that this is not."""
+
+    def __init__(self, platform, name, kind, works=True):
+        self.platform, self.name, self.type, self.works = platform, name, kind, works
+        self.driver_version, self.global_mem_size = "1.0 ", 3 << 30
+
+
+@pytest.fixture
+def workstation(monkeypatch):
+    """A processor by two versions of PoCL, of which the first builds nothing, beside two graphics cards."""
+    old, new = (
+        Platform("Portable Computing Language", "PoCL 3.0"),
+        Platform("Portable Computing Language ", "PoCL 6.0"),
+    )
+    card = Platform("CUDA", "OpenCL 3.0")
+    kinds = compute.cl.device_type
+    devices = [
+        Device(card, "Card A ", kinds.GPU),
+        Device(card, "Card B", kinds.GPU),
+        Device(old, "cpu", kinds.CPU, works=False),
+        Device(new, "cpu ", kinds.CPU),
+    ]
+
+    def probed(device, cache_dir):
+        if not device.works:
+            raise compute.cl.RuntimeError("error: unknown target CPU 'generic'")
+        return type("Context", (), {"devices": [device]})()
+
+    for module in (compute, survey):
+        monkeypatch.setattr(module, "found_devices", lambda: devices)
+    monkeypatch.setattr(compute, "_probed", probed)
+    monkeypatch.setattr(compute.cl, "CommandQueue", lambda context: None)
+    return devices
+
+
+@pytest.mark.parametrize(
+    ("name", "index"),
+    [(None, 0), ("CUDA: Card B", 1), ("Portable Computing Language: cpu", 3)],
+)
+def test_chosen_device_is_taken_and_the_one_that_works_of_those_with_its_name(workstation, name, index):
+    assert Compute(opencl_device=name).device is workstation[index]
+
+
+def test_device_that_two_platforms_offer_is_listed_once_as_the_one_that_works(workstation):
+    found = survey.survey("CUDA: Card B")
+    cards = found.devices[1:]
+    assert [device.name for device in cards] == [
+        "CUDA: Card A",
+        "CUDA: Card B",
+        "Portable Computing Language: cpu",
+    ]
+    assert [bool(device.use) for device in cards] == [False, True, False]
+    assert not any(device.trouble for device in cards)
+    assert cards[2].driver == "1.0" and cards[2].memory == 3 << 30
+
+
+def test_device_that_cannot_build_kernels_says_why(workstation):
+    workstation[3].works = False
+    *_, processor = survey.survey(None).devices
+    assert processor.trouble == "error: unknown target CPU 'generic'" and not processor.use
+
+
+def test_device_that_is_not_there_is_told_with_those_that_are(workstation):
+    with pytest.raises(
+        DeviceError, match="no OpenCL device 'Card C'. Choose one of 'CUDA: Card A', 'CUDA: Card B', 'P"
+    ):
+        Compute(opencl_device="Card C")
+    assert "'Card C'" in survey.survey("Card C").missing[0]
+
+
+def test_without_opencl_opengl_sums_and_the_remedy_is_told(monkeypatch):
+    def none():
+        raise DeviceError("There is no OpenCL device. Install one.")
+
+    monkeypatch.setattr(survey, "found_devices", none)
+    found = survey.survey(None)
+    (opengl,) = found.devices
+    assert opengl.use == "drawing and summing hemicubes"
+    assert found.missing == ("There is no OpenCL device. Install one.",)
+
+
+def test_a_bake_never_goes_to_another_device_than_the_chosen_one():
+    session, settings = Session(), Settings(resolution=32, hemicube=8)
+    with pytest.raises(DeviceError, match="no OpenCL device 'Card C'"):
+        finished(session.bake(furnace(0.5, 1.0), dataclasses.replace(settings, opencl_device="Card C")))
+    name = device_name(Compute().device)
+    chosen = dataclasses.replace(settings, opencl_device=name)
+    assert finished(session.bake(furnace(0.5, 1.0), chosen)).report.devices["cl"] in name
+    session.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 
 import pyopencl as cl
@@ -9,11 +10,8 @@ import pyopencl as cl
 from ..errors import DeviceError
 from .kernel import Kernel
 from .source import kernel_source
+from .starter_cache import keep_starters_in
 
-_REMEDY = (
-    "Install the driver of your graphics card, or for computing on the processor PoCL "
-    "(Debian or Ubuntu: apt install pocl-opencl-icd; Python: pip install pocl-binary-distribution)."
-)
 #: Work items of a group on a GPU, and of a group whose items have nothing to do with each other.
 _GROUP = _ITEMS = 64
 
@@ -32,6 +30,8 @@ class Compute:
 
     def __init__(self, cache_dir: str | None = None, opencl_device: str | None = None) -> None:
         self._cache_dir = cache_dir
+        if cache_dir is not None:
+            keep_starters_in(cache_dir)
         self._programs: dict[tuple, cl.Program] = {}
         self._kernels: dict[tuple, Kernel] = {}
         self.context = self._first_working_context(_chosen(found_devices(), opencl_device))
@@ -76,7 +76,9 @@ class Compute:
                 failures.append(
                     f"{device.name.strip()} ({device.platform.version.strip()}): {_reason(error)}"
                 )
-        raise DeviceError(f"No OpenCL device can build kernels: {'; '.join(failures)}. {_REMEDY}")
+        raise DeviceError(
+            f"No OpenCL device can build kernels: {'; '.join(failures)}. {remedy(sys.platform)}"
+        )
 
 
 def _probed(device: cl.Device, cache_dir: str | None) -> cl.Context:
@@ -123,9 +125,9 @@ def found_devices() -> list[cl.Device]:
     try:
         devices = [device for platform in cl.get_platforms() for device in platform.get_devices()]
     except cl.Error as error:
-        raise DeviceError(f"OpenCL could not be started ({error}). {_REMEDY}") from error
+        raise DeviceError(f"OpenCL could not be started ({error}). {remedy(sys.platform)}") from error
     if not devices:
-        raise DeviceError(f"There is no OpenCL device. {_REMEDY}")
+        raise DeviceError(f"There is no OpenCL device. {remedy(sys.platform)}")
     return sorted(devices, key=_rank)
 
 
@@ -138,3 +140,14 @@ def _reason(error: cl.Error) -> str:
     """Return the most telling line of an OpenCL error."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     return next((line for line in lines if line.startswith("error")), lines[0])
+
+
+def remedy(system: str) -> str:
+    """Return what brings an OpenCL device to a system, by the name that `sys.platform` has there."""
+    driver = "Install the current driver of your graphics card"
+    if system == "linux":
+        return (
+            f"{driver}, or PoCL, which computes on the processor: on Debian or Ubuntu "
+            "apt install pocl-opencl-icd, on Fedora dnf install pocl, on Arch pacman -S pocl."
+        )
+    return "OpenCL is part of macOS; update the system." if system == "darwin" else f"{driver}."

@@ -181,7 +181,10 @@ class WorkerProcess:
 @contextmanager
 def _pipe_errors() -> Iterator[None]:
     """Make writing to a dead process an OSError: Blender lets SIGPIPE end it, as Python alone does not."""
-    deadly = sys.platform != "win32" and signal.getsignal(signal.SIGPIPE) == signal.SIG_DFL
+    if sys.platform == "win32":
+        yield
+        return
+    deadly = signal.getsignal(signal.SIGPIPE) == signal.SIG_DFL
     if deadly:
         signal.signal(signal.SIGPIPE, signal.SIG_IGN)
     try:

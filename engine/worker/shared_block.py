@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 from multiprocessing import resource_tracker
@@ -11,9 +12,6 @@ from typing import Any, Self
 
 from ..errors import WorkerError
 from . import messages
-
-#: Where Linux keeps shared memory.
-_LINUX_FOLDER = Path("/dev/shm")
 
 
 class SharedBlock:
@@ -73,14 +71,20 @@ class BorrowedBlock:
 
 def _create(size: int) -> SharedMemory:
     """Create a block; look for room first, since Linux ends a process that finds none when it writes."""
-    if sys.platform == "linux" and _LINUX_FOLDER.exists():
-        room = os.statvfs(_LINUX_FOLDER)
-        if room.f_blocks and size > room.f_bavail * room.f_frsize:
-            raise _no_room(size)
+    if size > _room():
+        raise _no_room(size)
     try:
         return SharedMemory(create=True, size=size)
     except OSError as error:
         raise _no_room(size) from error
+
+
+def _room() -> float:
+    """Return how much shared memory is free, bytes; infinity where the system does not say."""
+    if sys.platform != "linux" or not Path("/dev/shm").exists():
+        return math.inf
+    room = os.statvfs("/dev/shm")
+    return room.f_bavail * room.f_frsize if room.f_blocks else math.inf
 
 
 def _view(memory: SharedMemory) -> memoryview:
@@ -110,7 +114,8 @@ def _attach(name: str) -> SharedMemory:
 
 
 def _no_room(size: int) -> WorkerError:
+    enlarge = ", or enlarge /dev/shm" if sys.platform == "linux" else ""
     return WorkerError(
-        f"There is no room for {size / 2**20:.0f} MiB of shared memory. Lower the resolution, close other "
-        f"programs, or enlarge {_LINUX_FOLDER} where the system limits it."
+        f"There is no room for {size / 2**20:.0f} MiB of shared memory. Lower the resolution, or close other "
+        f"programs{enlarge}."
     )

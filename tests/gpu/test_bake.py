@@ -125,3 +125,20 @@ def test_a_missing_driver_is_a_clear_error(variable, message, tmp_path):
     )
     assert result.returncode == 0, result.stderr
     assert re.search(message, result.stdout)
+
+
+def test_what_a_bake_keeps_between_sessions_lies_in_the_folder_of_the_settings(tmp_path):
+    code = (
+        "import sys\n"
+        "from engine import Settings, bake, finished\n"
+        "from tests.analytic.scenes import furnace\n"
+        "finished(bake(furnace(0.5, 1.0), Settings(resolution=8, hemicube=8, cache_dir=sys.argv[1])))\n"
+    )
+    home, kept = tmp_path / "home", tmp_path / "kept"
+    home.mkdir()
+    kept.mkdir()
+    environment = {key: value for key, value in os.environ.items() if not key.startswith("XDG")}
+    environment |= {"HOME": str(home), "POCL_CACHE_DIR": str(tmp_path / "pocl")}
+    command = [sys.executable, "-c", code, str(kept)]
+    subprocess.run(command, cwd=ROOT, env=environment, check=True, timeout=120)
+    assert not list(home.rglob("*pyopencl*")) and list(kept.iterdir())

@@ -1,16 +1,20 @@
 # `make demo` and `make test` set up all they need themselves; `make` alone lists the targets.
 
 PYTHON ?= python3.11
+PYTHON313 ?= python3.13
 
 # One environment for each Blender that is tested; a stamp tells which lock it was made from.
 READY50 := .venv/.ready
 READY45 := .venv-bpy45/.ready
 
+# What packages bring with them, for every platform.
+WHEELS := out/wheels/.ready
+
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-4.5 test-long fuzz-short fuzz verify bench bench-gpu lint setup locks clean
+.PHONY: help demo test test-4.5 test-long package test-package test-package-short fuzz-short fuzz verify bench bench-gpu lint setup locks clean
 
 help: ## list the targets
-	@grep -E '^[a-z0-9.-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9.-]+):.*## /\1\t/' | expand -t 14
+	@grep -E '^[a-z0-9.-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9.-]+):.*## /\1\t/' | expand -t 20
 
 demo: $(READY50) ## bake a Cornell box headless; pictures and lightmap in out/demo
 	@tools/system_packages.sh .venv/bin/python
@@ -33,6 +37,17 @@ fuzz: setup ## 3,000 random scenes and 500 random .blend files, about an hour; S
 	@echo "SEED=$(SEED)"
 	.venv/bin/python -m pytest tests/fuzz --hypothesis-profile=long --hypothesis-seed=$(SEED)
 
+package: $(READY50) $(WHEELS) ## build the files to drag into Blender, one for each platform; in out/package
+	.venv/bin/python -m tools.package out/wheels out/package
+
+test-package: ## install the package into Blender 4.2 to 5.2, bake, upgrade, remove it, without a network
+	@$(MAKE) --keep-going --no-print-directory $(READY45) .venv-bpy42/.ready .venv-bpy51/.ready .venv-bpy52/.ready || \
+	    echo "Blenders whose environment could not be made are not tested." >&2
+	@$(MAKE) --no-print-directory test-package-short
+
+test-package-short: setup package ## the same in the Blenders that are there
+	.venv/bin/python -m pytest tests/packaging
+
 verify: $(READY50) ## bake a suite of scenes with Hemibake and Cycles; the table goes to docs/accuracy.md
 	@tools/system_packages.sh .venv/bin/python
 	.venv/bin/python tools/verify.py --table docs/accuracy.md
@@ -53,28 +68,48 @@ lint: setup ## ruff, and mypy for the engine
 setup: $(READY50) ## make .venv and look for system libraries, nothing else
 	@tools/system_packages.sh .venv/bin/python
 
-locks: ## pin the newest versions that requirements/*.in allow
-	$(PYTHON) -m venv out/locks
-	out/locks/bin/pip install --quiet pip-tools
-	cd requirements && for version in 50 45; do \
-	    CUSTOM_COMPILE_COMMAND="make locks" ../out/locks/bin/pip-compile --quiet --upgrade --generate-hashes \
-	        --allow-unsafe --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-trusted-host \
-	        --output-file bpy$$version.txt bpy$$version.in || exit 1; done
+# Compile the locks that are named, with the Python that is named first.
+COMPILE = set -e; $(1) -m venv out/locks; out/locks/bin/pip install --quiet pip-tools; cd requirements; \
+	for lock in $(2); do CUSTOM_COMPILE_COMMAND="make locks" ../out/locks/bin/pip-compile --quiet --upgrade \
+	    --generate-hashes --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-trusted-host \
+	    $(3) --output-file $$lock.txt $$lock.in; done; rm -rf ../out/locks
+
+locks: ## pin the newest versions that requirements/*.in allow; needs Python 3.11 and 3.13
+	$(call COMPILE,$(PYTHON),bpy50 bpy45 bpy42,--allow-unsafe)
+	$(call COMPILE,$(PYTHON),wheels,--unsafe-package numpy)
+	$(call COMPILE,$(PYTHON313),bpy51 bpy52,--allow-unsafe)
 
 clean: ## remove what was made: environments, results, caches
-	rm -rf .venv .venv-bpy45 out .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv .venv-bpy4? .venv-bpy5? out .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(READY50): requirements/bpy50.txt
-$(READY45): requirements/bpy45.txt
+.venv-bpy%/.ready: requirements/bpy%.txt
+	$(environment)
 
-.venv/.ready .venv-bpy45/.ready:
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null || { \
-	    echo "Python 3.11 is needed, which '$(PYTHON)' is not: Blender 4.5 and 5.0 run in no other." >&2; \
-	    echo "Install python3.11 and python3.11-venv, or name one: make PYTHON=/path/to/python3.11" >&2; \
+# Blender 5.1 brought Python 3.13.
+.venv-bpy51/.ready .venv-bpy52/.ready: needed := 3.13
+.venv-bpy51/.ready .venv-bpy52/.ready: python = $(PYTHON313)
+needed := 3.11
+python = $(PYTHON)
+
+.venv/.ready:
+	$(environment)
+
+define environment
+	@$(python) -c 'import sys; sys.exit("%d.%d" % sys.version_info[:2] != "$(needed)")' 2>/dev/null || { \
+	    echo "Python $(needed) is needed for $(@D), which '$(python)' is not: its Blender runs in no other." >&2; \
+	    echo "Install python$(needed) and python$(needed)-venv, or name one:" \
+	        "make PYTHON$(subst 3.11,,$(subst 3.13,313,$(needed)))=/path/to/python$(needed)" >&2; \
 	    exit 1; }
 	@echo "Making $(@D): Blender as a Python module and what Hemibake needs, about 400 MB to download."
 	rm -rf $(@D)
-	$(PYTHON) -m venv $(@D)
+	$(python) -m venv $(@D)
 	$(@D)/bin/pip install --quiet --disable-pip-version-check --require-hashes --requirement $<
+	@touch $@
+endef
+
+$(WHEELS): requirements/wheels.txt tools/packages/platforms.py tools/packages/wheels.py | $(READY50)
+	rm -rf $(@D)
+	.venv/bin/python -m tools.packages.wheels $< $(@D)
 	@touch $@

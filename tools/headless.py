@@ -19,8 +19,8 @@ MODULE = "bl_ext.user_default.hemibake"
 #: Name of the checkout as a package, apart from the extension that Blender enables.
 _CHECKOUT = "hemibake"
 
-#: What the extension is made of, for where a link cannot be made.
-_PARTS = ("__init__.py", "blender_manifest.toml", "engine", "operators", "panels", "kernels", "shaders")
+#: What the extension is made of: what Blender loads, without tests and tools.
+PARTS = ("__init__.py", "blender_manifest.toml", "engine", "operators", "panels", "kernels", "shaders")
 
 
 def load(name: str) -> ModuleType:
@@ -64,7 +64,7 @@ def install(resources: Path) -> None:
         target.symlink_to(ROOT, target_is_directory=True)
     except OSError:
         target.mkdir()
-        for part in _PARTS:
+        for part in PARTS:
             copy = shutil.copytree if (ROOT / part).is_dir() else shutil.copy2
             copy(ROOT / part, target / part)
 

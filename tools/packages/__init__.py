@@ -1,0 +1,1 @@
+"""The files that people drag into Blender, one for each platform."""

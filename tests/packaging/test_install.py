@@ -1,0 +1,68 @@
+"""A person has Blender and the package, and no network: it comes, bakes, is upgraded, and goes."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.packaging.conftest import OLDER
+from tools.packages.archive import MANIFEST, ROOT
+
+#: Where Blender itself notes for which Python it has installed wheels.
+BLENDERS_OWN = {"blender/extensions/.cache/compat.dat"}
+
+
+def files_in(folder: Path) -> set[str]:
+    """Return the files in a folder."""
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if not path.is_dir()}
+
+
+def is_right(lightmap: list[float]) -> bool:
+    """Return whether a lightmap of the furnace is 2 wherever a surface is, and surfaces fill some of it."""
+    lit = [value for value in lightmap if value != 0]
+    return len(lightmap) == 3 * 32 * 32 < 8 * len(lit) and all(abs(value - 2) < 0.02 for value in lit)
+
+
+def version() -> str:
+    lines = (ROOT / MANIFEST).read_text(encoding="utf-8").splitlines()
+    return next(line.split('"')[1] for line in lines if line.startswith("version"))
+
+
+def test_it_bakes_and_leaves_nothing_behind(blender, package, user, driver):
+    blender.run(user, ("nothing",))
+    before = files_in(user)
+    state, here, worker = blender.run(
+        user, ("install", package), ("bake", False), ("bake", True), driver=driver
+    )
+    assert state == {"version": version(), "enabled": True, "warnings": {}, "online": False}
+    assert is_right(here["values"]) and is_right(worker["values"])
+    assert here["wheels"].keys() >= {"moderngl", "glcontext", "pyopencl"}
+    assert all(Path(path).is_relative_to(user) for path in here["wheels"].values())
+
+    state, left, _ = blender.run(user, ("enable",), ("disable",), ("uninstall",))
+    assert state["warnings"] == {} and left == {"left": []}
+    assert files_in(user) - before <= BLENDERS_OWN
+
+
+def test_settings_and_lightmaps_outlive_an_upgrade(blender, older_package, package, user, driver, tmp_path):
+    blend = str(tmp_path / "furnace.blend")
+    old, baked, _ = blender.run(
+        user, ("install", older_package), ("bake", False), ("save", blend), driver=driver
+    )
+    assert old["version"] == OLDER and is_right(baked["values"])
+
+    new, opened, again = blender.run(
+        user, ("install", package), ("load", blend), ("bake", False), driver=driver
+    )
+    assert new == {"version": version(), "enabled": True, "warnings": {}, "online": False}
+    assert opened["values"] == baked["values"]
+    assert opened["uvs"] == ["Lightmap"]
+    assert (opened["resolution"], opened["iterations"]) == (32, 7)
+    assert opened["tolerance"] == pytest.approx(0.0125)
+    assert is_right(again["values"])
+
+
+def test_without_an_opencl_driver_it_bakes_with_opengl_and_says_so(blender, package, user, tmp_path):
+    (tmp_path / "none").mkdir()
+    _, baked = blender.run(user, ("install", package), ("bake", False), driver=f"{tmp_path / 'none'}/")
+    assert is_right(baked["values"])
+    assert any("without OpenCL" in note and "pocl-opencl-icd" in note for note in baked["warnings"])

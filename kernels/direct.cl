@@ -30,7 +30,7 @@ typedef struct {
 // Points of a texel along u and v where light that changes over it is computed.
 #define PLACES 4
 
-float3 open_over_texel(__global const float4 *e, const Receiver *r)
+float3 open_over_texel(__global const Emitter *e, const Receiver *r)
 {
     if (is_far(e, r))
         return open_light(e, r->at, r);
@@ -54,9 +54,9 @@ void finish_run(const Run *run, Sum *sum)
 // E/pi of emitters at each patch. Samples go to emitters by systematic resampling: in proportion to what
 // they may bring, so that many emitters cost little more than one. rgb of the result is the light; a its
 // luminance if nothing cast a shadow.
-__kernel void direct(RAYS_ARGUMENTS, __global const float4 *receivers, __global const float4 *emitters,
-                     __global const float4 *light_nodes, __global const int2 *branches, const int root,
-                     __global const float *modulations, const int budget,
+__kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const Emitter *emitters,
+                     __global const LightNode *light_nodes, const int root, __global const Modulation *modulations,
+                     __global const float *profiles, const int budget,
                      __global const float4 *radiance, __global const uint *texel_to_patch, __global const float2 *uvs,
                      const int resolution, __global const float4 *sky_pixels, __global const float *cumulative,
                      __global const int *listed, const int sky_width, const int sky_height, const int sky_count,
@@ -67,10 +67,10 @@ __kernel void direct(RAYS_ARGUMENTS, __global const float4 *receivers, __global 
     if (patch >= end)
         return;
     const Rays rays = RAYS;
-    const Lights lights = {emitters, light_nodes, branches, sky_total, modulations};
+    const Lights lights = {emitters, light_nodes, sky_total, {modulations, profiles}};
     const Glow glow = {radiance, texel_to_patch, uvs, resolution};
     const Bright sky = {sky_pixels, cumulative, listed, sky_width, sky_height, sky_count, sky_total};
-    const Receiver r = load_receiver(receivers + RECEIVER * patch);
+    const Receiver r = load_receiver(receivers + patch);
 
     const float total = total_weight(&lights, root, &r);
     const uint key = hash((uint)patch ^ hash(seed));
@@ -88,20 +88,20 @@ __kernel void direct(RAYS_ARGUMENTS, __global const float4 *receivers, __global 
             emitter = next_emitter(&walk, &lights, &r, index + offset, &span);
             run.expected = span.y;
             run.shadowed = run.unshadowed = tried = through = 0.0f;
-            if (emitter >= 0 && emitters[EMITTER * emitter].w > 0.0f)
-                run.open = open_over_texel(emitters + EMITTER * emitter, &r);
+            if (emitter >= 0 && emitters[emitter].even)
+                run.open = open_over_texel(emitters + emitter, &r);
         }
         if (emitter < 0)
             continue;
-        __global const float4 *e = emitters + EMITTER * emitter;
+        __global const Emitter *e = emitters + emitter;
 
         // Where all rays of a trial met, or none, the others of this emitter are spared.
         const bool spared = tried >= fmax(TRIAL, TRIAL_FRACTION * span.y) && (through == 0.0f || through == tried);
-        if (spared && e[0].w > 0.0f)
+        if (spared && e->even)
             continue;
         const float4 u = sample_point(index, key);
         const float3 p = point_of_texel(&r, u.zw);
-        const Sample s = sample_emitter(e, &glow, &sky, modulations, &r, p, u.xy);
+        const Sample s = sample_emitter(e, &glow, &sky, &lights.modulations, &r, p, u.xy);
         const float cosine = dot(s.direction, r.normal);
         const float over = dot(s.direction, horizon_of(&r, s.back));
         if (!(cosine > 0.0f && over > 0.0f && luminance(s.light) > 0.0f))
@@ -110,12 +110,12 @@ __kernel void direct(RAYS_ARGUMENTS, __global const float4 *receivers, __global 
         float visible = 1.0f;
         if (spared) {
             visible = through / tried;
-        } else if (e[0].z > 0.0f) {
+        } else if (e->casts_shadow) {
             visible = seen(&rays, &r, p, &s);
             through += visible;
             tried += 1.0f;
         }
-        if (e[0].w > 0.0f) {
+        if (e->even) {
             run.unshadowed += luminance(brought);
             run.shadowed += luminance(brought) * visible;
         } else {
@@ -128,14 +128,14 @@ __kernel void direct(RAYS_ARGUMENTS, __global const float4 *receivers, __global 
 }
 
 // The fraction of each patch's hemisphere, weighted by the cosine, in which nothing is nearer than `reach`.
-__kernel void occlusion(RAYS_ARGUMENTS, __global const float4 *receivers, const int budget, const float reach,
+__kernel void occlusion(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, const int budget, const float reach,
                         const uint seed, __global float4 *result, const int start, const int end)
 {
     const int patch = start + get_global_id(0);
     if (patch >= end)
         return;
     const Rays rays = RAYS;
-    const Receiver r = load_receiver(receivers + RECEIVER * patch);
+    const Receiver r = load_receiver(receivers + patch);
     float3 x, y;
     basis(r.normal, &x, &y);
     float open = 0.0f, all = 0.0f;

@@ -1,11 +1,10 @@
 // Emitters of direct light: samples of lamps, emissive triangles and bright sky.
 
-// Kinds of emitters; engine/direct/emitters.py packs them, E records of EMITTER float4 each.
+// Kinds of emitters (engine/direct/emitters.py).
 #define POINT 0
 #define SUN 1
 #define TRIANGLE 2
 #define SKY_MAP 3
-#define EMITTER 7
 
 // Solid angle above which triangles are sampled by direction instead of by area, sr.
 #define WIDE 0.01f
@@ -34,9 +33,6 @@ float4 sample_point(const uint index, const uint seed)
 
 float luminance(const float3 colour) { return dot(colour, (float3)(0.2126f, 0.7152f, 0.0722f)); }
 
-// The number of the surface's triangle that an emitter is; -1 for a part of an area light.
-int surface_of(__global const float4 *e) { return as_int(e[5].w); }
-
 // What a sample brings: direction and distance of the light, E/pi without shadow.
 typedef struct {
     float3 direction;
@@ -47,9 +43,10 @@ typedef struct {
 
 // How much of a spot's intensity goes along a direction away from it: the cone is round in the light's own,
 // perhaps unequally scaled space (Cycles, kernel/light/spot.h).
-float in_cone(__global const float4 *e, const float3 away, const float cos_half, const float blend)
+float in_cone(__global const Emitter *e, const float3 away, const float cos_half, const float blend)
 {
-    const float3 own = (float3)(dot(away, e[4].xyz), dot(away, e[5].xyz), dot(away, e[2].xyz) * e[5].w);
+    const float3 own = (float3)(dot(away, vload3(0, e->cone_x)), dot(away, vload3(0, e->cone_y)),
+                                dot(away, vload3(0, e->direction)) * e->cone_z);
     const float s = (own.z / fmax(length(own), 1e-20f) - cos_half) / fmax((1.0f - cos_half) * blend, 1e-6f);
     const float t = clamp(s, 0.0f, 1.0f);
     return t * t * (3.0f - 2.0f * t);
@@ -57,29 +54,29 @@ float in_cone(__global const float4 *e, const float3 away, const float cos_half,
 
 // Inside of a sphere that shines: light of one radiance from everywhere, also of a spot (Cycles,
 // kernel/light/spot.h), by the cosine.
-Sample sample_around(__global const float4 *e, const float3 centre, const float3 up, const float2 u)
+Sample sample_around(__global const Emitter *e, const float3 centre, const float3 up, const float2 u)
 {
     float3 x, y;
     basis(up, &x, &y);
     const float2 q = disk(u);
     const float cosine = sqrt(fmax(1.0f - dot(q, q), 0.0f));
     const float3 direction = q.x * x + q.y * y + cosine * up;
-    const float radius = e[1].w, along = dot(direction, centre);
+    const float radius = e->radius, along = dot(direction, centre);
     const float rest = fmax(radius * radius - dot(centre, centre) + along * along, 0.0f);
-    const Sample s = {direction, along + sqrt(rest), e[3].xyz / (radius * radius * fmax(cosine, 1e-6f))};
+    const Sample s = {direction, along + sqrt(rest), vload3(0, e->strength) / (radius * radius * fmax(cosine, 1e-6f))};
     return s;
 }
 
 // Point and spot: a disk that faces the receiver, a sphere, or a point.
-Sample sample_point_light(__global const float4 *e, const float3 p, const float3 up, const float2 u)
+Sample sample_point_light(__global const Emitter *e, const float3 p, const float3 up, const float2 u)
 {
-    const float3 centre = e[1].xyz - p;
-    const float radius = e[1].w, d2 = dot(centre, centre), d = sqrt(d2);
-    if (e[3].w == 0.0f && d < radius)
+    const float3 centre = vload3(0, e->position) - p;
+    const float radius = e->radius, d2 = dot(centre, centre), d = sqrt(d2);
+    if (!e->soft && d < radius)
         return sample_around(e, centre, up, u);
     Sample s = {centre / fmax(d, 1e-20f), d, (float3)(0.0f)};
     float weight = 1.0f / fmax(d2, 1e-20f);
-    if (radius > 0.0f && e[3].w > 0.0f) {
+    if (radius > 0.0f && e->soft) {
         float3 x, y;
         basis(s.direction, &x, &y);
         const float2 q = radius * disk(u);
@@ -99,21 +96,21 @@ Sample sample_point_light(__global const float4 *e, const float3 p, const float3
         s.distance = d * cosine - sqrt(fmax(radius * radius - d2 * sine * sine, 0.0f));
         weight = 2.0f * one_minus_cos / (radius * radius);
     }
-    if (e[2].w >= -1.0f)
-        weight *= in_cone(e, -s.direction, e[2].w, e[4].w);
-    s.light = e[3].xyz * weight;
+    if (e->cos_half_angle >= -1.0f)
+        weight *= in_cone(e, -s.direction, e->cos_half_angle, e->blend);
+    s.light = vload3(0, e->strength) * weight;
     return s;
 }
 
 // Sun: a disk in the sky; uniform in solid angle projected along its axis.
-Sample sample_sun(__global const float4 *e, const float2 u)
+Sample sample_sun(__global const Emitter *e, const float2 u)
 {
     float3 x, y;
-    const float3 axis = -e[2].xyz;
+    const float3 axis = -vload3(0, e->direction);
     basis(axis, &x, &y);
-    const float2 q = e[1].w * disk(u);
+    const float2 q = e->radius * disk(u);
     const float cosine = sqrt(fmax(1.0f - dot(q, q), 0.0f));
-    const Sample s = {q.x * x + q.y * y + cosine * axis, INFINITY, e[3].xyz / fmax(cosine, 1e-6f)};
+    const Sample s = {q.x * x + q.y * y + cosine * axis, INFINITY, vload3(0, e->strength) / fmax(cosine, 1e-6f)};
     return s;
 }
 
@@ -158,9 +155,9 @@ bool shows_front(const Receiver *r, const float3 corner, const float3 normal)
 }
 
 // Emissive triangle, or part of an area light: by direction where it is seen wide, else by area.
-Sample sample_triangle(__global const float4 *e, const Glow *glow, const Receiver *r, const float3 p, const float2 u)
+Sample sample_triangle(__global const Emitter *e, const Glow *glow, const Receiver *r, const float3 p, const float2 u)
 {
-    const float3 a = e[1].xyz - p, edge1 = e[2].xyz, edge2 = e[3].xyz;
+    const float3 a = vload3(0, e->position) - p, edge1 = vload3(0, e->edge1), edge2 = vload3(0, e->edge2);
     const float3 normal = cross(edge1, edge2);
     const float twice = length(normal);
     const float3 middle = a + (edge1 + edge2) / 3.0f;
@@ -198,22 +195,22 @@ Sample sample_triangle(__global const float4 *e, const Glow *glow, const Receive
     const float cosine = -dot(normal, s.direction) / twice;
     s.back = !shows_front(r, a, normal);
     float3 radiance;
-    if (surface_of(e) < 0) {
+    if (e->triangle < 0) {
         if (cosine <= 0.0f)
             return s;
-        radiance = e[4].xyz;
-        if (e[4].w < 1.57f) {
+        radiance = vload3(0, e->strength);
+        if (e->spread < 1.57f) {
             // Spread (numerics of Cycles' area lights, kernel/light/area.h).
-            const float tangent = tan(e[4].w);
+            const float tangent = tan(e->spread);
             const float slope = sqrt(fmax(1.0f - cosine * cosine, 0.0f)) / fmax(cosine, 1e-6f);
-            radiance *= fmax(tangent - slope, 0.0f) / (tangent - e[4].w);
+            radiance *= fmax(tangent - slope, 0.0f) / (tangent - e->spread);
         }
-    } else if (e[5].z > 0.0f && cosine <= 0.0f) {
+    } else if (e->one_sided && cosine <= 0.0f) {
         return s;
     } else {
-        __global const float2 *corner = glow->uvs + 3 * (size_t)surface_of(e);
+        __global const float2 *corner = glow->uvs + 3 * (size_t)e->triangle;
         const float2 uv = corner[0] * (1.0f - w.x - w.y) + corner[1] * w.x + corner[2] * w.y;
-        const int page = (int)e[4].w, limit = glow->resolution - 1;
+        const int page = e->atlas, limit = glow->resolution - 1;
         const int x = clamp((int)(uv.x * glow->resolution), 0, limit);
         const int y = clamp((int)(uv.y * glow->resolution), 0, limit);
         const size_t texel = ((size_t)page * glow->resolution + y) * glow->resolution + x;
@@ -254,15 +251,15 @@ Sample sample_sky(const Bright *sky, const float2 u)
     return s;
 }
 
-Sample sample_emitter(__global const float4 *e, const Glow *glow, const Bright *sky, __global const float *modulations,
+Sample sample_emitter(__global const Emitter *e, const Glow *glow, const Bright *sky, const Modulations *modulations,
                       const Receiver *r, const float3 p, const float2 u)
 {
-    const int kind = (int)e[0].x, nodes = as_int(e[6].x);
+    const int kind = e->kind;
     Sample s = kind == POINT ? sample_point_light(e, p, r->normal, u)
         : kind == SUN ? sample_sun(e, u)
         : kind == TRIANGLE ? sample_triangle(e, glow, r, p, u) : sample_sky(sky, u);
-    if (nodes > 0)
-        s.light *= modulation(modulations + nodes, modulations, -s.direction, s.distance);
+    if (e->modulation > 0)
+        s.light *= modulation(modulations, e->modulation, -s.direction, s.distance);
     return s;
 }
 
@@ -293,13 +290,14 @@ int clip(const float3 *corners, const int count, const float3 normal, float3 *cl
 
 // E/pi at a point from all of a triangle of one radiance, if nothing is in between: the form factor of its
 // part above both horizons, the smooth one and the patch's (Lambert 1760; Arvo 1995).
-float3 open_light(__global const float4 *e, const float3 p, const Receiver *r)
+float3 open_light(__global const Emitter *e, const float3 p, const Receiver *r)
 {
-    const float3 a = e[1].xyz - p, facing = cross(e[2].xyz, e[3].xyz);
+    const float3 a = vload3(0, e->position) - p, edge1 = vload3(0, e->edge1), edge2 = vload3(0, e->edge2);
+    const float3 facing = cross(edge1, edge2);
     const bool front = dot(facing, a) < 0.0f;
-    if (!front && (surface_of(e) < 0 || e[5].z > 0.0f))
+    if (!front && (e->triangle < 0 || e->one_sided))
         return (float3)(0.0f);
-    const float3 triangle[3] = {a, a + e[2].xyz, a + e[3].xyz};
+    const float3 triangle[3] = {a, a + edge1, a + edge2};
     float3 above[4], corners[5];
     const int kept = clip(triangle, 3, horizon_of(r, !shows_front(r, a, facing)), above);
     const int count = kept > 2 ? clip(above, kept, r->normal, corners) : 0;
@@ -313,14 +311,15 @@ float3 open_light(__global const float4 *e, const float3 p, const Receiver *r)
         sum += sine > 1e-12f ? atan2(sine, dot(from, to)) / sine * dot(side, r->normal) : 0.0f;
         from = to;
     }
-    return e[4].xyz * (fabs(sum) * 0.5f * M_1_PI_F);
+    return vload3(0, e->strength) * (fabs(sum) * 0.5f * M_1_PI_F);
 }
 
 // True if the light of a triangle changes little over a texel.
-bool is_far(__global const float4 *e, const Receiver *r)
+bool is_far(__global const Emitter *e, const Receiver *r)
 {
-    const float3 a = e[1].xyz - r->at, middle = a + (e[2].xyz + e[3].xyz) / 3.0f, normal = cross(e[2].xyz, e[3].xyz);
-    const float radius = sqrt(fmax(dot(e[2].xyz, e[2].xyz), dot(e[3].xyz, e[3].xyz)));
+    const float3 a = vload3(0, e->position) - r->at, edge1 = vload3(0, e->edge1), edge2 = vload3(0, e->edge2);
+    const float3 middle = a + (edge1 + edge2) / 3.0f, normal = cross(edge1, edge2);
+    const float radius = sqrt(fmax(dot(edge1, edge1), dot(edge2, edge2)));
     const float distance = fmax(fabs(dot(normal, a)) / fmax(length(normal), 1e-20f), length(middle) - radius);
     return r->size < 0.05f * distance;
 }

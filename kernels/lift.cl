@@ -3,18 +3,18 @@ __constant float2 TRIED[5] = {{0.0f, 0.0f}, {-0.4f, -0.4f}, {0.4f, -0.4f}, {-0.4
 
 // Lifts of patches: none where the surface is flat, hollow or inside out, and at most half of the way to what
 // is above it, so that no ray starts beyond another face.
-__kernel void bound_lifts(RAYS_ARGUMENTS, __global float4 *receivers, const int count)
+__kernel void bound_lifts(RAYS_ARGUMENTS, __global ReceiverRecord *receivers, const int count)
 {
     const int patch = get_global_id(0);
     if (patch >= count)
         return;
     const Rays rays = RAYS;
-    const Receiver r = load_receiver(receivers + RECEIVER * patch);
+    const Receiver r = load_receiver(receivers + patch);
     float lifted = any(lift_at(&r, r.at) != 0.0f) ? 1.0f : 0.0f;
     for (int i = 0; i < 5 && lifted > 0.0f; ++i) {
         const float3 p = point_of_texel(&r, TRIED[i] + 0.5f), lift = lift_at(&r, p);
         if (any(lift != 0.0f))
             lifted = fmin(lifted, 0.5f * nearest_hit(&rays, p + r.height * r.geometric, lift, false).distance);
     }
-    receivers[RECEIVER * patch + 1].w = lifted;
+    receivers[patch].lifted = lifted;
 }

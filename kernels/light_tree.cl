@@ -1,17 +1,15 @@
 // A tree over emitters (engine/direct/light_tree.py), and the way of a patch's samples down to emitters.
 
-#define NODE 5
 #define TREE_STACK 32  // the tree is balanced: enough for 2^31 emitters
 
 // A node is taken as one light if its radius is less than so many distances (Barnes and Hut 1986).
 #define OPENING 0.4f
 
 typedef struct {
-    __global const float4 *emitters;
-    __global const float4 *nodes;
-    __global const int2 *branches;  // an inner node, or the complement of an emitter
+    __global const Emitter *emitters;
+    __global const LightNode *nodes;
     float sky_total;
-    __global const float *modulations;
+    Modulations modulations;
 } Lights;
 
 // Least square of a distance; light nearer than this fraction of a texel's width is spread over the texel.
@@ -19,52 +17,51 @@ typedef struct {
 #define SPREAD 0.1f
 
 // How strong a point or spot is in a direction: some of its mean, too, since the texel sees it from others.
-float own_strength(const Lights *lights, __global const float4 *e, const float3 away, const float distance)
+float own_strength(const Lights *lights, __global const Emitter *e, const float3 away, const float distance)
 {
-    const int nodes = as_int(e[6].x);
-    if (nodes == 0)
-        return e[0].y;
-    const float3 factor = modulation(lights->modulations + nodes, lights->modulations, away, distance);
-    return luminance(e[3].xyz * factor) + 0.05f * e[0].y;
+    if (e->modulation == 0)
+        return e->luminance;
+    const float3 factor = modulation(&lights->modulations, e->modulation, away, distance);
+    return luminance(vload3(0, e->strength) * factor) + 0.05f * e->luminance;
 }
 
 // About how much light an emitter brings without shadow; 0 only if it brings none.
-float emitter_weight(const Lights *lights, __global const float4 *e, const Receiver *r)
+float emitter_weight(const Lights *lights, __global const Emitter *e, const Receiver *r)
 {
-    const int kind = (int)e[0].x;
+    const int kind = e->kind;
     if (kind == SKY_MAP)
         return lights->sky_total * M_1_PI_F;
-    const float strength = e[0].y;
     if (kind == SUN)
-        return dot(r->normal, -e[2].xyz) > -e[1].w ? strength : 0.0f;
+        return dot(r->normal, -vload3(0, e->direction)) > -e->radius ? e->luminance : 0.0f;
     if (kind == POINT) {
-        const float3 to = e[1].xyz - r->at;
-        const float d2 = dot(to, to), d = sqrt(d2), reach = e[1].w + r->size;
+        const float3 to = vload3(0, e->position) - r->at;
+        const float d2 = dot(to, to), d = sqrt(d2), reach = e->radius + r->size;
         if (dot(r->normal, to) < -reach || dot(r->horizon, to) < -reach)
             return 0.0f;
 
         // A spot's cone is wider by what the texel spans.
-        const float widest = e[2].w - 0.05f - r->size / fmax(d, 1e-20f);
-        const float spot = e[2].w >= -1.0f && e[1].w == 0.0f && widest > -1.0f
+        const float widest = e->cos_half_angle - 0.05f - r->size / fmax(d, 1e-20f);
+        const float spot = e->cos_half_angle >= -1.0f && e->radius == 0.0f && widest > -1.0f
             ? in_cone(e, -to / fmax(d, 1e-20f), widest, 1.0f) + 1e-4f : 1.0f;
         const float cosine = d < reach ? 1.0f : fmax(dot(r->normal, to) / fmax(d, 1e-20f), 0.05f);
-        const float near = fmax(e[1].w, SPREAD * r->size);
+        const float near = fmax(e->radius, SPREAD * r->size);
         const float towards = own_strength(lights, e, -to / fmax(d, 1e-20f), d);
         return towards * spot * cosine / fmax(fmax(d2, near * near), LEAST);
     }
-    const float3 a = e[1].xyz - r->at, b = a + e[2].xyz, c = a + e[3].xyz;
-    const float3 normal = cross(e[2].xyz, e[3].xyz), horizon = horizon_of(r, !shows_front(r, a, normal));
+    const float3 edge1 = vload3(0, e->edge1), edge2 = vload3(0, e->edge2), normal = cross(edge1, edge2);
+    const float3 a = vload3(0, e->position) - r->at, b = a + edge1, c = a + edge2;
+    const float3 horizon = horizon_of(r, !shows_front(r, a, normal));
     const float top = fmax(fmax(dot(a, horizon), dot(b, horizon)), dot(c, horizon));
     if (top <= fmax(1e-5f * length(a), r->height))
         return 0.0f;
     const float facing = -dot(normal, a), twice = length(normal);
-    if ((surface_of(e) < 0 || e[5].z > 0.0f) && facing <= -r->size * twice)
+    if ((e->triangle < 0 || e->one_sided) && facing <= -r->size * twice)
         return 0.0f;
     const float3 middle = (a + b + c) / 3.0f;
     const float d2 = dot(middle, middle), d = sqrt(d2);
     const float angle = fmin(0.5f * twice * fmax(fabs(facing) / (twice * d), 0.02f) / d2, 6.2831853f);
-    const float about = strength * angle * fmax(dot(middle, r->normal) / d, 0.1f);
-    if (e[0].w <= 0.0f)
+    const float about = e->luminance * angle * fmax(dot(middle, r->normal) / d, 0.1f);
+    if (!e->even)
         return about;
 
     // Of one radiance: exactly, but what the middle of the texel does not see may be seen beside it.
@@ -73,10 +70,10 @@ float emitter_weight(const Lights *lights, __global const float4 *e, const Recei
 
 // About how much light all emitters of an inner node bring without shadow; 0 only if they bring none.
 // `open` is set if the node is too near to be taken as one light.
-float node_weight(__global const float4 *node, const Receiver *r, bool *open)
+float node_weight(__global const LightNode *node, const Receiver *r, bool *open)
 {
-    const float3 to = node[0].xyz - r->at;
-    const float radius = node[0].w, extent = radius + r->size;
+    const float3 to = vload3(0, node->centre) - r->at;
+    const float radius = node->radius, extent = radius + r->size;
     const float d2 = fmax(dot(to, to), LEAST), d = sqrt(d2), height = dot(r->normal, to);
     *open = false;
     if (height < -extent || dot(r->horizon, to) < -extent)
@@ -84,18 +81,19 @@ float node_weight(__global const float4 *node, const Receiver *r, bool *open)
 
     // Outside of the cone in which they shine, seen from anywhere on the texel?
     const float3 away = -to / d;
-    const float sine = fmin(extent / d, 1.0f), cosine = sqrt(1.0f - sine * sine), widest = node[1].w;
+    const float sine = fmin(extent / d, 1.0f), cosine = sqrt(1.0f - sine * sine), widest = node->cos_half_angle;
     const float rim = widest * cosine - sqrt(fmax(1.0f - widest * widest, 0.0f)) * sine;
-    if (extent < d && widest > -cosine && dot(node[1].xyz, away) < rim - 1e-5f)
+    if (extent < d && widest > -cosine && dot(vload3(0, node->axis), away) < rim - 1e-5f)
         return 0.0f;
     *open = radius > OPENING * d;
 
     // The floors stand for what the centre does not see, but a part of the node may.
     const float3 squares = away * away;
     const float3 products = (float3)(away.x * away.y, away.x * away.z, away.y * away.z);
-    const float spread = sqrt(fmax(dot(node[3].xyz, squares) + 2.0f * dot(node[4].xyz, products), 0.0f));
-    const float directed = fmax(spread + dot(node[2].xyz, away), 0.02f + 0.1f * fmin(radius / d, 1.0f));
-    return (node[2].w + node[3].w * directed) * fmax(height / d, 0.05f + 0.1f * fmin(radius / d, 1.0f))
+    const float squared = dot(vload3(0, node->squares), squares) + 2.0f * dot(vload3(0, node->products), products);
+    const float spread = sqrt(fmax(squared, 0.0f));
+    const float directed = fmax(spread + dot(vload3(0, node->normal), away), 0.02f + 0.1f * fmin(radius / d, 1.0f));
+    return (node->alike + node->directed * directed) * fmax(height / d, 0.05f + 0.1f * fmin(radius / d, 1.0f))
         / fmax(d2, SPREAD * SPREAD * r->size * r->size);
 }
 
@@ -103,8 +101,8 @@ float node_weight(__global const float4 *node, const Receiver *r, bool *open)
 float weight_of(const Lights *lights, const int code, const Receiver *r, bool *open)
 {
     *open = false;
-    return code < 0 ? emitter_weight(lights, lights->emitters + EMITTER * ~code, r)
-        : node_weight(lights->nodes + NODE * code, r, open);
+    return code < 0 ? emitter_weight(lights, lights->emitters + ~code, r)
+        : node_weight(lights->nodes + code, r, open);
 }
 
 // The weight of all lights: of emitters nearby, and of nodes far away.
@@ -116,7 +114,7 @@ float total_weight(const Lights *lights, const int root, const Receiver *r)
         bool open;
         const float weight = weight_of(lights, code, r, &open);
         if (open) {
-            const int2 halves = lights->branches[code];
+            const int2 halves = vload2(0, lights->nodes[code].children);
             stack[depth++] = halves.y;
             code = halves.x;
             continue;
@@ -166,7 +164,7 @@ int next_emitter(Walk *walk, const Lights *lights, const Receiver *r, const floa
             continue;
         if (code < 0)
             return ~code;
-        const int2 halves = lights->branches[code];
+        const int2 halves = vload2(0, lights->nodes[code].children);
         float2 first = *span, second = *span;
         if (!open) {
             // Below, an interval is split in proportion to what the halves may bring.

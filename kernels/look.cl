@@ -64,7 +64,7 @@ uint look_along(const Rays *rays, const Lightmaps *lightmaps, const float3 origi
 #define SAMPLES __global const float *pattern
 #define WEIGHT(i) pattern[i]
 #endif
-#define LOOK_ARGUMENTS RAYS_ARGUMENTS, __global const float4 *receivers, __global const float2 *uvs, \
+#define LOOK_ARGUMENTS RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const float2 *uvs, \
     __global const int *atlases, __global const uint *texel_to_patch, const int resolution, \
     __global const float4 *emission, __global const float4 *sky, const int sky_width, const int sky_height, \
     SAMPLES, const int samples, const int n, const uint salt, const int rotate
@@ -76,7 +76,7 @@ __kernel void look(LOOK_ARGUMENTS, const int start, const int cached_from, __glo
     const int patch = start + get_group_id(0);
     const Rays rays = RAYS;
     const Lightmaps lightmaps = {uvs, atlases, texel_to_patch, resolution};
-    const Receiver receiver = load_receiver(receivers + RECEIVER * patch);
+    const Receiver receiver = load_receiver(receivers + patch);
     const View view = view_of(&receiver, patch, salt, rotate);
     ViewSum sum = {(float4)(0.0f), 0.0f};
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
@@ -99,7 +99,7 @@ __kernel void gather_rays(LOOK_ARGUMENTS, const int start, __global const float4
     const int patch = start + get_group_id(0);
     const Rays rays = RAYS;
     const Lightmaps lightmaps = {uvs, atlases, texel_to_patch, resolution};
-    const Receiver receiver = load_receiver(receivers + RECEIVER * patch);
+    const Receiver receiver = load_receiver(receivers + patch);
     const View view = view_of(&receiver, patch, salt, rotate);
     ViewSum sum = {(float4)(0.0f), 0.0f};
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {

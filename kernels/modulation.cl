@@ -1,6 +1,10 @@
 // What the nodes of a lamp make of its strength: a profile over directions and a falloff over distance.
-// engine/direct/modulation.py packs for each lamp a matrix from world to lamp, where its profile starts (the bits of an
-// int, 0 for none), power and smoothing of its falloff; engine/scene/profile.py packs profiles.
+// engine/direct/modulation.py packs lamps, engine/scene/profile.py profiles.
+
+typedef struct {
+    __global const Modulation *lamps;
+    __global const float *profiles;  // one after another
+} Modulations;
 
 // The interval of ascending angles that a value lies in.
 int interval_of(__global const float *angles, const int count, const float value)
@@ -46,18 +50,18 @@ float3 profile_factor(__global const float *profile, const float3 direction)
 }
 
 // The factor of a lamp's strength along a direction away from it, at a distance.
-float3 modulation(__global const float *lamp, __global const float *modulations, const float3 away,
-                  const float distance)
+float3 modulation(const Modulations *modulations, const int number, const float3 away, const float distance)
 {
+    __global const Modulation *lamp = modulations->lamps + number;
     float3 factor = (float3)(1.0f);
-    const int start = as_int(lamp[9]);
-    if (start > 0) {
-        const float3 own = (float3)(dot(vload3(0, lamp), away), dot(vload3(1, lamp), away), dot(vload3(2, lamp), away));
-        factor = profile_factor(modulations + start, own);
+    if (lamp->profile > 0) {
+        const float3 x = vload3(0, lamp->x), y = vload3(0, lamp->y), z = vload3(0, lamp->z);
+        const float3 own = (float3)(dot(x, away), dot(y, away), dot(z, away));
+        factor = profile_factor(modulations->profiles + lamp->profile, own);
     }
     if (distance < INFINITY) {
-        const float d2 = distance * distance;
-        factor *= pown(distance, (int)lamp[10]) * (lamp[11] > 0.0f ? d2 / (lamp[11] + d2) : 1.0f);
+        const float d2 = distance * distance, smooth = lamp->falloff_smooth;
+        factor *= pown(distance, lamp->falloff_power) * (smooth > 0.0f ? d2 / (smooth + d2) : 1.0f);
     }
     return factor;
 }

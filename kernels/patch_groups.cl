@@ -6,7 +6,7 @@
 
 __kernel void group_patches(__global const uint *texel_to_patch, const int resolution, const int width,
                             __global const int *texels, __global const int *materials,
-                            __global const float4 *receivers, __global uint *leaders)
+                            __global const ReceiverRecord *receivers, __global uint *leaders)
 {
     const int x0 = width * get_global_id(0), y0 = width * get_global_id(1);
     const size_t page = (size_t)get_global_id(2) * resolution * resolution;
@@ -38,12 +38,12 @@ __kernel void group_patches(__global const uint *texel_to_patch, const int resol
         const uint leader = members[i];
         if (leader == 0xFFFFFFFFu)
             continue;
-        const Receiver r = load_receiver(receivers + RECEIVER * leader);
+        const Receiver r = load_receiver(receivers + leader);
         for (int j = i; j < count; ++j) {
             const uint member = members[j];
             if (member == 0xFFFFFFFFu)
                 continue;
-            const Receiver m = load_receiver(receivers + RECEIVER * member);
+            const Receiver m = load_receiver(receivers + member);
             const bool alike = materials[member] == materials[leader] && dot(m.normal, r.normal) > SAME_PLANE
                 && fabs(dot(m.at - r.at, r.geometric)) < 0.5f * width * r.size
                 && length(m.at - r.at) < 1.5f * width * r.size;

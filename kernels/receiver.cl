@@ -1,8 +1,6 @@
 // Where light is received: a patch, the start of its rays, directions around its normal.
 
-// float4 of a record, which engine/visibility/rays/receivers.py packs.
-#define RECEIVER 9
-
+// A record (engine/visibility/rays/receivers.py), and what follows from it.
 typedef struct {
     float3 at, normal, geometric, edge_u, edge_v;  // world space, metres; steps of a texel
     float3 corner, edge1, edge2;                   // its triangle
@@ -12,15 +10,16 @@ typedef struct {
     float3 horizon;                                // normal of the plane beyond which no lamp is seen
 } Receiver;
 
-Receiver load_receiver(__global const float4 *record)
+Receiver load_receiver(__global const ReceiverRecord *record)
 {
-    const float4 normal = record[1], last = record[8];
+    const float3 normal = vload3(0, record->normal), geometric = vload3(0, record->geometric);
+    const float3 edge_u = vload3(0, record->edge_u), edge_v = vload3(0, record->edge_v);
+    const float lifted = record->lifted;
     const Receiver r = {
-        record[0].xyz, normal.xyz, record[2].xyz, record[3].xyz, record[4].xyz,
-        (float3)(record[3].w, record[4].w, record[2].w), record[5].xyz, record[6].xyz,
-        {(float3)(record[5].w, record[6].w, record[7].w), record[7].xyz, last.xyz},
-        record[0].w, fmax(length(record[3].xyz), length(record[4].xyz)), normal.w,
-        normal.w > 0.0f ? normal.xyz : record[2].xyz
+        vload3(0, record->at), normal, geometric, edge_u, edge_v,
+        vload3(0, record->corner), vload3(0, record->edge1), vload3(0, record->edge2),
+        {vload3(0, record->normal1), vload3(0, record->normal2), vload3(0, record->normal3)},
+        record->height, fmax(length(edge_u), length(edge_v)), lifted, lifted > 0.0f ? normal : geometric
     };
     return r;
 }

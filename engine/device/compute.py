@@ -9,11 +9,15 @@ import pyopencl as cl
 
 from ..errors import DeviceError
 from .kernel import Kernel
+from .record import Record
 from .source import kernel_source
 from .starter_cache import keep_starters_in
 
 #: Work items of a group on a GPU, and of a group whose items have nothing to do with each other.
 _GROUP = _ITEMS = 64
+
+#: Files of kernels/ and records, one after another.
+Source = tuple[str | Record, ...]
 
 _PROBE = "__kernel void probe(__global float *x) { x[get_global_id(0)] = sqrt(2.0f); }"
 
@@ -40,15 +44,16 @@ class Compute:
         self.name = self.device.name.strip()
         self.group = _GROUP if _rank(self.device) == 0 else 1
 
-    def kernels(self, source: str | Sequence[str], *names: str, options: Sequence[str] = ()) -> list[Kernel]:
-        """Build kernels/<source>, or several files one after another; return kernels in the names' order.
+    def kernels(self, source: str | Source, *names: str, options: Sequence[str] = ()) -> list[Kernel]:
+        """Build kernels/<source>, or several files and records one after another.
 
-        Who asks for a kernel again gets the same one: making one takes a while.
+        Returns kernels in the names' order. Who asks for a kernel again gets the same one: making one takes
+        a while.
         """
-        files = (source,) if isinstance(source, str) else tuple(source)
-        key = (files, tuple(options))
+        parts = (source,) if isinstance(source, str) else source
+        key = (parts, tuple(options))
         if key not in self._programs:
-            text = "\n".join(kernel_source(file) for file in files)
+            text = "\n".join(map(kernel_source, parts))
             self._programs[key] = _build(self.context, text, self._cache_dir, options)
         for name in names:
             if (key, name) not in self._kernels:

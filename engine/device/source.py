@@ -6,6 +6,8 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from .record import Record
+
 _ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -28,6 +30,8 @@ def _included(name: str) -> str:
     return re.sub(r'^#include "(.+)"$', lambda found: _included(found[1]), text, flags=re.MULTILINE)
 
 
-def kernel_source(name: str) -> str:
-    """Return the text of kernels/<name>."""
-    return (_ROOT / "kernels" / name).read_text(encoding="utf-8")
+def kernel_source(part: str | Record) -> str:
+    """Return the text of kernels/<part>, or the declaration of a record's struct."""
+    if isinstance(part, Record):
+        return part.declaration
+    return (_ROOT / "kernels" / part).read_text(encoding="utf-8")

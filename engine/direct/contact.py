@@ -6,6 +6,7 @@ import numpy as np
 import pyopencl as cl
 
 from ..visibility.rays.ray_scene import RayScene
+from ..visibility.rays.receivers import RECEIVER_SOURCE
 
 #: How far above and below its surface a patch looks for the other face, in heights of its eye.
 ABOVE, BELOW = 2.0, 1.0
@@ -17,7 +18,7 @@ def patches_in_contact(scene: RayScene, count: int) -> np.ndarray:
     Nobody sees such a patch, but its hemicube starts beyond the other face and sees what is there.
     """
     rays, compute = scene.rays, scene.compute
-    (kernel,) = rays.kernels(("receiver.cl", "contact.cl"), "in_contact")
+    (kernel,) = rays.kernels((*RECEIVER_SOURCE, "contact.cl"), "in_contact")
     output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, count)
     limits = (np.float32(ABOVE), np.float32(BELOW))
     rays.run(kernel, count, scene.receivers, *limits, output, np.int32(count))

@@ -6,10 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..device.compute import Source
+from ..device.record import Record
 from ..patches.geometry import PatchGeometry
 from ..scene.model import Light
 from ..scene.triangles import Triangles
-from .modulation import is_modulated
+from ..visibility.rays.receivers import RECEIVER_SOURCE
+from .modulation import MODULATION_SOURCE, is_modulated
 
 #: A triangle is sampled if it sends out so many times the mean radiance that surfaces emit.
 _BRIGHT = 10.0
@@ -20,12 +23,42 @@ _SIDES = 24
 #: Half the spread of an area light, rad, from which on it shines in all directions alike.
 _WIDEST = 1.57
 
-#: Kinds, as in kernels/emitters.cl, and float4 a record.
+#: Kinds, as in kernels/emitters.cl.
 POINT, SUN, TRIANGLE, SKY_MAP = range(4)
-RECORD = 7
 
-#: Which of them tells where the lamp's modulation begins (the bits of an int), and the power of its falloff.
-MODULATION = 6
+#: A light as the device samples it: a point or spot, a sun, a triangle of a surface or of an area light, or
+#: the bright sky. World space, positions relative to the origin of the rays. Fields of other kinds are 0.
+EMITTER = Record(
+    "Emitter",
+    ("float[3]", "position", "m: centre of a point, first corner of a triangle"),
+    ("float", "radius", "m, of a point; sine of half the angle of a sun's disk"),
+    ("float[3]", "direction", "unit: along which a sun or spot shines"),
+    ("float", "cos_half_angle", "of a spot's cone, NO_CONE for a point"),
+    ("float[3]", "strength", "E/pi of a point at 1 m, and of a sun; radiance of a triangle, W/(m^2 sr)"),
+    ("float", "luminance", "of its strength over pi, by which samples are spread over emitters"),
+    ("float[3]", "cone_x", "axes of the space in which a spot's cone is round"),
+    ("float", "blend", "fraction of a spot's cone in which it fades"),
+    ("float[3]", "cone_y", ""),
+    ("float", "cone_z", "times the direction: the third axis"),
+    ("float[3]", "edge1", "m, of a triangle: from its first corner to the second"),
+    ("float", "spread", "rad, of an area light: half the angle in which it shines, pi/2 for everywhere"),
+    ("float[3]", "edge2", "m, of a triangle: from its first corner to the third"),
+    ("int", "triangle", "number of a surface's triangle, -1 for a part of an area light"),
+    ("int", "kind", "POINT (also of a spot), SUN, TRIANGLE or SKY_MAP"),
+    ("int", "casts_shadow", "1, or 0 for a lamp that lights through surfaces"),
+    ("int", "modulation", "number of a lamp's Modulation, 0 for none"),
+    ("int", "falloff_power", "strength is multiplied by the distance, m, to this power"),
+    ("int", "even", "1 for a triangle of one radiance: its light is computed, its shadow sampled"),
+    ("int", "one_sided", "1 for a surface's triangle whose back does not shine"),
+    ("int", "atlas", "of a surface's triangle"),
+    ("int", "soft", "of a point: 1 for a disk that faces the receiver, 0 for a sphere"),
+)
+
+#: What kernels on emitters are built from.
+EMITTER_SOURCE: Source = (*RECEIVER_SOURCE, *MODULATION_SOURCE, EMITTER, "emitters.cl")
+
+#: The `cos_half_angle` of what shines in all directions.
+NO_CONE = -2.0
 
 #: Emission that differs by less from its mean, relative, is even.
 _EVEN = 1e-4
@@ -103,33 +136,59 @@ def _mean_radiance(
 
 
 def lamp_records(light: Light, origin: np.ndarray, modulation: int = 0) -> np.ndarray:
-    """Return the records of one lamp, (k, RECORD, 4) float32: area lights are made of triangles.
+    """Return the records of one lamp, (k,) EMITTER: area lights are made of triangles.
 
-    origin: (3,) float64, metres: positions of the records are relative to it; modulation: where the lamp's
-    own begins, see modulation.pack_modulations, 0 for none.
+    origin: (3,) float64, metres: positions of the records are relative to it; modulation: the number of the
+    lamp's own, see modulation.pack_modulations, 0 for none.
     """
-    records = _area_records(light, origin) if light.kind == "area" else _lamp_record(light, origin)
-    records[:, MODULATION, 0].view(np.int32)[:] = modulation
-    records[:, MODULATION, 1] = light.falloff_power
+    makers = {"area": _area_records, "sun": _sun_record}
+    records = makers.get(light.kind, _point_record)(light, origin)
+    if is_modulated(light):
+        records["modulation"], records["falloff_power"] = modulation, light.falloff_power
     if light.profile is not None:
-        records[:, 0, 1] *= light.profile.mean @ _LUMINANCE
+        records["luminance"] *= light.profile.mean @ _LUMINANCE
     return records
 
 
-def _lamp_record(light: Light, origin: np.ndarray) -> np.ndarray:
-    """Return the record of a point, spot or sun."""
-    record = np.zeros((1, RECORD, 4), np.float64)
-    strength = light.strength.astype(np.float64) / np.pi
-    record[0, 0, :3] = SUN if light.kind == "sun" else POINT, strength @ _LUMINANCE, light.casts_shadow
-    record[0, 1, :3] = light.position - origin
-    record[0, 1, 3] = np.sin(light.half_angle) if light.kind == "sun" else light.radius
-    record[0, 2, :3] = -light.axes[2]
-    record[0, 2, 3] = np.cos(light.half_angle) if light.kind == "spot" else -2
-    record[0, 3, :3] = strength
-    record[0, 3, 3] = light.soft
-    record[0, 4, :3], record[0, 5, :3] = light.axes[0] / light.stretch[0], light.axes[1] / light.stretch[1]
-    record[0, 4, 3], record[0, 5, 3] = light.blend, 1 / light.stretch[2]
-    return record.astype(np.float32)
+def _point_record(light: Light, origin: np.ndarray) -> np.ndarray:
+    """Return the record of a point or spot."""
+    strength = _over_pi(light)
+    return EMITTER.array(
+        1,
+        kind=POINT,
+        luminance=strength @ _LUMINANCE,
+        casts_shadow=light.casts_shadow,
+        position=light.position - origin,
+        strength=strength,
+        direction=-light.axes[2],
+        radius=light.radius,
+        soft=light.soft,
+        cos_half_angle=np.cos(light.half_angle) if light.kind == "spot" else NO_CONE,
+        blend=light.blend,
+        cone_x=light.axes[0] / light.stretch[0],
+        cone_y=light.axes[1] / light.stretch[1],
+        cone_z=1 / light.stretch[2],
+    )
+
+
+def _sun_record(light: Light, _: np.ndarray) -> np.ndarray:
+    """Return the record of a sun."""
+    strength = _over_pi(light)
+    return EMITTER.array(
+        1,
+        kind=SUN,
+        luminance=strength @ _LUMINANCE,
+        casts_shadow=light.casts_shadow,
+        strength=strength,
+        direction=-light.axes[2],
+        radius=np.sin(light.half_angle),
+    )
+
+
+def _over_pi(light: Light) -> np.ndarray:
+    """Return a lamp's strength over pi, (3,) float64: stored is E/pi."""
+    strength: np.ndarray = light.strength.astype(np.float64) / np.pi
+    return strength
 
 
 def _area_records(light: Light, origin: np.ndarray) -> np.ndarray:
@@ -148,51 +207,39 @@ def _area_records(light: Light, origin: np.ndarray) -> np.ndarray:
     if np.linalg.det(light.axes) < 0:
         corners = corners[:, [0, 2, 1]]
     records = _triangle_records(corners, np.tile(light.strength, (len(corners), 1)))
-    records[:, 0, 2] = light.casts_shadow
-    records[:, 0, 3] = light.half_angle >= _WIDEST and not is_modulated(light)
-    records[:, 4, 3] = light.half_angle
-    surface_numbers(records)[:] = -1
+    records["casts_shadow"] = light.casts_shadow
+    records["even"] = light.half_angle >= _WIDEST and not is_modulated(light)
+    records["spread"], records["triangle"] = light.half_angle, -1
     return records
 
 
 def surface_records(
     triangles: Triangles, bright: BrightTriangles, culled: np.ndarray, origin: np.ndarray
 ) -> np.ndarray:
-    """Return the records of emissive triangles, (k, RECORD, 4) float32.
+    """Return the records of emissive triangles, (k,) EMITTER.
 
     culled: (m,) bool of each material; the back of a culled one is not there and does not shine.
     """
     records = _triangle_records(triangles.positions[bright.triangles] - origin, bright.radiance)
-    records[:, 0, 2], records[:, 0, 3] = 1, bright.even
-    records[:, 4, 3] = triangles.atlas[bright.triangles]
-    records[:, 5, 2] = culled[triangles.material[bright.triangles]]
-    surface_numbers(records)[:] = bright.triangles
+    records["casts_shadow"], records["even"] = 1, bright.even
+    records["triangle"], records["atlas"] = bright.triangles, triangles.atlas[bright.triangles]
+    records["one_sided"] = culled[triangles.material[bright.triangles]]
     return records
 
 
-def surface_numbers(records: np.ndarray) -> np.ndarray:
-    """Return a view of the numbers of triangles in their records, (k,) int32; -1 for parts of area lights.
-
-    They are the bits of float32: counted in it, 16,777,217 would be 16,777,216.
-    """
-    numbers: np.ndarray = records.view(np.int32)[:, 5, 3]
-    return numbers
-
-
 def sky_record() -> np.ndarray:
-    """Return the record of the bright sky, (1, RECORD, 4) float32."""
-    record = np.zeros((1, RECORD, 4), np.float32)
-    record[0, 0, :3] = SKY_MAP, 0, 1
-    return record
+    """Return the record of the bright sky, (1,) EMITTER."""
+    return EMITTER.array(1, kind=SKY_MAP, casts_shadow=1)
 
 
 def _triangle_records(corners: np.ndarray, radiance: np.ndarray) -> np.ndarray:
     """Return records of triangles, corners (k, 3, 3) metres, radiance (k, 3)."""
-    records = np.zeros((len(corners), RECORD, 4), np.float32)
-    records[:, 0, 0] = TRIANGLE
-    records[:, 0, 1] = radiance @ _LUMINANCE / np.pi
-    records[:, 1, :3] = corners[:, 0]
-    records[:, 2, :3] = corners[:, 1] - corners[:, 0]
-    records[:, 3, :3] = corners[:, 2] - corners[:, 0]
-    records[:, 4, :3] = radiance
-    return records
+    return EMITTER.array(
+        len(corners),
+        kind=TRIANGLE,
+        luminance=radiance @ _LUMINANCE / np.pi,
+        position=corners[:, 0],
+        strength=radiance,
+        edge1=corners[:, 1] - corners[:, 0],
+        edge2=corners[:, 2] - corners[:, 0],
+    )

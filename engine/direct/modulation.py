@@ -6,10 +6,23 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..device.compute import Source
+from ..device.record import Record
 from ..scene.model import Light
 
-#: Floats of a lamp: matrix from world to lamp, start of its profile, power and smoothing of its falloff.
-_SIZE = 12
+#: What a lamp's nodes make of its strength along a direction away from it, at a distance.
+MODULATION = Record(
+    "Modulation",
+    ("float[3]", "x", "rows of the matrix from the world to the lamp's own, perhaps stretched space"),
+    ("float[3]", "y", ""),
+    ("float[3]", "z", ""),
+    ("int", "profile", "where its profile begins among all profiles, 0 for none"),
+    ("int", "falloff_power", "of the distance, m"),
+    ("float", "falloff_smooth", "m^2"),
+)
+
+#: What kernels on modulations are built from.
+MODULATION_SOURCE: Source = (MODULATION, "modulation.cl")
 
 
 def is_modulated(light: Light) -> bool:
@@ -17,24 +30,26 @@ def is_modulated(light: Light) -> bool:
     return light.profile is not None or light.falloff_power != 0 or light.falloff_smooth != 0
 
 
-def pack_modulations(lights: Sequence[Light]) -> tuple[np.ndarray, list[int]]:
-    """Return the float32 that kernels/modulation.cl reads, and where each lamp's begin: 0 for none.
+def pack_modulations(lights: Sequence[Light]) -> tuple[np.ndarray, np.ndarray, list[int]]:
+    """Return records, profiles and the number of each lamp's record; 0, which is no lamp's, for none.
 
-    Lamps of one profile have one copy of it.
+    Profiles are float32, one after another as kernels/modulation.cl reads them. Lamps of one profile have one
+    copy of it.
     """
     modulated = [light for light in lights if is_modulated(light)]
-    parts = [np.zeros((1 + len(modulated)) * _SIZE, np.float32)]
-    heads, end = parts[0].reshape(-1, _SIZE), parts[0].size
-    starts: dict[int, int] = {}
-    for head, light in zip(heads[1:], modulated, strict=True):
-        head[:9] = (light.axes * light.stretch[:, None]).ravel()
-        head[10:] = light.falloff_power, light.falloff_smooth
-        if light.profile is None:
-            continue
-        if id(light.profile.factors) not in starts:
-            starts[id(light.profile.factors)] = end
-            parts.append(light.profile.packed)
-            end += parts[-1].size
-        head[9:10].view(np.int32)[0] = starts[id(light.profile.factors)]
-    numbers = iter(range(1, len(heads)))
-    return np.concatenate(parts), [_SIZE * next(numbers) if is_modulated(light) else 0 for light in lights]
+    records, profiles = MODULATION.array(1 + len(modulated)), [np.zeros(1, np.float32)]
+    starts: dict[int | None, int] = {None: 0}
+    for record, light in zip(records[1:], modulated, strict=True):
+        factors = None if light.profile is None else id(light.profile.factors)
+        if light.profile is not None and factors not in starts:
+            starts[factors] = sum(map(len, profiles))
+            profiles.append(light.profile.packed)
+        record["x"], record["y"], record["z"] = light.axes * light.stretch[:, None]
+        record["profile"] = starts[factors]
+        record["falloff_power"], record["falloff_smooth"] = light.falloff_power, light.falloff_smooth
+    numbers = iter(range(1, len(records)))
+    return (
+        records,
+        np.concatenate(profiles),
+        [next(numbers) if is_modulated(light) else 0 for light in lights],
+    )

@@ -15,15 +15,15 @@ from ..patches.subdivision import Subdivision
 from ..scene.model import Light
 from ..settings import Settings
 from ..visibility.rays.rays import Rays
-from .emitters import BrightTriangles, lamp_records, sky_record, surface_records
-from .light_tree import NODE, LightTree, build_light_tree
+from .emitters import EMITTER, BrightTriangles, lamp_records, sky_record, surface_records
+from .light_tree import LIGHT_NODE, LIGHT_TREE_SOURCE, build_light_tree
 from .modulation import pack_modulations
 from .sky import solid_angles
 
 #: However many lights there are, a patch samples at most as many times as for so many.
 _MOST_LIGHTS = 8
 
-_SOURCES = ("receiver.cl", "modulation.cl", "emitters.cl", "light_tree.cl", "direct.cl")
+_SOURCE = (*LIGHT_TREE_SOURCE, "direct.cl")
 
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
@@ -50,15 +50,15 @@ class ShadowRays:
     ) -> None:
         self._compute, self._rays, self._settings = compute, rays, settings
         self._count = len(parts.patches)
-        self._direct, self._occlusion = rays.kernels(_SOURCES, "direct", "occlusion")
+        self._direct, self._occlusion = rays.kernels(_SOURCE, "direct", "occlusion")
         self._receivers = receivers
         self._result = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * self._count)
 
         # Emitters: each lamp's, the surfaces', the sky's.
-        modulations, places = pack_modulations(lamps)
-        self._modulations = upload(compute, modulations)
+        modulations, profiles, numbers = pack_modulations(lamps)
+        self._modulations = upload(compute, modulations), upload(compute, profiles)
         self._groups = [
-            lamp_records(lamp, rays.origin, place) for lamp, place in zip(lamps, places, strict=True)
+            lamp_records(lamp, rays.origin, number) for lamp, number in zip(lamps, numbers, strict=True)
         ]
         self._groups.append(surface_records(parts.triangles, bright, rays.culled, rays.origin))
         if sky is not None:
@@ -72,7 +72,7 @@ class ShadowRays:
         if not groups:
             return np.zeros((self._count, 3), np.float32)
         budget = self._settings.light_samples * min(len(groups), _MOST_LIGHTS)
-        return (yield from self._light(np.concatenate(groups), budget))[:, :3].copy()
+        return (yield from self._light(EMITTER.joined(groups), budget))[:, :3].copy()
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
         """Return how much of its light a lamp brings to each patch, (n,) float32; yield the fraction done.
@@ -96,9 +96,10 @@ class ShadowRays:
     def _light(self, emitters: np.ndarray, budget: int) -> Generator[float, None, np.ndarray]:
         """Return light and unshadowed luminance of some emitters, (n, 4) float32."""
         tree = build_light_tree(emitters)
-        buffers = [upload(self._compute, array) for array in (emitters, *_never_empty(tree))]
+        nodes = tree.nodes if len(tree.nodes) else LIGHT_NODE.array(1)
         arguments = (
-            *buffers, np.int32(tree.root), self._modulations, np.int32(budget),
+            upload(self._compute, emitters), upload(self._compute, nodes), np.int32(tree.root),
+            *self._modulations, np.int32(budget),
             *self._glow, *self._sky, np.uint32(self._settings.seed),
         )  # fmt: skip
         return (yield from self._sliced(self._direct, arguments))
@@ -134,10 +135,3 @@ class ShadowRays:
         arrays = (pixels, cumulative.astype(np.float32), listed.astype(np.int32))
         sizes = (pixels.shape[1], pixels.shape[0], len(listed))
         return (*(upload(self._compute, array) for array in arrays), *map(np.int32, sizes), np.float32(total))
-
-
-def _never_empty(tree: LightTree) -> tuple[np.ndarray, np.ndarray]:
-    """Return nodes and children of a tree, one of each at least."""
-    if len(tree.nodes):
-        return tree.nodes, tree.children
-    return np.zeros((1, NODE, 4), np.float32), np.zeros((1, 2), np.int32)

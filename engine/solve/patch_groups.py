@@ -15,6 +15,7 @@ from ..device.buffers import upload
 from ..patches.subdivision import Subdivision
 from ..patches.surfaces import PatchSurfaces
 from ..visibility.rays.ray_scene import RayScene
+from ..visibility.rays.receivers import RECEIVER_SOURCE
 
 #: Squares of patches that a work group has along u and v, where the device can run so many.
 _SQUARES = 8
@@ -59,7 +60,7 @@ class PatchGroups:
 def _leaders(rays: RayScene, parts: Subdivision, width: int) -> np.ndarray:
     """Return the patch that each patch follows, (n,) uint32; kernels/patch_groups.cl."""
     compute, patches = rays.compute, parts.patches
-    (group_patches,) = compute.kernels(("receiver.cl", "patch_groups.cl"), "group_patches")
+    (group_patches,) = compute.kernels((*RECEIVER_SOURCE, "patch_groups.cl"), "group_patches")
     arrays = (parts.texel_to_patch, patches.texel, parts.geometry.material)
     lookup, texels, materials = (upload(compute, array) for array in arrays)
     leaders = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * len(patches))

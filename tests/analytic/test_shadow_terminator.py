@@ -12,7 +12,7 @@ from engine.patches.subdivision import Subdivision
 from engine.patches.surfaces import PatchSurfaces
 from engine.reference.cpu_patches import map_texels
 from engine.visibility.rays.ray_scene import RayScene
-from engine.visibility.rays.receivers import RECORD
+from engine.visibility.rays.receivers import RECEIVER
 from tests.analytic.drive import drive, prepare
 from tests.analytic.scenes import quads, rectangle
 
@@ -20,9 +20,6 @@ BLACK = Material("Black", np.zeros(3, np.float32), np.zeros(3, np.float32))
 SETTINGS = Settings(
     resolution=64, hemicube=8, iterations=1, visibility="rays", light_samples=16, outputs=("direct",)
 )
-
-#: Float4 1 of a receiver holds in w the fraction of its lift.
-LIFTED = (1, 3)
 
 
 def ball(segments, rings, chart=(0.02, 0.02, 0.6, 0.96), inwards=False, turned=False):
@@ -125,10 +122,10 @@ def lifted(*meshes):
     texels, surfaces = map_texels(scene, here.patches), PatchSurfaces(dark, dark)
     parts = Subdivision(here.triangles, here.patches, here.geometry, surfaces, texels, ())
     compute = Compute()
-    records = np.empty((len(here.patches), RECORD, 4), np.float32)
+    records = RECEIVER.array(len(here.patches))
     rays = RayScene(compute, scene, parts)
     cl.enqueue_copy(compute.queue, records, rays.receivers)
-    return records[:, LIFTED[0], LIFTED[1]]
+    return records["lifted"]
 
 
 def test_only_smooth_surfaces_that_bulge_are_lifted():

@@ -6,7 +6,7 @@ import pytest
 
 from engine.device.compute import Compute
 from engine.device.source import kernel_source
-from engine.direct.emitters import BrightTriangles, lamp_records, surface_records
+from engine.direct.emitters import EMITTER_SOURCE, BrightTriangles, lamp_records, surface_records
 from engine.scene.model import Light
 from engine.scene.triangles import Triangles
 
@@ -35,7 +35,7 @@ def device():
 
 def clipped(device, quads, normals):
     """Return how many corners are left of each quad, (n,), and which, (n, 8, 3), NaN for the others."""
-    source = "\n".join([*map(kernel_source, ("receiver.cl", "modulation.cl", "emitters.cl")), CLIPPING])
+    source = "\n".join([*map(kernel_source, EMITTER_SOURCE), CLIPPING])
     kernel = cl.Kernel(cl.Program(device.context, source).build(), "clipped")
     padded = [np.zeros((*array.shape[:-1], 4), np.float32) for array in (quads, normals)]
     for target, array in zip(padded, (quads, normals), strict=True):
@@ -70,14 +70,14 @@ def test_the_numbers_of_emissive_triangles_are_exact_however_many_there_are(devi
     surfaces = surface_records(triangles, bright, np.zeros(1, bool), np.zeros(3))
     records = np.concatenate([lamp_records(lamp, np.zeros(3)), surfaces])
     source = """
-    __kernel void numbers(__global const float4 *records, __global int *result)
+    __kernel void numbers(__global const Emitter *records, __global int *result)
     {
         const int i = get_global_id(0);
-        result[i] = surface_of(records + EMITTER * i);
+        result[i] = records[i].triangle;
     }"""
-    files = ("receiver.cl", "modulation.cl", "emitters.cl")
     kernel = cl.Kernel(
-        cl.Program(device.context, "\n".join([*map(kernel_source, files), source])).build(), "numbers"
+        cl.Program(device.context, "\n".join([*map(kernel_source, EMITTER_SOURCE), source])).build(),
+        "numbers",
     )
     result = np.zeros(len(records), np.int32)
     read = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR

@@ -6,26 +6,26 @@ import pytest
 
 from engine.device.compute import Compute
 from engine.device.source import kernel_source
-from engine.direct.emitters import POINT, RECORD
-from engine.direct.light_tree import build_light_tree
-from engine.visibility.rays.receivers import RECORD as RECEIVER
+from engine.direct.emitters import EMITTER, NO_CONE, POINT
+from engine.direct.light_tree import LIGHT_TREE_SOURCE, build_light_tree
+from engine.visibility.rays.receivers import RECEIVER
 
 #: Counts what patches look at, and how often emitters are chosen; the widths are summed up, too.
 COUNTING = """
-__kernel void looked_at(__global const float4 *receivers, __global const float4 *emitters,
-                        __global const float4 *nodes, __global const int2 *branches, const int root,
+__kernel void looked_at(__global const ReceiverRecord *receivers, __global const Emitter *emitters,
+                        __global const LightNode *nodes, const int root,
                         __global int *counts)
 {
-    const Receiver r = load_receiver(receivers + RECEIVER * get_global_id(0));
-    const Lights lights = {emitters, nodes, branches, 0.0f, 0};
+    const Receiver r = load_receiver(receivers + get_global_id(0));
+    const Lights lights = {emitters, nodes, 0.0f, {0, 0}};
     int stack[TREE_STACK], depth = 0, code = root, count = 0;
     for (;;) {
         bool open;
         weight_of(&lights, code, &r, &open);
         ++count;
         if (open) {
-            stack[depth++] = branches[code].y;
-            code = branches[code].x;
+            stack[depth++] = nodes[code].children[1];
+            code = nodes[code].children[0];
         } else if (depth > 0) {
             code = stack[--depth];
         } else {
@@ -35,12 +35,12 @@ __kernel void looked_at(__global const float4 *receivers, __global const float4 
     counts[get_global_id(0)] = count;
 }
 
-__kernel void chosen(__global const float4 *receivers, __global const float4 *emitters,
-                     __global const float4 *nodes, __global const int2 *branches, const int root,
+__kernel void chosen(__global const ReceiverRecord *receivers, __global const Emitter *emitters,
+                     __global const LightNode *nodes, const int root,
                      const int budget, const int seeds, __global float2 *drawn)
 {
     const Receiver r = load_receiver(receivers);
-    const Lights lights = {emitters, nodes, branches, 0.0f, 0};
+    const Lights lights = {emitters, nodes, 0.0f, {0, 0}};
     const float total = total_weight(&lights, root, &r);
     for (int seed = 0; seed < seeds; ++seed) {
         Walk walk;
@@ -66,27 +66,27 @@ def device():
 
 @pytest.fixture(scope="module")
 def counting(device):
-    files = ("receiver.cl", "modulation.cl", "emitters.cl", "light_tree.cl")
-    return cl.Program(device.context, "\n".join([*map(kernel_source, files), COUNTING])).build()
+    return cl.Program(device.context, "\n".join([*map(kernel_source, LIGHT_TREE_SOURCE), COUNTING])).build()
 
 
 def lamps(count, seed=0):
-    """Return points near the ceiling of a hall 40 x 40 x 4 m, (count, RECORD, 4) float32."""
+    """Return records of points near the ceiling of a hall 40 x 40 x 4 m."""
     rng = np.random.default_rng(seed)
-    records = np.zeros((count, RECORD, 4), np.float32)
-    records[:, 0, :3] = np.stack([np.full(count, POINT), rng.uniform(1, 3, count), np.ones(count)], axis=1)
-    records[:, 1, :3] = rng.uniform((0, 0, 3), (40, 40, 3.9), (count, 3))
-    records[:, 2, 3] = -2
-    return records
+    return EMITTER.array(
+        count,
+        kind=POINT,
+        luminance=rng.uniform(1, 3, count),
+        casts_shadow=1,
+        position=rng.uniform((0, 0, 3), (40, 40, 3.9), (count, 3)),
+        cos_half_angle=NO_CONE,
+    )
 
 
 def receivers(count, seed=1):
-    """Return texels of the floor, 2 cm wide, (count, RECEIVER, 4) float32."""
-    records = np.zeros((count, RECEIVER, 4), np.float32)
-    records[:, 0, :2] = np.random.default_rng(seed).uniform(0, 40, (count, 2))
-    records[:, 1:3, 2] = 1
-    records[:, 3, 0] = records[:, 4, 1] = 0.02
-    return records
+    """Return records of texels of the floor, 2 cm wide."""
+    at, up = np.zeros((count, 3)), (0, 0, 1)
+    at[:, :2] = np.random.default_rng(seed).uniform(0, 40, (count, 2))
+    return RECEIVER.array(count, at=at, normal=up, geometric=up, edge_u=(0.02, 0, 0), edge_v=(0, 0.02, 0))
 
 
 def buffers(device, *arrays):
@@ -98,7 +98,7 @@ def looked_at(device, counting, count):
     """Return at how many nodes and emitters patches look to weigh all of `count` lamps, mean."""
     records, patches = lamps(count), receivers(256)
     tree, counts = build_light_tree(records), np.zeros(256, np.int32)
-    arguments = buffers(device, patches, records, tree.nodes, tree.children)
+    arguments = buffers(device, patches, records, tree.nodes)
     out = cl.Buffer(device.context, cl.mem_flags.WRITE_ONLY, counts.nbytes)
     cl.Kernel(counting, "looked_at")(device.queue, (256,), None, *arguments, np.int32(tree.root), out)
     cl.enqueue_copy(device.queue, counts, out)
@@ -116,7 +116,7 @@ def test_emitters_are_chosen_as_often_as_their_interval_is_wide(device, counting
     """So the mean of 1 / width over all seeds is 1 for each emitter: what it brings is counted once."""
     records, seeds = lamps(300), 200_000 // budget
     tree, drawn = build_light_tree(records), np.zeros((300, 2), np.float32)
-    arguments = buffers(device, receivers(1), records, tree.nodes, tree.children)
+    arguments = buffers(device, receivers(1), records, tree.nodes)
     out = cl.Buffer(device.context, cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR, hostbuf=drawn)
     sizes = map(np.int32, (tree.root, budget, seeds))
     cl.Kernel(counting, "chosen")(device.queue, (1,), None, *arguments, *sizes, out)

@@ -27,12 +27,13 @@ def test_lamps_of_one_profile_have_one_copy_of_it_also_in_the_worker():
     parcel = messages.Parcel(lights)
     memory = memoryview(bytearray(parcel.size))
     parcel.write(memory)
-    packed, places = pack_modulations(messages.read(memory))
-    starts = [int(packed[place + 9 : place + 10].view(np.int32)[0]) for place in places if place]
-    assert places[1] == 0 and len(set(places)) == 4
-    assert starts[0] == starts[1] != starts[2]
-    assert packed[starts[0]] == 3 and packed[starts[0] + 1] == 4
-    assert len(packed) == starts[2] + len(first.profile.packed)
+    records, profiles, numbers = pack_modulations(messages.read(memory))
+    starts = records["profile"][[number for number in numbers if number]]
+    assert numbers == [1, 0, 2, 3]
+    assert 0 < starts[0] == starts[1] != starts[2]
+    assert profiles[starts[0]] == 3 and profiles[starts[0] + 1] == 4
+    assert len(profiles) == starts[2] + len(first.profile.packed)
+    assert records["falloff_power"].tolist() == [0, 0, 2, 0]
 
 
 @pytest.mark.parametrize(

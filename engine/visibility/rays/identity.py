@@ -17,6 +17,7 @@ from ..identity import SeenBuffers, Surroundings, sample_bytes, sample_options
 from ..views.directions import r2_sequence
 from ..views.hemicube import multiplier_map, rotation_salt
 from .ray_scene import RayScene
+from .receivers import RECEIVER_SOURCE
 
 
 class RayIdentity:
@@ -45,8 +46,8 @@ class RayIdentity:
         size = sample_bytes(len(sources.patches))
         self.row_bytes = size * self.samples
         options = ("-DDITHERED", *sample_options(size), *(() if hemicube else ("-DCOSINE",)))
-        files = ("receiver.cl", "hemicube.cl", "identity.cl", "look.cl")
-        self._look, self._gather_rays = rays.kernels(files, "look", "gather_rays", options=options)
+        source = (*RECEIVER_SOURCE, "hemicube.cl", "identity.cl", "look.cl")
+        self._look, self._gather_rays = rays.kernels(source, "look", "gather_rays", options=options)
         triangles = sources.triangles
         arrays = (triangles.uvs, triangles.atlas, sources.texel_to_patch)
         lookups = (upload(compute, array) for array in arrays)

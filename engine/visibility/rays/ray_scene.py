@@ -13,7 +13,7 @@ from ...patches.subdivision import Subdivision
 from ...scene.cutouts import read_cutouts
 from ...scene.model import Scene
 from .rays import Rays
-from .receivers import pack_receivers
+from .receivers import RECEIVER_SOURCE, pack_receivers
 
 
 class RayScene:
@@ -50,6 +50,6 @@ class RayScene:
         """The records of all patches, see `receivers.pack_receivers`; their lifts end before other faces."""
         count = len(self._parts.patches)
         records = pack_receivers(self.compute, self._parts.geometry, self.rays.origin)
-        (bound,) = self.rays.kernels(("receiver.cl", "lift.cl"), "bound_lifts")
+        (bound,) = self.rays.kernels((*RECEIVER_SOURCE, "lift.cl"), "bound_lifts")
         self.rays.run(bound, count, records, np.int32(count))
         return records

@@ -6,7 +6,7 @@ import numpy as np
 import pyopencl as cl
 
 from ...device.buffers import upload
-from ...device.compute import Compute
+from ...device.compute import Compute, Source
 from ...device.kernel import Kernel
 from ...scene.cutouts import Cutouts
 from ...scene.triangles import Triangles
@@ -36,9 +36,9 @@ class Rays:
         self.arguments = (bvh.nodes, bvh.triangles, *(upload(compute, array) for array in arrays))
         self._cast, self._pass = self.kernels((), "cast", "pass")
 
-    def kernels(self, sources: tuple[str, ...], *names: str, options: tuple[str, ...] = ()) -> list[Kernel]:
-        """Build kernels/rays.cl and more files after it; return kernels in the names' order."""
-        return self._compute.kernels(("rays.cl", *sources), *names, options=(*self._options, *options))
+    def kernels(self, source: Source, *names: str, options: tuple[str, ...] = ()) -> list[Kernel]:
+        """Build kernels/rays.cl and more parts after it; return kernels in the names' order."""
+        return self._compute.kernels(("rays.cl", *source), *names, options=(*self._options, *options))
 
     def cast(
         self, origins: np.ndarray, directions: np.ndarray, backs: bool = False

@@ -6,24 +6,54 @@ import numpy as np
 import pyopencl as cl
 
 from ...device.buffers import upload
-from ...device.compute import Compute
+from ...device.compute import Compute, Source
+from ...device.record import Record
 from ...patches.geometry import PatchGeometry
 from ..views.viewpoints import OF_COORDINATE, OF_DIAGONAL, OF_TEXEL
 
-#: float4 a record, see kernels/receiver.cl.
-RECORD = 9
+#: A patch as a receiver of light, on its triangle. World space, metres, relative to the origin of the rays.
+RECEIVER = Record(
+    "ReceiverRecord",
+    ("float[3]", "at", "m, centre of the texel"),
+    ("float", "height", "m, of the start of rays above the surface"),
+    ("float[3]", "normal", "unit, of the smooth surface"),
+    ("float", "lifted", "the fraction of `lift_at` that nothing is in the way of"),
+    ("float[3]", "geometric", "unit, of the flat triangle"),
+    ("float[3]", "edge_u", "m, step of a texel along u"),
+    ("float[3]", "edge_v", "m, step of a texel along v"),
+    ("float[3]", "corner", "m, first corner of the triangle"),
+    ("float[3]", "edge1", "m, from there to the second corner"),
+    ("float[3]", "edge2", "m, from there to the third corner"),
+    ("float[3]", "normal1", "of the smooth surface at the first corner"),
+    ("float[3]", "normal2", "at the second corner"),
+    ("float[3]", "normal3", "at the third corner"),
+)
+
+#: What kernels on receivers are built from.
+RECEIVER_SOURCE: Source = (RECEIVER, "receiver.cl")
+
+#: What patches have in common on one triangle.
+TEXEL_STEP = Record(
+    "TexelStep",
+    ("float[3]", "edge_u", "m, step of a texel along u"),
+    ("float[3]", "edge_v", "m, step of a texel along v"),
+    ("float[3]", "geometric", "unit normal"),
+    ("float", "area", "m^2, of a texel"),
+)
 
 
 def pack_receivers(compute: Compute, geometry: PatchGeometry, origin: np.ndarray) -> cl.Buffer:
     """Return the records of patches on the device; positions relative to origin, (3,) float64, metres."""
     triangles, steps, count = geometry.triangles, geometry.steps, len(geometry.triangle)
     corners = (triangles.positions - origin).astype(np.float32)
-    step = np.concatenate([steps.edge_u, steps.edge_v, steps.geometric, steps.area[:, None]], axis=1)
+    step = TEXEL_STEP.array(
+        len(corners), edge_u=steps.edge_u, edge_v=steps.edge_v, geometric=steps.geometric, area=steps.area
+    )
     arrays = (geometry.triangle, geometry.barycentric, corners, triangles.normals, step)
     inputs = [upload(compute, array) for array in arrays]
-    heights = cl.cltypes.make_float4(OF_TEXEL, OF_DIAGONAL * triangles.diagonal, OF_COORDINATE, 0)
-    records = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * RECORD * count)
-    (pack,) = compute.kernels(("receiver.cl", "pack.cl"), "pack")
+    heights = (OF_TEXEL, OF_DIAGONAL * triangles.diagonal, OF_COORDINATE)
+    records = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, RECEIVER.dtype.itemsize * count)
+    (pack,) = compute.kernels((*RECEIVER_SOURCE, TEXEL_STEP, "pack.cl"), "pack")
     place = cl.cltypes.make_float4(*origin, 0)
-    compute.run(pack, count, *inputs, heights, place, records, np.int32(count))
+    compute.run(pack, count, *inputs, *map(np.float32, heights), place, records, np.int32(count))
     return records

@@ -1,0 +1,62 @@
+"""Records that host and device share: one description makes the NumPy dtype and the C struct."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+#: What a field may be: NumPy type and shape. Kernels read three floats with vload3.
+_TYPES: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
+    "float": (np.float32, ()),
+    "int": (np.int32, ()),
+    "float[3]": (np.float32, (3,)),
+    "int[2]": (np.int32, (2,)),
+}
+
+#: Records begin and end at multiples of so many bytes: devices load four numbers at once if they know it.
+_ALIGNMENT = 16
+
+#: Type, name, and unit and meaning of a field.
+Field = tuple[str, str, str]
+
+
+class Record:
+    """A C struct, and the NumPy dtype that has its layout.
+
+    name         of the struct
+    dtype        structured; fields with three or two components have shape (3,) or (2,)
+    declaration  of the struct in OpenCL C
+
+    Every number has four bytes, so fields follow each other without gaps: a vector and a number after it are
+    loaded together if they begin at a multiple of 16 bytes. What is missing at the end is a field, too.
+    """
+
+    def __init__(self, name: str, *fields: Field) -> None:
+        self.name = name
+        members = [(field, *_TYPES[kind]) for kind, field, _ in fields]
+        lines = [f"    {_declared(kind, field)};  // {meaning}" for kind, field, meaning in fields]
+        missing = -np.dtype(members).itemsize % _ALIGNMENT // 4
+        if missing:
+            members.append(("padding", np.int32, (missing,)))
+            lines.append(f"    int padding[{missing}];")
+        self.dtype = np.dtype(members)
+        end = f"}} __attribute__((aligned({_ALIGNMENT}))) {name};"
+        self.declaration = "\n".join(["typedef struct {", *lines, end, ""])
+
+    def array(self, count: int, **values: object) -> np.ndarray:
+        """Return records, 0 but for the fields whose values are given, of one record or of each."""
+        records = np.zeros(count, self.dtype)
+        for name, value in values.items():
+            records[name] = value
+        return records
+
+    def joined(self, arrays: Sequence[np.ndarray]) -> np.ndarray:
+        """Return records of several arrays in one; np.concatenate takes 0.1 ms to compare each two dtypes."""
+        return np.concatenate([records.view(np.uint8) for records in arrays]).view(self.dtype)
+
+
+def _declared(kind: str, name: str) -> str:
+    """Return a field as C declares it."""
+    scalar, bracket, count = kind.partition("[")
+    return f"{scalar} {name}{bracket}{count}"

@@ -17,8 +17,9 @@ from .finish.store import LightmapStore
 from .lightmap import Lightmap, Report
 from .patches.occluders import place_occluders
 from .patches.subdivision import subdivide
-from .plan.choose import Bake, Choice, choose_solver
+from .plan.choose import Choice, choose_solver
 from .plan.limits import check_limits, check_patch_count
+from .plan.solve_job import SolveJob
 from .plan.without_opencl import without_opencl
 from .progress import Progress
 from .scene.model import Scene
@@ -76,7 +77,7 @@ def _bake(
 
     # What patches see is found and integrated until the light has settled (III.B, IV.B, IV.C).
     glow, sky = lighting.emission_left, lighting.sky_left
-    job = Bake(graphics, compute, scene, parts, rays, glow, sky, direct, settings, parts.geometry.area)
+    job = SolveJob(graphics, compute, scene, parts, rays, glow, sky, direct, parts.geometry.area, settings)
     solution, choice = choose_solver(job)
     outputs, in_contact = Outputs(scene, settings, lighting), lighting.in_contact()
     while not outputs.done(solution):

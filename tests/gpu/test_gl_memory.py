@@ -12,7 +12,7 @@ from engine.clock import Stopwatch
 from engine.device import devices, raw_gl
 from engine.device.compute import Compute
 from engine.device.devices import Devices
-from engine.plan import choose
+from engine.plan import trial
 from engine.visibility.raster import raster
 from tests.analytic.scenes import furnace
 from tests.gpu.test_methods import NoCompute
@@ -55,14 +55,14 @@ def at_the_first_sweep(opened, settings):
 def test_a_rejected_trial_leaves_nothing_behind(opened, monkeypatch, best):
     monkeypatch.setattr(raster, "available_paths", lambda graphics: ("geometry",))
     alone, _ = at_the_first_sweep(opened, dataclasses.replace(QUICK, visibility=best))
-    monkeypatch.setattr(choose, "_SHORT", 0)
-    measured = choose._patches_per_second
+    monkeypatch.setattr(trial, "_SHORT", 0)
+    measured = trial._patches_per_second
 
-    def rigged(compute, identity, count, budget):
-        measured(compute, identity, count, budget)
+    def rigged(job, identity):
+        measured(job, identity)
         return 2.0 if identity.name == best else 1.0
 
-    monkeypatch.setattr(choose, "_patches_per_second", rigged)
+    monkeypatch.setattr(trial, "_patches_per_second", rigged)
     tried, report = at_the_first_sweep(opened, dataclasses.replace(QUICK, visibility="auto"))
     assert report.visibility == best and all(way in report.reasons[0] for way in ("rays", "raster"))
     assert tried == alone

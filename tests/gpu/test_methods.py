@@ -13,7 +13,7 @@ from engine.device.compute import Compute
 from engine.device.graphics import Graphics
 from engine.gather.glsl_cached import GlslCachedIntegrator
 from engine.patches.subdivision import subdivide
-from engine.plan import choose
+from engine.plan import choose, trial
 from engine.visibility import identity as identities
 from engine.visibility.identity import SeenBuffers, surroundings
 from engine.visibility.raster.identity import RasterIdentity
@@ -101,7 +101,7 @@ def test_what_does_not_fit_the_memory_is_streamed(paper, visibility):
 
 
 def test_the_faster_visibility_is_chosen_and_both_rates_are_told(paper, monkeypatch):
-    monkeypatch.setattr(choose, "_SHORT", 0)
+    monkeypatch.setattr(trial, "_SHORT", 0)
     report = drive(paper[0], dataclasses.replace(SETTINGS, visibility="auto")).report
     rates = re.search(r"rays ([\d,]+) .*raster ([\d,]+) ", " ".join(report.reasons)).groups()
     rays, raster = (int(rate.replace(",", "")) for rate in rates)
@@ -110,7 +110,7 @@ def test_the_faster_visibility_is_chosen_and_both_rates_are_told(paper, monkeypa
 
 
 def test_drawing_is_not_tried_where_rays_take_a_moment(paper, monkeypatch):
-    monkeypatch.setattr(choose, "_SHORT", 1e6)
+    monkeypatch.setattr(trial, "_SHORT", 1e6)
     report = drive(paper[0], dataclasses.replace(SETTINGS, visibility="auto")).report
     assert report.visibility == "rays" and "Nothing else was tried" in " ".join(report.reasons)
 

@@ -1,0 +1,56 @@
+"""How much device memory the samples of patches take: whether they are kept, or patches form groups."""
+
+from __future__ import annotations
+
+from ..settings import Settings
+from ..visibility.identity import Identity, sample_bytes
+from ..visibility.rays.identity import ray_count
+from .solve_job import SolveJob
+
+#: Width of the squares of patches that are solved as one where memory is short, texels.
+_GROUP_WIDTH = 4
+
+
+def memory_budget(job: SolveJob) -> int:
+    """Return the device memory that the samples of patches may take, bytes: half of it by default."""
+    memory = job.opencl.device.global_mem_size
+    return min(job.settings.memory_budget or memory // 2, memory)
+
+
+def is_kept(job: SolveJob, identity: Identity) -> bool:
+    """Return whether the samples of all patches are kept from the first sweep on."""
+    return job.settings.method != "stream" and identity.row_bytes * job.count <= memory_budget(job)
+
+
+def finding_sweeps(job: SolveJob, identity: Identity) -> int:
+    """Return how many sweeps find what patches see: the first if it is kept, else every one."""
+    return 1 if is_kept(job, identity) else max(2, job.settings.iterations)
+
+
+def group_width(job: SolveJob) -> tuple[int, tuple[str, ...]]:
+    """Return the width of the squares of patches that are solved as one, texels, and why; 1 for none."""
+    settings, count = job.settings, job.count
+    if job.compute is None or settings.method == "paper" or not settings.bounces:
+        return 1, ()
+    if settings.patch_groups:
+        return settings.patch_groups, ("The settings ask for groups of patches.",)
+    needed = _most_samples(settings) * count * sample_bytes(count)
+    if settings.method != "auto" or needed <= memory_budget(job):
+        return 1, ()
+    reason = (
+        f"Squares of {_GROUP_WIDTH} x {_GROUP_WIDTH} patches are solved as one: {told_memory(job, needed)}."
+    )
+    return _GROUP_WIDTH, (reason,)
+
+
+def told_memory(job: SolveJob, needed: int) -> str:
+    """Return a clause on the memory that samples need, bytes, and what they may take."""
+    budget = memory_budget(job)
+    return f"what patches see takes {needed / 2**20:,.0f} MiB, {budget / 2**20:,.0f} MiB may be used"
+
+
+def _most_samples(settings: Settings) -> int:
+    """Return how many samples a patch may have, whichever way is taken to find what it sees."""
+    hemicube, rays = 3 * settings.hemicube**2, ray_count(settings)
+    cast = hemicube if settings.directions == "hemicube" else rays
+    return {"raster": hemicube, "rays": cast, "auto": max(hemicube, cast)}[settings.visibility]

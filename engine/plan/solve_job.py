@@ -1,0 +1,76 @@
+"""What a solver is made for: the patches of a bake, their light, and the devices to solve it on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..device.compute import Compute
+from ..device.graphics import Graphics
+from ..errors import DeviceError
+from ..patches.subdivision import Subdivision
+from ..scene.model import Scene
+from ..settings import Settings
+from ..solve.anderson import COLUMNS
+from ..solve.solver import PLAIN_COLUMNS
+from ..visibility.identity import Surroundings, surroundings
+from ..visibility.rays.ray_scene import RayScene
+
+
+@dataclass(frozen=True)
+class SolveJob:
+    """The radiosity equation of a bake.
+
+    emission  (n, 3) float32, radiance of each patch that the patches themselves see
+    sky       (h, w, 3) float32, radiance, equirectangular, as patches see it
+    lights    (n, 3) float32, E/pi of lights that patches do not gather
+    area      (n,) float32, m^2, of each patch
+    """
+
+    graphics: Graphics
+    compute: Compute | None
+    scene: Scene
+    parts: Subdivision
+    rays: RayScene
+    emission: np.ndarray
+    sky: np.ndarray
+    lights: np.ndarray
+    area: np.ndarray
+    settings: Settings
+
+    @property
+    def count(self) -> int:
+        """Patches."""
+        return len(self.parts.patches)
+
+    @property
+    def opencl(self) -> Compute:
+        """The OpenCL device; raises DeviceError if there is none."""
+        if self.compute is None:
+            raise DeviceError("Only what OpenGL can do alone is possible without OpenCL.")
+        return self.compute
+
+    @cached_property
+    def surroundings(self) -> Surroundings:
+        """What patches see beside each other's fronts, on the OpenCL device."""
+        return surroundings(self.opencl, self.emission, self.sky)
+
+    @property
+    def columns(self) -> int:
+        """Iterates that the solver keeps: more if sweeps are accelerated."""
+        settings = self.settings
+        accelerated = settings.accelerate and settings.method != "paper" and settings.bounces
+        return COLUMNS if accelerated else PLAIN_COLUMNS
+
+    @property
+    def glowing(self) -> bool:
+        """True if patches gather light before any is reflected."""
+        return bool(self.emission.any() or self.sky.any())
+
+    @property
+    def dark(self) -> bool:
+        """True if no light reaches any patch, and nothing but light is asked for."""
+        lit = self.glowing or self.lights.any()
+        return not lit and self.settings.light_outputs == self.settings.outputs

@@ -1,0 +1,89 @@
+"""Tries the ways to find what patches see, and times them on the scene itself."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import pyopencl as cl
+
+from ..visibility.identity import Identity, SeenBuffers
+from ..visibility.raster.identity import RasterIdentity
+from ..visibility.rays.identity import RayIdentity
+from .memory import finding_sweeps, memory_budget
+from .solve_job import SolveJob
+
+#: Patches that are tried first, how many times more the next try takes, and when a try is long enough, s.
+_TRIED, _MORE, _LONG_ENOUGH = 32, 8, 0.01
+
+#: If rays take less than this for all patches, drawing is not tried: the trial would take about as long, s.
+_SHORT = 0.5
+
+
+def make_identity(job: SolveJob, visibility: str) -> Identity:
+    """Return a way to find what patches see, "rays" or "raster"."""
+    return _makers(job)[visibility]()
+
+
+def choose_identity(job: SolveJob) -> tuple[Identity, list[str]]:
+    """Return the way to find what patches see, the faster one if the settings leave it open, and why."""
+    wanted, makers = job.settings.visibility, _makers(job)
+    if wanted != "auto":
+        return makers[wanted](), [f"The settings ask for {wanted}."]
+    tried: dict[str, Identity] = {}
+    rates: dict[str, float] = {}
+    for name, make in makers.items():
+        tried[name] = make()
+        rates[name] = _patches_per_second(job, tried[name])
+        if rates[name] * _SHORT > job.count * finding_sweeps(job, tried[name]):
+            break
+    best = max(rates, key=lambda name: rates[name])
+    told = " and ".join(f"{name} {rate:,.0f} ({tried[name].samples} samples)" for name, rate in rates.items())
+    reasons = [f"Views of patches found in a second: {told}."]
+    if len(tried) < len(makers):
+        reasons.append(f"Nothing else was tried: {best} find all of them in {job.count / rates[best]:.2g} s.")
+
+    # The memory of what was rejected is free for the bake.
+    chosen = tried.pop(best)
+    tried.clear()
+    job.graphics.collect()
+    return chosen, reasons
+
+
+def _makers(job: SolveJob) -> dict[str, Callable[[], Identity]]:
+    """Return what makes each way to find what patches see, first the one that is quickly tried."""
+    return {
+        "rays": lambda: RayIdentity(job.opencl, job.rays, job.parts, job.surroundings, job.settings),
+        "raster": lambda: RasterIdentity(
+            job.graphics, job.opencl, job.scene, job.parts, job.surroundings, job.settings
+        ),
+    }
+
+
+def _patches_per_second(job: SolveJob, identity: Identity) -> float:
+    """Return how many patches' views an identity finds in a second, timed on more and more of them.
+
+    What any number of patches takes, as the copy of a whole batch of hemicubes, is not counted.
+    """
+    tried, before = min(_TRIED, job.count), (0, 0.0)
+    largest = min(job.opencl.device.max_mem_alloc_size, memory_budget(job)) // identity.row_bytes
+    largest = min(job.count, max(tried, largest))
+    _time(job, identity, tried)
+    while True:
+        seconds = _time(job, identity, tried)
+        if seconds > _LONG_ENOUGH or tried == largest:
+            return (tried - before[0]) / max(seconds - before[1], seconds / 4)
+        before = tried, seconds
+        tried = min(tried * _MORE, largest)
+
+
+def _time(job: SolveJob, identity: Identity, tried: int) -> float:
+    """Return the seconds that the views of some patches in the middle take."""
+    compute, first = job.opencl, (job.count - tried) // 2
+    sizes = (identity.row_bytes * tried, 16 * job.count, 4 * job.count)
+    cache, static_light, seen = (cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size) for size in sizes)
+    began = time.perf_counter()
+    for _ in identity.find(first, first + tried, SeenBuffers(cache, first, static_light, seen)):
+        pass
+    compute.queue.finish()
+    return time.perf_counter() - began

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from contextlib import closing
-from functools import partial
-from typing import TypeVar
 
-import numpy as np
-
-from .clock import Stopwatch
 from .device.devices import Devices
 from .direct.lighting import DirectLighting
 from .finish.outputs import Outputs
@@ -20,6 +15,7 @@ from .patches.subdivision import subdivide
 from .plan.choose import Choice, choose_solver
 from .plan.limits import check_limits, check_patch_count
 from .plan.solve_job import SolveJob
+from .plan.stages import BakeStages
 from .plan.without_opencl import without_opencl
 from .progress import Progress
 from .scene.model import Scene
@@ -27,14 +23,12 @@ from .settings import Settings
 from .solve.solver import Solution
 from .visibility.rays.ray_scene import RayScene
 
-Made = TypeVar("Made")
-
 
 def bake(
-    devices: Devices, scene: Scene, settings: Settings, clock: Stopwatch
+    devices: Devices, scene: Scene, settings: Settings, stages: BakeStages
 ) -> Generator[Progress, None, Lightmap]:
     """Bake a scene that has been checked; see `engine.bake`. The devices stay."""
-    return (yield from _current(devices, _bake(devices, scene, settings, clock)))
+    return (yield from _current(devices, _bake(devices, scene, settings, stages)))
 
 
 def _current(
@@ -53,68 +47,52 @@ def _current(
 
 
 def _bake(
-    devices: Devices, scene: Scene, settings: Settings, clock: Stopwatch
+    devices: Devices, scene: Scene, settings: Settings, stages: BakeStages
 ) -> Generator[Progress, None, Lightmap]:
     """Bake: the paper's algorithm."""
     graphics, compute = devices.graphics, devices.compute
     settings, notes = without_opencl(devices, scene, settings)
     atlases, scene = scene.atlases, place_occluders(scene, settings.resolution)
     check_limits(graphics, compute, scene, settings)
-    yield Progress("patches", 0.0)
 
     # Texture space subdivision: which texels are patches, and where they are (III.A, IV.A).
+    yield stages.begin(stages.patches)
     parts = subdivide(graphics, scene, settings)
     check_patch_count(len(parts.patches))
     store = LightmapStore(parts.patches, len(atlases), settings.dilation)
-    clock.lap("patches")
-    yield Progress("patches", 1.0)
+    yield stages.listed(parts.surfaces.reflectance)
 
     # Lamps, small bright surfaces and bright sky are sampled with shadow rays (direct light).
     rays = RayScene(compute, scene, parts)
     lighting = DirectLighting(scene, parts, rays, settings)
-    direct = yield from _report(lighting.gather(), partial(Progress, "direct"))
-    clock.lap("direct")
+    direct = yield from stages.run(stages.direct, lighting.gather())
 
-    # What patches see is found and integrated until the light has settled (III.B, IV.B, IV.C).
+    # All other light is gathered. By hemicubes drawn in every iteration (IV.B), or by what is kept of them?
+    yield stages.begin(stages.choosing)
     glow, sky = lighting.emission_left, lighting.sky_left
     job = SolveJob(graphics, compute, scene, parts, rays, glow, sky, direct, parts.geometry.area, settings)
     solution, choice = choose_solver(job)
     outputs, in_contact = Outputs(scene, settings, lighting), lighting.in_contact()
+    yield stages.chosen(choice)
+
+    # Every patch gathers what all others send out, until the light has settled (III.B, IV.C).
     while not outputs.done(solution):
-        yield from _report(solution.iteration(), partial(_progress, solution))
+        yield from stages.iterate(solution)
         if outputs.done(solution) or (settings.partials and solution.iterations == 1):
             store.hide(solution.gathered[:, 3], in_contact)
         image = store.display(outputs.light(solution)) if settings.partials else None
-        yield _progress(solution, 1.0, image)
-    clock.lap("hemicubes")
+        yield stages.iterated(solution, image)
 
-    # What was asked for, as images.
-    made = yield from _report(outputs.make(solution), partial(Progress, "outputs"))
+    # What was asked for, as images with dilated charts (VI.B).
+    made = yield from stages.run(stages.outputs, outputs.make(solution))
+    yield stages.begin(stages.images)
     images = {name: store.image(values) for name, values in made.items()}
     passes = {name: store.dilated(image) for name, image in images.items()}
     first = next(iter(made))
-    clock.lap("outputs")
+    yield stages.end()
     warnings = (*notes, *parts.warnings, *lighting.warnings)
-    report = _summary(solution, settings, choice, len(parts.patches), clock, devices, warnings)
+    report = _summary(solution, settings, choice, len(parts.patches), stages.seconds, devices, warnings)
     return Lightmap(atlases, images[first], passes[first], store.has_patch, report, passes)
-
-
-def _report(
-    work: Generator[float, None, Made], progress: Callable[[float], Progress]
-) -> Generator[Progress, None, Made]:
-    """Turn the fractions of a stage into progress; return what the stage made."""
-    while True:
-        try:
-            fraction = next(work)
-        except StopIteration as stop:
-            made: Made = stop.value
-            return made
-        yield progress(fraction)
-
-
-def _progress(solution: Solution, fraction: float, image: np.ndarray | None = None) -> Progress:
-    energy = solution.energies[-1] if solution.energies else 0.0
-    return Progress("hemicubes", fraction, solution.iterations, solution.residual, energy, image)
 
 
 def _summary(
@@ -122,7 +100,7 @@ def _summary(
     settings: Settings,
     choice: Choice,
     patches: int,
-    clock: Stopwatch,
+    seconds: dict[str, float],
     devices: Devices,
     warnings: tuple[str, ...],
 ) -> Report:
@@ -136,7 +114,7 @@ def _summary(
         residual=solution.residual,
         converged=solution.converged or not settings.bounces,
         energies=tuple(solution.energies),
-        seconds=clock.laps,
+        seconds=seconds,
         devices={"gl": devices.graphics.name} | ({"cl": devices.compute.name} if devices.compute else {}),
         warnings=warnings,
         integrator=choice.integrator,

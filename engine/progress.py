@@ -1,35 +1,176 @@
-"""What a bake tells about itself while it runs."""
+"""What a bake tells about itself while it runs, and how the times of its stages become one percentage."""
 
 from __future__ import annotations
 
-from collections.abc import Generator
-from dataclasses import dataclass
+import math
+import time
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 import numpy as np
 
 Made = TypeVar("Made")
 
+#: The expected pace of a stage counts as if this part of its work had been measured.
+_PRIOR = 0.05
+
+#: A first slice below this part of a stage is not measured: drivers compile what it needs.
+_STARTING = 0.2
+
+#: A guess does not matter if it is less than this part of the time that was spent so far.
+_NEGLIGIBLE = 0.1
+
 
 @dataclass(frozen=True)
 class Progress:
     """One slice of work is done.
 
-    stage      "patches", "direct", "hemicubes" or "outputs"
-    fraction   of the stage (of the current iteration for "hemicubes"), in [0, 1]
-    iteration  iterations completed
-    residual   estimated remaining error, relative to each patch's light, on average; NaN before it is known
-    energy     radiant flux that the last completed iteration added, W, sum of the channels
-    partial    the lightmaps so far, dilated, (atlases, h, w, 3) float32, E/pi; only after an
-               iteration, else None
+    stage         as a user knows it: "Patches", "Direct light", "Visibility", "Bounce 3", "Outputs" ...
+    fraction      of the stage, in [0, 1]
+    overall       of all work, in [0, 1]; never falls, 1 at the end
+    seconds_left  until all work is done, s; NaN while unknown
+    iteration     iterations completed
+    residual      estimated remaining error, relative to each patch's light, on average; NaN while unknown
+    energy        radiant flux that the last completed iteration added, W, sum of the channels
+    partial       the lightmaps so far, dilated, (atlases, h, w, 3) float32, E/pi; only after an
+                  iteration, else None
     """
 
     stage: str
     fraction: float
+    overall: float = 0.0
+    seconds_left: float = math.nan
     iteration: int = 0
-    residual: float = float("nan")
+    residual: float = math.nan
     energy: float = 0.0
     partial: np.ndarray | None = None
+
+
+@dataclass(eq=False)
+class Stage:
+    """A part of the work, and how long it takes.
+
+    name      as a user knows it
+    amount    of work, in a unit of its own such as texels or rays; may be corrected while it is done
+    pace      seconds that a unit is expected to take
+    measured  whether that pace was measured, by earlier work or in a trial; else it is a guess
+    forecast  seconds that are left as the work itself tells; NaN if it does not
+    done      units that are done
+    seconds   spent on it
+    """
+
+    name: str
+    amount: float = 1.0
+    pace: float = 0.0
+    measured: bool = False
+    forecast: float = math.nan
+    done: float = 0.0
+    seconds: float = 0.0
+    _start: tuple[float, float] = field(default=(0.0, 0.0), repr=False)
+
+    def advance(self, done: float, seconds: float) -> None:
+        """Book time, in which the work has come to `done` units."""
+        self.seconds += seconds
+        if self.done == 0 and done < _STARTING * self.amount:
+            self._start = (done, self.seconds)
+        self.done = done
+
+    @property
+    def known(self) -> bool:
+        """Whether the time that is left rests on a measurement."""
+        return self.measured or not math.isnan(self.forecast) or self.done > self._start[0]
+
+    @property
+    def seconds_left(self) -> float:
+        """Seconds that the rest is expected to take: by its pace so far, at first by the expected one."""
+        if not math.isnan(self.forecast):
+            return self.forecast
+        done, seconds = self.done - self._start[0], self.seconds - self._start[1]
+        prior = _PRIOR * self.amount
+        pace = (seconds + prior * self.pace) / (done + prior) if done > 0 else self.pace
+        return max(self.amount - self.done, 0.0) * pace
+
+
+class Schedule:
+    """Stages in their order, and one fraction over all of them.
+
+    In the time t the fraction f grows by (1 - f) t / (t + left): the part that t has of the time that was
+    left. So it never falls, however wrong the estimates, ends at 1, and is even where they are right.
+
+    """
+
+    def __init__(self, stages: Sequence[Stage]) -> None:
+        self._stages, self._current, self._rest = tuple(stages), 0, 1.0
+        self._last = time.perf_counter()
+
+    @property
+    def current(self) -> Stage:
+        """The stage that is done now."""
+        return self._stages[self._current]
+
+    @property
+    def overall(self) -> float:
+        """The fraction of all work that is done, in [0, 1]."""
+        return 1 - self._rest
+
+    @property
+    def seconds_left(self) -> float:
+        """Seconds until all work is done; NaN while most of them are a guess that matters."""
+        stages = self._stages[self._current :]
+        guessed = sum(stage.seconds_left for stage in stages if not stage.known)
+        left, spent = self._left(), sum(stage.seconds for stage in self._stages)
+        return left if guessed <= max(left / 2, _NEGLIGIBLE * spent) else math.nan
+
+    def begin(self, stage: Stage) -> Progress:
+        """Begin a stage; what is left of those before it does not count any more."""
+        self._current = self._stages.index(stage)
+        return self.progress(0.0)
+
+    def advance(self, done: float) -> None:
+        """Book the time since the last call on the current stage, which has come to `done` units."""
+        now = time.perf_counter()
+        seconds, self._last = now - self._last, now
+        self.current.advance(done, seconds)
+        left = self._left()
+        if seconds + left > 0:
+            self._rest *= left / (seconds + left)
+
+    def end(self) -> Progress:
+        """End the current stage: what it did is all that there was."""
+        stage = self.current
+        stage.amount, stage.forecast = stage.done or stage.amount, math.nan
+        self.advance(stage.amount)
+        return self.progress(1.0)
+
+    def run(self, stage: Stage, work: Generator[float, None, Made]) -> Generator[Progress, None, Made]:
+        """Do the work of a stage, which yields the fraction done; return what it made."""
+        yield self.begin(stage)
+        while True:
+            try:
+                fraction = next(work)
+            except StopIteration as stop:
+                yield self.end()
+                made: Made = stop.value
+                return made
+            self.advance(fraction * stage.amount)
+            yield self.progress(fraction)
+
+    def progress(self, fraction: float, name: str = "") -> Progress:
+        """Return how far all work is, with what is to be shown of the current stage."""
+        name = name or self.current.name
+        return Progress(name, fraction, self.overall, self.seconds_left)
+
+    def _left(self) -> float:
+        return sum(stage.seconds_left for stage in self._stages[self._current :])
+
+
+def told_seconds(seconds: float) -> str:
+    """Return a time as a user reads it, such as "12 s left"; empty while it is unknown."""
+    if math.isnan(seconds):
+        return ""
+    minutes, rest = divmod(math.ceil(seconds), 60)
+    return f"{minutes} min {rest} s left" if minutes else f"{rest} s left"
 
 
 def finished(work: Generator[Any, None, Made]) -> Made:

@@ -1,4 +1,4 @@
-"""Bakes that keep their devices: contexts, shaders and kernels of the first one serve the next.
+"""Bakes that keep their devices: contexts, shaders and kernels of the first one serve the next, as do times.
 
 OpenGL and OpenCL are imported by the first bake: a process that leaves baking to another never has them.
 """
@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import TYPE_CHECKING
 
-from .clock import Stopwatch
 from .device.found import DeviceSurvey
 from .device.packages import require_packages
 from .lightmap import Lightmap
+from .plan.stages import BakeStages
 from .progress import Progress
 from .scene.checks import check_scene
 from .scene.model import Scene
@@ -26,6 +26,7 @@ class Session:
 
     def __init__(self) -> None:
         self._devices: Devices | None = None
+        self._paces: dict[str, float] = {}
 
     def bake(self, scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap]:
         """Bake; see `engine.bake`. After an error or a cancel the next bake gets new devices."""
@@ -34,14 +35,15 @@ class Session:
         require_packages()
         from .algorithm import bake
 
-        clock = Stopwatch()
+        stages = BakeStages(scene, settings, self._paces)
         devices = self._take(settings)
-        clock.lap("devices")
+        stages.opened(devices.on_card)
         try:
-            lightmap = yield from bake(devices, scene, settings, clock)
+            lightmap = yield from bake(devices, scene, settings, stages)
         except BaseException:
             devices.release()
             raise
+        stages.learn()
         devices.clear()
         self._devices = devices
         return lightmap

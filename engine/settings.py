@@ -218,6 +218,11 @@ class Settings:
         """True if an output holds light that was reflected."""
         return not {"combined", "indirect"}.isdisjoint(self.outputs)
 
+    @property
+    def accelerated(self) -> bool:
+        """True if iterates are mixed: not in the paper's method, and where one sweep is enough."""
+        return self.accelerate and self.method != "paper" and self.bounces
+
 
 def descriptions() -> dict[str, Description]:
     """Return what is known of each setting, by name, in the order of the interface."""

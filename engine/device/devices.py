@@ -37,6 +37,11 @@ class Devices:
                 raise
             self.missing = str(error)
 
+    @property
+    def on_card(self) -> bool:
+        """True if a graphics card computes, False if a processor does."""
+        return self.compute is not None and self.compute.group > 1
+
     @contextmanager
     def failures_told(self) -> Iterator[None]:
         """Turn into a DeviceError what OpenGL refuses, and that the memory of the OpenCL device is full."""

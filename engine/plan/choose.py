@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from ..gather.cached import CachedSweep, RayStreamSweep, StreamSweep
@@ -18,7 +19,7 @@ from ..solve.solver import Radiosity, Solution, Solver
 from ..visibility.identity import Identity
 from ..visibility.raster.tiles import IDENTITY_BYTES, plan_tiles
 from ..visibility.rays.identity import RayIdentity
-from .memory import is_kept, memory_budget, group_width, told_memory
+from .memory import group_width, is_kept, memory_budget, told_memory
 from .solve_job import SolveJob
 from .trial import choose_identity, make_identity
 
@@ -32,6 +33,9 @@ class Choice:
     samples     of each patch
     reasons     sentences that say why
     integrator  what sums up, "opencl" or "glsl"
+    patches     that are solved for
+    pace        seconds that a sample takes to be found, as tried; NaN if it was not
+    final_samples  of all patches together, found after the light has settled
     """
 
     method: str
@@ -39,6 +43,9 @@ class Choice:
     samples: int
     reasons: tuple[str, ...]
     integrator: str = "opencl"
+    patches: int = 0
+    pace: float = math.nan
+    final_samples: int = 0
 
 
 def choose_solver(job: SolveJob) -> tuple[Solution, Choice]:
@@ -56,7 +63,7 @@ def choose_solver(job: SolveJob) -> tuple[Solution, Choice]:
 def _solver(job: SolveJob) -> tuple[Solver, Choice]:
     """Return what solves for every patch on its own."""
     radiosity, choice = _host_radiosity(job) if _by_hemicubes(job) else _device_radiosity(job)
-    return Solver(radiosity, job.lights, job.settings, job.glowing), choice
+    return Solver(radiosity, job.lights, job.settings, job.glowing), replace(choice, patches=job.count)
 
 
 def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Choice]:
@@ -75,7 +82,9 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Choic
     identity = make_identity(everyone, choice.visibility)
     final = FinalGather(job.opencl, _stream(everyone, identity), job.lights)
     parted = job.glowing and bool({"direct", "indirect"} & set(job.settings.outputs))
-    return GroupedSolution(solver, groups, final, job.lights, emission, parted), choice
+    samples = job.count * identity.samples * (2 if parted else 1)
+    solution = GroupedSolution(solver, groups, final, job.lights, emission, parted)
+    return solution, replace(choice, final_samples=samples)
 
 
 def _by_hemicubes(job: SolveJob) -> bool:
@@ -85,13 +94,13 @@ def _by_hemicubes(job: SolveJob) -> bool:
 
 def _device_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
     """Return the light of all patches on the OpenCL device, gathered through identities."""
-    identity, reasons = choose_identity(job)
+    identity, reasons, pace = choose_identity(job)
     sweep, method, reason = _choose_sweep(job, identity)
     radiosity = DeviceRadiosity(
         job.opencl, sweep, job.parts.surfaces.reflectance, job.surroundings.emission, job.area, job.lights,
         job.glowing, job.columns,
     )  # fmt: skip
-    return radiosity, Choice(method, identity.name, identity.samples, (*reasons, reason))
+    return radiosity, Choice(method, identity.name, identity.samples, (*reasons, reason), pace=pace)
 
 
 def _host_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:

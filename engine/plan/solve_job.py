@@ -60,9 +60,7 @@ class SolveJob:
     @property
     def columns(self) -> int:
         """Iterates that the solver keeps: more if sweeps are accelerated."""
-        settings = self.settings
-        accelerated = settings.accelerate and settings.method != "paper" and settings.bounces
-        return COLUMNS if accelerated else PLAIN_COLUMNS
+        return COLUMNS if self.settings.accelerated else PLAIN_COLUMNS
 
     @property
     def glowing(self) -> bool:

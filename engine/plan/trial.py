@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 
@@ -25,11 +26,14 @@ def make_identity(job: SolveJob, visibility: str) -> Identity:
     return _makers(job)[visibility]()
 
 
-def choose_identity(job: SolveJob) -> tuple[Identity, list[str]]:
-    """Return the way to find what patches see, the faster one if the settings leave it open, and why."""
+def choose_identity(job: SolveJob) -> tuple[Identity, list[str], float]:
+    """Return the way to find what patches see, the faster one if the settings leave it open; and why.
+
+    Last comes the time of a sample, s; NaN if nothing was tried.
+    """
     wanted, makers = job.settings.visibility, _makers(job)
     if wanted != "auto":
-        return makers[wanted](), [f"The settings ask for {wanted}."]
+        return makers[wanted](), [f"The settings ask for {wanted}."], math.nan
     tried: dict[str, Identity] = {}
     rates: dict[str, float] = {}
     for name, make in makers.items():
@@ -47,7 +51,7 @@ def choose_identity(job: SolveJob) -> tuple[Identity, list[str]]:
     chosen = tried.pop(best)
     tried.clear()
     job.graphics.collect()
-    return chosen, reasons
+    return chosen, reasons, 1 / (rates[best] * chosen.samples)
 
 
 def _makers(job: SolveJob) -> dict[str, Callable[[], Identity]]:

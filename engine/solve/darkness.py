@@ -13,6 +13,7 @@ class Darkness:
     iterations = 0
     residual = 0.0
     converged = done = True
+    gathers_finally = False
 
     def __init__(self, count: int) -> None:
         """Take the number of patches."""

@@ -54,6 +54,11 @@ class GroupedSolution:
         return self._solver.converged
 
     @property
+    def gathers_finally(self) -> bool:
+        """True if the next iteration is the last gather, by every patch."""
+        return self._solver.done
+
+    @property
     def done(self) -> bool:
         """True once every patch has gathered."""
         return self._gathered is not None
@@ -63,10 +68,11 @@ class GroupedSolution:
         if not self._solver.done:
             yield from self._solver.iteration()
             return
+        gathers = 1 if self._direct is not None else 2
         if self._direct is None:
-            self._direct = (yield from self._final.gather(self._emission))[:, :3]
+            self._direct = (yield from _part(self._final.gather(self._emission), 0, gathers))[:, :3]
         radiance = self._emission + self._reflectance * self._solver.irradiance
-        self._gathered = yield from self._final.gather(radiance)
+        self._gathered = yield from _part(self._final.gather(radiance), gathers - 1, gathers)
 
     @property
     def gathered(self) -> np.ndarray:
@@ -88,3 +94,15 @@ class GroupedSolution:
         """E/pi of the light that patches reflect, (n, 3) float32."""
         indirect: np.ndarray = np.maximum(self.irradiance - self.direct, 0)
         return indirect
+
+
+def _part(
+    gather: Generator[float, None, np.ndarray], index: int, count: int
+) -> Generator[float, None, np.ndarray]:
+    """Gather as one of several times; yield the fraction done of all of them."""
+    while True:
+        try:
+            yield (index + next(gather)) / count
+        except StopIteration as stop:
+            gathered: np.ndarray = stop.value
+            return gathered

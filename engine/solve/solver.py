@@ -133,6 +133,11 @@ class Solution(Protocol):
         """True once nothing is left to do."""
         ...
 
+    @property
+    def gathers_finally(self) -> bool:
+        """True if the next iteration is one more gather of light that has settled."""
+        ...
+
 
 class Solver:
     """Sweeps until the light has settled.
@@ -147,6 +152,8 @@ class Solver:
     glowing     True if the patches gather light at first: the first sweep then gives the direct light
                 of emission and surroundings
     """
+
+    gathers_finally = False
 
     def __init__(
         self,

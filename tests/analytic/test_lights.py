@@ -238,7 +238,7 @@ def test_without_light_nothing_is_cast(outputs):
     lamp = light("point", strength=np.zeros(3, np.float32))
     scene = Scene((floor, wall), (white, screen), world=np.zeros((2, 4, 3), np.float32), lights=(lamp,))
     lightmap, steps = drive_with_progress(scene, dataclasses.replace(SETTINGS, outputs=outputs))
-    assert {progress.stage for progress in steps} <= {"patches", "outputs"}
+    assert not [progress for progress in steps if progress.stage.startswith(("Visibility", "Bounce"))]
     assert all((image == 0).all() for image in lightmap.passes.values())
     assert lightmap.has_patch.sum() > 60 and list(lightmap.passes) == list(outputs)
     assert lightmap.report.warnings[0].startswith("Nothing emits light")

@@ -60,6 +60,10 @@ def _bake(scene: Scene, settings: Settings) -> Lightmap:
             return stop.value
 
 
+#: First words of what a bake's stages are called.
+_STAGES = {"Patches", "Direct", "Choosing", "Visibility", "Bounce", "Final", "Outputs", "Images"}
+
+
 def _cancel(scene: Scene, settings: Settings, slices: int) -> None:
     """Cancel a bake after a few slices, or at its end."""
     work = _session.bake(scene, settings)
@@ -69,8 +73,9 @@ def _cancel(scene: Scene, settings: Settings, slices: int) -> None:
 
 
 def _check_progress(progress: Progress) -> None:
-    assert progress.stage in {"patches", "direct", "hemicubes", "outputs"}
-    assert 0 <= progress.fraction <= 1, progress.fraction
+    assert progress.stage.partition(" ")[0] in _STAGES, progress.stage
+    assert 0 <= progress.fraction <= 1 and 0 <= progress.overall <= 1, progress
+    assert math.isnan(progress.seconds_left) or progress.seconds_left >= 0, progress.seconds_left
     assert math.isfinite(progress.energy), progress.energy
     assert math.isnan(progress.residual) or progress.residual >= 0, progress.residual
     if progress.partial is not None:

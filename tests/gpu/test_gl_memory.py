@@ -8,11 +8,11 @@ import pytest
 
 from engine import Settings, finished
 from engine.algorithm import bake
-from engine.clock import Stopwatch
 from engine.device import devices, raw_gl
 from engine.device.compute import Compute
 from engine.device.devices import Devices
 from engine.plan import trial
+from engine.plan.stages import BakeStages
 from engine.visibility.raster import raster
 from tests.analytic.scenes import furnace
 from tests.gpu.test_methods import NoCompute
@@ -41,10 +41,12 @@ def opened():
 
 def at_the_first_sweep(opened, settings):
     """Return what lives once it is decided how patches gather, and the report."""
-    work, found = bake(opened, furnace(0.5, 1.0), settings, Stopwatch()), None
+    scene = furnace(0.5, 1.0)
+    work, found = bake(opened, scene, settings, BakeStages(scene, settings, {})), None
     try:
         while True:
-            if next(work).stage == "hemicubes" and found is None:
+            progress = next(work)
+            if progress.stage == "Visibility" and progress.fraction > 0 and found is None:
                 found = living()
     except StopIteration as stop:
         opened.clear()
@@ -76,7 +78,8 @@ def test_bakes_leave_no_objects_behind(monkeypatch, compute):
     for _ in range(3):
         for changes in ({"method": "paper"}, {"visibility": "raster"}, {"visibility": "auto"}):
             settings = dataclasses.replace(QUICK, **changes)
-            finished(bake(opened, furnace(0.5, 1.0), settings, Stopwatch()))
+            scene = furnace(0.5, 1.0)
+            finished(bake(opened, scene, settings, BakeStages(scene, settings, {})))
             opened.clear()
         counts.append(living())
     opened.release()

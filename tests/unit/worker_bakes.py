@@ -39,20 +39,20 @@ def echo(scene, settings):
     """Report the same for a while, with a partial, then return `_lightmap`."""
     partial = np.full((1, 4, 4, 3), np.pi, np.float32)
     for _ in range(10):
-        yield Progress("hemicubes", 1.0, 1, 0.25, 2.0, partial)
+        yield Progress("Bounce 1", 1.0, 0.5, 3.0, 1, 0.25, 2.0, partial)
         time.sleep(0.01)
     return _lightmap(scene, settings)
 
 
 def return_scene(scene, settings):
     """Return what arrived instead of a lightmap."""
-    yield Progress("finish", 1.0)
+    yield Progress("Images", 1.0)
     return scene, settings
 
 
 def fail(scene, settings):
     """Raise the error that the first mesh is named after."""
-    yield Progress("patches", 0.0)
+    yield Progress("Patches", 0.0)
     errors = {
         "SceneError": SceneError("Object 'Äpfel' is bad. Mend it."),
         "SettingsError": SettingsError("hemicube is 3; choose 8."),
@@ -68,7 +68,7 @@ def endless(scene, settings):
         for iteration in range(1, 1 << 30):
             time.sleep(0.005)
             partial = np.full((1, 64, 64, 3), iteration, np.float32)
-            yield Progress("hemicubes", 0.5, iteration, partial=partial)
+            yield Progress(f"Bounce {iteration}", 0.5, iteration=iteration, partial=partial)
     finally:
         with open(scene.atlases[0], "w") as file:
             file.write("closed")
@@ -76,7 +76,7 @@ def endless(scene, settings):
 
 def deaf(scene, settings):
     """Be stuck in one slice, as in a driver that hangs."""
-    yield Progress("patches", 0.0)
+    yield Progress("Patches", 0.0)
     time.sleep(60)
 
 
@@ -84,12 +84,12 @@ def chatter(scene, settings):
     """Yield and print far more than a pipe holds."""
     for index in range(CHATTER):
         sys.stderr.write("x" * 100)
-        yield Progress("hemicubes", index / CHATTER, index)
+        yield Progress(f"Bounce {index}", index / CHATTER, iteration=index)
     return _lightmap(scene, settings)
 
 
 def crash(scene, settings):
     """Die as in a driver crash, after a last line of output."""
-    yield Progress("patches", 0.0)
+    yield Progress("Patches", 0.0)
     sys.stderr.write("last words\n")
     os._exit(3)

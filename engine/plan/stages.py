@@ -1,0 +1,182 @@
+"""The stages of a bake: how much work is in each, and what it costs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..progress import Progress, Schedule, Stage
+from ..scene.model import Scene, shining_lights
+from ..settings import Settings
+from .sweeps import sweeps_left
+
+if TYPE_CHECKING:
+    from ..solve.solver import Solution
+    from .choose import Choice
+
+#: Seconds that nothing has measured yet: to open devices and to choose a method; of the host for a texel of a
+#: lightmap; of a processor to cast a ray or to draw a texel of a hemicube.
+_OPENING, _CHOOSING, _TEXEL, _RAY = 0.5, 0.5, 1e-7, 2e-7
+
+#: A graphics card casts rays faster than a processor by about this factor.
+_CARD = 500
+
+#: What a triangle costs the host, in texels.
+_TRIANGLE = 5
+
+#: To look up a kept sample costs this part of finding it.
+_LOOK_UP = 0.02
+
+#: Patches among the texels of a lightmap, and their mean reflectance, before they are known.
+_COVERAGE, _REFLECTANCE = 0.6, 0.6
+
+#: More emitters than this share the shadow rays of so many; see `direct.shadow_rays`.
+_MOST_LIGHTS = 8
+
+#: A stage that was shorter than this tells nothing about a longer one, s.
+_SHORTEST = 0.02
+
+
+class BakeStages(Schedule):
+    """What a bake does, one stage after the other; each counts its work in units of its own.
+
+        starting   once                    visibility  samples of patches
+        patches    texels                  bounces     samples of patches, times sweeps
+        direct     shadow rays             final       samples of patches
+        choosing   once                    outputs     rays
+                                           images      texels
+
+    paces  seconds that a unit of each stage took in earlier bakes, by its name; `learn` adds to them
+    """
+
+    def __init__(self, scene: Scene, settings: Settings, paces: dict[str, float]) -> None:
+        self._settings, self._paces = settings, paces
+        self._lamps = len(shining_lights(scene))
+        self._residuals: list[float] = []
+        self._reflectance = _REFLECTANCE
+        self._names: dict[Stage, str] = {}
+        self._samples_of_sweep, self._kept, self._name = 0, False, ""
+        texels = settings.resolution**2 * len(scene.atlases)
+        triangles = sum(len(mesh.positions) for mesh in scene.meshes)
+        self.starting = self._stage("Starting", 1, _OPENING)
+        self.patches = self._stage("Patches", texels + _TRIANGLE * triangles, _TEXEL)
+        self.direct = self._stage("Direct light", 0, _RAY)
+        self.choosing = self._stage("Choosing a method", 1, _CHOOSING)
+        self.visibility = self._stage("Visibility", 0, _RAY)
+        self.bounces = self._stage("Bounces", 0, _RAY * _LOOK_UP)
+        self.final = self._stage("Final gather", 0, _RAY)
+        self.outputs = self._stage("Outputs", 0, _RAY)
+        self.images = self._stage("Images", texels * len(settings.outputs), _TEXEL)
+        self._casting = (self.direct, self.visibility, self.bounces, self.final, self.outputs)
+        super().__init__(list(self._names))
+        self._size(int(_COVERAGE * texels))
+        self.begin(self.starting)
+
+    @property
+    def seconds(self) -> dict[str, float]:
+        """Wall time, s, by the names of `Report.seconds`."""
+        solving = (self.choosing, self.visibility, self.bounces, self.final)
+        return {
+            "devices": self.starting.seconds,
+            "patches": self.patches.seconds,
+            "direct": self.direct.seconds,
+            "hemicubes": sum(stage.seconds for stage in solving),
+            "outputs": self.outputs.seconds + self.images.seconds,
+        }
+
+    def opened(self, card: bool) -> None:
+        """Learn what computes: a graphics card or a processor."""
+        for stage in self._casting:
+            if card and not stage.measured:
+                stage.pace /= _CARD
+        self.end()
+
+    def listed(self, reflectance: np.ndarray) -> Progress:
+        """Learn how many patches there are, and how white, (n, 3), as the last step of listing them."""
+        self._reflectance = float(reflectance.mean()) if len(reflectance) else 0.0
+        self._size(len(reflectance))
+        return self.end()
+
+    def chosen(self, choice: Choice) -> Progress:
+        """Learn how patches gather, as the last step of choosing it."""
+        self._kept = choice.method == "cached"
+        self._samples_of_sweep = choice.patches * choice.samples
+        finding, looking = f"Visibility {choice.visibility}", f"Bounces {choice.method} {choice.visibility}"
+        self._foresee(self.visibility, finding, self.visibility.pace, choice.pace)
+        self._foresee(self.final, finding, self.visibility.pace, choice.pace)
+        self._foresee(self.bounces, looking, self.visibility.pace * (_LOOK_UP if self._kept else 1))
+        self.visibility.amount = self._samples_of_sweep if self._kept else 0
+        self.final.amount = choice.final_samples
+        self._expect_sweeps()
+        return self.end()
+
+    def iterate(self, solution: Solution) -> Generator[Progress, None, None]:
+        """Do one iteration of a solution."""
+        stage, self._name = self._stage_of_iteration(solution)
+        self.begin(stage)
+        yield self._about(solution, 0.0)
+        before, amount = stage.done, self._samples_of_sweep if stage is self.bounces else stage.amount
+        for fraction in solution.iteration():
+            self.advance(before + fraction * amount)
+            yield self._about(solution, fraction)
+        self._residuals.append(solution.residual)
+        self.advance(before + amount)
+        self._expect_sweeps()
+
+    def iterated(self, solution: Solution, image: np.ndarray | None) -> Progress:
+        """Return the progress after an iteration, with the lightmaps so far."""
+        self.advance(self.current.done)
+        return replace(self._about(solution, 1.0), partial=image)
+
+    def learn(self) -> None:
+        """Keep the paces of this bake for the next one."""
+        for stage, name in self._names.items():
+            if stage.seconds > _SHORTEST and stage.done > 0:
+                self._paces[name] = stage.seconds / stage.done
+
+    def _stage(self, name: str, amount: float, guess: float) -> Stage:
+        stage = Stage(name, amount)
+        self._foresee(stage, name, guess)
+        return stage
+
+    def _foresee(self, stage: Stage, name: str, guess: float, tried: float = math.nan) -> None:
+        """Set the pace of a stage: that of a trial, else that of an earlier bake, else a guess."""
+        self._names[stage] = name
+        stage.measured = not math.isnan(tried) or name in self._paces
+        stage.pace = self._paces.get(name, guess) if math.isnan(tried) else tried
+
+    def _size(self, patches: int) -> None:
+        """Set the work of what is done for each patch."""
+        settings = self._settings
+        self.direct.amount = patches * settings.light_samples * min(self._lamps + 1, _MOST_LIGHTS)
+        self.visibility.amount = patches * 3 * settings.hemicube**2
+        self._samples_of_sweep = int(self.visibility.amount)
+        rays = settings.ao_samples * ("ambient_occlusion" in settings.outputs)
+        rays += settings.light_samples * self._lamps * ("shadow_mask" in settings.outputs)
+        self.outputs.amount = patches * rays
+        self._expect_sweeps()
+
+    def _expect_sweeps(self) -> None:
+        """Set the work of the bounces to come."""
+        sweeps = sweeps_left(self._residuals, self._settings, self._reflectance)
+        if self._kept and not self._residuals:
+            sweeps -= 1
+        self.bounces.amount = self.bounces.done + sweeps * self._samples_of_sweep
+
+    def _stage_of_iteration(self, solution: Solution) -> tuple[Stage, str]:
+        """Return the stage that the next iteration belongs to, and its name."""
+        if solution.gathers_finally:
+            return self.final, self.final.name
+        if self._kept and not self._residuals:
+            return self.visibility, self.visibility.name
+        return self.bounces, f"Bounce {solution.iterations + 1}"
+
+    def _about(self, solution: Solution, fraction: float) -> Progress:
+        """Return the progress with what is known of a solution."""
+        energy = solution.energies[-1] if solution.energies else 0.0
+        progress = self.progress(fraction, self._name)
+        return replace(progress, iteration=solution.iterations, residual=solution.residual, energy=energy)

@@ -1,0 +1,78 @@
+"""One percentage over a bake, whatever it does."""
+
+import math
+import time
+from dataclasses import replace
+
+import pytest
+
+from engine import Settings, bake
+from engine.device import devices
+from engine.errors import DeviceError
+from tests.analytic.scenes import furnace, nine_quad_room
+
+SETTINGS = Settings(resolution=64, hemicube=8, iterations=5, tolerance=0, sample_emission=False)
+
+
+class NoCompute:
+    def __init__(self, cache_dir=None):
+        raise DeviceError("No OpenCL device.")
+
+
+def timed(scene, settings):
+    """Return the progress of a bake with the time of each, s from its start, and the time that it took."""
+    start = time.perf_counter()
+    steps = [(time.perf_counter() - start, step) for step in bake(scene, settings)]
+    return steps, time.perf_counter() - start
+
+
+@pytest.mark.parametrize(
+    ("changes", "stages"),
+    [
+        ({"method": "paper", "iterations": 2}, ["Bounce 1", "Bounce 2"]),
+        ({"visibility": "rays"}, ["Visibility", "Bounce 2", "Bounce 5"]),
+        ({"visibility": "raster", "iterations": 50, "tolerance": 0.01}, ["Visibility", "Bounce 2"]),
+        ({"method": "stream", "visibility": "rays", "iterations": 2}, ["Bounce 1", "Bounce 2"]),
+        (
+            {"visibility": "rays", "patch_groups": 2, "outputs": ("combined", "direct")},
+            ["Visibility", "Bounce 5", "Final gather"],
+        ),
+        ({"visibility": "rays", "sample_emission": True}, ["Visibility", "Bounce 2"]),
+        ({"visibility": "rays", "outputs": ("direct", "ambient_occlusion")}, ["Visibility", "Outputs"]),
+    ],
+    ids=["paper", "cached", "raster", "stream", "shared", "sampled", "no bounces"],
+)
+def test_percentage_rises_to_the_end_by_every_method(changes, stages):
+    stages = ["Patches", "Direct light", "Choosing a method", *stages]
+    check(nine_quad_room(), replace(SETTINGS, **changes), stages)
+
+
+def test_percentage_rises_to_the_end_without_opencl(monkeypatch):
+    monkeypatch.setattr(devices, "Compute", NoCompute)
+    check(nine_quad_room(), SETTINGS, ["Patches", "Visibility", "Bounce 2"])
+
+
+def test_percentage_rises_to_the_end_in_the_dark():
+    check(furnace(0.5, 0.0), SETTINGS, ["Patches", "Images"])
+
+
+def check(scene, settings, stages):
+    steps = [step for _, step in timed(scene, settings)[0]]
+    overall = [step.overall for step in steps]
+    assert overall[0] < 1 and overall == sorted(overall) and overall[-1] == 1
+    assert all(step.fraction <= 1 and not step.seconds_left < 0 for step in steps)
+    told = list(dict.fromkeys(step.stage for step in steps))
+    assert [stage for stage in told if stage in stages] == stages and told[-1] == "Images"
+    of_stage = {name: [step.fraction for step in steps if step.stage == name] for name in told}
+    assert all(fractions == sorted(fractions) for fractions in of_stage.values())
+    assert steps[-1].seconds_left == 0
+
+
+@pytest.mark.parametrize("changes", [{"visibility": "rays", "samples": 8192}, {"method": "paper"}])
+def test_seconds_left_are_right_within_a_factor_of_three_at_half_time(changes):
+    settings = replace(SETTINGS, iterations=50, tolerance=0.005, **changes)
+    steps, took = timed(nine_quad_room(), settings)
+    assert took > 1
+    at, step = next((at, step) for at, step in steps if at > took / 2)
+    assert math.isfinite(step.seconds_left)
+    assert (took - at) / 3 < step.seconds_left < 3 * (took - at)

@@ -1,0 +1,132 @@
+import math
+
+import numpy as np
+import pytest
+
+from engine import progress
+from engine.plan.stages import BakeStages
+from engine.plan.sweeps import sweeps_left
+from engine.progress import Schedule, Stage, finished, told_seconds
+from engine.settings import Settings
+from tests.analytic.scenes import furnace
+
+
+class Clock:
+    """A time that tests set."""
+
+    now = 100.0
+
+    def perf_counter(self):
+        return self.now
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    made = Clock()
+    monkeypatch.setattr(progress, "time", made)
+    return made
+
+
+def work(clock, seconds, slices):
+    """Yield the fraction done of work that takes some seconds."""
+    for index in range(slices):
+        clock.now += seconds / slices
+        yield (index + 1) / slices
+
+
+def test_one_fraction_is_even_where_the_paces_are_right(clock):
+    stages = [Stage("A", 7, 0.5, True), Stage("B", 3, 2.0, True), Stage("C", 11, 0.05, True)]
+    schedule, start = Schedule(stages), clock.now
+    for stage in stages:
+        for step in schedule.run(stage, work(clock, stage.amount * stage.pace, 13)):
+            assert step.overall == pytest.approx((clock.now - start) / 10.05)
+            assert step.seconds_left == pytest.approx(10.05 - (clock.now - start), abs=1e-9)
+            assert step.stage == stage.name
+    assert schedule.overall == 1 and schedule.seconds_left == 0
+
+
+@pytest.mark.parametrize("wrong", [1e-3, 0.1, 1, 30, 1e4])
+def test_it_never_falls_and_ends_at_one_however_wrong_the_paces(clock, wrong):
+    """One stage is skipped, one gets ten times as much to do as it runs, one tells no fractions."""
+    stages = [Stage(name, 10, 0.1 * wrong) for name in "ABCDE"]
+    schedule, seen = Schedule(stages), []
+    for stage in stages[:4:2]:
+        for step in schedule.run(stage, work(clock, 1.3, 17)):
+            seen.append(step.overall)
+            stages[2].amount = 100
+    seen.append(schedule.begin(stages[3]).overall)
+    clock.now += 5
+    seen.append(schedule.end().overall)
+    assert seen == sorted(seen) and seen[-1] < 1
+    stages[4].amount = 0
+    clock.now += 1
+    assert schedule.end().overall == 1
+
+
+def test_seconds_left_are_unknown_until_something_was_measured(clock):
+    stages = [Stage("A", 1, 0.1), Stage("B", 100, 1.0)]
+    schedule = Schedule(stages)
+    for step in schedule.run(stages[0], work(clock, 0.1, 3)):
+        assert math.isnan(step.seconds_left)
+    told = [step.seconds_left for step in schedule.run(stages[1], work(clock, 50, 100))]
+    assert all(math.isnan(seconds) for seconds in told[:2])
+    assert told[50] == pytest.approx(25, rel=0.2) and told[-1] == 0
+
+
+def test_a_first_slice_that_compiles_does_not_count_as_pace(clock):
+    stage = Stage("A", 1000, 0.01)
+    schedule = Schedule([stage])
+    schedule.begin(stage)
+    for done, seconds in ((1, 5.0), (101, 1.0), (201, 1.0)):
+        clock.now += seconds
+        schedule.advance(done)
+    assert schedule.seconds_left == pytest.approx(7.99)
+
+
+def test_work_that_tells_its_own_time_is_believed(clock):
+    stages = [Stage("Bake"), Stage("Saving", 1, 2.0, True)]
+    schedule = Schedule(stages)
+    schedule.begin(stages[0])
+    stages[0].forecast = 30.0
+    clock.now += 10
+    schedule.advance(0.9)
+    assert schedule.seconds_left == 32 and schedule.overall == pytest.approx(10 / 42)
+
+
+@pytest.mark.parametrize(
+    ("residuals", "settings", "expected"),
+    [
+        ([], Settings(), 7),
+        ([], Settings(accelerate=False), 28),
+        ([], Settings(method="paper", iterations=5), 5),
+        ([math.nan, 0.5], Settings(tolerance=0, iterations=31), 29),
+        ([], Settings(outputs=("direct",)), 1),
+        ([math.nan, 0.16, 0.04], Settings(tolerance=0.0025), 2),
+        ([math.nan, math.inf, 0.5, 0.3], Settings(accelerate=False, tolerance=0.01), 7),
+        ([math.nan, 0.1, 0.2], Settings(), 4),
+        ([math.nan, 0.1, 0.001], Settings(tolerance=0.002), 0),
+        ([math.nan, 0.99, 0.98], Settings(iterations=17), 14),
+    ],
+)
+def test_sweeps_are_foretold_from_the_fall_of_the_residual(residuals, settings, expected):
+    assert sweeps_left(residuals, settings, 0.8) == expected
+
+
+def test_paces_of_a_bake_serve_the_next_one(clock):
+    paces = {}
+    for measured in (False, True):
+        stages = BakeStages(furnace(0.5, 1.0), Settings(resolution=48), paces)
+        assert stages.patches.measured == measured
+        stages.begin(stages.patches)
+        clock.now += 3
+        stages.listed(np.full((601, 3), 0.5))
+        assert finished(stages.run(stages.images, work(clock, 0.001, 3))) is None
+        stages.learn()
+    assert paces["Patches"] == pytest.approx(3 / stages.patches.amount) and "Images" not in paces
+
+
+def test_seconds_are_told_as_a_user_reads_them():
+    assert [told_seconds(seconds) for seconds in (0, 11.2, 60, 3599.5)] == [
+        "0 s left", "12 s left", "1 min 0 s left", "60 min 0 s left",
+    ]  # fmt: skip
+    assert told_seconds(math.nan) == ""

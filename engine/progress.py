@@ -165,7 +165,7 @@ class Schedule:
         return sum(stage.seconds_left for stage in self._stages[self._current :])
 
 
-def told_seconds(seconds: float) -> str:
+def format_seconds_left(seconds: float) -> str:
     """Return a time as a user reads it, such as "12 s left"; empty while it is unknown."""
     if math.isnan(seconds):
         return ""

@@ -80,7 +80,7 @@ def find_devices(opencl_device: str | None) -> Generator[Progress, None, DeviceS
 
     Raises DeviceError for a package that is not installed.
     """
-    yield Progress("devices", 0.0)
+    yield Progress("Finding devices", 0.0)
     require_packages()
     from .device.survey import survey
 

@@ -9,6 +9,7 @@ import traceback
 import bpy
 
 from ..engine.errors import EngineError, WorkerError
+from .console import Console
 from .log import log
 from .run import Run
 from .telling import tell
@@ -37,7 +38,7 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
         run = None
         try:
             run = Run(context, owner.bake(), watched=False)
-            self._tell(run.finish(run.drain()), run.failure)
+            self._tell(run.finish(run.drain(Console().show)), run.failure)
             if not bpy.app.background:
                 _push_undo()
         except (EngineError, KeyboardInterrupt) as error:

@@ -6,6 +6,7 @@ import json
 import math
 import time
 from collections.abc import Callable, Generator
+from contextlib import closing
 from dataclasses import replace
 
 import bpy
@@ -24,10 +25,12 @@ from .lookup import find
 from .result import images
 from .result.contents import lightmap_contents
 from .result.places import choose_places
+from .run_stages import RunStages
 from .scene import ReadScene, read_scene, visible_meshes
 from .scene.overlaps import without_overlaps
 from .scene.uvs.unwrap import unwrap_missing
 from .scene.uvs.uv_modifier import has_uvs, uv_source
+from .worker_owner import owner
 
 Job = Generator[Progress | None, None, Lightmap]
 
@@ -50,6 +53,7 @@ class Run:
         self._images: list[int] = []
         self.failure: str | None = None
         self._start = time.perf_counter()
+        self._stages = RunStages(owner.paces)
         try:
             self._read = self._read_scene(context)
             self._names = _image_names(self._read.scene, self._settings)
@@ -57,8 +61,9 @@ class Run:
                 context.scene, self._names, context.scene.hemibake.directory, self._changes
             )
             self._seconds = {"read": time.perf_counter() - self._start}
+            self._stages.has_read(len(self._names) * self._settings.resolution**2)
             self._bake = bake
-            self._job = bake(self._read.scene, self._settings)
+            self._work = self._bake_and_announce()
         except BaseException:
             self._changes.take_back()
             raise
@@ -80,31 +85,58 @@ class Run:
         return read_scene(context, usable, self._uv_layer, self._settings.resolution, made.notes)
 
     def step(self) -> Progress | None:
-        """Let the engine do a slice of work; raises StopIteration(Lightmap) at the end."""
-        try:
-            progress = next(self._job)
-        except OverlapError as error:
-            self._leave_out_overlaps(error)
-            return None
-        if progress is not None and progress.partial is not None:
-            self._show(progress.partial)
-        return progress
+        """Let the engine do a slice of work; raises StopIteration(Lightmap) at the end.
 
-    def _leave_out_overlaps(self, error: OverlapError) -> None:
-        """Start again without the objects whose charts lie on others'; raise the error if none is left."""
-        read = without_overlaps(self._read, self._settings.resolution)
-        if read.entries == self._read.entries or not any(read.entries):
-            raise error
-        self._read = read
-        self._job = self._bake(read.scene, self._settings)
+        The progress is that of the whole run.
+        """
+        return next(self._work)
 
-    def drain(self) -> Lightmap:
-        """Let the engine work to the end and return the lightmap."""
+    def _bake_and_announce(self) -> Job:
+        """Bake, and say that saving is next: None after that lets a window show it."""
+        lightmap = yield from self._bake_without_overlaps()
+        yield self._stages.begin(self._stages.saving)
+        yield None
+        return lightmap
+
+    def _bake_without_overlaps(self) -> Job:
+        """Bake; start again without the objects whose charts lie on others'."""
         while True:
             try:
-                self.step()
+                with closing(self._bake(self._read.scene, self._settings)) as job:
+                    return (yield from self._shown(job))
+            except OverlapError as error:
+                self._leave_out_overlaps(error)
+                yield None
+
+    def _shown(self, job: Job) -> Job:
+        """Show the partial lightmaps of a bake, and weigh its progress as a part of the run."""
+        while True:
+            try:
+                progress = next(job)
             except StopIteration as end:
                 return end.value
+            if progress is not None:
+                if progress.partial is not None:
+                    self._show(progress.partial)
+                progress = self._stages.baked(progress)
+            yield progress
+
+    def _leave_out_overlaps(self, error: OverlapError) -> None:
+        """Leave out the objects whose charts lie on others'; raise the error if none is left."""
+        usable = without_overlaps(self._read, self._settings.resolution)
+        if usable.entries == self._read.entries or not any(usable.entries):
+            raise error
+        self._read = usable
+
+    def drain(self, show: Callable[[Progress], object] = lambda progress: None) -> Lightmap:
+        """Let the engine work to the end, show its progress, and return the lightmap."""
+        while True:
+            try:
+                progress = self.step()
+            except StopIteration as end:
+                return end.value
+            if progress is not None:
+                show(progress)
 
     def cancel(self, keep_images: bool = False) -> bool:
         """Stop the engine; take everything back unless there are images and they are to be kept.
@@ -113,7 +145,7 @@ class Run:
         """
         kept = keep_images and bool(self._images)
         try:
-            self._job.close()
+            self._work.close()
         finally:
             if kept:
                 self._keep_images()
@@ -136,6 +168,7 @@ class Run:
         lost = self._lost_uvs()
         self._remember_images(targets, lost)
         self._seconds["store"] = time.perf_counter() - start
+        self._stages.has_saved()
         report = self._report(lightmap, [image.name for image in targets], files, lost)
         scene = find(bpy.data.scenes, self._scene_uid)
         if scene is not None:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import bpy
 
 from ..engine.naming import first_line
+from ..engine.progress import Progress, format_seconds_left
 
 
 def tell(operator: bpy.types.Operator, kind: str, message: str) -> None:
@@ -18,6 +21,14 @@ def tell(operator: bpy.types.Operator, kind: str, message: str) -> None:
     for line in message.strip().splitlines()[1:]:
         operator.report({"INFO"}, line)
     operator.report({kind}, first_line(message))
+
+
+def progress_line(progress: Progress) -> str:
+    """Return one line on how far a bake is, such as "Hemibake: 42%, Bounce 3, 12 s left"."""
+    parts = [f"{math.floor(100 * progress.overall)}%", progress.stage]
+    if math.isfinite(progress.residual):
+        parts.append(f"remaining error {progress.residual:.2%}")
+    return "Hemibake: " + ", ".join(filter(None, (*parts, format_seconds_left(progress.seconds_left))))
 
 
 def _without_window() -> bool:

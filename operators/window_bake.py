@@ -7,6 +7,7 @@ import bpy
 from ..engine.progress import Progress
 from .lookup import find
 from .run import Run
+from .telling import progress_line
 from .worker_owner import owner
 
 
@@ -27,11 +28,8 @@ class WindowBake:
 
     def show(self, context: bpy.types.Context, progress: Progress) -> None:
         """Show progress, and a partial lightmap if there is one, in the window."""
-        text = f"Hemibake: {progress.stage} {progress.fraction:.0%}, iteration {progress.iteration}"
-        if progress.residual == progress.residual:
-            text += f", remaining error {progress.residual:.2%}"
-        self._tell_status(context, f"{text}    Esc cancels")
-        self._manager.progress_update(100 * progress.fraction)
+        self._tell_status(context, f"{progress_line(progress)}    Esc cancels")
+        self._manager.progress_update(100 * progress.overall)
         if progress.partial is not None:
             _redraw(self._manager)
 

@@ -29,11 +29,13 @@ class WorkerOwner:
     """Starts a worker when one is needed and none is alive; ends all that bakes with the add-on.
 
     running  the bake that a window follows
+    paces    what `RunStages` learns from one bake for the next
     """
 
     def __init__(self) -> None:
         self._worker: Worker | None = None
         self.running: RunningBake | None = None
+        self.paces: dict[str, float] = {}
 
     @property
     def busy(self) -> bool:

@@ -19,7 +19,7 @@ from ..solve.solver import Radiosity, Solution, Solver
 from ..visibility.identity import Identity
 from ..visibility.raster.tiles import IDENTITY_BYTES, plan_tiles
 from ..visibility.rays.identity import RayIdentity
-from .memory import group_width, is_kept, memory_budget, told_memory
+from .memory import group_width, is_kept, memory_budget, memory_clause
 from .solve_job import SolveJob
 from .trial import choose_identity, make_identity
 
@@ -130,7 +130,7 @@ def _choose_gather(job: SolveJob) -> tuple[Gather, Choice]:
 
 def _choose_sweep(job: SolveJob, identity: Identity) -> tuple[Sweep, str, str]:
     """Return how identities become light, the method's name, and why."""
-    sizes = told_memory(job, identity.row_bytes * job.count)
+    sizes = memory_clause(job, identity.row_bytes * job.count)
     if is_kept(job, identity):
         return CachedSweep(job.opencl, identity, job.count), "cached", f"It is kept: {sizes}."
     why = f"It is found anew in every iteration: {sizes}."

@@ -38,12 +38,12 @@ def group_width(job: SolveJob) -> tuple[int, tuple[str, ...]]:
     if settings.method != "auto" or needed <= memory_budget(job):
         return 1, ()
     reason = (
-        f"Squares of {_GROUP_WIDTH} x {_GROUP_WIDTH} patches are solved as one: {told_memory(job, needed)}."
+        f"Squares of {_GROUP_WIDTH} x {_GROUP_WIDTH} patches are solved as one: {memory_clause(job, needed)}."
     )
     return _GROUP_WIDTH, (reason,)
 
 
-def told_memory(job: SolveJob, needed: int) -> str:
+def memory_clause(job: SolveJob, needed: int) -> str:
     """Return a clause on the memory that samples need, bytes, and what they may take."""
     budget = memory_budget(job)
     return f"what patches see takes {needed / 2**20:,.0f} MiB, {budget / 2**20:,.0f} MiB may be used"

@@ -6,7 +6,7 @@ import pytest
 from engine import progress
 from engine.plan.stages import BakeStages
 from engine.plan.sweeps import sweeps_left
-from engine.progress import Schedule, Stage, finished, told_seconds
+from engine.progress import Schedule, Stage, finished, format_seconds_left
 from engine.settings import Settings
 from tests.analytic.scenes import furnace
 
@@ -126,7 +126,7 @@ def test_paces_of_a_bake_serve_the_next_one(clock):
 
 
 def test_seconds_are_told_as_a_user_reads_them():
-    assert [told_seconds(seconds) for seconds in (0, 11.2, 60, 3599.5)] == [
+    assert [format_seconds_left(seconds) for seconds in (0, 11.2, 60, 3599.5)] == [
         "0 s left", "12 s left", "1 min 0 s left", "60 min 0 s left",
     ]  # fmt: skip
-    assert told_seconds(math.nan) == ""
+    assert format_seconds_left(math.nan) == ""

@@ -1,0 +1,43 @@
+"""What a run does around the engine's bake, and the one percentage over all of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from ..engine.progress import Progress, Schedule, Stage
+
+#: Seconds that reading a scene, a bake, and writing a texel of an image take before any was measured.
+_READING, _BAKING, _TEXEL = 1.0, 10.0, 2e-7
+
+
+class RunStages(Schedule):
+    """Reading the scene, the bake with stages of its own, saving what it made.
+
+    paces  seconds that a unit of each stage took in earlier runs, by its name; this one adds to them
+    """
+
+    def __init__(self, paces: dict[str, float]) -> None:
+        self._paces = paces
+        self.reading = Stage("Reading the scene", pace=_READING)
+        self.baking = Stage("Baking", pace=_BAKING)
+        self.saving = Stage("Saving", 0, paces.get("Saving", _TEXEL), "Saving" in paces)
+        super().__init__([self.reading, self.baking, self.saving])
+
+    def has_read(self, texels: int) -> None:
+        """End reading, which tells how many texels all images have together."""
+        self.saving.amount = texels
+        self.end()
+        self.begin(self.baking)
+
+    def baked(self, progress: Progress) -> Progress:
+        """Return the progress of the bake as that of the run."""
+        self.baking.forecast = progress.seconds_left
+        self.advance(progress.overall)
+        left = math.nan if math.isnan(progress.seconds_left) else self.seconds_left
+        return replace(progress, overall=self.overall, seconds_left=left)
+
+    def has_saved(self) -> None:
+        """End saving, and keep its pace for the next run."""
+        self.end()
+        self._paces["Saving"] = self.saving.seconds / self.saving.amount

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass, field
+from contextlib import closing
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -155,6 +156,27 @@ class Schedule:
                 return made
             self.advance(fraction * stage.amount)
             yield self.progress(fraction)
+
+    def include(
+        self, stage: Stage, work: Generator[Progress | None, None, Made]
+    ) -> Generator[Progress | None, None, Made]:
+        """Do work with a schedule of its own as a stage of amount 1; return what it made."""
+        self.begin(stage)
+        with closing(work):
+            while True:
+                try:
+                    progress = next(work)
+                except StopIteration as stop:
+                    self.end()
+                    made: Made = stop.value
+                    return made
+                yield None if progress is None else self._included(progress)
+
+    def _included(self, progress: Progress) -> Progress:
+        self.current.forecast = progress.seconds_left
+        self.advance(progress.overall)
+        left = math.nan if math.isnan(progress.seconds_left) else self.seconds_left
+        return replace(progress, overall=self.overall, seconds_left=left)
 
     def progress(self, fraction: float, name: str = "") -> Progress:
         """Return how far all work is, with what is to be shown of the current stage."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from .errors import DeviceError
 from .lightmap import Lightmap
-from .progress import Progress
+from .progress import Progress, Schedule, Stage
 from .scene.model import Material, Mesh, Scene
 from .settings import Settings
 
@@ -35,6 +35,9 @@ _SETTINGS = Settings(
     sample_emission=False,
     partials=False,
 )
+
+#: Seconds that one of its bakes is expected to take.
+_PACE = 2.0
 
 
 @dataclass(frozen=True)
@@ -64,10 +67,12 @@ def run_self_test(bake: Bake, settings: Settings) -> Generator[Progress | None, 
         batch_bytes=settings.batch_bytes,
         cache_dir=settings.cache_dir,
     )
-    drawn = yield from bake(furnace(), replace(base, visibility="raster"))
+    drawing, casting = Stage("Drawing", pace=_PACE), Stage("Casting rays", pace=_PACE)
+    schedule = Schedule([drawing, casting])
+    drawn = yield from schedule.include(drawing, bake(furnace(), replace(base, visibility="raster")))
     error, devices = _checked(drawn, "drawn hemicubes"), drawn.report.devices
     if "cl" in devices:
-        cast = yield from bake(furnace(), replace(base, visibility="rays"))
+        cast = yield from schedule.include(casting, bake(furnace(), replace(base, visibility="rays")))
         error = max(error, _checked(cast, "rays"))
     return Verdict(error, devices, drawn.report.warnings)
 

@@ -32,7 +32,7 @@ from .scene.uvs.unwrap import unwrap_missing
 from .scene.uvs.uv_modifier import has_uvs, uv_source
 from .worker_owner import owner
 
-Job = Generator[Progress | None, None, Lightmap]
+Bake = Generator[Progress | None, None, Lightmap]
 
 
 class Run:
@@ -46,7 +46,7 @@ class Run:
     """
 
     def __init__(
-        self, context: bpy.types.Context, bake: Callable[[Scene, Settings], Job], watched: bool = True
+        self, context: bpy.types.Context, bake: Callable[[Scene, Settings], Bake], watched: bool = True
     ) -> None:
         self._changes, self._watched = Changes(), watched
         self._scene_uid = context.scene.session_uid
@@ -91,35 +91,34 @@ class Run:
         """
         return next(self._work)
 
-    def _bake_and_announce(self) -> Job:
+    def _bake_and_announce(self) -> Bake:
         """Bake, and say that saving is next: None after that lets a window show it."""
         lightmap = yield from self._bake_without_overlaps()
         yield self._stages.begin(self._stages.saving)
         yield None
         return lightmap
 
-    def _bake_without_overlaps(self) -> Job:
+    def _bake_without_overlaps(self) -> Bake:
         """Bake; start again without the objects whose charts lie on others'."""
         while True:
+            work = self._showing(self._bake(self._read.scene, self._settings))
             try:
-                with closing(self._bake(self._read.scene, self._settings)) as job:
-                    return (yield from self._shown(job))
+                return (yield from self._stages.include(self._stages.baking, work))
             except OverlapError as error:
                 self._leave_out_overlaps(error)
                 yield None
 
-    def _shown(self, job: Job) -> Job:
-        """Show the partial lightmaps of a bake, and weigh its progress as a part of the run."""
-        while True:
-            try:
-                progress = next(job)
-            except StopIteration as end:
-                return end.value
-            if progress is not None:
-                if progress.partial is not None:
+    def _showing(self, work: Bake) -> Bake:
+        """Do a bake's work and show its partial lightmaps."""
+        with closing(work):
+            while True:
+                try:
+                    progress = next(work)
+                except StopIteration as end:
+                    return end.value
+                if progress is not None and progress.partial is not None:
                     self._show(progress.partial)
-                progress = self._stages.baked(progress)
-            yield progress
+                yield progress
 
     def _leave_out_overlaps(self, error: OverlapError) -> None:
         """Leave out the objects whose charts lie on others'; raise the error if none is left."""

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
-
-from ..engine.progress import Progress, Schedule, Stage
+from ..engine.progress import Schedule, Stage
 
 #: Seconds that reading a scene, a bake, and writing a texel of an image take before any was measured.
 _READING, _BAKING, _TEXEL = 1.0, 10.0, 2e-7
@@ -28,14 +25,6 @@ class RunStages(Schedule):
         """End reading, which tells how many texels all images have together."""
         self.saving.amount = texels
         self.end()
-        self.begin(self.baking)
-
-    def baked(self, progress: Progress) -> Progress:
-        """Return the progress of the bake as that of the run."""
-        self.baking.forecast = progress.seconds_left
-        self.advance(progress.overall)
-        left = math.nan if math.isnan(progress.seconds_left) else self.seconds_left
-        return replace(progress, overall=self.overall, seconds_left=left)
 
     def has_saved(self) -> None:
         """End saving, and keep its pace for the next run."""

@@ -16,7 +16,7 @@ from . import messages
 from .process import WorkerProcess
 from .shared_block import SharedBlock
 
-Job = Generator[Progress | None, None, Lightmap]
+Bake = Generator[Progress | None, None, Lightmap]
 
 
 class Worker:
@@ -58,7 +58,7 @@ class Worker:
         """True while a child process runs."""
         return self._child is not None and self._child.alive
 
-    def bake(self, scene: Scene, settings: Settings) -> Job:
+    def bake(self, scene: Scene, settings: Settings) -> Bake:
         """Bake in the child, see `run`; returns the Lightmap."""
         return (yield from self.run(scene, settings))
 

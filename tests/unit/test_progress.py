@@ -1,4 +1,5 @@
 import math
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -83,14 +84,29 @@ def test_a_first_slice_that_compiles_does_not_count_as_pace(clock):
     assert schedule.seconds_left == pytest.approx(7.99)
 
 
-def test_work_that_tells_its_own_time_is_believed(clock):
-    stages = [Stage("Bake"), Stage("Saving", 1, 2.0, True)]
+def bake(clock, stages, lengths):
+    """Yield the progress of work with a schedule of its own, and None now and then."""
     schedule = Schedule(stages)
-    schedule.begin(stages[0])
-    stages[0].forecast = 30.0
-    clock.now += 10
-    schedule.advance(0.9)
-    assert schedule.seconds_left == 32 and schedule.overall == pytest.approx(10 / 42)
+    for stage, seconds in zip(stages, lengths, strict=True):
+        yield None
+        yield from schedule.run(stage, work(clock, seconds, 7))
+
+
+@pytest.mark.parametrize("pace", [0.01, 1, 100])
+def test_work_that_tells_its_own_time_is_believed(clock, pace):
+    """The first bake is guessed wrong, the second is broken off, saving takes what it is expected to."""
+    baking, saving = Stage("Baking", pace=pace), Stage("Saving", 10, 0.2, True)
+    schedule = Schedule([baking, saving])
+    seen = list(islice(schedule.include(baking, bake(clock, [Stage("A", pace=9)] * 3, [9] * 3)), 9))
+    inside = [Stage("Patches", 1, 1.0, True), Stage("Visibility", 100, 0.5, True)]
+    start = clock.now
+    for step in schedule.include(baking, bake(clock, inside, [1, 50])):
+        seen.append(step)
+        assert step is None or step.seconds_left == pytest.approx(53 - (clock.now - start))
+    seen += schedule.run(saving, work(clock, 2, 3))
+    overall = [step.overall for step in seen if step]
+    assert overall == sorted(overall) and overall[-1] == 1
+    assert {step.stage for step in seen if step} == {"A", "Patches", "Visibility", "Saving"}
 
 
 @pytest.mark.parametrize(

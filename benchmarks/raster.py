@@ -101,7 +101,7 @@ class Case:
     def draw(self, raster: HemicubeRaster) -> None:
         """Draw the batch once."""
         near = np.full(len(self.eye), 1e-5)
-        views = matrices(self.frame, self.eye - raster.origin, near, self.graphics.reversed_depth)
+        views = matrices(self.frame, self.eye, near, self.graphics.reversed_depth)
         for _ in raster.draw(views, self.tiles.layers):
             pass
 

@@ -109,7 +109,7 @@ def _speed(compute: Compute, rays: Rays, origins: np.ndarray, directions: np.nda
     count, seconds = len(origins), []
     kernel = rays.kernels((), "cast")[0]
     padded = np.zeros((2, count, 4), np.float32)
-    padded[0, :, :3], padded[1, :, :3] = origins - rays.origin, directions
+    padded[0, :, :3], padded[1, :, :3] = origins, directions
     inputs = [upload(compute, array) for array in padded]
     outputs = [cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, size * count) for size in (8, 4)]
     for _ in range(_REPEATS):

@@ -13,17 +13,17 @@ typedef struct {
 
 float half_area(const float3 size) { return size.x * size.y + size.y * size.z + size.z * size.x; }
 
-// The corner of a triangle, relative to the origin of the rays.
-float3 corner_of(__global const float *positions, const int triangle, const int corner, const float4 origin)
+// The corner of a triangle.
+float3 corner_of(__global const float *positions, const int triangle, const int corner)
 {
-    return vload3(3 * triangle + corner, positions) - origin.xyz;
+    return vload3(3 * triangle + corner, positions);
 }
 
-Box box_of(__global const float *positions, const int triangle, const float4 origin)
+Box box_of(__global const float *positions, const int triangle)
 {
-    const float3 a = corner_of(positions, triangle, 0, origin);
-    const float3 b = corner_of(positions, triangle, 1, origin);
-    const float3 c = corner_of(positions, triangle, 2, origin);
+    const float3 a = corner_of(positions, triangle, 0);
+    const float3 b = corner_of(positions, triangle, 1);
+    const float3 c = corner_of(positions, triangle, 2);
     const Box box = {min(a, min(b, c)), max(a, max(b, c))};
     return box;
 }
@@ -40,14 +40,14 @@ ulong spread(ulong x)
 
 // Where each triangle's box is on the Morton curve, above the triangle's number in `number_bits` bits. The
 // scene reaches from -1/scale to 1/scale.
-__kernel void places_on_curve(__global const float *positions, const float4 origin, const float scale,
+__kernel void places_on_curve(__global const float *positions, const float scale,
                               const int number_bits, __global ulong *keys, const int count)
 {
     const int i = get_global_id(0);
     if (i >= count)
         return;
     const int axis_bits = min((63 - number_bits) / 3, 21);
-    const Box box = box_of(positions, i, origin);
+    const Box box = box_of(positions, i);
     const float cells = (float)(1 << axis_bits);
     const float3 place = ((box.low + box.high) * (0.5f * scale) + 1.0f) * (0.5f * cells);
     const uint3 cell = convert_uint3(clamp(place, 0.0f, cells - 1.0f));
@@ -89,7 +89,7 @@ void store_node(__global float4 *boxes, __global int4 *links, const int node, co
 }
 
 // Every triangle is a cluster and a node, in the order of the curve.
-__kernel void single_clusters(__global const float *positions, const float4 origin, __global const ulong *keys,
+__kernel void single_clusters(__global const float *positions, __global const ulong *keys,
                               const ulong number_mask, __global float *rows, const int stride,
                               __global int *cluster, __global float4 *boxes, __global int4 *links, const int count)
 {
@@ -101,7 +101,7 @@ __kernel void single_clusters(__global const float *positions, const float4 orig
         return;
     }
     const int number = (int)(keys[i] & number_mask);
-    const Box box = box_of(positions, number, origin);
+    const Box box = box_of(positions, number);
     store_box(rows, stride, i, box);
     cluster[i] = i;
     store_node(boxes, links, i, box, half_area(box.high - box.low) * PACKET_COST, (int4)(number, -1, 1, 1));
@@ -319,7 +319,7 @@ __kernel void next_roots(__global const int4 *links, __global const int *childre
 }
 
 // The packets of a leaf: first corner, two edges and number of each triangle; lanes without one have no edges.
-void store_packets(__global const float *positions, const float4 origin, __global const int4 *links,
+void store_packets(__global const float *positions, __global const int4 *links,
                    const int leaf, __global float *packets)
 {
     int stack[LEAF + 1], depth = 1, lane = 0;
@@ -333,9 +333,9 @@ void store_packets(__global const float *positions, const float4 origin, __globa
         }
         __global float *packet = packets + lane / PACKET * PACKET * RECORD + lane % PACKET;
         ++lane;
-        const float3 a = corner_of(positions, link.x, 0, origin);
-        const float3 edge1 = corner_of(positions, link.x, 1, origin) - a;
-        const float3 edge2 = corner_of(positions, link.x, 2, origin) - a;
+        const float3 a = corner_of(positions, link.x, 0);
+        const float3 edge1 = corner_of(positions, link.x, 1) - a;
+        const float3 edge2 = corner_of(positions, link.x, 2) - a;
         const float values[10] = {a.x, a.y, a.z, edge1.x, edge1.y, edge1.z, edge2.x, edge2.y, edge2.z,
                                   as_float(link.x)};
         for (int k = 0; k < 10; ++k)
@@ -348,7 +348,7 @@ void store_packets(__global const float *positions, const float4 origin, __globa
 
 // Wide nodes of one level, from `first` on, and the packets of their leaves; their children are nodes from
 // `next` on. Boxes of missing children are points that no ray reaches.
-__kernel void store_level(__global const float *positions, const float4 origin, __global const float4 *boxes,
+__kernel void store_level(__global const float *positions, __global const float4 *boxes,
                           __global const int4 *links, __global const int *children, __global const int2 *before,
                           __global const int2 *totals, const int first, const int next, const int first_packet,
                           __global float *nodes, __global float *packets, const int count)
@@ -369,7 +369,7 @@ __kernel void store_level(__global const float *positions, const float4 origin, 
             const int4 link = links[child];
             if (link.w) {
                 const int count = (link.z + PACKET - 1) / PACKET;
-                store_packets(positions, origin, links, child, packets + (size_t)RECORD * PACKET * packet);
+                store_packets(positions, links, child, packets + (size_t)RECORD * PACKET * packet);
                 code = ~(packet << LEAF_BITS | count);
                 packet += count;
             } else {

@@ -1,8 +1,8 @@
 // Records of patches (receiver.cl) from their triangles and barycentrics.
 
 // corners and normals hold 9 floats a triangle. The eye's height is a fraction of a texel's width, at most
-// `highest`, at least a fraction of the largest coordinate (engine/visibility/views/viewpoints.py); positions
-// are relative to origin.
+// `highest`, at least a fraction of the largest coordinate, about the origin and as it came in the scene
+// (engine/visibility/views/viewpoints.py).
 __kernel void pack(__global const int *triangles, __global const float *barycentrics,
                    __global const float *corners, __global const float *normals, __global const TexelStep *steps,
                    const float of_texel, const float highest, const float of_coordinate, const float4 origin,
@@ -24,8 +24,8 @@ __kernel void pack(__global const int *triangles, __global const float *barycent
     const float3 mean = w.x * normal[0] + w.y * normal[1] + w.z * normal[2];
     const float size = length(mean);
     const float3 shading = size > 1e-20f ? mean / size : geometric;
-    const float3 place = fmax(fabs(at), fabs(at + origin.xyz));
-    const float coordinate = fmax(place.x, fmax(place.y, place.z));
+    const float3 reach = fmax(fabs(at), fabs(at + origin.xyz));
+    const float coordinate = fmax(reach.x, fmax(reach.y, reach.z));
     const float height = fmax(fmin(of_texel * sqrt(step->area), highest), of_coordinate * coordinate);
     __global ReceiverRecord *record = records + patch;
     vstore3(at, 0, record->at);

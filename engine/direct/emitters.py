@@ -27,7 +27,7 @@ _WIDEST = 1.57
 POINT, SUN, TRIANGLE, SKY_MAP = range(4)
 
 #: A light as the device samples it: a point or spot, a sun, a triangle of a surface or of an area light, or
-#: the bright sky. World space, positions relative to the origin of the rays. Fields of other kinds are 0.
+#: the bright sky. World space, positions relative to `Triangles.origin`. Fields of other kinds are 0.
 EMITTER = Record(
     "Emitter",
     ("float[3]", "position", "m: centre of a point, first corner of a triangle"),
@@ -135,14 +135,14 @@ def _mean_radiance(
     return mean
 
 
-def lamp_records(light: Light, origin: np.ndarray, modulation: int = 0) -> np.ndarray:
+def lamp_records(light: Light, modulation: int = 0) -> np.ndarray:
     """Return the records of one lamp, (k,) EMITTER: area lights are made of triangles.
 
-    origin: (3,) float64, metres: positions of the records are relative to it; modulation: the number of the
-    lamp's own, see modulation.pack_modulations, 0 for none.
+    light: its position is relative to `Triangles.origin`; modulation: the number of the lamp's own, see
+    modulation.pack_modulations, 0 for none.
     """
     makers = {"area": _area_records, "sun": _sun_record}
-    records = makers.get(light.kind, _point_record)(light, origin)
+    records = makers.get(light.kind, _point_record)(light)
     if is_modulated(light):
         records["modulation"], records["falloff_power"] = modulation, light.falloff_power
     if light.profile is not None:
@@ -150,7 +150,7 @@ def lamp_records(light: Light, origin: np.ndarray, modulation: int = 0) -> np.nd
     return records
 
 
-def _point_record(light: Light, origin: np.ndarray) -> np.ndarray:
+def _point_record(light: Light) -> np.ndarray:
     """Return the record of a point or spot."""
     strength = _over_pi(light)
     return EMITTER.array(
@@ -158,7 +158,7 @@ def _point_record(light: Light, origin: np.ndarray) -> np.ndarray:
         kind=POINT,
         luminance=strength @ _LUMINANCE,
         casts_shadow=light.casts_shadow,
-        position=light.position - origin,
+        position=light.position,
         strength=strength,
         direction=-light.axes[2],
         radius=light.radius,
@@ -171,7 +171,7 @@ def _point_record(light: Light, origin: np.ndarray) -> np.ndarray:
     )
 
 
-def _sun_record(light: Light, _: np.ndarray) -> np.ndarray:
+def _sun_record(light: Light) -> np.ndarray:
     """Return the record of a sun."""
     strength = _over_pi(light)
     return EMITTER.array(
@@ -191,7 +191,7 @@ def _over_pi(light: Light) -> np.ndarray:
     return strength
 
 
-def _area_records(light: Light, origin: np.ndarray) -> np.ndarray:
+def _area_records(light: Light) -> np.ndarray:
     """Return the triangles of an area light: two of a rectangle, a fan of an ellipse."""
     if light.ellipse:
         angle = np.linspace(0, 2 * np.pi, _SIDES + 1)
@@ -200,7 +200,7 @@ def _area_records(light: Light, origin: np.ndarray) -> np.ndarray:
         outline = np.stack([np.zeros_like(rim[1:]), rim[:-1], rim[1:]], axis=1)
     else:
         outline = np.array([[(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5)], [(-0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]])
-    corners = light.position - origin + (outline * light.size) @ light.axes[:2]
+    corners = light.position + (outline * light.size) @ light.axes[:2]
 
     # Wound such that the side along -z is the front.
     corners = corners[:, [0, 2, 1]]
@@ -213,14 +213,12 @@ def _area_records(light: Light, origin: np.ndarray) -> np.ndarray:
     return records
 
 
-def surface_records(
-    triangles: Triangles, bright: BrightTriangles, culled: np.ndarray, origin: np.ndarray
-) -> np.ndarray:
+def surface_records(triangles: Triangles, bright: BrightTriangles, culled: np.ndarray) -> np.ndarray:
     """Return the records of emissive triangles, (k,) EMITTER.
 
     culled: (m,) bool of each material; the back of a culled one is not there and does not shine.
     """
-    records = _triangle_records(triangles.positions[bright.triangles] - origin, bright.radiance)
+    records = _triangle_records(triangles.positions[bright.triangles], bright.radiance)
     records["casts_shadow"], records["even"] = 1, bright.even
     records["triangle"], records["atlas"] = bright.triangles, triangles.atlas[bright.triangles]
     records["one_sided"] = culled[triangles.material[bright.triangles]]

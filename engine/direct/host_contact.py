@@ -26,9 +26,9 @@ def in_contact_on_host(scene: Scene, parts: Subdivision) -> np.ndarray:
     """Return what `patches_in_contact` does, found without OpenCL."""
     geometry, triangles = parts.geometry, parts.triangles
     up = eye_heights(triangles, geometry)[:, None] * geometry.geometric
-    start = geometry.center - triangles.middle + ABOVE * up
+    start = geometry.center + ABOVE * up
     step = -(ABOVE + BELOW) * up
-    corners = triangles.positions.astype(np.float64) - triangles.middle
+    corners = triangles.positions.astype(np.float64)
     cutouts, in_contact = read_cutouts(scene), np.zeros(len(start), bool)
     for patch, triangle in _neighbours(start, step, corners):
         met, weights = _backs_met(start[patch], step[patch], corners[triangle])

@@ -29,7 +29,7 @@ class DirectLighting:
     def __init__(self, scene: Scene, parts: Subdivision, rays: RayScene, settings: Settings) -> None:
         self._scene, self._parts, self._settings = scene, parts, settings
         self._ray_scene = rays
-        self._lamps = shining_lights(scene)
+        self._lamps = [lamp.relative_to(parts.triangles.origin) for lamp in shining_lights(scene)]
         self._shadow_rays: ShadowRays | None = None
         self.warnings: list[str] = []
 

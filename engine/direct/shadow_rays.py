@@ -57,10 +57,8 @@ class ShadowRays:
         # Emitters: each lamp's, the surfaces', the sky's.
         modulations, profiles, numbers = pack_modulations(lamps)
         self._modulations = upload(compute, modulations), upload(compute, profiles)
-        self._groups = [
-            lamp_records(lamp, rays.origin, number) for lamp, number in zip(lamps, numbers, strict=True)
-        ]
-        self._groups.append(surface_records(parts.triangles, bright, rays.culled, rays.origin))
+        self._groups = [lamp_records(lamp, number) for lamp, number in zip(lamps, numbers, strict=True)]
+        self._groups.append(surface_records(parts.triangles, bright, rays.culled))
         if sky is not None:
             self._groups.append(sky_record())
         self._glow = self._glow_arguments(parts)

@@ -49,7 +49,7 @@ class PatchGeometry:
 
     @cached_property
     def center(self) -> np.ndarray:
-        """Centre, (n, 3) float32, metres (paper, III.A: positions weighed by barycentrics)."""
+        """Centre, (n, 3) float32, m from `Triangles.origin` (barycentrics times corners: paper, III.A)."""
         center: np.ndarray = np.einsum(
             "nk,nkd->nd", self.barycentric, self.triangles.positions[self.triangle]
         )

@@ -143,7 +143,7 @@ def nearest_hits(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the nearest triangle along each ray (Moeller and Trumbore 1997).
 
-    eye         (3,) float64, world space, metres
+    eye         (3,) float64, metres from `Triangles.origin`
     directions  (m, 3) float64, world space, any length
 
     Returns the triangle, (m,) int, -1 for none; its lightmap uv there, (m, 2) float64; and whether its

@@ -43,7 +43,7 @@ def form_factors(geometry: PatchGeometry, scene: Scene) -> np.ndarray:
     Returns (n, n) float32, 4 n^2 bytes: F_ij where the front of j is seen, -F_ij where its back is.
     In a closed room the magnitudes of every row sum to 1.
     """
-    pieces = surfaces(scene)
+    pieces = surfaces(scene, geometry.triangles)
     of_patch = pieces.of_triangle[geometry.triangle]
     members = {int(s): np.flatnonzero(of_patch == s) for s in np.unique(of_patch)}
     may_block = blockers(pieces)
@@ -146,7 +146,7 @@ def _misses(
 ) -> np.ndarray:
     """Return whether the lines between points miss a piece.
 
-    here    (r, 3) float, there (c, 3) float, world space, metres; with `paired`, r = c
+    here    (r, 3) float, there (c, 3) float, metres from `Triangles.origin`; with `paired`, r = c
 
     Returns (r, c) bool, or (r,) with `paired`.
     """

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..scene.model import Scene
+from ..scene.triangles import Triangles
 
 #: A corner closer to a plane than this fraction of the scene's extent lies in the plane.
 PLANE_TOLERANCE = 1e-5
@@ -22,8 +23,8 @@ class Surfaces:
     A point of piece s is origin + a * edge_u + b * edge_v with a, b in [0, 1], and a + b <= 1 for
     triangles.
 
-    origin         (s, 3) float64, world space, metres
-    edge_u, edge_v (s, 3) float64, world space, metres
+    origin         (s, 3) float64, metres from `Triangles.origin`
+    edge_u, edge_v (s, 3) float64, metres
     normal         (s, 3) float64, unit, along edge_u x edge_v
     triangular     (s,) bool
     of_triangle    (t,) int32, the piece of each triangle of the concatenated meshes
@@ -42,15 +43,9 @@ class Surfaces:
         return np.stack([self.origin, self.origin + self.edge_u, last, self.origin + self.edge_v], axis=1)
 
 
-def triangles(scene: Scene) -> np.ndarray:
-    """Return the triangles of all meshes in order, (t, 3, 3) float64, world space, metres."""
-    corners: np.ndarray = np.concatenate([mesh.positions for mesh in scene.meshes]).astype(np.float64)
-    return corners
-
-
-def surfaces(scene: Scene) -> Surfaces:
+def surfaces(scene: Scene, triangles: Triangles) -> Surfaces:
     """Return the planar pieces of a scene: two triangles of a face that make a parallelogram are one."""
-    corners = triangles(scene)
+    corners = triangles.positions.astype(np.float64)
     face = _global_faces(scene)
     pieces: list[Piece] = []
     of_triangle = np.empty(len(corners), np.int32)

@@ -137,6 +137,10 @@ class Light:
     falloff_power: int = 0
     falloff_smooth: float = 0.0
 
+    def relative_to(self, point: np.ndarray) -> Light:
+        """Return the light with a position relative to a point, (3,) float64, metres."""
+        return replace(self, position=self.position - point)
+
 
 @dataclass(frozen=True)
 class Scene:

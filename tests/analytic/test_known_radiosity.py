@@ -155,8 +155,9 @@ def light_room_error(resolution: int, hemicube: int) -> float:
 
 def light_room_irradiance(prepared: Prepared) -> np.ndarray:
     """Return E/pi of every patch of `scenes.light_room` by Lambert's formula, (n,) float64."""
-    mesh, geometry, face = prepared.scene.meshes[0], prepared.geometry, prepared.patches.face
-    corners = np.concatenate([mesh.positions[0::2], mesh.positions[1::2, 2:]], axis=1)
+    geometry, face = prepared.geometry, prepared.patches.face
+    positions = prepared.triangles.positions
+    corners = np.concatenate([positions[0::2], positions[1::2, 2:]], axis=1)
     total = np.zeros(len(face))
     for index, quad in enumerate(corners):
         everywhere = np.repeat(quad[None], len(face), axis=0)

@@ -78,7 +78,7 @@ def draw(room: Prepared, chosen: np.ndarray, radiance: np.ndarray) -> tuple[np.n
         places = place_hemicubes(room.triangles, room.geometry, SETTINGS)
         frame, eye, near = (values[chosen] for values in (places.frame, places.eye, places.near))
         frames = places.frames[chosen]
-        views = matrices(frame, eye - raster.origin, near, graphics.reversed_depth)
+        views = matrices(frame, eye, near, graphics.reversed_depth)
         assert list(raster.draw(views, tiles.layers)) == [len(chosen)]
         copy = HostCopy(compute, target.texture)
         summed = HemicubeIntegrator(compute, tiles, np.zeros((1, 1, 3), np.float32)).integrate(

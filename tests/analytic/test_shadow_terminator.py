@@ -70,7 +70,7 @@ def test_light_ends_where_the_smooth_surface_turns_away(kind, origin):
     mesh = ball(32, 16)
     lamp = sun((0.6, -0.5, 0.62)) if kind == "sun" else point((1.7, -1.1, 1.3), 10.0)
     here = prepare(Scene((mesh,), (BLACK,)), 64)
-    normal, centre = here.geometry.normal.astype(float), here.geometry.center.astype(float)
+    normal, centre = here.geometry.normal.astype(float), here.geometry.center + here.triangles.origin
     way = np.broadcast_to(lamp.axes[2], normal.shape) if kind == "sun" else lamp.position - centre
     distance = 1 if kind == "sun" else np.linalg.norm(way, axis=1)
     cosine = (normal * way).sum(axis=1) / distance

@@ -67,8 +67,8 @@ def test_the_numbers_of_emissive_triangles_are_exact_however_many_there_are(devi
         numbers, np.ones((6, 3), np.float32), np.ones(6, bool), np.zeros((0, 3), np.float32)
     )
     lamp = Light("Lamp", "area", np.zeros(3), np.eye(3), np.ones(3, np.float32), size=np.ones(2))
-    surfaces = surface_records(triangles, bright, np.zeros(1, bool), np.zeros(3))
-    records = np.concatenate([lamp_records(lamp, np.zeros(3)), surfaces])
+    surfaces = surface_records(triangles, bright, np.zeros(1, bool))
+    records = np.concatenate([lamp_records(lamp), surfaces])
     source = """
     __kernel void numbers(__global const Emitter *records, __global int *result)
     {

@@ -33,7 +33,7 @@ def drawing(graphics, tiles, count, emission=0.0, eye=(0.5, 0.5, 0.5), nothing=(
     target.texture.write(np.full((tiles.layers, tiles.height, tiles.width, 4), before, np.float32).tobytes())
     target.set_radiance(np.full((1, 3), 2, np.float32))
     frame = frames(np.tile([0.0, 0.0, 1.0], (count, 1)), rotations(1, np.arange(count)))
-    eyes = np.tile(np.array(eye) - raster.origin, (count, 1))
+    eyes = np.tile(np.array(eye) - triangles.origin, (count, 1))
     assert (
         list(raster.draw(matrices(frame, eyes, np.full(count, 1e-4), graphics.reversed_depth), 1))[-1]
         == count
@@ -82,11 +82,7 @@ def pictures(graphics, tiles, path=None, culling=True, **changes):
     count = tiles.capacity - 1
     chosen = np.linspace(0, len(triangles.positions) - 1, count).astype(int)
     normal = triangles.normals[chosen, 0].astype(np.float64)
-    eyes = (
-        triangles.positions[chosen].mean(axis=1)
-        + np.resize([1e-3, -0.5], (count, 1)) * normal
-        - raster.origin
-    )
+    eyes = triangles.positions[chosen].mean(axis=1) + np.resize([1e-3, -0.5], (count, 1)) * normal
     frame = frames(normal, rotations(1, np.arange(count)))
     list(raster.draw(matrices(frame, eyes, np.full(count, 1e-4), graphics.reversed_depth), 2))
     return target.texture.read(), raster.path

@@ -7,7 +7,8 @@ import pyopencl as cl
 import pytest
 
 from engine.device.compute import Compute
-from engine.scene.triangles import Triangles
+from engine.scene.model import Mesh, Scene
+from engine.scene.triangles import join_meshes
 from engine.visibility.rays import bvh
 from engine.visibility.rays.bvh import Shape
 from engine.visibility.rays.rays import Rays
@@ -17,8 +18,10 @@ SHAPES = [Shape(8, 8, 8, 0.5), Shape(2, 1, 4, 0.35), Shape(4, 4, 8, 0.5)]
 
 
 def alone(positions):
-    """Return triangles of which only positions matter."""
-    return Triangles(positions, *[np.empty(0)] * 5)
+    """Return triangles of which only positions matter, as the bake joins them."""
+    numbers = np.zeros(len(positions), np.int32)
+    mesh = Mesh("Soup", positions, positions, positions[..., :2], numbers, numbers, numbers)
+    return join_meshes(Scene((mesh,), ()))
 
 
 @pytest.fixture(scope="module")
@@ -103,8 +106,8 @@ def nearest_of_all(triangles, origins, directions, rim):
 def test_the_nearest_triangle_is_found(compute, monkeypatch, soup, shape):
     """Neither farther than triangles a little smaller are, nor nearer than ones a little larger."""
     monkeypatch.setattr(bvh, "shape_for", lambda device: shape)
-    triangles = SOUPS[soup]().astype(np.float32)
-    rays = Rays(compute, alone(triangles), SOLID)
+    joined = alone(SOUPS[soup]().astype(np.float32))
+    rays, triangles = Rays(compute, joined, SOLID), joined.positions
     origins, directions = rays_for(triangles.astype(np.float64), 150)
     hit, _, distance = rays.cast(origins, directions)
     through = rays.transmittance(origins, directions, 0.5)
@@ -121,7 +124,7 @@ def test_the_nearest_triangle_is_found(compute, monkeypatch, soup, shape):
 def test_every_triangle_is_in_the_hierarchy_once(compute, shape):
     """Leaves name all triangles, and children lie within the boxes their parents keep of them."""
     triangles = random(40_000, 0.05).astype(np.float32)
-    built = bvh.build_bvh(compute, triangles, np.full(3, 2.0), 4.0, shape)
+    built = bvh.build_bvh(compute, triangles, 6.0, shape)
     nodes = download(compute, built.nodes).reshape(-1, 8, shape.width)
     children = nodes[:, 6].view(np.int32)
     leaves = ~children[(children < 0) & np.isfinite(nodes[:, 0])]
@@ -142,7 +145,7 @@ def test_every_triangle_is_in_the_hierarchy_once(compute, shape):
 
 def test_builds_are_repeatable(compute):
     triangles = random(40_000, 0.05).astype(np.float32)
-    first, second = (bvh.build_bvh(compute, triangles, np.full(3, 2.0), 4.0) for _ in range(2))
+    first, second = (bvh.build_bvh(compute, triangles, 6.0) for _ in range(2))
     for one, other in ((first.nodes, second.nodes), (first.triangles, second.triangles)):
         assert (download(compute, one).view(np.int32) == download(compute, other).view(np.int32)).all()
 
@@ -162,7 +165,8 @@ def test_nothing_slips_between_triangles(compute):
     flat = (corner[:, None, None] + square).reshape(-1, 3, 2)
     walls = [np.insert(flat, axis, side, axis=2) for axis in range(3) for side in (-1.0, 1.0)]
     triangles = (np.concatenate(walls) @ np.linalg.qr(random(1)[0])[0]).astype(np.float32)
-    rays = Rays(compute, alone(triangles), SOLID)
+    joined = alone(triangles)
+    rays, triangles = Rays(compute, joined, SOLID), joined.positions
     weights = np.array([(0.5, 0.5, 0), (0, 0.3, 0.7), (0.9, 0, 0.1), (1, 0, 0)])
     targets = np.einsum("wk,tkd->wtd", weights, triangles).reshape(-1, 3)
     for origin in ((0, 0, 0), (0.3, -0.2, 0.4)):

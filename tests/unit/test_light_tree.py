@@ -24,7 +24,7 @@ def emitters(count, seed=0):
     kinds = ({"half_angle": 0.4, "kind": "spot", "radius": 0.1}, {"kind": "point"}, {"kind": "sun"})
     for index, values in enumerate(kinds[: (count + 2) // 3]):
         values = {"position": rng.uniform(-5, 5, 3), "axes": turned, "strength": np.ones(3), **values}
-        records[3 * index] = lamp_records(Light("Lamp", **values), np.zeros(3))[0]
+        records[3 * index] = lamp_records(Light("Lamp", **values))[0]
     if count > 8:
         records[8] = sky_record()[0]
     return records

@@ -58,7 +58,7 @@ def test_a_full_blocker_blocks_all():
 def test_half_a_blocker_leaves_the_lit_half():
     prepared, factors = matrix(occluded(scenes.rectangle((0.5, 0, 0.5), (0.5, 0, 0), (0, 1, 0))), 32)
     floor, ceiling = prepared.patches.face == 0, prepared.patches.face == 1
-    center = prepared.geometry.center
+    center = prepared.geometry.center + prepared.triangles.origin
     crossing = (center[floor][:, None, 0] + center[ceiling][None, :, 0]) / 2
     assert ((factors[floor][:, ceiling] == 0) == (crossing > 0.5))[np.abs(crossing - 0.5) > 1e-5].all()
 

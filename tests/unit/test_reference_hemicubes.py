@@ -19,7 +19,7 @@ def test_the_nearest_of_two_sheets_is_hit():
     far = scenes.rectangle((0, 0, 2), (0, 2, 0), (2, 0, 0))
     mesh = scenes.quads(np.stack([far, near]), [(0, 0, 8, 8), (10, 0, 8, 8)], [0, 0], 32)
     triangles = join_meshes(Scene((mesh,), (scenes.material("Grey", 0.5),)))
-    eye = np.array([0.3, 0.6, 0.0])
+    eye = np.array([0.3, 0.6, 0.0]) - triangles.origin
     directions = np.array([[0, 0, 1], [0.6, 0, 1], [0, 0, -1], [9, 0, 1.0]])
     triangle, uv, front = nearest_hits(eye, directions, triangles)
     assert list(triangle // 2) == [1, 1, -1, -1]

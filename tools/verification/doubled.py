@@ -33,8 +33,8 @@ class _Surfaces:
     """All triangles of a scene, and their planes."""
 
     def __init__(self, triangles) -> None:
-        corners = triangles.positions.astype(np.float64) - triangles.middle
-        self._middle, self._near = triangles.middle, _NEAR * triangles.diagonal
+        corners = triangles.positions.astype(np.float64)
+        self._near = _NEAR * triangles.diagonal
         self._corner, self._edges = corners[:, 0], corners[:, 1:] - corners[:, :1]
         normal = np.cross(self._edges[:, 0], self._edges[:, 1])
         self._area = np.maximum(np.linalg.norm(normal, axis=1), 1e-30)
@@ -43,7 +43,7 @@ class _Surfaces:
 
     def meet(self, points: np.ndarray, own: np.ndarray) -> np.ndarray:
         """Return which points, (n, 3) on triangles `own`, lie on another triangle as well, (n,) bool."""
-        local = points.astype(np.float64) - self._middle
+        local = points.astype(np.float64)
         near = np.abs(local @ self._normal.T - self._distance) < self._near
         near &= np.abs(self._normal[own] @ self._normal.T) > 0.999
         near[np.arange(len(own)), own] = False

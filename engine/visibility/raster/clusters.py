@@ -41,7 +41,7 @@ class Clusters:
     def __init__(self, positions: np.ndarray, one_sided: np.ndarray, culling: bool = True) -> None:
         """Make clusters; one alone without culling.
 
-        positions: (t, 3, 3) float32, relative to the scene's middle; one_sided: (t,) bool, triangles whose
+        positions: (t, 3, 3) float32, metres; one_sided: (t,) bool, triangles whose
         backs are see-through.
         """
         count = len(positions)

@@ -14,7 +14,7 @@ from ...scene.triangles import Triangles
 class IndexedMesh:
     """What vertex buffers are filled with.
 
-    vertices  (v, 6) float32: position relative to an origin, lightmap uv, atlas
+    vertices  (v, 6) float32: position, lightmap uv, atlas
     cutouts   (v, 3) float32: place on the alpha map, material; None if no surface is see-through
     indices   (3 t,) uint32
     """
@@ -24,16 +24,11 @@ class IndexedMesh:
     indices: np.ndarray
 
 
-def indexed_mesh(
-    triangles: Triangles, positions: np.ndarray, cutouts: Cutouts, order: np.ndarray
-) -> IndexedMesh:
-    """Join equal corners of triangles.
-
-    positions: (t, 3, 3) float32, relative to an origin; order: (t,) int64, the triangles as they are drawn.
-    """
-    count = len(positions)
+def indexed_mesh(triangles: Triangles, cutouts: Cutouts, order: np.ndarray) -> IndexedMesh:
+    """Join equal corners of triangles; order: (t,) int64, the triangles as they are drawn."""
+    count = len(triangles.positions)
     corners = np.empty((count, 3, 9 if cutouts.needed else 6), np.float32)
-    corners[:, :, 0:3] = positions
+    corners[:, :, 0:3] = triangles.positions
     corners[:, :, 3:5] = triangles.uvs
     corners[:, :, 5] = triangles.atlas[:, None]
     if cutouts.needed:

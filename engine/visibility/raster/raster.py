@@ -52,11 +52,9 @@ class HemicubeRaster:
         context = graphics.context
         self._graphics, self._tiles, self.target = graphics, tiles, target
 
-        # Geometry relative to the scene's middle, where float32 is finest.
-        self.origin = triangles.middle
-        positions = (triangles.positions - self.origin).astype(np.float32)
-        self._clusters = Clusters(positions, cutouts.culled[triangles.material], culling)
-        mesh = MeshBuffers(graphics, indexed_mesh(triangles, positions, cutouts, self._clusters.order))
+        # Triangles in clusters, and all ways to draw them.
+        self._clusters = Clusters(triangles.positions, cutouts.culled[triangles.material], culling)
+        mesh = MeshBuffers(graphics, indexed_mesh(triangles, cutouts, self._clusters.order))
         features = (*target.features, *(("cutouts",) if cutouts.needed else ()))
         names = available_paths(graphics) if path is None else (path,)
         self._paths = [DrawPath(graphics, name, tiles, mesh, features) for name in names]
@@ -98,8 +96,8 @@ class HemicubeRaster:
     def draw(self, matrices: np.ndarray, layers_per_slice: int) -> Iterator[int]:
         """Draw hemicubes into the first slots of the array, a few layers at a time.
 
-        matrices: (m, 5, 4, 4) float32 from `hemicube.matrices`, relative to `origin`; m at most the
-        capacity. Yields the number of hemicubes finished after each slice.
+        matrices: (m, 5, 4, 4) float32 from `hemicube.matrices`; m at most the capacity. Yields the number of
+        hemicubes finished after each slice.
         """
         count = len(matrices)
         rows = np.ascontiguousarray(matrices.reshape(count, 4 * FACES, 4))

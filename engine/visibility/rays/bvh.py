@@ -69,16 +69,14 @@ def shape_for(device: cl.Device) -> Shape:
     return _PROCESSOR if device.type & cl.device_type.CPU else _GRAPHICS
 
 
-def build_bvh(
-    compute: Compute, positions: np.ndarray, origin: np.ndarray, reach: float, shape: Shape | None = None
-) -> Bvh:
-    """Build the hierarchy of triangles, (t, 3, 3) float32, at least one; boxes are relative to the origin.
+def build_bvh(compute: Compute, positions: np.ndarray, reach: float, shape: Shape | None = None) -> Bvh:
+    """Build the hierarchy of triangles, (t, 3, 3) float32, at least one.
 
-    origin: (3,), in the middle of the scene, which reaches that far from it along any axis. Clusters along a
-    Morton curve are merged with their best neighbours (PLOC; Meister and Bittner 2018), those left are split
-    from the top down, and binary nodes joined to wide ones.
+    reach: the largest coordinate of a corner, metres. Clusters along a Morton curve are merged with their
+    best neighbours (PLOC; Meister and Bittner 2018), those left are split from the top down, and binary nodes
+    joined to wide ones.
     """
-    return _Builder(compute, positions, origin, reach, shape or shape_for(compute.device)).build()
+    return _Builder(compute, positions, reach, shape or shape_for(compute.device)).build()
 
 
 @dataclass(frozen=True)
@@ -93,9 +91,7 @@ class _Level:
 
 
 class _Builder:
-    def __init__(
-        self, compute: Compute, positions: np.ndarray, origin: np.ndarray, reach: float, shape: Shape
-    ) -> None:
+    def __init__(self, compute: Compute, positions: np.ndarray, reach: float, shape: Shape) -> None:
         self._compute, self._queue, self._shape = compute, compute.queue, shape
         self._count = len(positions)
         options = _layout(shape, _STACK)
@@ -108,7 +104,6 @@ class _Builder:
         self._kernels = dict(zip(names, kernels, strict=True))
         self._boxes, self._links = self._buffer(64 * self._count), self._buffer(32 * self._count)
         self._positions = upload(compute, positions.astype(np.float32, copy=False))
-        self._origin = np.append(origin, 0).astype(np.float32)
         self._reach = max(reach, 1e-30)
 
     def build(self) -> Bvh:
@@ -122,7 +117,7 @@ class _Builder:
         buffer = self._buffer(keys.nbytes)
         scale = np.float32(1 / self._reach)
         self._run(
-            "places_on_curve", self._count, self._positions, self._origin, scale, np.int32(bits), buffer,
+            "places_on_curve", self._count, self._positions, scale, np.int32(bits), buffer,
             np.int32(self._count),
         )  # fmt: skip
         cl.enqueue_copy(self._queue, keys, buffer)
@@ -139,7 +134,7 @@ class _Builder:
         totals = self._buffer(8 * (-(-count // _CHUNK) + 1))
         nodes = self._boxes, self._links
         self._run(
-            "single_clusters", stride, self._positions, self._origin, keys, np.uint64(mask), rows,
+            "single_clusters", stride, self._positions, keys, np.uint64(mask), rows,
             np.int32(stride), cluster, *nodes, np.int32(count),
         )  # fmt: skip
         while count > _TOP:
@@ -214,7 +209,7 @@ class _Builder:
         first = first_packet = 0
         for level in levels:
             self._run(
-                "store_level", level.count, self._positions, self._origin, self._boxes, self._links,
+                "store_level", level.count, self._positions, self._boxes, self._links,
                 level.children, level.before, level.totals, np.int32(first), np.int32(first + level.count),
                 np.int32(first_packet), nodes, packets, np.int32(level.count),
             )  # fmt: skip

@@ -49,7 +49,7 @@ class RayScene:
     def receivers(self) -> cl.Buffer:
         """The records of all patches, see `receivers.pack_receivers`; their lifts end before other faces."""
         count = len(self._parts.patches)
-        records = pack_receivers(self.compute, self._parts.geometry, self.rays.origin)
+        records = pack_receivers(self.compute, self._parts.geometry)
         (bound,) = self.rays.kernels((*RECEIVER_SOURCE, "lift.cl"), "bound_lifts")
         self.rays.run(bound, count, records, np.int32(count))
         return records

@@ -16,18 +16,14 @@ from .bvh import build_bvh
 class Rays:
     """A scene's triangles on the OpenCL device, for kernels/rays.cl and kernels that go on from it.
 
-    origin     (3,) float64, metres: positions on the device are relative to it
     culled     (m,) bool of each material: its back is see-through
     arguments  what kernels take for RAYS_ARGUMENTS
     """
 
     def __init__(self, compute: Compute, triangles: Triangles, cutouts: Cutouts) -> None:
         self._compute, self._queue = compute, compute.queue
-        self.origin = triangles.middle
         self.culled = cutouts.culled
-        bvh = build_bvh(
-            compute, triangles.positions, self.origin, float(np.abs(triangles.box - self.origin).max())
-        )
+        bvh = build_bvh(compute, triangles.positions, float(np.abs(triangles.box).max()))
         self._options = bvh.options
         arrays: list[np.ndarray] = []
         if cutouts.needed:
@@ -45,8 +41,8 @@ class Rays:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the nearest triangle along each ray; of those that show their backs if `backs`.
 
-        origins, directions: (m, 3) float, world space, metres from the scene's origin. Returns triangle
-        (m,) int32, -1 for none; front (m,) bool; distance (m,) float32 in lengths of the direction.
+        origins, directions: (m, 3) float, metres from `Triangles.origin` along the world's axes. Returns
+        triangle (m,) int32, -1 for none; front (m,) bool; distance (m,) float32 in lengths of the direction.
         """
         count = len(origins)
         hits, distances = np.empty((count, 2), np.int32), np.empty(count, np.float32)
@@ -76,7 +72,7 @@ class Rays:
 
     def _rays(self, origins: np.ndarray, directions: np.ndarray, distance: float) -> list[cl.Buffer]:
         """Upload rays; return their device buffers."""
-        rays = (_four(origins - self.origin), _four(directions, distance))
+        rays = (_four(origins), _four(directions, distance))
         return [upload(self._compute, array) for array in rays]
 
 

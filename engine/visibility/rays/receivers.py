@@ -11,7 +11,7 @@ from ...device.record import Record
 from ...patches.geometry import PatchGeometry
 from ..views.viewpoints import OF_COORDINATE, OF_DIAGONAL, OF_TEXEL
 
-#: A patch as a receiver of light, on its triangle. World space, metres, relative to the origin of the rays.
+#: A patch as a receiver of light, on its triangle. Metres from `Triangles.origin`.
 RECEIVER = Record(
     "ReceiverRecord",
     ("float[3]", "at", "m, centre of the texel"),
@@ -42,18 +42,21 @@ TEXEL_STEP = Record(
 )
 
 
-def pack_receivers(compute: Compute, geometry: PatchGeometry, origin: np.ndarray) -> cl.Buffer:
-    """Return the records of patches on the device; positions relative to origin, (3,) float64, metres."""
+def pack_receivers(compute: Compute, geometry: PatchGeometry) -> cl.Buffer:
+    """Return the records of patches on the device."""
     triangles, steps, count = geometry.triangles, geometry.steps, len(geometry.triangle)
-    corners = (triangles.positions - origin).astype(np.float32)
     step = TEXEL_STEP.array(
-        len(corners), edge_u=steps.edge_u, edge_v=steps.edge_v, geometric=steps.geometric, area=steps.area
+        len(triangles.positions),
+        edge_u=steps.edge_u,
+        edge_v=steps.edge_v,
+        geometric=steps.geometric,
+        area=steps.area,
     )
-    arrays = (geometry.triangle, geometry.barycentric, corners, triangles.normals, step)
+    arrays = (geometry.triangle, geometry.barycentric, triangles.positions, triangles.normals, step)
     inputs = [upload(compute, array) for array in arrays]
     heights = (OF_TEXEL, OF_DIAGONAL * triangles.diagonal, OF_COORDINATE)
     records = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, RECEIVER.dtype.itemsize * count)
     (pack,) = compute.kernels((*RECEIVER_SOURCE, TEXEL_STEP, "pack.cl"), "pack")
-    place = cl.cltypes.make_float4(*origin, 0)
-    compute.run(pack, count, *inputs, *map(np.float32, heights), place, records, np.int32(count))
+    origin = cl.cltypes.make_float4(*triangles.origin, 0)
+    compute.run(pack, count, *inputs, *map(np.float32, heights), origin, records, np.int32(count))
     return records

@@ -32,7 +32,7 @@ class Placed:
     """Hemicubes ready to be drawn.
 
     frames    (m, 4, 3) float32, from `Viewpoints.frames`
-    matrices  (m, 5, 4, 4) float32, from `hemicube.matrices`, relative to the raster's origin
+    matrices  (m, 5, 4, 4) float32, from `hemicube.matrices`
     """
 
     frames: np.ndarray
@@ -81,8 +81,7 @@ class Hemicubes:
     def _place(self, first: int, last: int) -> Placed:
         geometry, reverse = self._parts.geometry.part(slice(first, last)), self._reversed_depth
         views = place_hemicubes(self._parts.triangles, geometry, self._settings, reverse, first)
-        eye = views.eye - self._raster.origin
-        return Placed(views.frames, matrices(views.frame, eye, views.near, reverse))
+        return Placed(views.frames, matrices(views.frame, views.eye, views.near, reverse))
 
     def draw(self, placed: Placed) -> Iterator[int]:
         """Draw hemicubes, at most a batch; yield how many are done."""

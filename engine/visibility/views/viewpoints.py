@@ -12,8 +12,8 @@ from ...settings import Settings
 from .hemicube import frames, rotations
 
 #: Height of the eye above the surface: a fraction of a texel's width, at most a fraction of the scene's
-#: diagonal, and at least what float32 can tell apart at the patch's coordinates, in the world and from the
-#: scene's middle.
+#: diagonal, and at least what float32 can tell apart at the patch's coordinates, as they came in the scene
+#: and about `Triangles.origin`.
 OF_TEXEL = 0.01
 OF_DIAGONAL = 2e-5
 OF_COORDINATE = 1e-6
@@ -28,7 +28,7 @@ _NEAR_STANDARD_DEPTH = 1e-5
 class Viewpoints:
     """Where hemicubes stand and how they are turned; n of them.
 
-    eye      (n, 3) float64, world space, metres
+    eye      (n, 3) float64, metres from `Triangles.origin`
     frame    (n, 3, 3) float64, rows right, up, normal, from `hemicube.frames`
     near     (n,) float64, distance of the near plane, metres
     horizon  (n, 3) float32, geometric normal along right, up, normal: nothing is seen behind its plane
@@ -49,7 +49,7 @@ def eye_heights(triangles: Triangles, geometry: PatchGeometry) -> np.ndarray:
     """Return how far above its surface each patch looks around, (n,) float64, metres."""
     height = np.minimum(OF_TEXEL * np.sqrt(geometry.area), OF_DIAGONAL * triangles.diagonal)
     center = geometry.center.astype(np.float64)
-    coordinate = np.maximum(np.abs(center), np.abs(center - triangles.middle)).max(axis=1)
+    coordinate = np.maximum(np.abs(center), np.abs(center + triangles.origin)).max(axis=1)
     heights: np.ndarray = np.maximum(height, OF_COORDINATE * coordinate)
     return heights
 

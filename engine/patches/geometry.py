@@ -7,7 +7,6 @@ from functools import cached_property
 
 import numpy as np
 
-from ..scene.model import Scene
 from ..scene.triangles import Triangles
 from .patch_list import PatchList
 
@@ -92,27 +91,10 @@ class PatchGeometry:
         return material
 
 
-def patch_geometry(scene: Scene, triangles: Triangles, patches: PatchList) -> PatchGeometry:
+def patch_geometry(triangles: Triangles, patches: PatchList) -> PatchGeometry:
     """Place every patch in the world."""
     steps = texel_steps(triangles, patches.resolution)
-    return PatchGeometry(triangles, steps, patch_triangles(scene, patches), patches.barycentric)
-
-
-def patch_triangles(scene: Scene, patches: PatchList) -> np.ndarray:
-    """Return the index into `Triangles` of each patch, (n,) int32, from mesh, face and subface."""
-    faces = [int(mesh.face[-1]) + 1 if len(mesh.face) else 0 for mesh in scene.meshes]
-    first_face = np.cumsum([0, *faces])
-    face = np.concatenate([mesh.face + first for mesh, first in zip(scene.meshes, first_face, strict=False)])
-    subface = np.concatenate([mesh.subface for mesh in scene.meshes])
-
-    # A table with room for as many triangles of each polygon as its last one says.
-    last = np.flatnonzero(np.diff(face, append=-1))
-    room = np.zeros(first_face[-1] + 1, np.int64)
-    room[face[last] + 1] = subface[last] + 1
-    start = np.cumsum(room)
-    table = np.zeros(start[-1], np.int32)
-    table[start[face] + subface] = np.arange(len(face))
-    return table.take(start.take(first_face.take(patches.mesh) + patches.face) + patches.subface)
+    return PatchGeometry(triangles, steps, patches.triangle, patches.barycentric)
 
 
 def texel_steps(triangles: Triangles, resolution: int) -> TexelSteps:

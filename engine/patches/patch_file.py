@@ -16,30 +16,34 @@ import numpy as np
 from ..device.graphics import Graphics
 from ..errors import PatchFileError
 from ..scene.model import Scene
+from ..scene.triangles import Triangles
 from ..settings import Settings
 from .patch_list import PatchList, list_patches
 
 _MAGIC = b"HEMIPATC"
 _VERSION = 1
 _HEADER = struct.Struct("<8sIIQII")
-_INTEGERS = ("atlas", "texel", "mesh", "face", "subface")
-_PATCH_BYTES = 4 * (len(_INTEGERS) + 3)
+
+#: Bytes of a patch: five integers and three barycentrics.
+_PATCH_BYTES = 4 * (5 + 3)
 
 #: Barycentrics may leave their triangle by this much.
 _BARYCENTRIC_TOLERANCE = 1e-3
 
 
-def list_or_load_patches(graphics: Graphics, scene: Scene, settings: Settings) -> PatchList:
+def list_or_load_patches(
+    graphics: Graphics, scene: Scene, triangles: Triangles, settings: Settings
+) -> PatchList:
     """Load the patch list from `settings.patch_file`; without such a file make the list and store it there.
 
     Raises PatchFileError if the file is unusable or cannot be written, SceneError as `list_patches`.
     """
     if settings.patch_file is None:
-        return list_patches(graphics, scene, settings.resolution)
+        return list_patches(graphics, scene, triangles, settings.resolution)
     path = Path(settings.patch_file)
     if path.exists():
         return read_patches(path, scene, settings.resolution)
-    patches = list_patches(graphics, scene, settings.resolution)
+    patches = list_patches(graphics, scene, triangles, settings.resolution)
     write_patches(path, scene, patches)
     return patches
 
@@ -49,7 +53,8 @@ def write_patches(path: Path, scene: Scene, patches: PatchList) -> None:
 
     Under its name the file is whole or not there: it is written beside it.
     """
-    body = b"".join(getattr(patches, name).astype("<i4").tobytes() for name in _INTEGERS)
+    columns = (patches.atlas, patches.texel, *_faces(scene)[:, patches.triangle])
+    body = b"".join(column.astype("<i4").tobytes() for column in columns)
     body += patches.barycentric.astype("<f4").tobytes()
     header = _HEADER.pack(
         _MAGIC, _VERSION, patches.resolution, len(patches), charts_checksum(scene), zlib.crc32(body)
@@ -102,8 +107,11 @@ def read_patches(path: Path, scene: Scene, resolution: int) -> PatchList:
             f"'{path}' was made for {file_resolution} x {file_resolution} texels of a scene whose lightmap "
             "UVs have changed, or for another scene. Delete it and bake again."
         )
-    patches = _unpack(body, resolution, count)
-    if not count or _wrong_places(patches, scene).any() or _wrong_triangles(patches, scene).any():
+    integers = np.frombuffer(body, "<i4", 5 * count).astype(np.int32).reshape(5, count)
+    barycentric = np.frombuffer(body, "<f4", 3 * count, 20 * count).astype(np.float32).reshape(count, 3)
+    atlas, texel = integers[:2].copy()
+    patches = PatchList(resolution, atlas, texel, _triangles_of(integers[2:], scene), barycentric)
+    if not count or (_off_lightmaps(patches, scene) | _off_triangles(patches, scene)).any():
         raise PatchFileError(
             f"'{path}' has patches that are not in the scene, although its checksums are right. "
             "Delete it and bake again."
@@ -120,38 +128,43 @@ def charts_checksum(scene: Scene) -> int:
     return checksum
 
 
-def _wrong_places(patches: PatchList, scene: Scene) -> np.ndarray:
-    """Return which patches, (n,) bool, are on no texel, not in the order of texels, or beside a triangle."""
+def _faces(scene: Scene) -> np.ndarray:
+    """Return mesh, face and subface of every triangle, (3, t) int32: what the paper knows it by (IV.A)."""
+    meshes = enumerate(scene.meshes)
+    parts = [[np.full(len(mesh.face), index), mesh.face, mesh.subface] for index, mesh in meshes]
+    return np.concatenate(parts, axis=1, dtype=np.int32)
+
+
+def _triangles_of(faces: np.ndarray, scene: Scene) -> np.ndarray:
+    """Return the triangle of each mesh, face and subface, (3, n) int32; -1 where there is none.
+
+    Triangles are in the order of meshes, faces and subfaces: a binary search finds them.
+    """
+    there = _faces(scene).astype(np.int64)
+    sizes = there.max(axis=1) + 1
+    code, codes = (
+        (mesh * sizes[1] + face) * sizes[2] + subface
+        for mesh, face, subface in (faces.astype(np.int64), there)
+    )
+    number = np.searchsorted(codes, code).clip(max=len(codes) - 1)
+    within = ((faces >= 0) & (faces < sizes[:, None])).all(axis=0)
+    triangles: np.ndarray = np.where(within & (codes[number] == code), number, -1).astype(np.int32)
+    return triangles
+
+
+def _off_lightmaps(patches: PatchList, scene: Scene) -> np.ndarray:
+    """Return which patches, (n,) bool, are on no texel of an atlas, or not in the order of texels."""
     texels = patches.resolution**2
     wrong = (patches.atlas < 0) | (patches.atlas >= len(scene.atlases))
     wrong |= (patches.texel < 0) | (patches.texel >= texels)
     wrong[1:] |= np.diff(patches.atlas.astype(np.int64) * texels + patches.texel) <= 0
-    place, slack = patches.barycentric, _BARYCENTRIC_TOLERANCE
-    on_triangle = (place >= -slack).all(axis=1) & (np.abs(place.sum(axis=1) - 1) <= slack)
-    return wrong | ~on_triangle
+    return wrong
 
 
-def _wrong_triangles(patches: PatchList, scene: Scene) -> np.ndarray:
-    """Return which patches, (n,) bool, lie on no triangle of a mesh of their atlas."""
-    wrong = (patches.mesh < 0) | (patches.mesh >= len(scene.meshes))
-    owner = np.where(wrong, 0, patches.mesh)
-    wrong |= np.array([mesh.atlas for mesh in scene.meshes])[owner] != patches.atlas
-
-    # Triangles are in the order of meshes, faces and subfaces: one number stands for all three.
-    faces = np.array([mesh.face[-1] + 1 if len(mesh.face) else 0 for mesh in scene.meshes], np.int64)
-    subfaces = 1 + max(int(mesh.subface.max(initial=0)) for mesh in scene.meshes)
-    wrong |= (patches.face < 0) | (patches.face >= faces[owner])
-    wrong |= (patches.subface < 0) | (patches.subface >= subfaces)
-    first = np.cumsum(faces) - faces
-    meshes = zip(first, scene.meshes, strict=True)
-    there = np.concatenate([(start + mesh.face) * subfaces + mesh.subface for start, mesh in meshes])
-    code = (first[owner] + patches.face) * subfaces + patches.subface
-    missing: np.ndarray = there.take(np.searchsorted(there, code), mode="clip") != code
-    return wrong | missing
-
-
-def _unpack(body: bytes, resolution: int, count: int) -> PatchList:
-    integers = np.frombuffer(body, "<i4", 5 * count).astype(np.int32).reshape(5, count)
-    barycentric = np.frombuffer(body, "<f4", 3 * count, 20 * count).astype(np.float32).reshape(count, 3)
-    columns = {name: row.copy() for name, row in zip(_INTEGERS, integers, strict=True)}
-    return PatchList(resolution, barycentric=barycentric, **columns)
+def _off_triangles(patches: PatchList, scene: Scene) -> np.ndarray:
+    """Return which patches, (n,) bool, lie on no triangle, on one of another atlas, or beside it."""
+    atlases = np.repeat([mesh.atlas for mesh in scene.meshes], [len(mesh.face) for mesh in scene.meshes])
+    wrong = (patches.triangle < 0) | (atlases[patches.triangle] != patches.atlas)
+    weights, slack = patches.barycentric, _BARYCENTRIC_TOLERANCE
+    inside = (weights >= -slack).all(axis=1) & (np.abs(weights.sum(axis=1) - 1) <= slack)
+    return wrong | ~inside

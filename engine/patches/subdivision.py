@@ -37,9 +37,10 @@ class Subdivision:
 def subdivide(graphics: Graphics, scene: Scene, settings: Settings) -> Subdivision:
     """Make the patches of a scene (paper, III.A and IV.A); raises Scene-, Settings-, PatchFileError."""
     triangles = join_meshes(scene)
-    covered = list_or_load_patches(graphics, scene, settings)
-    warnings = [*note_uncovered(scene, covered), *check_overlap(graphics, scene, triangles, covered)]
+    covered = list_or_load_patches(graphics, scene, triangles, settings)
+    warnings = [*note_uncovered(scene, triangles, covered)]
+    warnings += check_overlap(graphics, scene, triangles, covered)
     touched = touched_triangles(graphics, triangles, len(scene.atlases), settings.resolution)
-    patches, geometry, texel_to_patch = add_thin_patches(scene, triangles, covered, touched)
+    patches, geometry, texel_to_patch = add_thin_patches(triangles, covered, touched)
     surfaces = patch_surfaces(scene, triangles, patches, geometry)
     return Subdivision(triangles, patches, geometry, surfaces, texel_to_patch, tuple(warnings))

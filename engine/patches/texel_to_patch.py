@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..scene.model import Scene
 from ..scene.triangles import Triangles
 from .geometry import PatchGeometry, patch_geometry
 from .patch_list import PatchList, concatenate
@@ -26,14 +25,14 @@ _WITHIN = 0.499
 
 
 def add_thin_patches(
-    scene: Scene, triangles: Triangles, patches: PatchList, touched: np.ndarray
+    triangles: Triangles, patches: PatchList, touched: np.ndarray
 ) -> tuple[PatchList, PatchGeometry, np.ndarray]:
     """Give every touched texel a patch; return the grown patch list, its geometry and the index map.
 
     touched: (atlases, r, r) int32 from `touched_triangles`. The index map is (atlases, r, r) uint32,
     patch index + 1, or 0 where nothing is.
     """
-    geometry = patch_geometry(scene, triangles, patches)
+    geometry = patch_geometry(triangles, patches)
     texel_to_patch = _texels_of(patches, touched.shape)
     border = np.argwhere((touched >= 0) & (texel_to_patch == 0))
     border_triangle = touched[tuple(border.T)]
@@ -43,11 +42,9 @@ def add_thin_patches(
     # Surfaces without a covered centre nearby become patches at the point nearest to the texel's centre.
     thin = (neighbour == 0) & inside
     if thin.any():
-        thin_patches = _patches_at(
-            scene, patches.resolution, triangles, border[thin], border_triangle[thin], barycentric[thin]
-        )
+        thin_patches = _patches_at(patches.resolution, border[thin], border_triangle[thin], barycentric[thin])
         patches = _sorted(concatenate([patches, thin_patches]))
-        geometry = patch_geometry(scene, triangles, patches)
+        geometry = patch_geometry(triangles, patches)
         texel_to_patch = _texels_of(patches, touched.shape)
         rest = ~thin
         neighbour = _neighbours(
@@ -122,25 +119,11 @@ def _neighbours(
 
 
 def _patches_at(
-    scene: Scene,
-    resolution: int,
-    triangles: Triangles,
-    texels: np.ndarray,
-    triangle: np.ndarray,
-    barycentric: np.ndarray,
+    resolution: int, texels: np.ndarray, triangle: np.ndarray, barycentric: np.ndarray
 ) -> PatchList:
     """Return patches for texels at given points of given triangles."""
-    face = np.concatenate([mesh.face for mesh in scene.meshes])
-    subface = np.concatenate([mesh.subface for mesh in scene.meshes])
-    return PatchList(
-        resolution,
-        texels[:, 0].astype(np.int32),
-        (texels[:, 1] * resolution + texels[:, 2]).astype(np.int32),
-        triangles.mesh[triangle],
-        face[triangle].astype(np.int32),
-        subface[triangle].astype(np.int32),
-        barycentric,
-    )
+    texel = (texels[:, 1] * resolution + texels[:, 2]).astype(np.int32)
+    return PatchList(resolution, texels[:, 0].astype(np.int32), texel, triangle, barycentric)
 
 
 def _sorted(patches: PatchList) -> PatchList:

@@ -15,26 +15,19 @@ def list_patches(scene: Scene, resolution: int) -> PatchList:
     triangles may belong to either.
     """
     shape = (len(scene.atlases), resolution * resolution)
-    identities = np.full((*shape, 3), -1, np.int32)
+    triangle = np.full(shape, -1, np.int32)
     barycentric = np.zeros((*shape, 3), np.float32)
-    for index, mesh in enumerate(scene.meshes):
-        for triangle in range(len(mesh.positions)):
-            texel, weights = _covered(mesh.uvs[triangle].astype(np.float64) * resolution, resolution)
-            free = identities[mesh.atlas, texel, 0] < 0
-            identity = (index, mesh.face[triangle], mesh.subface[triangle])
-            identities[mesh.atlas, texel[free]] = identity
+    first = 0
+    for mesh in scene.meshes:
+        for number, uvs in enumerate(mesh.uvs.astype(np.float64), first):
+            texel, weights = _covered(uvs * resolution, resolution)
+            free = triangle[mesh.atlas, texel] < 0
+            triangle[mesh.atlas, texel[free]] = number
             barycentric[mesh.atlas, texel[free]] = weights[free]
-    atlas, texel = np.nonzero(identities[..., 0] >= 0)
-    mesh_index, face, subface = identities[atlas, texel].T.copy()
-    return PatchList(
-        resolution,
-        atlas.astype(np.int32),
-        texel.astype(np.int32),
-        mesh_index,
-        face,
-        subface,
-        barycentric[atlas, texel],
-    )
+        first += len(mesh.uvs)
+    atlas, texel = np.nonzero(triangle >= 0)
+    places = atlas.astype(np.int32), texel.astype(np.int32)
+    return PatchList(resolution, *places, triangle[atlas, texel], barycentric[atlas, texel])
 
 
 def map_texels(scene: Scene, patches: PatchList) -> np.ndarray:

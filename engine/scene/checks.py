@@ -21,9 +21,6 @@ SMALLEST = 1e-9
 #: Largest distance of a light, m: its square, times areas, fits float32.
 FARTHEST_LIGHT = 1e15
 
-#: Polygons of a mesh: shaders count them in float32.
-MOST_FACES = 1 << 24
-
 #: Lightmap UVs may leave [0, 1] by this much before it counts as an error.
 UV_TOLERANCE = 1e-4
 
@@ -108,10 +105,6 @@ def check_mesh(mesh: Mesh) -> None:
         raise SceneError(
             f"The triangles of object '{mesh.name}' are not in the order of its polygons. "
             "Sort them by face, then by subface."
-        )
-    if len(mesh.face) and mesh.face[-1] >= MOST_FACES:
-        raise SceneError(
-            f"Object '{mesh.name}' has more than {MOST_FACES:,} polygons. Split it into several objects."
         )
     if mesh.atlas != OCCLUDER:
         check_lightmap_uvs(mesh)

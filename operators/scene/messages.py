@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ...engine.naming import naming
-from ...engine.scene.checks import LARGEST, MOST_FACES
+from ...engine.scene.checks import LARGEST
 
 #: What becomes of the object.
 _LEFT_OUT = "left out of the bake"
@@ -18,7 +18,6 @@ TOO_FAR = (
     f"reaching more than {LARGEST / 1000:,.0f} km away: {_LEFT_OUT}. Delete distant vertices, "
     "or check the object's place and scale."
 )
-TOO_MANY_FACES = f"more than {MOST_FACES:,} polygons: {_LEFT_OUT}. Split it into several objects."
 NOT_FINITE_UVS = f"NaN or infinite lightmap UVs: {_SEEN}. Unwrap its lightmap UVs again."
 UVS_OUTSIDE = (
     f"lightmap UVs outside 0-1: {_SEEN}. Pack its UV islands into the unit square, "

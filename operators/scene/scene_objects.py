@@ -9,9 +9,8 @@ import bpy
 import numpy as np
 
 from ...engine.naming import naming
-from ...engine.scene.checks import MOST_FACES
 from .materials.material_table import MaterialTable
-from .messages import NO_FACES, NO_UVS, NOT_FINITE, NOT_FINITE_UVS, TOO_MANY_FACES, Troubles
+from .messages import NO_FACES, NO_UVS, NOT_FINITE, NOT_FINITE_UVS, Troubles
 from .objects.extent import middle_of, trouble_with
 from .objects.items import SceneItem
 from .objects.meshes import Corners, read_corners
@@ -155,8 +154,6 @@ class ItemReader:
     def _read_mesh(
         self, item: SceneItem, mesh: bpy.types.Mesh, slots: Sequence[int], atlas: str | None
     ) -> Shape | str:
-        if len(mesh.polygons) >= MOST_FACES:
-            return TOO_MANY_FACES
         layer = None if atlas is None or self._uv_layer not in mesh.uv_layers else self._uv_layer
         corners = read_corners(mesh, layer, self._table.uv_maps(slots))
         if corners.dropped:

@@ -48,6 +48,11 @@ class Prepared:
     reflectance: np.ndarray
     emission: np.ndarray
 
+    @property
+    def face(self) -> np.ndarray:
+        """The polygon of each patch within its mesh, (n,) int32."""
+        return np.concatenate([mesh.face for mesh in self.scene.meshes])[self.patches.triangle]
+
     def hemicubes(self, settings: Settings) -> CpuHemicubes:
         """Return the scene's hemicubes on the processor."""
         texels = map_texels(self.scene, self.patches)
@@ -67,7 +72,7 @@ class Prepared:
 def prepare(scene: Scene, resolution: int) -> Prepared:
     """Return a scene with its patches."""
     patches, triangles = list_patches(scene, resolution), join_meshes(scene)
-    geometry = patch_geometry(scene, triangles, patches)
+    geometry = patch_geometry(triangles, patches)
     reflectance = np.stack([material.reflectance for material in scene.materials])[geometry.material]
     emission = np.stack([material.emission for material in scene.materials])[geometry.material]
     return Prepared(scene, patches, triangles, geometry, reflectance, emission)

@@ -104,7 +104,7 @@ def test_a_smooth_convex_emitter_lights_nothing_of_itself():
 def test_form_factor_of_unit_squares(perpendicular):
     scene = scenes.facing_squares(perpendicular)
     lightmap = drive(scene, Settings(resolution=64, hemicube=64, iterations=1))
-    floor = prepare(scene, 64).patches.face == 0
+    floor = prepare(scene, 64).face == 0
     expected = 0.20004378 if perpendicular else 0.19982490
     assert irradiance(lightmap)[floor].mean() == pytest.approx(expected, rel=0.01)
 
@@ -148,14 +148,14 @@ def light_room_error(resolution: int, hemicube: int) -> float:
     prepared = prepare(scenes.light_room(), resolution)
     lightmap = drive(prepared.scene, Settings(resolution=resolution, hemicube=hemicube, iterations=1))
     relative = irradiance(lightmap)[:, 0] / light_room_irradiance(prepared) - 1
-    face = prepared.patches.face
+    face = prepared.face
     wall = np.where(face == LIGHT, -1, np.minimum(face, CEILING))
     return float(np.mean([(relative[wall == index] ** 2).mean() for index in range(6)]))
 
 
 def light_room_irradiance(prepared: Prepared) -> np.ndarray:
     """Return E/pi of every patch of `scenes.light_room` by Lambert's formula, (n,) float64."""
-    geometry, face = prepared.geometry, prepared.patches.face
+    geometry, face = prepared.geometry, prepared.face
     positions = prepared.triangles.positions
     corners = np.concatenate([positions[0::2], positions[1::2, 2:]], axis=1)
     total = np.zeros(len(face))

@@ -56,7 +56,7 @@ def hemicubes(room) -> Hemicubes:
     """Draw and cast the hemicubes of 200 patches of the nine-quad room."""
     chosen = np.random.default_rng(0).permutation(len(room.patches))[:200]
     index = np.arange(len(room.patches))
-    identity = np.stack([index, room.patches.face + 1, np.ones(len(index))], axis=1).astype(np.float32)
+    identity = np.stack([index, room.face + 1, np.ones(len(index))], axis=1).astype(np.float32)
     reference = room.hemicubes(SETTINGS)
     views = [reference.view(int(patch)) for patch in chosen]
     cast = np.stack([reference.image(view, identity) for view in views])
@@ -95,14 +95,15 @@ def draw(room: Prepared, chosen: np.ndarray, radiance: np.ndarray) -> tuple[np.n
 def test_patch_list_is_the_same(room):
     graphics = Graphics()
     try:
-        drawn = list_patches(graphics, room.scene, 128)
+        drawn = list_patches(graphics, room.scene, room.triangles, 128)
     finally:
         graphics.release()
     expected = room.patches
     assert len(drawn) == len(expected) == 10700
-    for name in ("atlas", "texel", "mesh", "face"):
+    for name in ("atlas", "texel"):
         assert np.array_equal(getattr(drawn, name), getattr(expected, name))
-    same = drawn.subface == expected.subface
+    assert np.array_equal(drawn.triangle // 2, expected.triangle // 2)
+    same = drawn.triangle == expected.triangle
     assert drawn.barycentric[same] == pytest.approx(expected.barycentric[same], abs=1e-5)
 
     # A centre on the diagonal of a quad may belong to either triangle.
@@ -134,7 +135,7 @@ def test_drawn_hemicubes_differ_from_cast_ones_at_edges_only(hemicubes):
 
 def test_drawn_and_cast_hemicubes_give_the_same_irradiance(hemicubes, room):
     reference = room.hemicubes(SETTINGS)
-    radiance = room.emission + 0.1 + 0.05 * room.patches.face[:, None].astype(np.float32)
+    radiance = room.emission + 0.1 + 0.05 * room.face[:, None].astype(np.float32)
     cast = reference.gather(hemicubes.views, radiance)
 
     # Fronts hold the identity of a patch: put its radiance there. Backs hold their emission already.

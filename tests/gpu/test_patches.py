@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine import Material, Mesh, Scene, SceneError
+from engine import Material, Scene, SceneError
 from engine.patches.coverage import check_overlap, touched_triangles
 from engine.patches.geometry import patch_geometry
 from engine.patches.patch_list import list_patches
@@ -22,54 +22,51 @@ def one_quad(chart, resolution=16, name="Quad"):
 
 def grown(graphics, scene, resolution):
     triangles = join_meshes(scene)
-    covered = list_patches(graphics, scene, resolution)
+    covered = list_patches(graphics, scene, triangles, resolution)
     touched = touched_triangles(graphics, triangles, len(scene.atlases), resolution)
-    return covered, *add_thin_patches(scene, triangles, covered, touched)
+    return covered, *add_thin_patches(triangles, covered, touched)
 
 
 def test_texels_of_a_quad_become_patches(graphics):
-    scene = Scene((one_quad((4, 6, 8, 4)),), (GREY,))
-    patches = list_patches(graphics, scene, 16)
-    rows, columns = np.divmod(patches.texel, 16)
-    assert len(patches) == 32
-    assert set(zip(rows, columns, strict=True)) == {(y, x) for y in range(6, 10) for x in range(4, 12)}
-    assert set(patches.subface) == {0, 1} and set(patches.face) == {0} and set(patches.mesh) == {0}
-    np.testing.assert_allclose(patches.barycentric.sum(axis=1), 1, atol=1e-5)
+    scene = Scene((one_quad((4, 6, 8, 5), 17),), (GREY,))
+    patches = list_patches(graphics, scene, join_meshes(scene), 17)
+    rows, columns = np.divmod(patches.texel, 17)
+    assert len(patches) == 40
+    assert set(zip(rows, columns, strict=True)) == {(y, x) for y in range(6, 11) for x in range(4, 12)}
+    assert set(patches.triangle) == {0, 1}
+    np.testing.assert_allclose(patches.barycentric.sum(axis=1), 1, atol=1e-6)
 
 
 def test_centres_normals_and_areas_follow_from_the_barycentrics(graphics):
-    scene = Scene((one_quad((4, 6, 8, 4)),), (GREY,))
-    patches = list_patches(graphics, scene, 16)
-    geometry = patch_geometry(scene, join_meshes(scene), patches)
-    rows, columns = np.divmod(patches.texel, 16)
-    expected = np.stack([1 + (columns - 4 + 0.5) / 2, 2 + (rows - 6 + 0.5) / 2, np.full(32, 3)], axis=1)
+    scene = Scene((one_quad((4, 6, 8, 5), 17),), (GREY,))
+    patches = list_patches(graphics, scene, join_meshes(scene), 17)
+    geometry = patch_geometry(join_meshes(scene), patches)
+    rows, columns = np.divmod(patches.texel, 17)
+    expected = np.stack([1 + (columns - 4 + 0.5) / 2, 2 + (rows - 6 + 0.5) / 2.5, np.full(40, 3)], axis=1)
     np.testing.assert_allclose(geometry.center + geometry.triangles.origin, expected, atol=1e-4)
-    np.testing.assert_allclose(geometry.normal, np.tile([0, 0, 1], (32, 1)), atol=1e-6)
-    np.testing.assert_allclose(geometry.geometric, np.tile([0, 0, 1], (32, 1)), atol=1e-6)
-    np.testing.assert_allclose(geometry.area, 0.25, rtol=1e-5)
-    np.testing.assert_allclose(geometry.edge_u, np.tile([0.5, 0, 0], (32, 1)), atol=1e-5)
+    np.testing.assert_allclose(geometry.normal, np.tile([0, 0, 1], (40, 1)), atol=1e-6)
+    np.testing.assert_allclose(geometry.geometric, np.tile([0, 0, 1], (40, 1)), atol=1e-6)
+    np.testing.assert_allclose(geometry.area, 0.2, rtol=1e-5)
+    np.testing.assert_allclose(geometry.edge_u, np.tile([0.5, 0, 0], (40, 1)), atol=1e-5)
 
 
-def test_faces_subfaces_meshes_and_atlases_are_told_apart(graphics):
+def test_triangles_of_meshes_and_atlases_are_told_apart(graphics):
+    """Three meshes, of which the first and the last share an atlas, and one without faces between them."""
     room = nine_quad_room().meshes[0]
-    second = replace(one_quad((2, 2, 8, 4), 128, "Other"), atlas=1)
-    scene = Scene((room, second), nine_quad_room().materials, ("First", "Second"))
-    patches = list_patches(graphics, scene, 128)
-    assert set(patches.face[patches.mesh == 0]) == set(range(9))
-    assert (patches.atlas == patches.mesh).all() and (patches.mesh == 1).sum() == 32
-    geometry = patch_geometry(scene, join_meshes(scene), patches)
-    assert (geometry.triangle[patches.mesh == 1] >= 18).all()
-
-
-def test_a_dropped_triangle_leaves_the_others_in_place(graphics):
-    """A polygon whose first triangle was dropped still finds its second."""
-    mesh = one_quad((4, 6, 8, 4))
-    names = ("positions", "normals", "uvs", "face", "subface", "material")
-    kept = {name: getattr(mesh, name)[1:] for name in names}
-    scene = Scene((Mesh("Half", **kept),), (GREY,))
-    patches = list_patches(graphics, scene, 16)
-    assert set(patches.subface) == {1}
-    assert (patch_geometry(scene, join_meshes(scene), patches).triangle == 0).all()
+    second = replace(one_quad((2, 2, 8, 4), 128, "Second"), atlas=1)
+    nothing = second.part(np.zeros(2, bool))
+    third = one_quad((0, 124, 7, 3), 128, "Third")
+    scene = Scene((room, second, nothing, third), nine_quad_room().materials, ("First", "Second"))
+    triangles = join_meshes(scene)
+    patches = list_patches(graphics, scene, triangles, 128)
+    mesh = triangles.mesh[patches.triangle]
+    assert set(patches.triangle) == set(range(22))
+    assert (patches.atlas == (mesh == 1)).all()
+    assert (mesh == 1).sum() == 32 and (mesh == 3).sum() == 21
+    for number in range(22):
+        uv = patches.barycentric[patches.triangle == number] @ triangles.uvs[number].astype(np.float64)
+        rows, columns = np.divmod(patches.texel[patches.triangle == number], 128)
+        assert uv * 128 == pytest.approx(np.stack([columns, rows], axis=1) + 0.5, abs=1e-3)
 
 
 def test_places_on_slivers_lie_on_their_triangles(graphics):
@@ -88,45 +85,46 @@ def test_places_on_slivers_lie_on_their_triangles(graphics):
     slivers = square.part(square.subface == 0)
     slivers = replace(slivers, uvs=np.stack(corners, axis=1).clip(0, 1).astype(np.float32))
     scene = Scene((slivers,), (GREY,))
-    patches = list_patches(graphics, scene, 331)
+    patches = list_patches(graphics, scene, join_meshes(scene), 331)
     assert patches.barycentric.min() >= 0 and len(patches) > 10000
     np.testing.assert_allclose(patches.barycentric.sum(axis=1), 1, rtol=1.1e-6)
-    geometry = patch_geometry(scene, join_meshes(scene), patches)
+    geometry = patch_geometry(join_meshes(scene), patches)
     center = geometry.center + geometry.triangles.origin
     assert (np.abs(center - (1000.5, 0.5, 0)).max(axis=1) <= 0.501).all()
 
 
 def test_one_atlas_is_held_at_a_time(graphics):
-    """Both targets take 32 bytes a texel; what all atlases hold is the patches, few here."""
-    resolution, atlases = 512, 7
+    """Both targets take 12 bytes a texel; what all atlases hold is the patches, few here."""
+    resolution, atlases = 509, 7
     meshes = [replace(one_quad((3, 5, 7, 11), resolution), atlas=atlas) for atlas in range(atlases)]
     scene = Scene(tuple(meshes), (GREY,), tuple(map(str, range(atlases))))
     tracemalloc.start()
     try:
-        patches = list_patches(graphics, scene, resolution)
+        patches = list_patches(graphics, scene, join_meshes(scene), resolution)
         most = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
-    assert len(patches) == atlases * 77 and most < 2 * 32 * resolution**2
+    assert len(patches) == atlases * 77 and most < 2 * 12 * resolution**2
 
 
 def test_nothing_covered_is_an_error(graphics):
-    tiny = one_quad((0, 0, 1, 1), 4096)
+    scene = Scene((one_quad((0, 0, 1, 1), 4099),), (GREY,))
     with pytest.raises(SceneError, match="No texel.*'Quad'.*[Uu]nwrap"):
-        list_patches(graphics, Scene((tiny,), (GREY,)), 16)
+        list_patches(graphics, scene, join_meshes(scene), 17)
 
 
 def test_overlap_names_both_objects(graphics):
-    scene = Scene((one_quad((2, 2, 8, 8), name="Table"), one_quad((6, 6, 8, 8), name="Chair")), (GREY,))
+    charts = {"Apart": (1, 1, 2, 2), "Table": (2, 4, 8, 8), "Chair": (6, 8, 11, 8)}
+    scene = Scene(tuple(one_quad(chart, 19, name) for name, chart in charts.items()), (GREY,))
     triangles = join_meshes(scene)
     with pytest.raises(SceneError, match="overlap in atlas 'Lightmap'.*'Table', 'Chair'.*[Pp]ack"):
-        check_overlap(graphics, scene, triangles, list_patches(graphics, scene, 16))
+        check_overlap(graphics, scene, triangles, list_patches(graphics, scene, triangles, 19))
 
 
 def test_shared_borders_are_no_overlap(graphics):
-    scene = Scene((one_quad((2, 2, 5, 8)), one_quad((7, 2, 5, 8))), (GREY,))
+    scene = Scene((one_quad((2, 2, 5, 8), 19), one_quad((7, 2, 7, 8), 19)), (GREY,))
     triangles = join_meshes(scene)
-    assert check_overlap(graphics, scene, triangles, list_patches(graphics, scene, 16)) == []
+    assert check_overlap(graphics, scene, triangles, list_patches(graphics, scene, triangles, 19)) == []
 
 
 def test_every_texel_a_surface_touches_belongs_to_a_patch_of_that_surface(graphics):
@@ -149,8 +147,8 @@ def test_a_sliver_without_a_covered_centre_gets_a_patch_of_its_own(graphics):
     sliver = replace(mesh, name="Sliver", positions=mesh.positions + 50, uvs=thin)
     scene = Scene((mesh, sliver), (GREY,))
     covered, patches, geometry, texel_to_patch = grown(graphics, scene, 16)
-    added = patches.mesh == 1
-    assert (covered.mesh == 0).all() and added.sum() == 8
+    added = patches.triangle >= 2
+    assert (covered.triangle < 2).all() and added.sum() == 8
     assert (geometry.center[added] + geometry.triangles.origin > 45).all()
     assert (texel_to_patch[0].ravel()[patches.texel] == np.arange(1, len(patches) + 1)).all()
 

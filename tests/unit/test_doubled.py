@@ -30,5 +30,5 @@ def parts_of(scene: Scene, resolution: int) -> SimpleNamespace:
     zeros = np.zeros(len(mesh.positions), np.int32)
     triangles = Triangles(mesh.positions, mesh.normals, mesh.uvs, mesh.material, zeros, zeros)
     patches = list_patches(scene, resolution)
-    geometry = patch_geometry(scene, triangles, patches)
+    geometry = patch_geometry(triangles, patches)
     return SimpleNamespace(triangles=triangles, patches=patches, geometry=geometry)

@@ -38,7 +38,7 @@ def test_point_formula_is_as_good_as_promised():
 @pytest.mark.parametrize("perpendicular", [False, True])
 def test_unit_squares(perpendicular):
     prepared, factors = matrix(scenes.facing_squares(perpendicular), 64)
-    floor = prepared.patches.face == 0
+    floor = prepared.face == 0
     expected = analytic.perpendicular_rectangles if perpendicular else analytic.parallel_rectangles
     assert factors[floor][:, ~floor].sum(axis=1).mean() == pytest.approx(expected(1, 1, 1), rel=2e-3)
 
@@ -51,13 +51,13 @@ def test_reciprocity_of_far_patches():
 
 def test_a_full_blocker_blocks_all():
     prepared, factors = matrix(occluded(scenes.rectangle((-9, -9, 0.5), (20, 0, 0), (0, 20, 0))), 32)
-    floor, ceiling = prepared.patches.face == 0, prepared.patches.face == 1
+    floor, ceiling = prepared.face == 0, prepared.face == 1
     assert not factors[floor][:, ceiling].any()
 
 
 def test_half_a_blocker_leaves_the_lit_half():
     prepared, factors = matrix(occluded(scenes.rectangle((0.5, 0, 0.5), (0.5, 0, 0), (0, 1, 0))), 32)
-    floor, ceiling = prepared.patches.face == 0, prepared.patches.face == 1
+    floor, ceiling = prepared.face == 0, prepared.face == 1
     center = prepared.geometry.center + prepared.triangles.origin
     crossing = (center[floor][:, None, 0] + center[ceiling][None, :, 0]) / 2
     assert ((factors[floor][:, ceiling] == 0) == (crossing > 0.5))[np.abs(crossing - 0.5) > 1e-5].all()
@@ -65,7 +65,7 @@ def test_half_a_blocker_leaves_the_lit_half():
 
 def test_backs_are_negative():
     prepared, factors = matrix(occluded(scenes.rectangle((0, 0, 0.5), (1, 0, 0), (0, 1, 0))), 32)
-    floor, ceiling, sheet = (prepared.patches.face == k for k in range(3))
+    floor, ceiling, sheet = (prepared.face == k for k in range(3))
     assert (factors[floor][:, sheet] < 0).all()
     assert (factors[ceiling][:, sheet] > 0).all()
 
@@ -74,7 +74,7 @@ def test_triangles_that_are_no_parallelogram_block_too():
     sheet = scenes.rectangle((-9, -9, 0.5), (20, 0, 0), (0, 20, 0))
     sheet[3, 0] += 1
     prepared, factors = matrix(occluded(sheet), 32)
-    floor, ceiling = prepared.patches.face == 0, prepared.patches.face == 1
+    floor, ceiling = prepared.face == 0, prepared.face == 1
     assert not factors[floor][:, ceiling].any()
 
 

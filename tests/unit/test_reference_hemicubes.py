@@ -54,12 +54,12 @@ def test_inside_a_box_everything_is_front_and_owned():
         view = hemicubes.view(patch)
         assert (view.facing == 1).all()
         assert (view.patch > 0).all()
-        assert prepared.patches.face[patch] not in prepared.patches.face[view.patch - 1]
+        assert prepared.face[patch] not in prepared.face[view.patch - 1]
 
 
 def test_a_patch_sees_what_is_above_it():
     prepared = prepare(scenes.facing_squares(False), 64)
-    patch = int(np.flatnonzero(prepared.patches.face == 0)[100])
+    patch = int(np.flatnonzero(prepared.face == 0)[100])
     view = prepared.hemicubes(Settings(resolution=64, hemicube=32)).view(patch)
     middle = view.patch[15:17, 15:17] - 1
     offset = prepared.geometry.center[middle] - prepared.geometry.center[patch]
@@ -75,7 +75,7 @@ def test_backs_send_emission_only_and_the_world_is_seen_where_nothing_is(height,
     materials = scenes.material("Black", 0.0), scenes.material("Glow", 0.5, 2.0)
     prepared = prepare(Scene((mesh,), materials, world=np.array([0.25, 0.5, 1.0], np.float32)), 32)
     hemicubes = prepared.hemicubes(SETTINGS)
-    patch = int(np.flatnonzero(prepared.patches.face == 0)[5])
+    patch = int(np.flatnonzero(prepared.face == 0)[5])
     image = hemicubes.image(hemicubes.view(patch), np.full((32, 3), 100.0, np.float32))
     assert image[:16].reshape(-1, 4) == pytest.approx(np.tile(seen, (256, 1)))
 
@@ -84,7 +84,7 @@ def test_backs_send_emission_only_and_the_world_is_seen_where_nothing_is(height,
 def test_unit_squares(perpendicular):
     prepared = prepare(scenes.facing_squares(perpendicular, side=8), 64)
     hemicubes = prepared.hemicubes(Settings(resolution=64, hemicube=32))
-    floor = np.flatnonzero(prepared.patches.face == 0)
+    floor = np.flatnonzero(prepared.face == 0)
     gathered = hemicubes.gather([hemicubes.view(int(patch)) for patch in floor], prepared.emission)
     expected = analytic.perpendicular_rectangles if perpendicular else analytic.parallel_rectangles
     assert gathered[:, 0].mean() == pytest.approx(expected(1, 1, 1), rel=0.01)

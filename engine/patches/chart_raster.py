@@ -1,0 +1,84 @@
+"""Draws the charts of an atlas flat: lightmap UVs become positions, texels pixels (paper, IV.A)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+
+from ..device.graphics import Graphics
+
+#: What is kept where several fragments meet in a texel.
+_LAST, _NEAREST, _SUM = range(3)
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A way to draw charts.
+
+    name     of its files in shaders/
+    stages   of its program
+    targets  components and type of each target
+    kept     which fragment of a texel: the last, the nearest by depth, or the sum of all
+    """
+
+    name: str
+    stages: tuple[str, ...]
+    targets: tuple[tuple[int, str], ...]
+    kept: int
+
+
+#: Triangle + 1 and two barycentrics of every texel whose centre is covered.
+PATCHES = Drawing("patches", ("vert", "frag"), ((1, "u4"), (2, "f4")), _LAST)
+
+#: Triangle + 1 of every texel that is touched: the one nearest to the texel's centre.
+TOUCHED = Drawing("touched", ("vert", "geom", "frag"), ((1, "u4"),), _NEAREST)
+
+#: Number of triangles that cover each texel's centre.
+OVERLAP = Drawing("overlap", ("vert", "frag"), ((1, "f4"),), _SUM)
+
+_TYPES = {"u4": np.uint32, "f4": np.float32}
+
+
+def draw_charts(graphics: Graphics, drawing: Drawing, uvs: np.ndarray, resolution: int) -> list[np.ndarray]:
+    """Draw triangles, uvs (t, 3, 2) float32, into targets of a lightmap's size.
+
+    Returns one (r * r, components) array of each target, texel by texel; 0 where nothing is drawn.
+    """
+    if not len(uvs):
+        return [np.zeros((resolution**2, size), _TYPES[kind]) for size, kind in drawing.targets]
+    context, size = graphics.context, (resolution, resolution)
+    targets = [context.texture(size, components, dtype=kind) for components, kind in drawing.targets]
+    depth = context.depth_renderbuffer(size)
+    framebuffer = context.framebuffer(targets, depth)
+    program = graphics.program(drawing.name, drawing.stages)
+    if "resolution" in program:
+        program["resolution"] = float(resolution)
+    buffer = context.buffer(np.ascontiguousarray(uvs, np.float32).tobytes())
+    vertices = context.vertex_array(program, [(buffer, "2f", "in_uv")])
+
+    # One draw for all charts.
+    framebuffer.use()
+    framebuffer.clear(depth=1.0)
+    _keep(context, drawing.kept)
+    vertices.render(moderngl.TRIANGLES)
+    _keep(context, _LAST)
+
+    # Back to the host.
+    images = [
+        np.frombuffer(target.read(), _TYPES[kind]).reshape(-1, components)
+        for target, (components, kind) in zip(targets, drawing.targets, strict=True)
+    ]
+    graphics.check("drawing lightmap UVs")
+    graphics.discard(vertices, buffer, framebuffer, depth, *targets)
+    return images
+
+
+def _keep(context: moderngl.Context, kept: int) -> None:
+    """Choose what is kept of the fragments that meet in a texel."""
+    context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+    context.depth_func = "<"
+    context.blend_func = moderngl.ONE, moderngl.ONE
+    if kept != _LAST:
+        context.enable(moderngl.BLEND if kept == _SUM else moderngl.DEPTH_TEST)

@@ -9,7 +9,7 @@ _SHOWN = 5
 
 
 def naming(sentence: str, names: Sequence[str]) -> str:
-    """Return a sentence with names in the place of {}.
+    """Return a sentence with names instead of {}.
 
     Of many it has the first few; a second line then has them all. `first_line` is what fits a window.
     """

@@ -15,7 +15,7 @@ from .errors import SettingsError
 #: Where the add-on keeps what describes the machine and not the scene; it is no part of a .blend.
 PREFERENCES = "preferences"
 
-#: Places of settings in the interface, in its order.
+#: Panels of the interface that hold settings, in their order.
 PANELS = ("bake", "outputs", "advanced", "memory", "paper", PREFERENCES)
 
 

@@ -38,9 +38,9 @@ ulong spread(ulong x)
     return (x | x << 2) & 0x1249249249249249;
 }
 
-// Where each triangle's box is on the Morton curve, above the triangle's number in `number_bits` bits. The
+// The code of each triangle's box on the Morton curve, above the triangle's number in `number_bits` bits. The
 // scene reaches from -1/scale to 1/scale.
-__kernel void places_on_curve(__global const float *positions, const float scale,
+__kernel void morton_keys(__global const float *positions, const float scale,
                               const int number_bits, __global ulong *keys, const int count)
 {
     const int i = get_global_id(0);
@@ -49,8 +49,8 @@ __kernel void places_on_curve(__global const float *positions, const float scale
     const int axis_bits = min((63 - number_bits) / 3, 21);
     const Box box = box_of(positions, i);
     const float cells = (float)(1 << axis_bits);
-    const float3 place = ((box.low + box.high) * (0.5f * scale) + 1.0f) * (0.5f * cells);
-    const uint3 cell = convert_uint3(clamp(place, 0.0f, cells - 1.0f));
+    const float3 at = ((box.low + box.high) * (0.5f * scale) + 1.0f) * (0.5f * cells);
+    const uint3 cell = convert_uint3(clamp(at, 0.0f, cells - 1.0f));
     const ulong code = spread(cell.x) << 2 | spread(cell.y) << 1 | spread(cell.z);
     keys[i] = code << number_bits | (ulong)i;
 }
@@ -108,7 +108,7 @@ __kernel void single_clusters(__global const float *positions, __global const ul
 }
 
 // The neighbour with which each cluster has the smallest box: among equals the other one of its pair, so
-// that what lies in the same place pairs up.
+// that equal boxes pair up.
 __kernel void best_neighbours(__global const float *rows, const int stride, __global int *best,
                               const int count)
 {

@@ -28,18 +28,18 @@ typedef struct {
 } Run;
 
 // Points of a texel along u and v where light that changes over it is computed.
-#define PLACES 4
+#define GRID 4
 
 float3 open_over_texel(__global const Emitter *e, const Receiver *r)
 {
     if (is_far(e, r))
         return open_light(e, r->at, r);
     float3 sum = (float3)(0.0f);
-    for (int i = 0; i < PLACES * PLACES; ++i) {
-        const float2 place = (float2)(i % PLACES + 0.5f, i / PLACES + 0.5f) / PLACES;
-        sum += open_light(e, point_of_texel(r, place), r);
+    for (int i = 0; i < GRID * GRID; ++i) {
+        const float2 at = (float2)(i % GRID + 0.5f, i / GRID + 0.5f) / GRID;
+        sum += open_light(e, point_of_texel(r, at), r);
     }
-    return sum / (PLACES * PLACES);
+    return sum / (GRID * GRID);
 }
 
 void finish_run(const Run *run, Sum *sum)

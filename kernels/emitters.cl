@@ -27,8 +27,8 @@ float4 sample_point(const uint index, const uint seed)
     const uint4 shift = (uint4)(hash(seed), hash(seed + 0x9e3779b9u), hash(seed + 0x3c6ef372u),
                                 hash(seed + 0xdaa66d2bu));
     const uint i = index + 1u;
-    const uint4 place = (uint4)(i * 3242174889u, i * 2447445414u, reversed_bits(i), i * 2654435769u);
-    return convert_float4((place + shift) >> 8) * (1.0f / 16777216.0f);
+    const uint4 point = (uint4)(i * 3242174889u, i * 2447445414u, reversed_bits(i), i * 2654435769u);
+    return convert_float4((point + shift) >> 8) * (1.0f / 16777216.0f);
 }
 
 float luminance(const float3 colour) { return dot(colour, (float3)(0.2126f, 0.7152f, 0.0722f)); }

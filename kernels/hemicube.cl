@@ -16,9 +16,9 @@ float3 texel_direction(const int x, const int y, const int n)
 // (Cycles, kernel/camera/projection.h): the four pixels around it, interpolated.
 float4 surroundings(const float3 direction, __global const float4 *sky, const int2 size)
 {
-    const float2 place = (float2)((0.5f - atan2pi(direction.y, direction.x) * 0.5f) * size.x - 0.5f,
+    const float2 pixel = (float2)((0.5f - atan2pi(direction.y, direction.x) * 0.5f) * size.x - 0.5f,
                                   (1.0f - acospi(clamp(direction.z / length(direction), -1.0f, 1.0f))) * size.y - 0.5f);
-    const float2 low = floor(place), f = place - low;
+    const float2 low = floor(pixel), f = pixel - low;
     const int x0 = ((int)low.x + size.x) % size.x, x1 = (x0 + 1) % size.x;
     const int y0 = clamp((int)low.y, 0, size.y - 1), y1 = clamp((int)low.y + 1, 0, size.y - 1);
     const float4 below = mix(sky[y0 * size.x + x0], sky[y0 * size.x + x1], f.x);

@@ -20,7 +20,7 @@ int interval_of(__global const float *angles, const int count, const float value
     return low;
 }
 
-// Weights of four neighbours at the place t between the middle two (Catmull and Rom 1974).
+// Weights of four neighbours at t between the middle two (Catmull and Rom 1974).
 float4 cubic_weights(const float t)
 {
     return (float4)(t * (t * (1.0f - 0.5f * t) - 0.5f), 1.0f + t * t * (1.5f * t - 2.5f),

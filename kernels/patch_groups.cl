@@ -20,16 +20,16 @@ __kernel void group_patches(__global const uint *texel_to_patch, const int resol
             if (entry == 0 || texels[entry - 1] != y * resolution + x)
                 continue;
             const int dx = 2 * (x - x0) - width + 1, dy = 2 * (y - y0) - width + 1, far = dx * dx + dy * dy;
-            int place = count++;
-            for (; place > 0; --place) {
-                const int other = texels[members[place - 1]];
+            int rank = count++;
+            for (; rank > 0; --rank) {
+                const int other = texels[members[rank - 1]];
                 const int ox = 2 * (other % resolution - x0) - width + 1;
                 const int oy = 2 * (other / resolution - y0) - width + 1;
                 if (ox * ox + oy * oy <= far)
                     break;
-                members[place] = members[place - 1];
+                members[rank] = members[rank - 1];
             }
-            members[place] = entry - 1;
+            members[rank] = entry - 1;
         }
     }
 

@@ -47,7 +47,7 @@ typedef struct {
     __global const ushort *alpha;      // engine/scene/cutouts.py
     __global const int4 *maps;
     __global const float4 *constants;  // alpha, threshold or -1, 1 for culled backs
-    __global const float2 *places;     // of each corner of each triangle on its alpha map
+    __global const float2 *alpha_uvs;  // of each corner of each triangle on its alpha map
     __global const int *materials;     // of each triangle
 #endif
 } Rays;
@@ -55,8 +55,8 @@ typedef struct {
 #ifdef CUTOUTS
 #define RAYS_ARGUMENTS __global const PLANES *nodes, __global const PART *triangles, \
     __global const ushort *alpha, __global const int4 *maps, __global const float4 *constants, \
-    __global const float2 *places, __global const int *materials
-#define RAYS {nodes, triangles, alpha, maps, constants, places, materials}
+    __global const float2 *alpha_uvs, __global const int *materials
+#define RAYS {nodes, triangles, alpha, maps, constants, alpha_uvs, materials}
 #else
 #define RAYS_ARGUMENTS __global const PLANES *nodes, __global const PART *triangles
 #define RAYS {nodes, triangles}
@@ -70,7 +70,7 @@ typedef struct {
 } Hit;
 
 #ifdef CUTOUTS
-// A place on an image that shows what another one far beyond its borders does: near enough for int32.
+// A point of an image that shows what another one far beyond its borders does: near enough for int32.
 float2 near_image(const float2 uv, const int extension)
 {
     if (extension == 0)
@@ -100,10 +100,10 @@ float map_alpha(const Rays *rays, const float2 uv, const int4 map)
 {
     if (map.y == 0)
         return 1.0f;
-    const float2 place = near_image(uv, map.w % 4) * (float2)(map.y, map.z);
+    const float2 pixel = near_image(uv, map.w % 4) * (float2)(map.y, map.z);
     if (map.w >= 4)
-        return alpha_pixel(rays, (int)floor(place.x), (int)floor(place.y), map);
-    const float2 low = floor(place - 0.5f), f = place - 0.5f - low;
+        return alpha_pixel(rays, (int)floor(pixel.x), (int)floor(pixel.y), map);
+    const float2 low = floor(pixel - 0.5f), f = pixel - 0.5f - low;
     const int x = (int)low.x, y = (int)low.y;
     return mix(mix(alpha_pixel(rays, x, y, map), alpha_pixel(rays, x + 1, y, map), f.x),
                mix(alpha_pixel(rays, x, y + 1, map), alpha_pixel(rays, x + 1, y + 1, map), f.x), f.y);
@@ -117,7 +117,7 @@ float opacity(const Rays *rays, const Hit *hit)
     if (constants.z > 0.0f && !hit->front)
         return 0.0f;
     const float2 w = hit->weights;
-    __global const float2 *corner = rays->places + 3 * hit->triangle;
+    __global const float2 *corner = rays->alpha_uvs + 3 * hit->triangle;
     const float2 uv = corner[0] * (1.0f - w.x - w.y) + corner[1] * w.x + corner[2] * w.y;
     const float alpha = constants.x * map_alpha(rays, uv, rays->maps[material]);
     if (constants.y >= 0.0f)
@@ -278,13 +278,13 @@ bool go_down(int *stack, float *begins, int *depth, const FLOATS in, const INTS 
             begin = nearest_before;
             child = node_before;
         }
-        int place = (*depth)++;
-        for (; place > first && begins[place - 1] < begin; --place) {
-            stack[place] = stack[place - 1];
-            begins[place] = begins[place - 1];
+        int at = (*depth)++;
+        for (; at > first && begins[at - 1] < begin; --at) {
+            stack[at] = stack[at - 1];
+            begins[at] = begins[at - 1];
         }
-        stack[place] = child;
-        begins[place] = begin;
+        stack[at] = child;
+        begins[at] = begin;
     }
     return true;
 }

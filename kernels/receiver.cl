@@ -78,9 +78,9 @@ bool in_triangle(const Receiver *r, const float3 p)
 }
 
 // A point of the patch's texel that lies in the patch's triangle: this one, the one opposite, or the centre.
-float3 point_of_texel(const Receiver *r, const float2 place)
+float3 point_of_texel(const Receiver *r, const float2 at)
 {
-    const float3 offset = (place.x - 0.5f) * r->edge_u + (place.y - 0.5f) * r->edge_v;
+    const float3 offset = (at.x - 0.5f) * r->edge_u + (at.y - 0.5f) * r->edge_v;
     if (in_triangle(r, r->at + offset))
         return r->at + offset;
     return in_triangle(r, r->at - offset) ? r->at - offset : r->at;

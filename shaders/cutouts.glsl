@@ -1,5 +1,5 @@
 // Whether a fragment is a hole: the back of a culled material, or see-through by its alpha. Partial
-// alpha keeps that fraction of the fragments, chosen by a hash of their place on the lightmap.
+// alpha keeps that fraction of the fragments, chosen by a hash of their lightmap UV.
 uniform usampler2DArray cutout_alpha;
 uniform isampler2DArray cutout_maps;
 uniform sampler2DArray cutout_constants;
@@ -34,7 +34,7 @@ float alpha_pixel(ivec2 p, ivec4 map)
     return float(alpha) / 65535.0;
 }
 
-// The same place on the image or beside it, where int can count the pixels.
+// The same point on the image or beside it, where int can count the pixels.
 vec2 near_image(vec2 uv, int extension)
 {
     if (extension == REPEAT)
@@ -48,11 +48,11 @@ float map_alpha(vec2 uv, ivec4 map)
 {
     if (map.y == 0)
         return 1.0;
-    vec2 place = near_image(uv, map.w % 4) * vec2(map.yz);
+    vec2 pixel = near_image(uv, map.w % 4) * vec2(map.yz);
     if (map.w >= 4)
-        return alpha_pixel(ivec2(floor(place)), map);
-    ivec2 low = ivec2(floor(place - 0.5));
-    vec2 f = place - 0.5 - vec2(low);
+        return alpha_pixel(ivec2(floor(pixel)), map);
+    ivec2 low = ivec2(floor(pixel - 0.5));
+    vec2 f = pixel - 0.5 - vec2(low);
     return mix(mix(alpha_pixel(low, map), alpha_pixel(low + ivec2(1, 0), map), f.x),
                mix(alpha_pixel(low + ivec2(0, 1), map), alpha_pixel(low + ivec2(1, 1), map), f.x), f.y);
 }
@@ -65,7 +65,7 @@ uint hash(uint x)
     return x ^ (x >> 16);
 }
 
-bool is_hole(vec3 cutout, vec2 place)
+bool is_hole(vec3 cutout, vec2 lightmap_uv)
 {
     int material = int(cutout.z + 0.5);
     ivec3 entry = in_table(material, textureSize(cutout_constants, 0).y);
@@ -77,7 +77,7 @@ bool is_hole(vec3 cutout, vec2 place)
         return alpha < constants.y;
     if (alpha >= 1.0)
         return false;
-    uint seed = hash(floatBitsToUint(place.x) ^ uint(material));
-    seed = hash(seed ^ floatBitsToUint(place.y));
+    uint seed = hash(floatBitsToUint(lightmap_uv.x) ^ uint(material));
+    seed = hash(seed ^ floatBitsToUint(lightmap_uv.y));
     return float(seed >> 8) * (1.0 / 16777216.0) >= alpha;
 }

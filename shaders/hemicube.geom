@@ -2,7 +2,7 @@
 // One invocation a hemicube face; the item tells the hemicube and which faces see the triangle.
 layout(triangles, invocations = 5) in;
 layout(triangle_strip, max_vertices = 3) out;
-#include "place.glsl"
+#include "project.glsl"
 in vec3 position[];
 in vec3 lookup[];
 flat in uint item[];
@@ -28,7 +28,7 @@ void main()
     int slot = int(item[0] >> 5);
     vec4 clip[3];
     for (int i = 0; i < 3; ++i)
-        clip[i] = place(slot, gl_InvocationID, position[i]);
+        clip[i] = project(slot, gl_InvocationID, position[i]);
     if (culled(clip[0], clip[1], clip[2]))
         return;
 

@@ -49,9 +49,9 @@ vec3 surroundings(Frame frame, vec3 along)
     vec3 direction = along.x * frame.right.xyz + along.y * frame.up.xyz + along.z * frame.normal.xyz;
     ivec2 size = textureSize(sky, 0);
     float polar = atan(length(direction.xy), direction.z);
-    vec2 place = vec2(0.5 - atan(direction.y, direction.x) / (2.0 * PI), 1.0 - polar / PI) * vec2(size) - 0.5;
-    ivec2 low = ivec2(floor(place));
-    vec2 f = place - vec2(low);
+    vec2 pixel = vec2(0.5 - atan(direction.y, direction.x) / (2.0 * PI), 1.0 - polar / PI) * vec2(size) - 0.5;
+    ivec2 low = ivec2(floor(pixel));
+    vec2 f = pixel - vec2(low);
     int x0 = (low.x + size.x) % size.x, x1 = (x0 + 1) % size.x;
     int y0 = clamp(low.y, 0, size.y - 1), y1 = clamp(low.y + 1, 0, size.y - 1);
     vec3 below = mix(texelFetch(sky, ivec2(x0, y0), 0).rgb, texelFetch(sky, ivec2(x1, y0), 0).rgb, f.x);

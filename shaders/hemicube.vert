@@ -1,7 +1,7 @@
 #version 410
-// Every instance has an item: 32 x the slot of a hemicube, its place in the texture array layer by layer
+// Every instance has an item: 32 x the slot of a hemicube, its tile in the texture array layer by layer
 // and in each layer tile by tile (paper, IV.B), plus a face; with GEOMETRY defined plus the bits of faces,
-// and the geometry shader places the triangle. With VIEWPORTS defined a face chooses its viewport.
+// and the geometry shader projects the triangle. With VIEWPORTS defined a face chooses its viewport.
 // CUTOUTS is defined for scenes with see-through surfaces.
 #ifndef GEOMETRY
 #extension GL_ARB_shader_viewport_layer_array : enable
@@ -33,7 +33,7 @@ void main()
 #endif
 }
 #else
-#include "place.glsl"
+#include "project.glsl"
 uniform int tiles_per_layer;
 #ifdef VIEWPORTS
 uniform int first_tile;
@@ -46,7 +46,7 @@ out vec3 cutout;
 void main()
 {
     int slot = int(in_item >> 5), face = int(in_item & 31u);
-    gl_Position = place(slot, face, in_position);
+    gl_Position = project(slot, face, in_position);
     gl_Layer = slot / tiles_per_layer;
 #ifdef VIEWPORTS
     gl_ViewportIndex = 5 * (slot % tiles_per_layer - first_tile) + face;

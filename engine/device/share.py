@@ -12,7 +12,7 @@ from .compute import Compute
 class HostCopy:
     """An OpenCL buffer of the size of a texture array, filled from it through host memory.
 
-    The array is (layers, height, width, 4) float32, or (layers, height, width) uint32, in both places.
+    The array is (layers, height, width, 4) float32, or (layers, height, width) uint32, in both.
     """
 
     def __init__(self, compute: Compute, texture: moderngl.TextureArray) -> None:

@@ -25,7 +25,7 @@ def shader_source(name: str, features: Sequence[str] = ()) -> str:
 
 
 def _included(name: str) -> str:
-    """Return the text of shaders/<name> with other files in the places of #include lines."""
+    """Return the text of shaders/<name> with other files instead of #include lines."""
     text = (_ROOT / "shaders" / name).read_text(encoding="utf-8")
     return re.sub(r'^#include "(.+)"$', lambda found: _included(found[1]), text, flags=re.MULTILINE)
 

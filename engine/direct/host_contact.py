@@ -85,11 +85,11 @@ def _stops(
 ) -> np.ndarray:
     """Return whether the backs of triangles (k,) stop light at barycentrics (k, 3), (k,) bool."""
     alpha, threshold = cutouts.constants[material].T.copy()
-    places = np.einsum("nk,nkd->nd", weights, cutouts.uvs[triangle])
+    uvs = np.einsum("nk,nkd->nd", weights, cutouts.uvs[triangle])
     for number in np.unique(material):
         texture = scene.materials[number].alpha_map
         if texture is not None:
             mine = material == number
-            alpha[mine] *= sample(texture.pixels, places[mine], texture)[:, 0]
+            alpha[mine] *= sample(texture.pixels, uvs[mine], texture)[:, 0]
     stops: np.ndarray = alpha >= np.where(threshold < 0, _STOPS, threshold)
     return stops & ~cutouts.culled[material]

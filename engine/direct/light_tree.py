@@ -51,7 +51,7 @@ class LightTree:
 
 @dataclass(frozen=True)
 class _Emitters:
-    """What the tree needs to know of emitters that have a place, (k, ...) float64.
+    """What the tree needs to know of emitters at a finite distance, (k, ...) float64.
 
     low, high    (k, 3), boxes, metres
     axis, angle  (k, 3), (k,) cone of the directions in which they shine; half angle, radians
@@ -76,21 +76,21 @@ def build_light_tree(records: np.ndarray) -> LightTree:
     """
     assert records.dtype == EMITTER.dtype
     endless = np.isin(records["kind"], (SUN, SKY_MAP)) | (records["falloff_power"] > 0)
-    chain, placed = np.flatnonzero(endless), np.flatnonzero(~endless)
-    if len(placed):
-        nodes = _halved(_emitters(records[placed]))
+    chain, bounded = np.flatnonzero(endless), np.flatnonzero(~endless)
+    if len(bounded):
+        nodes = _halved(_emitters(records[bounded]))
     else:
-        placed, chain, nodes = chain[-1:], chain[:-1], LIGHT_NODE.array(0)
+        bounded, chain, nodes = chain[-1:], chain[:-1], LIGHT_NODE.array(0)
     top, children = len(chain), nodes["children"]
-    nodes["children"] = np.where(children >= 0, children + top, ~placed[~np.minimum(children, -1)])
+    nodes["children"] = np.where(children >= 0, children + top, ~bounded[~np.minimum(children, -1)])
 
     # The chain takes the first numbers: an emitter, and all that follows.
     follows = np.arange(1, top + 1)
     if not len(nodes):
-        follows[-1:] = ~placed[0]
+        follows[-1:] = ~bounded[0]
     above = LIGHT_NODE.array(top, radius=np.inf, children=np.stack([~chain, follows], axis=1))
     nodes = LIGHT_NODE.joined([above, nodes])
-    return LightTree(nodes, 0 if len(nodes) else ~int(placed[0]))
+    return LightTree(nodes, 0 if len(nodes) else ~int(bounded[0]))
 
 
 def _emitters(records: np.ndarray) -> _Emitters:
@@ -140,14 +140,14 @@ def _halved(emitters: _Emitters) -> np.ndarray:
             return LIGHT_NODE.joined(nodes)
         starts = np.cumsum(count) - count
         owner = np.repeat(np.arange(len(first)), count)
-        place = np.arange(len(owner)) - starts[owner] + first[owner]
-        members = order[place]
+        position = np.arange(len(owner)) - starts[owner] + first[owner]
+        members = order[position]
         nodes.append(_nodes(emitters, members, starts, owner))
 
         # Halve each along its widest axis.
         low, high = np.minimum.reduceat(middle[members], starts), np.maximum.reduceat(middle[members], starts)
         along = middle[members, (high - low).argmax(axis=1)[owner]]
-        order[place] = members[np.lexsort((along, owner))]
+        order[position] = members[np.lexsort((along, owner))]
         left = (count + 1) // 2
         first, count = _interleaved(first, first + left), _interleaved(left, count - left)
 

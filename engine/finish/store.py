@@ -20,17 +20,17 @@ class LightmapStore:
     def __init__(self, patches: PatchList, atlases: int, dilation: int) -> None:
         resolution = patches.resolution
         self._chosen = np.flatnonzero(patches.atlas < atlases)
-        self._place = patches.atlas[self._chosen].astype(np.int64) * resolution**2
-        self._place += patches.texel[self._chosen]
+        self._texel = patches.atlas[self._chosen].astype(np.int64) * resolution**2
+        self._texel += patches.texel[self._chosen]
         self._rings = dilation
         self._dilations: list[Dilation] = []
         self._hidden = np.zeros(len(self._chosen), bool)
-        self._dark = self._place[:0]
+        self._dark = self._texel[:0]
         self.has_patch = np.zeros((atlases, resolution, resolution), bool)
-        self.has_patch.ravel()[self._place] = True
+        self.has_patch.ravel()[self._texel] = True
         self._empty = np.flatnonzero(~self.has_patch)
         self._patch = np.zeros(self.has_patch.size, np.int64)
-        self._patch[self._place] = self._chosen
+        self._patch[self._texel] = self._chosen
 
     def hide(self, front: np.ndarray, in_contact: np.ndarray) -> None:
         """Choose the patches whose texels are filled for display.
@@ -40,7 +40,7 @@ class LightmapStore:
         in_contact  (n,) bool, hidden by a face that touches them: dark, whatever they see beyond that face
         """
         in_contact = in_contact[self._chosen]
-        self._dark = self._place[in_contact]
+        self._dark = self._texel[in_contact]
         hidden = in_contact | (front[self._chosen] < 1 - _HIDDEN)
         if not np.array_equal(hidden, self._hidden):
             self._hidden, self._dilations = hidden, []
@@ -61,7 +61,7 @@ class LightmapStore:
         """Return images with hidden texels filled and charts dilated."""
         if not self._dilations:
             known = self.has_patch.copy()
-            known.ravel()[self._place[self._hidden]] = False
+            known.ravel()[self._texel[self._hidden]] = False
             self._dilations = [Dilation(mask, self._rings) for mask in known]
         filled = images.copy()
         for dilation, image in zip(self._dilations, filled, strict=True):

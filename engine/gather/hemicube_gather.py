@@ -75,10 +75,10 @@ class PaperGather:
         self._target.set_radiance(radiance)
         result = np.empty((self._hemicubes.count, 4), np.float32)
         for first, last in self._hemicubes.batches():
-            placed = self._hemicubes.place(first, last)
-            for drawn in self._hemicubes.draw(placed):
+            views = self._hemicubes.views(first, last)
+            for drawn in self._hemicubes.draw(views):
                 yield (first + drawn) / self._hemicubes.count
-            result[first:last] = self._integrator.integrate(placed.frames)
+            result[first:last] = self._integrator.integrate(views.frames)
         return result
 
 
@@ -106,10 +106,10 @@ class GlslGather:
         result = np.empty((self._hemicubes.count, 4), np.float32)
         for index, (first, last) in enumerate(self._hemicubes.batches()):
             if index >= self._integrator.batches:
-                placed = self._hemicubes.place(first, last)
-                for drawn in self._hemicubes.draw(placed):
+                views = self._hemicubes.views(first, last)
+                for drawn in self._hemicubes.draw(views):
                     yield (first + drawn) / self._hemicubes.count
-                self._integrator.keep(placed.frames)
+                self._integrator.keep(views.frames)
             result[first:last] = self._integrator.gather(index)
             yield last / self._hemicubes.count
         return result

@@ -92,7 +92,7 @@ class PatchGeometry:
 
 
 def patch_geometry(triangles: Triangles, patches: PatchList) -> PatchGeometry:
-    """Place every patch in the world."""
+    """Return where every patch is in the world."""
     steps = texel_steps(triangles, patches.resolution)
     return PatchGeometry(triangles, steps, patches.triangle, patches.barycentric)
 

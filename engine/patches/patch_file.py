@@ -69,7 +69,7 @@ def write_patches(path: Path, scene: Scene, patches: PatchList) -> None:
             partial.unlink(missing_ok=True)
     except OSError as error:
         raise PatchFileError(
-            f"'{path}' cannot be written ({error.strerror}). Choose another place."
+            f"'{path}' cannot be written ({error.strerror}). Choose another path."
         ) from error
 
 

@@ -12,7 +12,7 @@ from ..scene.model import Scene
 from ..scene.triangles import Triangles
 from ..settings import Settings
 from ..visibility.views.hemicube import face_axes, face_rows, multiplier_map
-from ..visibility.views.viewpoints import place_hemicubes
+from ..visibility.views.viewpoints import viewpoints
 
 
 @dataclass(frozen=True)
@@ -50,8 +50,8 @@ class CpuHemicubes:
         self._triangles, self._texel_to_patch, self._emission = triangles, texel_to_patch, emission
         self._world = np.append(scene.world, 1).astype(np.float32)
         self._multiplier = multiplier_map(settings.hemicube)
-        views = place_hemicubes(triangles, geometry, settings)
-        self._eye, self._axes = views.eye, face_axes(views.frame)
+        points = viewpoints(triangles, geometry, settings)
+        self._eye, self._axes = points.eye, face_axes(points.frame)
         self._geometric = geometry.geometric
         self._grid = texel_directions(settings.hemicube)
 

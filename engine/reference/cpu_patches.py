@@ -26,8 +26,8 @@ def list_patches(scene: Scene, resolution: int) -> PatchList:
             barycentric[mesh.atlas, texel[free]] = weights[free]
         first += len(mesh.uvs)
     atlas, texel = np.nonzero(triangle >= 0)
-    places = atlas.astype(np.int32), texel.astype(np.int32)
-    return PatchList(resolution, *places, triangle[atlas, texel], barycentric[atlas, texel])
+    columns = atlas.astype(np.int32), texel.astype(np.int32)
+    return PatchList(resolution, *columns, triangle[atlas, texel], barycentric[atlas, texel])
 
 
 def map_texels(scene: Scene, patches: PatchList) -> np.ndarray:

@@ -132,7 +132,7 @@ def check_references(mesh: Mesh, scene: Scene) -> None:
 
 
 def check_lightmap_uvs(mesh: Mesh) -> None:
-    """Raise a SceneError if lightmap UVs are no places in a lightmap."""
+    """Raise a SceneError if lightmap UVs lie in no lightmap."""
     if not np.isfinite(mesh.uvs).all():
         raise SceneError(
             f"Object '{mesh.name}' has NaN or infinite lightmap UVs. Unwrap its lightmap UVs again."
@@ -176,7 +176,7 @@ def check_light(light: Light) -> None:
         )
     if not _is_light(light.strength):
         raise SceneError(f"Light '{light.name}' has a power that is NaN, infinite or negative. Mend it.")
-    place = (
+    numbers = (
         light.position,
         light.axes,
         light.size,
@@ -187,8 +187,8 @@ def check_light(light: Light) -> None:
         light.falloff_power,
         light.falloff_smooth,
     )
-    if not all(np.isfinite(values).all() for values in place):
-        raise SceneError(f"Light '{light.name}' has a place or size that is NaN or infinite. Mend it.")
+    if not all(np.isfinite(values).all() for values in numbers):
+        raise SceneError(f"Light '{light.name}' has a position or size that is NaN or infinite. Mend it.")
     if np.abs(light.position).max() > FARTHEST_LIGHT or max(light.radius, *light.size) > LARGEST:
         raise SceneError(
             f"Light '{light.name}' is farther than {FARTHEST_LIGHT:.0e} m or larger than {LARGEST:.0e} m. "

@@ -50,11 +50,11 @@ class Cutouts:
 
 
 def read_cutouts(scene: Scene) -> Cutouts:
-    """Read the alpha of all materials, and each triangle's place on its alpha map."""
+    """Read the alpha of all materials, and each triangle's UVs on its alpha map."""
     images, maps = _Images(), np.zeros((len(scene.materials), 4), np.int32)
     for index, material in enumerate(scene.materials):
         if material.alpha_map is not None:
-            maps[index] = _map_entry(material.alpha_map, images.place(material.alpha_map))
+            maps[index] = _map_entry(material.alpha_map, images.first_pixel(material.alpha_map))
     return Cutouts(
         alpha=images.pixels(),
         maps=maps,
@@ -73,14 +73,14 @@ class _Images:
         self._first_of_array: dict[int, int] = {}
         self._first_of_content: dict[bytes, int] = {}
 
-    def place(self, texture: Texture) -> int:
+    def first_pixel(self, texture: Texture) -> int:
         """Return the first pixel of a texture; raises SceneError if there are too many in all."""
         array = id(texture.pixels)
         if array not in self._first_of_array:
-            self._first_of_array[array] = self._place(texture)
+            self._first_of_array[array] = self._store(texture)
         return self._first_of_array[array]
 
-    def _place(self, texture: Texture) -> int:
+    def _store(self, texture: Texture) -> int:
         """Return the first pixel of an image that may equal one of another array."""
         steps = texture.pixels.ravel() * np.float32(_ONE)
         alpha = np.rint(steps, out=steps).astype(np.uint16)
@@ -123,12 +123,12 @@ def _alpha_uvs(scene: Scene) -> np.ndarray:
 
 
 def map_uvs(texture: Texture, uvs: np.ndarray) -> np.ndarray:
-    """Return UVs, (..., 2), of a UV map as places on a texture, (..., 2) float32.
+    """Return UVs, (..., 2), of a UV map as UVs of a texture, (..., 2) float32.
 
-    Beyond FARTHEST float32 tells no pixels apart: places end there, and those that are NaN are 0.
+    Beyond FARTHEST float32 tells no pixels apart: they end there, and those that are NaN are 0.
     """
     matrix = texture.transform.astype(np.float64)
     with np.errstate(invalid="ignore"):
         mapped = uvs.astype(np.float64) @ matrix[:, :2].T + matrix[:, 2]
-    placed: np.ndarray = np.nan_to_num(mapped).clip(-FARTHEST, FARTHEST).astype(np.float32)
-    return placed
+    clipped: np.ndarray = np.nan_to_num(mapped).clip(-FARTHEST, FARTHEST).astype(np.float32)
+    return clipped

@@ -55,7 +55,7 @@ class Material:
 #: The arrays of a mesh, one entry a triangle.
 _TRIANGLE_ARRAYS = ("positions", "normals", "uvs", "face", "subface", "material")
 
-#: `Mesh.atlas` of a mesh that is seen and reflects, but has no place in a lightmap.
+#: `Mesh.atlas` of a mesh that is seen and reflects, but is in no lightmap.
 OCCLUDER = -1
 
 

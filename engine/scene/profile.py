@@ -117,7 +117,7 @@ def _numbers(words: Sequence[str], first: int, count: int) -> np.ndarray:
     try:
         numbers = np.array([float(word) for word in words[first : first + count]])
     except ValueError as error:
-        raise SceneError(f"it has a word in place of a number ({error})") from error
+        raise SceneError(f"it has a word instead of a number ({error})") from error
     if not np.isfinite(numbers).all():
         raise SceneError("it has infinite numbers")
     return numbers
@@ -136,7 +136,7 @@ def _from_type_a(horizontal: np.ndarray, vertical: np.ndarray, candelas: np.ndar
 
 
 def _from_type_b(horizontal: np.ndarray, vertical: np.ndarray, candelas: np.ndarray) -> _Web:
-    """The same with a horizontal pole: angles change places, as in Cycles."""
+    """The same with a horizontal pole: the angles are swapped, as in Cycles."""
     azimuths, polars, web = vertical, horizontal, candelas.T
     if _same(azimuths[0], 0):
         azimuths, web = np.r_[-azimuths[:0:-1], azimuths], np.concatenate([web[:0:-1], web])

@@ -22,9 +22,9 @@ class _Overlaps:
     first: np.ndarray
 
 
-def _even(places: np.ndarray) -> np.ndarray:
+def _even(points: np.ndarray) -> np.ndarray:
     """Return the area between an image's start and points along an axis, where rows are alike."""
-    return places
+    return points
 
 
 def shrink(
@@ -32,7 +32,7 @@ def shrink(
 ) -> np.ndarray:
     """Return an image averaged by area to another size, (h, w, c) -> (height, width, c) float32.
 
-    area  returns the fraction of the image's area below places along v, (n,) in [0, 1]: all rows cover the
+    area  returns the fraction of the image's area below points along v, (n,) in [0, 1]: all rows cover the
           same by default
     """
     rows, columns = _overlaps(len(pixels), height, area), _overlaps(pixels.shape[1], width)

@@ -1,4 +1,4 @@
-"""What a texture shows at a place."""
+"""What a texture shows at a point."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from .model import Texture
 
 
 def sample(pixels: np.ndarray, uv: np.ndarray, texture: Texture) -> np.ndarray:
-    """Return a texture's values at places, (m, 2) with the image on [0, 1], as (m, c) float64.
+    """Return a texture's values at points, (m, 2) with the image on [0, 1], as (m, c) float64.
 
     pixels  (h, w, c) float32, `texture.pixels` or a smaller version of it
     """
     height, width = pixels.shape[:2]
-    place = uv.astype(np.float64) * (width, height) - (0.5 if texture.smooth else 0.0)
-    low = np.floor(place).astype(np.int64)
+    pixel = uv.astype(np.float64) * (width, height) - (0.5 if texture.smooth else 0.0)
+    low = np.floor(pixel).astype(np.int64)
     if not texture.smooth:
         nearest = _pixel(pixels, low[:, 0], low[:, 1], texture.extension)
         return srgb_to_linear(nearest) if texture.srgb else nearest
-    x, y = (place - low).T[:, :, None]
+    x, y = (pixel - low).T[:, :, None]
     columns, rows = low.T
     values: np.ndarray = (
         _pixel(pixels, columns, rows, texture.extension) * ((1 - x) * (1 - y))

@@ -20,7 +20,7 @@ from engine.visibility.raster.raster import HemicubeRaster
 from engine.visibility.raster.targets import RadianceTarget
 from engine.visibility.raster.tiles import plan_tiles
 from engine.visibility.views.hemicube import matrices, multiplier_map
-from engine.visibility.views.viewpoints import place_hemicubes
+from engine.visibility.views.viewpoints import viewpoints
 from tests.analytic import scenes
 from tests.analytic.drive import Prepared, drive, irradiance, prepare
 
@@ -75,9 +75,9 @@ def draw(room: Prepared, chosen: np.ndarray, radiance: np.ndarray) -> tuple[np.n
         cutouts = read_cutouts(room.scene)
         raster = HemicubeRaster(graphics, tiles, room.triangles, cutouts, texel_to_patch, target)
         target.set_radiance(radiance)
-        places = place_hemicubes(room.triangles, room.geometry, SETTINGS)
-        frame, eye, near = (values[chosen] for values in (places.frame, places.eye, places.near))
-        frames = places.frames[chosen]
+        points = viewpoints(room.triangles, room.geometry, SETTINGS)
+        frame, eye, near = (values[chosen] for values in (points.frame, points.eye, points.near))
+        frames = points.frames[chosen]
         views = matrices(frame, eye, near, graphics.reversed_depth)
         assert list(raster.draw(views, tiles.layers)) == [len(chosen)]
         copy = HostCopy(compute, target.texture)

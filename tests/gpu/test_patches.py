@@ -69,7 +69,7 @@ def test_triangles_of_meshes_and_atlases_are_told_apart(graphics):
         assert uv * 128 == pytest.approx(np.stack([columns, rows], axis=1) + 0.5, abs=1e-3)
 
 
-def test_places_on_slivers_lie_on_their_triangles(graphics):
+def test_patches_on_slivers_lie_on_their_triangles(graphics):
     """Rasterisation finds barycentrics of thousands, or NaN, for triangles thinner than its own grid."""
     rng, count = np.random.default_rng(0), 20000
     start, angle = rng.random((count, 2)), rng.random(count) * 2 * np.pi

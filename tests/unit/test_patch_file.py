@@ -162,8 +162,8 @@ def test_a_file_is_replaced_whole(path, scene, patches):
     assert len(read_patches(path, scene, SIZE)) == 10 and list(path.parent.iterdir()) == [path]
 
 
-def test_places_that_cannot_be_used(path, tmp_path, scene, patches):
-    with pytest.raises(PatchFileError, match="cannot be written.*Choose another place"):
+def test_paths_that_cannot_be_used(path, tmp_path, scene, patches):
+    with pytest.raises(PatchFileError, match="cannot be written.*Choose another path"):
         write_patches(path / "a.patches", scene, patches)
     with pytest.raises(PatchFileError, match="cannot be read"):
         read_patches(tmp_path, scene, SIZE)

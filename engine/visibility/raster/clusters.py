@@ -116,7 +116,7 @@ def _cones(positions: np.ndarray, one_sided: np.ndarray, first: np.ndarray) -> n
 
 
 def morton_codes(points: np.ndarray) -> np.ndarray:
-    """Return the place of points on a Morton curve through their box, (n,) uint64 of 3 x 20 bits."""
+    """Return the codes of points on a Morton curve through their box, (n,) uint64 of 3 x 20 bits."""
     low = points.min(axis=0)
     extent = max(float((points.max(axis=0) - low).max()), 1e-30)
     cells = ((points - low) / extent * (2**20 - 1)).astype(np.uint64)

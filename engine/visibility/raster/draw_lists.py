@@ -40,8 +40,8 @@ def face_items(seen: np.ndarray, slots: np.ndarray, faces: range, draws: np.ndar
     seen: (c, m, 5) bool; slots: (m,) of the hemicubes; faces: those to draw; draws: from `whole_draws`.
     """
     codes = (slots[:, None] * _SLOT + _FACE[faces.start : faces.stop]).astype(np.uint32)
-    cluster, place = np.nonzero(seen[:, :, faces.start : faces.stop].reshape(len(seen), -1))
-    return _listed(codes.ravel().take(place), np.bincount(cluster, minlength=len(draws)), draws)
+    cluster, column = np.nonzero(seen[:, :, faces.start : faces.stop].reshape(len(seen), -1))
+    return _listed(codes.ravel().take(column), np.bincount(cluster, minlength=len(draws)), draws)
 
 
 def hemicube_items(seen: np.ndarray, slots: np.ndarray, draws: np.ndarray) -> DrawList:

@@ -1,6 +1,6 @@
 """The ways to draw triangles into the faces of hemicubes; every one gives the same picture.
 
-geometry  a geometry shader places each triangle in the faces of its hemicube: every OpenGL 4.1 driver
+geometry  a geometry shader projects each triangle onto the faces of its hemicube: every OpenGL 4.1 driver
 layer     the vertex shader chooses layer and viewport; one instance a face
 face      the vertex shader chooses the layer; one draw for each face of a tile, with a plain viewport
 """

@@ -53,10 +53,10 @@ class RasterIdentity:
         """Find what the patches first ... last see; yield the fraction done."""
         for start in range(first, last, self._tiles.capacity):
             end = min(start + self._tiles.capacity, last)
-            placed = self._hemicubes.place(start, end)
-            for drawn in self._hemicubes.draw(placed):
+            views = self._hemicubes.views(start, end)
+            for drawn in self._hemicubes.draw(views):
                 yield (start - first + drawn) / (last - first)
-            self._keep(start, end, placed.frames, seen)
+            self._keep(start, end, views.frames, seen)
 
     def _keep(self, start: int, end: int, frames: np.ndarray, seen: SeenBuffers) -> None:
         """Move the hemicubes that were drawn into the cache."""

@@ -15,7 +15,7 @@ class IndexedMesh:
     """What vertex buffers are filled with.
 
     vertices  (v, 6) float32: position, lightmap uv, atlas
-    cutouts   (v, 3) float32: place on the alpha map, material; None if no surface is see-through
+    cutouts   (v, 3) float32: UV on the alpha map, material; None if no surface is see-through
     indices   (3 t,) uint32
     """
 
@@ -37,12 +37,12 @@ def indexed_mesh(triangles: Triangles, cutouts: Cutouts, order: np.ndarray) -> I
     rows = corners[order].reshape(3 * count, -1)
     chosen, indices = _distinct(rows)
     vertices = rows[chosen]
-    places = np.ascontiguousarray(vertices[:, 6:]) if cutouts.needed else None
-    return IndexedMesh(np.ascontiguousarray(vertices[:, :6]), places, indices.astype(np.uint32))
+    alpha_uvs = np.ascontiguousarray(vertices[:, 6:]) if cutouts.needed else None
+    return IndexedMesh(np.ascontiguousarray(vertices[:, :6]), alpha_uvs, indices.astype(np.uint32))
 
 
 def _distinct(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the first of each set of rows of equal bits, in their order, and each row's place among them.
+    """Return the first of each set of rows of equal bits, in their order, and each row's number among them.
 
     Rows are told apart by a hash of 64 bits; should two different ones have the same, all rows are kept.
     """
@@ -53,7 +53,7 @@ def _distinct(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     _, first, inverse = np.unique(code, return_index=True, return_inverse=True)
     if (rows[first[inverse]].view(np.uint32) != rows.view(np.uint32)).any():
         return np.arange(len(rows)), np.arange(len(rows))
-    by_place = np.argsort(first)
-    rank = np.empty_like(by_place)
-    rank[by_place] = np.arange(len(by_place))
-    return first[by_place], rank[inverse]
+    by_row = np.argsort(first)
+    rank = np.empty_like(by_row)
+    rank[by_row] = np.arange(len(by_row))
+    return first[by_row], rank[inverse]

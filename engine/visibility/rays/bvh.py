@@ -81,7 +81,7 @@ def build_bvh(compute: Compute, positions: np.ndarray, reach: float, shape: Shap
 
 @dataclass(frozen=True)
 class _Level:
-    """Wide nodes of one level: binary nodes that are their children, and places among the next."""
+    """Wide nodes of one level: binary nodes that are their children, and their ranks among the next."""
 
     children: cl.Buffer
     before: cl.Buffer
@@ -97,7 +97,7 @@ class _Builder:
         options = _layout(shape, _STACK)
         options += (f"-DLEAF={shape.leaf}", f"-DPACKET_COST={shape.cost}f")
         names = (
-            "places_on_curve", "single_clusters", "best_neighbours", "count_merges", "sum_chunks",
+            "morton_keys", "single_clusters", "best_neighbours", "count_merges", "sum_chunks",
             "sum_totals", "merge", "pick_clusters", "open_nodes", "next_roots", "store_level",
         )  # fmt: skip
         kernels = compute.kernels("bvh.cl", *names, options=options)
@@ -117,7 +117,7 @@ class _Builder:
         buffer = self._buffer(keys.nbytes)
         scale = np.float32(1 / self._reach)
         self._run(
-            "places_on_curve", self._count, self._positions, scale, np.int32(bits), buffer,
+            "morton_keys", self._count, self._positions, scale, np.int32(bits), buffer,
             np.int32(self._count),
         )  # fmt: skip
         cl.enqueue_copy(self._queue, keys, buffer)
@@ -195,9 +195,9 @@ class _Builder:
             levels.append(level)
             if count_next:
                 following = self._buffer(4 * count_next)
-                places = level.before, level.totals
+                ranks = level.before, level.totals
                 self._run(
-                    "next_roots", count, self._links, level.children, *places, following, np.int32(count)
+                    "next_roots", count, self._links, level.children, *ranks, following, np.int32(count)
                 )
                 roots = following
             count = count_next

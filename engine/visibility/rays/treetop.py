@@ -40,14 +40,14 @@ class Treetop:
         first, count = self._first[nodes], self._count[nodes]
         starts = np.cumsum(count) - count
         owner = np.repeat(np.arange(len(nodes)), count)
-        place = np.arange(len(owner)) - starts[owner] + first[owner]
-        members = self._order[place]
+        position = np.arange(len(owner)) - starts[owner] + first[owner]
+        members = self._order[position]
 
         # Bin the centres along the widest axis, and order each node's members by bin.
         key = owner * _BINS + self._bins(self._center[members], starts, owner)
         by_bin = np.argsort(key, kind="stable")
         members, key = members[by_bin], key[by_bin]
-        self._order[place] = members
+        self._order[position] = members
         left = self._left_counts(members, key, count)
 
         # The halves take the next numbers.

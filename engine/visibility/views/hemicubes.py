@@ -18,7 +18,7 @@ from ..raster.raster import HemicubeRaster
 from ..raster.targets import Target
 from ..raster.tiles import Tiles
 from .hemicube import matrices
-from .viewpoints import place_hemicubes
+from .viewpoints import viewpoints
 
 #: A slice of work should take about this long, s.
 _SLICE = 0.04
@@ -28,7 +28,7 @@ _KEPT = 1 << 17
 
 
 @dataclass(frozen=True)
-class Placed:
+class Views:
     """Hemicubes ready to be drawn.
 
     frames    (m, 4, 3) float32, from `Viewpoints.frames`
@@ -64,29 +64,29 @@ class Hemicubes:
         self._parts, self._settings = parts, settings
         self.count = len(parts.patches)
         self._keeps = again and self.count <= _KEPT
-        self._kept: dict[tuple[int, int], Placed] = {}
+        self._kept: dict[tuple[int, int], Views] = {}
 
     @property
     def depth(self) -> DepthArray:
         """The depth of what was drawn; see `HemicubeRaster`."""
         return self._raster.depth
 
-    def place(self, first: int, last: int) -> Placed:
+    def views(self, first: int, last: int) -> Views:
         """Return the hemicubes of patches first ... last: they stand where they are for life."""
-        placed = self._kept.get((first, last)) or self._place(first, last)
+        views = self._kept.get((first, last)) or self._views(first, last)
         if self._keeps:
-            self._kept[first, last] = placed
-        return placed
+            self._kept[first, last] = views
+        return views
 
-    def _place(self, first: int, last: int) -> Placed:
+    def _views(self, first: int, last: int) -> Views:
         geometry, reverse = self._parts.geometry.part(slice(first, last)), self._reversed_depth
-        views = place_hemicubes(self._parts.triangles, geometry, self._settings, reverse, first)
-        return Placed(views.frames, matrices(views.frame, views.eye, views.near, reverse))
+        points = viewpoints(self._parts.triangles, geometry, self._settings, reverse, first)
+        return Views(points.frames, matrices(points.frame, points.eye, points.near, reverse))
 
-    def draw(self, placed: Placed) -> Iterator[int]:
+    def draw(self, views: Views) -> Iterator[int]:
         """Draw hemicubes, at most a batch; yield how many are done."""
         started = time.perf_counter()
-        for drawn in self._raster.draw(placed.matrices, self._layers_per_slice):
+        for drawn in self._raster.draw(views.matrices, self._layers_per_slice):
             seconds = time.perf_counter() - started
             if seconds < _SLICE / 2:
                 self._layers_per_slice = min(2 * self._layers_per_slice, self._tiles.layers)

@@ -54,14 +54,14 @@ def eye_heights(triangles: Triangles, geometry: PatchGeometry) -> np.ndarray:
     return heights
 
 
-def place_hemicubes(
+def viewpoints(
     triangles: Triangles,
     geometry: PatchGeometry,
     settings: Settings,
     reversed_depth: bool = True,
     first: int = 0,
 ) -> Viewpoints:
-    """Place a hemicube on each patch, with a rotation about the normal for life (paper, IV.B).
+    """Return a viewpoint above each patch, with a rotation about the normal for life (paper, IV.B).
 
     geometry: of patches `first`, `first` + 1, ..., all or a part of them.
     """

@@ -1,4 +1,4 @@
-// Where hemicubes stand: four rows a face, one hemicube a row of texels.
+// The matrices of hemicubes: four rows a face, one hemicube a row of texels.
 uniform sampler2D matrices;
 
 vec4 matrix_row(int slot, int index)
@@ -7,7 +7,7 @@ vec4 matrix_row(int slot, int index)
 }
 
 // The clip position on a face; `precise` so that every stage and driver path gives the same bits.
-vec4 place(int slot, int face, vec3 position)
+vec4 project(int slot, int face, vec3 position)
 {
     precise vec4 clip;
     vec4 p = vec4(position, 1.0);

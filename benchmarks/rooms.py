@@ -49,8 +49,8 @@ def hilly_room(resolution: int, triangles: int) -> Scene:
 def _cornell_quads() -> tuple[list[np.ndarray], list[int]]:
     """Return quads and materials; the light is the last."""
     pieces, materials = list(room_walls(ROOM, ROOM, ROOM)), [_WHITE, _WHITE, _RED, _GREEN, _WHITE, _WHITE]
-    for size, height, place, turn in ((0.6, 0.6, (1.33, 0.61), -17), (0.6, 1.2, (0.67, 1.27), 18)):
-        pieces += _box(size, height, place, np.radians(turn))
+    for size, height, position, turn in ((0.6, 0.6, (1.33, 0.61), -17), (0.6, 1.2, (0.67, 1.27), 18)):
+        pieces += _box(size, height, position, np.radians(turn))
         materials += [_WHITE] * 5
     return [*pieces, _hanging_light()], [*materials, _LIGHT]
 
@@ -59,11 +59,11 @@ def _hanging_light() -> np.ndarray:
     return rectangle((1.25, 0.75, ROOM - 0.1), (-0.5, 0, 0), (0, 0.5, 0))
 
 
-def _box(size: float, height: float, place: tuple[float, float], turn: float) -> list[np.ndarray]:
+def _box(size: float, height: float, position: tuple[float, float], turn: float) -> list[np.ndarray]:
     """Return the sides and the top of a box that stands on the floor, turned about its middle."""
     across = size * np.array([np.cos(turn), np.sin(turn), 0])
     along = size * np.array([-np.sin(turn), np.cos(turn), 0])
-    up, corner = np.array([0, 0, height]), np.array([*place, 0]) - (across + along) / 2
+    up, corner = np.array([0, 0, height]), np.array([*position, 0]) - (across + along) / 2
     return [
         rectangle(corner, across, up),
         rectangle(corner + across, along, up),
@@ -152,6 +152,8 @@ def _lamps(count: int) -> list[Light]:
     """Return point lamps of 10 W/sr in all, in a square grid 0.2 m below the ceiling."""
     side = int(np.ceil(np.sqrt(count)))
     row, column = np.divmod(np.arange(count), side)
-    places = np.stack([(column + 0.5) / side, (row + 0.5) / side, np.full(count, 0.9)], axis=1) * ROOM
+    positions = np.stack([(column + 0.5) / side, (row + 0.5) / side, np.full(count, 0.9)], axis=1) * ROOM
     lamp = Light("Lamp", "point", np.zeros(3), np.eye(3), np.full(3, 10 / count, np.float32), radius=0.02)
-    return [replace(lamp, name=f"Lamp {index}", position=place) for index, place in enumerate(places)]
+    return [
+        replace(lamp, name=f"Lamp {index}", position=position) for index, position in enumerate(positions)
+    ]

@@ -19,7 +19,7 @@ WHITE = (0.73, 0.73, 0.73)
 RED = (0.63, 0.065, 0.05)
 GREEN = (0.14, 0.45, 0.091)
 
-#: Width, depth, height, place on the floor and turn of each box, after the measured original (m, degrees).
+#: Width, depth, height, location on the floor and turn of each box, after the measured original (m, degrees).
 BOXES = {
     "Short Box": (0.6, 0.6, 0.6, (0.33, -0.39), -17.0),
     "Tall Box": (0.6, 0.6, 1.2, (-0.33, 0.27), 18.0),
@@ -37,8 +37,8 @@ def build() -> None:
     wall("Front Wall", white, (0, -half, half), (-math.pi / 2, 0, 0)).visible_camera = False
     ceiling("Ceiling", white)
     light("Light", material("Light", WHITE, RADIANCE))
-    for name, (width, depth, height, place, turn) in BOXES.items():
-        box(name, white, (width, depth, height), place, math.radians(turn))
+    for name, (width, depth, height, location, turn) in BOXES.items():
+        box(name, white, (width, depth, height), location, math.radians(turn))
     camera()
     bpy.context.scene.world = None
 
@@ -68,11 +68,11 @@ def mesh_object(name: str, surface: bpy.types.Material, vertices: list, faces: l
     return result
 
 
-def wall(name: str, surface: bpy.types.Material, place: tuple, turn: tuple) -> bpy.types.Object:
+def wall(name: str, surface: bpy.types.Material, location: tuple, turn: tuple) -> bpy.types.Object:
     """Return a square wall; turned by nothing it is a floor that faces up."""
     half = ROOM / 2
     corners = [Vector((x, y, 0)) for x, y in ((-half, -half), (half, -half), (half, half), (-half, half))]
-    move = Matrix.Translation(place) @ Euler(turn).to_matrix().to_4x4()
+    move = Matrix.Translation(location) @ Euler(turn).to_matrix().to_4x4()
     return mesh_object(name, surface, [move @ corner for corner in corners], [(0, 1, 2, 3)])
 
 
@@ -92,7 +92,9 @@ def light(name: str, surface: bpy.types.Material) -> bpy.types.Object:
     return mesh_object(name, surface, vertices, [(0, 1, 2, 3)])
 
 
-def box(name: str, surface: bpy.types.Material, size: tuple, place: tuple, turn: float) -> bpy.types.Object:
+def box(
+    name: str, surface: bpy.types.Material, size: tuple, location: tuple, turn: float
+) -> bpy.types.Object:
     """Return a box without a bottom that stands on the floor."""
     width, depth, height = size
     x, y = width / 2, depth / 2
@@ -100,7 +102,7 @@ def box(name: str, surface: bpy.types.Material, size: tuple, place: tuple, turn:
     vertices = [(x, y, z) for z in (0, height) for x, y in outline]
     sides = [(i, (i + 1) % 4, (i + 1) % 4 + 4, i + 4) for i in range(4)]
     result = mesh_object(name, surface, vertices, [*sides, (4, 5, 6, 7)])
-    result.location, result.rotation_euler = (*place, 0), (0, 0, turn)
+    result.location, result.rotation_euler = (*location, 0), (0, 0, turn)
     return result
 
 

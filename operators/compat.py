@@ -1,4 +1,4 @@
-"""Every place where Blender versions differ."""
+"""Every difference between Blender's versions."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ from .changes import Changes
 from .lookup import find
 from .result import images
 from .result.contents import lightmap_contents
-from .result.places import choose_places
+from .result.destination import choose_destination
 from .run_stages import RunStages
 from .scene import ReadScene, read_scene, visible_meshes
 from .scene.overlaps import without_overlaps
@@ -57,7 +57,7 @@ class Run:
         try:
             self._read = self._read_scene(context)
             self._names = _image_names(self._read.scene, self._settings)
-            self._places = choose_places(
+            self._destination = choose_destination(
                 context.scene, self._names, context.scene.hemibake.directory, self._changes
             )
             self._seconds = {"read": time.perf_counter() - self._start}
@@ -178,7 +178,7 @@ class Run:
         """Store lightmaps and return their files."""
         try:
             contents = lightmap_contents(self._read, self._settings, self._uv_layer)
-            return images.store(targets, lightmaps, self._places, contents)
+            return images.store(targets, lightmaps, self._destination, contents)
         except EngineError as error:
             self.failure = str(error)
             return []
@@ -243,7 +243,7 @@ class Run:
         if lost:
             sentence = "These objects lost their lightmap UVs during the bake, as by an undo: {}. Bake again."
             notes.append(naming(sentence, list(lost.values())))
-        if self._places.folder is None:
+        if self._destination.folder is None:
             notes.append(
                 "The .blend is not saved yet: the lightmaps are packed into it. Save it to write EXR files."
             )

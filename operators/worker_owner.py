@@ -73,5 +73,5 @@ def new_worker(work: str) -> Worker:
     return Worker(search_path=[_ROOT, *sys.path], bake=work)
 
 
-#: One for the whole add-on: Blender has no place of its own to keep a Python object between operators.
+#: One for the whole add-on: Blender has nowhere to keep a Python object between operators.
 owner = WorkerOwner()

@@ -39,7 +39,7 @@ def load(name: str) -> ModuleType:
 def blender() -> Iterator[None]:
     """Run Blender with user files of its own and Hemibake enabled, on an empty scene.
 
-    Blender reads the place of its user files when bpy is first imported, so this has to come first.
+    Blender reads where its user files are when bpy is first imported, so this has to come first.
     """
     if "bpy" in sys.modules:
         raise RuntimeError("bpy has been imported already.")

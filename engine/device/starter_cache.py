@@ -12,7 +12,7 @@ import platformdirs
 def keep_starters_in(folder: str) -> None:
     """Have PyOpenCL keep what it generates to start kernels in a folder, if it has not opened its cache yet.
 
-    It opens the cache once, when this module of its is imported, and has no setting for its place; in the
+    It opens the cache once, when this module of its is imported, and has no setting for its folder; in the
     user's cache folder it would stay behind when the add-on is removed.
     """
     with _user_cache_dir(folder):

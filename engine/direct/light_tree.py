@@ -15,7 +15,11 @@ from .emitters import EMITTER, EMITTER_SOURCE, POINT, SKY_MAP, SUN
 LIGHT_NODE = Record(
     "LightNode",
     ("float[3]", "centre", "m, of power"),
-    ("float", "radius", "m, of a ball about the centre that holds them all; infinite if one has no place"),
+    (
+        "float",
+        "radius",
+        "m, of a ball about the centre that holds them all; infinite if one is infinitely far",
+    ),
     ("float[3]", "axis", "unit, of a cone that holds all directions in which they shine"),
     ("float", "cos_half_angle", "of the cone"),
     ("float[3]", "normal", "mean of one-sided ones' normals, by their part of `directed`"),

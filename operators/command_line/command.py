@@ -113,9 +113,7 @@ def _check_place(path: Path) -> None:
         if not writable:
             raise PermissionError(f"'{path}' is read-only")
     except OSError as error:
-        raise CommandError(
-            f"The scene cannot be saved as '{path}': {error}. Choose another place."
-        ) from error
+        raise CommandError(f"The scene cannot be saved as '{path}': {error}. Choose another path.") from error
 
 
 def _open_scene(path: Path) -> None:

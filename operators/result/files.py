@@ -1,4 +1,4 @@
-"""Files that replace others at once: until the new ones are whole the old ones stay in their places."""
+"""Files that replace others at once: until the new ones are whole the old ones stay."""
 
 from __future__ import annotations
 

@@ -10,10 +10,10 @@ import numpy as np
 from ...engine.errors import EngineError
 from ..changes import Changes
 from ..lookup import find
+from .destination import Destination
 from .exr import rgba, write_exr
 from .files import reason, replace_all, staging_folder
 from .manifest import NAME, write_manifest
-from .places import Places
 
 #: Custom property that marks an image as ours; its value is the atlas name.
 MARK = "hemibake_atlas"
@@ -60,7 +60,7 @@ def show(image: bpy.types.Image, pixels: np.ndarray) -> None:
 
 
 def store(
-    images: list[bpy.types.Image], lightmaps: np.ndarray, places: Places, facts: list[dict]
+    images: list[bpy.types.Image], lightmaps: np.ndarray, destination: Destination, facts: list[dict]
 ) -> list[str]:
     """Write each lightmap as 32-bit EXR, let its image use the file, and return the paths.
 
@@ -71,20 +71,20 @@ def store(
     Without a folder the images are packed into the .blend and the list is empty. If the files cannot
     be written those that were there stay, the images are packed, and an EngineError says so.
     """
-    if places.folder is None:
-        _pack_all(images, places)
+    if destination.folder is None:
+        _pack_all(images, destination)
         return []
     try:
-        _write_all(lightmaps, places, facts)
+        _write_all(lightmaps, destination, facts)
     except (OSError, RuntimeError) as error:
-        _pack_all(images, places)
+        _pack_all(images, destination)
         raise EngineError(
-            f"The lightmaps cannot be written to '{places.folder}': {reason(error)}. They are packed "
+            f"The lightmaps cannot be written to '{destination.folder}': {reason(error)}. They are packed "
             "into the .blend instead: save it, or choose another folder and bake again."
         ) from error
-    for image, path in zip(images, places.paths, strict=True):
+    for image, path in zip(images, destination.paths, strict=True):
         _use_file(image, str(path))
-    return [str(path) for path in places.paths]
+    return [str(path) for path in destination.paths]
 
 
 def _belongs_to_another(image: bpy.types.Image, scene: bpy.types.Scene) -> bool:
@@ -102,15 +102,15 @@ def _new_image(scene: bpy.types.Scene, atlas: str, resolution: int) -> bpy.types
     return image
 
 
-def _write_all(lightmaps: np.ndarray, places: Places, facts: list[dict]) -> None:
+def _write_all(lightmaps: np.ndarray, destination: Destination, facts: list[dict]) -> None:
     """Write all files and the manifest, or none: the manifest comes first and knows old and new files."""
-    with staging_folder(places.folder) as staging:
+    with staging_folder(destination.folder) as staging:
         staged = [staging / f"{index}.exr" for index in range(len(lightmaps))]
         for path, pixels in zip(staged, lightmaps, strict=True):
             write_exr(path, pixels)
-        manifest, entries = staging / NAME, [{"blend": places.blend, **fact} for fact in facts]
-        write_manifest(manifest, places.folder, staged, places.names, entries)
-        replace_all([manifest, *staged], [places.folder / NAME, *places.paths], staging)
+        manifest, entries = staging / NAME, [{"blend": destination.blend, **fact} for fact in facts]
+        write_manifest(manifest, destination.folder, staged, destination.names, entries)
+        replace_all([manifest, *staged], [destination.folder / NAME, *destination.paths], staging)
 
 
 def _use_file(image: bpy.types.Image, path: str) -> None:
@@ -139,10 +139,10 @@ def _relative(path: str) -> str:
         return path
 
 
-def _pack_all(images: list[bpy.types.Image], places: Places) -> None:
+def _pack_all(images: list[bpy.types.Image], destination: Destination) -> None:
     """Pack what the images show, under the paths they would have."""
-    for image, name in zip(images, places.names, strict=True):
-        image.filepath_raw = f"{places.packed_as.rstrip('/')}/{name}"
+    for image, name in zip(images, destination.names, strict=True):
+        image.filepath_raw = f"{destination.packed_as.rstrip('/')}/{name}"
         image.pack()
         image.packed_files[0].filepath = image.filepath_raw
 

@@ -8,7 +8,7 @@ A folder of lightmaps holds one `hemibake.json`:
         "objects": [{"object": "Floor", "uv_layer": "Lightmap", "scale": 1.0, "offset": [0.0, 0.0]}]}}}
 
 A file is Hemibake's as long as its bytes are those that were written, `sha256`, or those that it replaced,
-`replaced`: a bake may have been killed when the manifest was in place and the file was not.
+`replaced`: a bake may have been killed when the manifest was written and the file was not.
 """
 
 from __future__ import annotations

@@ -129,10 +129,10 @@ def _build_nodes(tree: bpy.types.NodeTree, surface: Material, lightmap: _Lightma
     tree.nodes.clear()
     uv = _node(tree, "ShaderNodeUVMap", 0)
     uv.uv_map = lightmap.uv_layer
-    place = _node(tree, "ShaderNodeVectorMath", 1)
-    place.operation, place.label = "MULTIPLY_ADD", "Place in the atlas"
-    place.inputs[1].default_value = (lightmap.scale, lightmap.scale, 1)
-    place.inputs[2].default_value = (*lightmap.offset, 0)
+    move = _node(tree, "ShaderNodeVectorMath", 1)
+    move.operation, move.label = "MULTIPLY_ADD", "Place in the atlas"
+    move.inputs[1].default_value = (lightmap.scale, lightmap.scale, 1)
+    move.inputs[2].default_value = (*lightmap.offset, 0)
     texture = _node(tree, "ShaderNodeTexImage", 2)
     texture.image, texture.interpolation, texture.extension = lightmap.image, "Linear", "EXTEND"
     light = _node(tree, "ShaderNodeVectorMath", 4)
@@ -141,8 +141,8 @@ def _build_nodes(tree: bpy.types.NodeTree, surface: Material, lightmap: _Lightma
     _feed(tree, light.inputs[2], surface.emission, surface.emission_map, -600)
     emission = _node(tree, "ShaderNodeEmission", 5)
     output = _node(tree, "ShaderNodeOutputMaterial", 6)
-    tree.links.new(uv.outputs["UV"], place.inputs[0])
-    tree.links.new(place.outputs["Vector"], texture.inputs["Vector"])
+    tree.links.new(uv.outputs["UV"], move.inputs[0])
+    tree.links.new(move.outputs["Vector"], texture.inputs["Vector"])
     tree.links.new(texture.outputs["Color"], light.inputs[0])
     tree.links.new(light.outputs["Vector"], emission.inputs["Color"])
     tree.links.new(emission.outputs["Emission"], output.inputs["Surface"])
@@ -165,12 +165,12 @@ def _feed(
     picture.interpolation = "Linear" if texture.smooth else "Closest"
     product.operation = "MULTIPLY"
     product.inputs[1].default_value = colour.tolist()
-    _feed_place(tree, picture.inputs["Vector"], texture, y)
+    _feed_uv(tree, picture.inputs["Vector"], texture, y)
     tree.links.new(picture.outputs["Color"], product.inputs[0])
     tree.links.new(product.outputs["Vector"], socket)
 
 
-def _feed_place(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, texture: Texture, y: float) -> None:
+def _feed_uv(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, texture: Texture, y: float) -> None:
     """Let an image texture lie where the engine's texture lies: UV times a matrix, row by row."""
     uv, both = _node(tree, "ShaderNodeUVMap", 0, y), _node(tree, "ShaderNodeCombineXYZ", 1, y)
     uv.uv_map = texture.uv_map

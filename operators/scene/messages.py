@@ -16,7 +16,7 @@ NOT_FINITE = (
 )
 TOO_FAR = (
     f"reaching more than {LARGEST / 1000:,.0f} km away: {_LEFT_OUT}. Delete distant vertices, "
-    "or check the object's place and scale."
+    "or check the object's location and scale."
 )
 NOT_FINITE_UVS = f"NaN or infinite lightmap UVs: {_SEEN}. Unwrap its lightmap UVs again."
 UVS_OUTSIDE = (

@@ -168,7 +168,7 @@ class ItemReader:
 
 
 def _uv_trouble(uvs: np.ndarray | None) -> str | None:
-    """Return what is wrong with lightmap UVs wherever they are placed."""
+    """Return what is wrong with lightmap UVs wherever they are in an atlas."""
     if uvs is None:
         return NO_UVS
     return None if is_finite(uvs) else NOT_FINITE_UVS

@@ -295,18 +295,18 @@ TURNED = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
 
 
 @pytest.mark.parametrize(
-    ("axes", "stretch", "place"),
+    ("axes", "stretch", "position"),
     [
         (DOWN, (1, 1, 1), (0, 0, 2)),
         (TURNED, (1, 1, 1), (1, -2, 1.5)),
         (TURNED * [[-1], [1], [1]], (1, 0.4, 2), (0.3, 0.1, 2)),
     ],
 )
-def test_a_profile_turns_and_stretches_with_its_lamp(axes, stretch, place):
+def test_a_profile_turns_and_stretches_with_its_lamp(axes, stretch, position):
     lamp = light("point", profile=profile())
-    place, stretch = np.array(place, float), np.array(stretch, float)
-    lamp = dataclasses.replace(lamp, position=place, axes=axes, stretch=stretch)
-    expected = 5 * place[2] / np.linalg.norm(place) ** 3 / np.pi * towards(lamp, np.zeros(3))
+    position, stretch = np.array(position, float), np.array(stretch, float)
+    lamp = dataclasses.replace(lamp, position=position, axes=axes, stretch=stretch)
+    expected = 5 * position[2] / np.linalg.norm(position) ** 3 / np.pi * towards(lamp, np.zeros(3))
     assert colours(lamp) == pytest.approx(expected, rel=5e-3)
 
 

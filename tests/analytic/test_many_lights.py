@@ -88,15 +88,15 @@ def test_many_lamps_bring_what_they_bring_alone(bench):
 def test_a_ceiling_of_small_lamps(bench):
     """1,024 square lamps: E/pi is radiance times the sum of their form factors."""
     side, pitch = 32, 0.25
-    places = (np.stack(np.meshgrid(*[np.arange(side)] * 2), axis=2).reshape(-1, 2) + 0.5 - side / 2) * pitch
+    centres = (np.stack(np.meshgrid(*[np.arange(side)] * 2), axis=2).reshape(-1, 2) + 0.5 - side / 2) * pitch
     size = np.array([0.1, 0.1])
     lamps = tuple(
         Light(f"{x} {y}", "area", np.array([x, y, 2.0]), np.eye(3), np.full(3, 5, np.float32), size=size)
-        for x, y in places
+        for x, y in centres
     )
     scene = Scene((floor(0.002),), (BLACK,), lights=lamps)
     image = bench.light(scene, bench.subdivide(scene))
-    corners = [rectangle((x - 0.05, y - 0.05, 2), 0.1 * Y, 0.1 * X) for x, y in places]
+    corners = [rectangle((x - 0.05, y - 0.05, 2), 0.1 * Y, 0.1 * X) for x, y in centres]
     factors = [float(np.abs(polygon(np.zeros((1, 3)), Z[None], lamp)).max()) for lamp in corners]
     assert image.mean() == pytest.approx(5 * sum(factors), rel=2e-3)
     assert image == pytest.approx(5 * sum(factors), rel=1e-2)

@@ -34,12 +34,12 @@ def ball(segments, rings, chart=(0.02, 0.02, 0.6, 0.96), inwards=False, turned=F
     points = np.stack(
         [np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=2
     )
-    places = np.stack([chart[0] + chart[2] * u, chart[1] + chart[3] * v], axis=2)
+    texels = np.stack([chart[0] + chart[2] * u, chart[1] + chart[3] * v], axis=2)
     corners = [(slice(a, a + rings), slice(b, b + segments)) for a, b in ((0, 0), (0, 1), (1, 1), (1, 0))]
     order = [[0, 1, 2], [0, 2, 3]] if not inwards else [[0, 2, 1], [0, 3, 2]]
     quad, uvs = (
         np.stack([grid[c] for c in corners], axis=2).reshape(-1, 4, grid.shape[2])
-        for grid in (points, places)
+        for grid in (points, texels)
     )
     positions, uvs = quad[:, order].reshape(-1, 3, 3), uvs[:, order].reshape(-1, 3, 2)
     area = np.linalg.norm(

@@ -86,7 +86,7 @@ def test_alpha_maps_cut_holes(threshold):
 
 
 #: Texture coordinates, near and so far away that no int32 counts their pixels.
-PLACES = np.float32(
+UVS = np.float32(
     [
         (0.3, 0.65), (-0.3, 1.45), (2.25, -1.75), (70000.375, -70000.875), (1e8, 0.45), (0.1, -1e8),
         (-3e8, 3e8), (2147483648, 0.7), (-1e9, 1e9), (1e30, 0.25), (-np.inf, 0.9), (np.nan, 0.1),
@@ -102,17 +102,17 @@ def test_alpha_maps_go_on_beyond_their_borders(extension, smooth, visibility):
     pixels = np.random.default_rng(7).choice(np.float32([0, 0.25, 0.5, 0.75, 1]), (5, 7, 1))
     texture = Texture("Holes", pixels, "Map", extension=extension, smooth=smooth)
     meshes = []
-    for index, place in enumerate(PLACES):
+    for index, uv in enumerate(UVS):
         floor, roof = rectangle((0, 0, 0), 0.01 * X, 0.01 * Y), canopy(0.01, 20.0)
         corners = np.stack([floor, roof]) + 40.0 * index * X
         charts = [(1 + 4 * index, 1, 2, 2), (1 + 4 * index, 5, 2, 2)]
         mesh = quads(corners, charts, [0, 1], 64, f"Canopy {index}")
-        meshes.append(dataclasses.replace(mesh, texture_uvs={"Map": np.tile(place, (4, 3, 1))}))
+        meshes.append(dataclasses.replace(mesh, texture_uvs={"Map": np.tile(uv, (4, 3, 1))}))
     scene = Scene(tuple(meshes), (opaque(), opaque(alpha_map=texture)), world=np.ones(3, np.float32))
     settings = dataclasses.replace(SETTINGS, resolution=64, visibility=visibility, directions="hemicube")
     image = drive(scene, settings).image[0]
-    through = [image[1:3, 1 + 4 * index : 3 + 4 * index].mean() for index in range(len(PLACES))]
-    expected = 1 - sample(pixels, map_uvs(texture, PLACES), texture)[:, 0]
+    through = [image[1:3, 1 + 4 * index : 3 + 4 * index].mean() for index in range(len(UVS))]
+    expected = 1 - sample(pixels, map_uvs(texture, UVS), texture)[:, 0]
     assert np.array(through) == pytest.approx(expected, abs=0.06)
 
 

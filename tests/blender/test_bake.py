@@ -46,15 +46,15 @@ def test_furnace_is_baked_into_a_linear_float_image_and_a_file(tmp_path):
     assert obj.hemibake.image.name == "Lightmap"
 
 
-@pytest.mark.parametrize("place", [(1000, 1000, 0), (10_000, 0, 0), (100_000, 0, 0)])
-def test_light_far_from_the_origin_is_the_same(place):
+@pytest.mark.parametrize("location", [(1000, 1000, 0), (10_000, 0, 0), (100_000, 0, 0)])
+def test_light_far_from_the_origin_is_the_same(location):
     import bpy
 
     obj = furnace()
     bake()
     near = pixels(bpy.data.images["Lightmap"])
     obj.data.uv_layers.remove(obj.data.uv_layers["Lightmap"])
-    obj.location = place
+    obj.location = location
     bake()
     assert (pixels(bpy.data.images["Lightmap"]) == near).all()
 
@@ -113,12 +113,12 @@ def test_a_report_is_json_also_of_light_beyond_float32():
 def test_stored_pixels_are_those_of_the_engine_bit_by_bit(tmp_path):
     import bpy
 
-    images, places = part("operators.result.images"), part("operators.result.places")
+    images, destination = part("operators.result.images"), part("operators.result.destination")
     changes, scene = part("operators.changes").Changes(), bpy.context.scene
     values = np.random.default_rng(3).normal(0, 100, (1, 8, 8, 3)).astype(np.float32)
     image = images.lightmap_image(scene, "Noise", 8, changes)
     paths = images.store(
-        [image], values, places.choose_places(scene, ["Noise"], str(tmp_path), changes), [{}]
+        [image], values, destination.choose_destination(scene, ["Noise"], str(tmp_path), changes), [{}]
     )
     assert (read_exr(Path(paths[0]))[..., :3] == values[0]).all()
     assert (pixels(image)[..., :3] == values[0]).all()

@@ -81,8 +81,8 @@ def test_scene_is_baked_and_told_as_one_json_object(tmp_path):
         (("scene.obj", "--out", "out", "--world", "-1,1,1"), "'-1,1,1' is no radiance"),
         (("scene.obj", "--out", "out", "--world", "1,1"), "'1,1' is no radiance"),
         (("scene.obj", "--out", "out", "--js"), "unrecognized arguments: --js"),
-        (("scene.obj", "--out", "out", "--save-blend", "."), "is a folder. Choose another place"),
-        (("scene.obj", "--out", "out", "--save-blend", "scene.obj/a.blend"), "Choose another place"),
+        (("scene.obj", "--out", "out", "--save-blend", "."), "is a folder. Choose another path"),
+        (("scene.obj", "--out", "out", "--save-blend", "scene.obj/a.blend"), "Choose another path"),
         (("scene.obj", "--out", "scene.obj"), "Choose another folder"),
         (("scene.obj", "--out", "out", "--visibility", "sight"), "visibility is sight; choose one of auto,"),
         (

@@ -199,8 +199,8 @@ def test_other_nodes_are_what_cycles_makes_of_them(around, kind):
     """Noise over directions, through a ramp of colours."""
     obj, tree, emission = noded(kind, **{"SUN": {"angle": 0}}.get(kind, {"shadow_soft_size": 0}))
     obj.rotation_euler, obj.scale = (0.3, 0.2, 0.1), (1, 0.5, 1)
-    noise, place = tree.nodes.new("ShaderNodeTexNoise"), tree.nodes.new("ShaderNodeTexCoord")
-    tree.links.new(place.outputs["Normal"], noise.inputs["Vector"])
+    noise, coordinates = tree.nodes.new("ShaderNodeTexNoise"), tree.nodes.new("ShaderNodeTexCoord")
+    tree.links.new(coordinates.outputs["Normal"], noise.inputs["Vector"])
     tree.links.new(noise.outputs["Color"], emission.inputs["Color"])
     compare(around, 0.02)
 

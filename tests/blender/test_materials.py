@@ -141,9 +141,9 @@ def test_networks_are_evaluated_by_blender_and_nothing_else_changes():
     surface = material("Network")
     tree = surface.node_tree
     node = tree.nodes["Principled BSDF"]
-    place, ramp = tree.nodes.new("ShaderNodeUVMap"), tree.nodes.new("ShaderNodeSeparateXYZ")
-    place.uv_map = "Lightmap"
-    tree.links.new(place.outputs[0], ramp.inputs[0])
+    uv_map, ramp = tree.nodes.new("ShaderNodeUVMap"), tree.nodes.new("ShaderNodeSeparateXYZ")
+    uv_map.uv_map = "Lightmap"
+    tree.links.new(uv_map.outputs[0], ramp.inputs[0])
     for name in ("Base Color", "Emission Color", "Alpha"):
         tree.links.new(ramp.outputs[0], node.inputs[name])
     node.inputs["Emission Strength"].default_value = 2

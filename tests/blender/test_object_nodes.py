@@ -139,11 +139,11 @@ def test_values_in_node_groups(tmp_path):
     assert mine == pytest.approx(cycles(tmp_path), rel=0.01, abs=0.003)
 
 
-def test_places_in_the_world_differ_between_users_of_a_mesh(tmp_path):
+def test_positions_in_the_world_differ_between_users_of_a_mesh(tmp_path):
     material, tree, emission = glowing()
-    place, noise = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeTexNoise")
+    coordinates, noise = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeTexNoise")
     noise.inputs["Scale"].default_value = 0.4
-    tree.links.new(place.outputs["Position"], noise.inputs["Vector"])
+    tree.links.new(coordinates.outputs["Position"], noise.inputs["Vector"])
     tree.links.new(noise.outputs["Color"], emission.inputs["Color"])
     squares(material)
     mine, theirs = ours(), cycles(tmp_path)
@@ -152,7 +152,7 @@ def test_places_in_the_world_differ_between_users_of_a_mesh(tmp_path):
 
 @pytest.mark.parametrize("output", ["Color", "Random", "Location"])
 def test_instances(tmp_path, output):
-    """Each instance of a collection has its own place and random number, all the colour of the object."""
+    """Each instance of a collection has its own location and random number, all the colour of the object."""
     import bpy
 
     material, tree, emission = glowing()
@@ -193,8 +193,8 @@ def test_attributes_of_the_instancer(tmp_path):
 def test_two_multi_user_meshes_with_one_material_have_textures_of_their_own(tmp_path):
     """Their UVs lie over each other, each fills the unit square."""
     material, tree, emission = glowing()
-    place, noise = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeTexNoise")
-    tree.links.new(place.outputs["Object"], noise.inputs["Vector"])
+    coordinates, noise = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeTexNoise")
+    tree.links.new(coordinates.outputs["Object"], noise.inputs["Vector"])
     tree.links.new(noise.outputs["Color"], emission.inputs["Color"])
     first = mesh_object("First", SQUARE, [(0, 1, 2, 3)], SQUARE_UVS, material)
     moved = [(x - 7, y + 3, z) for x, y, z in SQUARE]
@@ -238,14 +238,14 @@ def scattered(material):
     group = bpy.data.node_groups.new("Row", "GeometryNodeTree")
     group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
     names = ("MeshLine", "InstanceOnPoints", "ObjectInfo", "StoreNamedAttribute")
-    line, place, info, store = (group.nodes.new(f"GeometryNode{name}") for name in names)
+    line, instances, info, store = (group.nodes.new(f"GeometryNode{name}") for name in names)
     line.inputs["Count"].default_value, line.inputs["Offset"].default_value = _COUNT, (2, 0, 0)
     info.inputs["Object"].default_value, info.inputs["As Instance"].default_value = square, True
     store.domain, store.data_type = "INSTANCE", "FLOAT_VECTOR"
     store.inputs["Name"].default_value = "tint"
-    group.links.new(line.outputs[0], place.inputs["Points"])
-    group.links.new(info.outputs["Geometry"], place.inputs["Instance"])
-    group.links.new(place.outputs[0], store.inputs["Geometry"])
+    group.links.new(line.outputs[0], instances.inputs["Points"])
+    group.links.new(info.outputs["Geometry"], instances.inputs["Instance"])
+    group.links.new(instances.outputs[0], store.inputs["Geometry"])
     group.links.new(store.outputs[0], group.nodes.new("NodeGroupOutput").inputs[0])
     row = mesh_object("Row", [], [])
     row.modifiers.new("Row", "NODES").node_group = group

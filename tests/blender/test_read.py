@@ -40,7 +40,7 @@ def test_subfaces_count_within_polygons_of_any_size():
     assert mesh.subface.tolist() == [0, 1, 2, 3, 0]
 
 
-def test_corners_keep_their_uvs_and_places():
+def test_corners_keep_their_uvs_and_positions():
     square().location = (5, 6, 7)
     scene = read_scene().scene
     (mesh,) = scene.meshes

@@ -42,9 +42,9 @@ def area_ratio(obj) -> np.ndarray:
     obj.data.calc_loop_triangles()
     loops = np.array([list(triangle.loops) for triangle in obj.data.loop_triangles])
     vertices = np.array([list(triangle.vertices) for triangle in obj.data.loop_triangles])
-    places = np.array([obj.matrix_world @ vertex.co for vertex in obj.data.vertices])[vertices]
+    corners = np.array([obj.matrix_world @ vertex.co for vertex in obj.data.vertices])[vertices]
     uvs = loop_uvs(obj)[loops].astype(np.float64)
-    world = np.linalg.norm(np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0]), axis=1)
+    world = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     return np.abs(cross(uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0])) / world
 
 
@@ -258,9 +258,9 @@ def test_long_thin_mesh_is_laid_out_without_an_immense_page():
     pack_at = charts._pack_at
 
     def watch(meshes, flat, scale):
-        places, size = pack_at(meshes, flat, scale)
+        texels, size = pack_at(meshes, flat, scale)
         sizes.append(size)
-        return places, size
+        return texels, size
 
     charts._pack_at = watch
     try:

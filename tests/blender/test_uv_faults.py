@@ -17,12 +17,12 @@ def grid(n, seed=1, low=0.1, high=0.9):
     return np.concatenate(halves).astype(np.float32)
 
 
-@pytest.mark.parametrize("place", [(1, 0, 0), (1e-3, 0.3, 0.7), (3, -70, 50), (-1, 1, 1)])
+@pytest.mark.parametrize("move", [(1, 0, 0), (1e-3, 0.3, 0.7), (3, -70, 50), (-1, 1, 1)])
 @pytest.mark.parametrize("n", [2, 7, 53, 211])
-def test_neighbours_do_not_overlap_and_copies_do(n, place):
+def test_neighbours_do_not_overlap_and_copies_do(n, move):
     """Also in charts that are tiny, mirrored or outside the lightmap."""
     faults = part("operators.scene.uvs.uv_faults")
-    scale, u, v = place
+    scale, u, v = move
     uvs = (grid(n) * (scale, abs(scale)) + (u, v)).astype(np.float32)
     assert not faults.overlap(uvs)
     assert faults.overlap(np.concatenate([uvs, uvs[: max(1, len(uvs) // 50)]]))
@@ -47,7 +47,7 @@ def test_part_that_lies_on_another_is_found_wherever_it_is():
         assert not faults.overlap(np.concatenate([grid(31, low=0, high=1), patch + np.float32(1.5)]))
 
 
-def test_faces_without_a_place_are_missed():
+def test_faces_without_texels_are_missed():
     faults = part("operators.scene.uvs.uv_faults")
     uvs = grid(10)
     positions = np.concatenate([uvs, np.zeros((len(uvs), 3, 1), np.float32)], axis=2)

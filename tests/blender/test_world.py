@@ -63,9 +63,9 @@ def test_a_turned_image_is_what_blender_renders():
     square()
     tree, background = world()
     node = environment(tree, background, sky())
-    mapping, place = tree.nodes.new("ShaderNodeMapping"), tree.nodes.new("ShaderNodeTexCoord")
+    mapping, coordinates = tree.nodes.new("ShaderNodeMapping"), tree.nodes.new("ShaderNodeTexCoord")
     mapping.inputs["Rotation"].default_value = (0.3, -0.4, 1.1)
-    tree.links.new(place.outputs["Generated"], mapping.inputs["Vector"])
+    tree.links.new(coordinates.outputs["Generated"], mapping.inputs["Vector"])
     tree.links.new(mapping.outputs[0], node.inputs["Vector"])
     read = read_scene().scene.world
     before = len(bpy.data.scenes), len(bpy.data.objects), len(bpy.data.cameras), len(bpy.data.images)
@@ -80,8 +80,8 @@ def test_a_turned_image_is_what_blender_renders():
 def test_other_nodes_are_rendered():
     square()
     tree, background = world()
-    place, separate = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeSeparateXYZ")
-    tree.links.new(place.outputs["Generated"], separate.inputs[0])
+    coordinates, separate = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeSeparateXYZ")
+    tree.links.new(coordinates.outputs["Generated"], separate.inputs[0])
     tree.links.new(separate.outputs["Z"], background.inputs["Color"])
     rendered = read_scene().scene.world
     height = rendered.shape[0]

@@ -84,9 +84,9 @@ class Apart:
     def _kind(self, failure: str) -> type[CaseFailed]:
         """Return a class for failures of one origin: what hypothesis tells bugs apart by."""
         lines = re.findall(r'File "([^"]+)", line (\d+)', failure)
-        place = lines[0] if failure.startswith("hangs") else lines[-1] if lines else ("", "")
+        line = lines[0] if failure.startswith("hangs") else lines[-1] if lines else ("", "")
         head = failure.strip().splitlines()[-1 if failure.startswith("Traceback") else 0]
-        key = f"{head.split(':')[0]} {place}"
+        key = f"{head.split(':')[0]} {line}"
         return self._kinds.setdefault(key, type("CaseFailed", (CaseFailed,), {}))
 
 

@@ -43,14 +43,14 @@ STEPS = ("bake", "preview", "unwrap", "cancel", "save", "undo push")
 class Thing:
     """An object.
 
-    uvs        names of its UV layers; the one of lightmaps has a place of its own for each face
+    uvs        names of its UV layers; the one of lightmaps has texels of its own for each face
     spread     of lightmap UVs: 1 fills the square, more leaves it
     slots      materials by number, None for an empty slot; `linked` says where they are linked
     indices    material indices of the faces, in turn
     """
 
     kind: str = "cube"
-    place: Vector = (0.0, 0.0, 0.0)
+    location: Vector = (0.0, 0.0, 0.0)
     scale: Vector = (1.0, 1.0, 1.0)
     modifiers: tuple[str, ...] = ()
     uvs: tuple[str, ...] = ()
@@ -71,7 +71,7 @@ class Lamp:
     """A light object."""
 
     kind: str = "POINT"
-    place: Vector = (0.0, 0.0, 2.0)
+    location: Vector = (0.0, 0.0, 2.0)
     scale: Vector = (1.0, 1.0, 1.0)
     energy: float = 10.0
     size: float = 0.1
@@ -109,7 +109,7 @@ def _triple(numbers: st.SearchStrategy[float]) -> st.SearchStrategy[Vector]:
     return st.one_of(numbers.map(lambda value: (value,) * 3), st.tuples(numbers, numbers, numbers))
 
 
-_PLACE = _triple(_among([0.0, 1.0, -1.0, 0.5], [1e-6, 100.0, 1e5, -1e7]))
+_LOCATION = _triple(_among([0.0, 1.0, -1.0, 0.5], [1e-6, 100.0, 1e5, -1e7]))
 _SCALE = st.one_of(st.just((1.0, 1.0, 1.0)), _triple(_among([1.0, 0.5, -1.0], [0.0, 1e-6, 1000.0])))
 
 _THINGS = st.builds(
@@ -117,7 +117,7 @@ _THINGS = st.builds(
     kind=_among(
         ["quad", "cube", "inward cube", "ball", "ngon", "multi-user", "collection", "curve"], list(THINGS)
     ),
-    place=_PLACE,
+    location=_LOCATION,
     scale=_SCALE,
     modifiers=st.one_of(st.just(()), st.lists(st.sampled_from(MODIFIERS), max_size=2).map(tuple)),
     uvs=st.sampled_from([(), (), ("UVMap",), ("Lightmap",), ("UVMap", "Lightmap"), ("Lightmap", "Äpfel")]),
@@ -146,7 +146,7 @@ _FIRST_THINGS = st.builds(
 _LAMPS = st.builds(
     Lamp,
     kind=st.sampled_from(["POINT", "SPOT", "SUN", "AREA"]),
-    place=_PLACE,
+    location=_LOCATION,
     scale=_SCALE,
     energy=_among([1.0, 10.0], [0.0, -5.0, 1e6, 1e30]),
     size=_among([0.0, 0.1, 1.0], [1e-6, 100.0]),

@@ -100,7 +100,7 @@ _MESHES: dict[str, Callable[[str], bpy.types.Mesh]] = {
 def _thing(thing: Thing, name: str, made: list[bpy.types.Object], surfaces: list) -> bpy.types.Object:
     obj = _object(thing, name, made)
     bpy.context.scene.collection.objects.link(obj)
-    obj.location, obj.scale = thing.place, thing.scale
+    obj.location, obj.scale = thing.location, thing.scale
     if thing.child and made:
         obj.parent = made[-1]
     if obj.type == "MESH" and obj.data.users == 1:
@@ -147,8 +147,8 @@ def _curve(name: str) -> bpy.types.Curve:
     curve.dimensions, curve.bevel_depth = "3D", 0.1
     spline = curve.splines.new("POLY")
     spline.points.add(2)
-    for point, place in zip(spline.points, SQUARE, strict=False):
-        point.co = (*place, 1)
+    for point, corner in zip(spline.points, SQUARE, strict=False):
+        point.co = (*corner, 1)
     return curve
 
 
@@ -370,7 +370,7 @@ def _lamp(lamp: Lamp, name: str, folder: Path) -> None:
     elif lamp.kind != "SUN":
         light.shadow_soft_size = lamp.size
     obj = bpy.data.objects.new(name, light)
-    obj.location, obj.scale = lamp.place, lamp.scale
+    obj.location, obj.scale = lamp.location, lamp.scale
     bpy.context.scene.collection.objects.link(obj)
     if lamp.nodes != "none":
         light.use_nodes = True

@@ -33,7 +33,7 @@ class Shape:
     count: int = 3
     size: float = 1.0
     stretch: Vector = (1.0, 1.0, 1.0)
-    place: Vector = (0.0, 0.0, 0.0)
+    position: Vector = (0.0, 0.0, 0.0)
     turn: int = 0
     uvs: str = "grid"
     atlas: int = 0
@@ -75,7 +75,7 @@ class Lamp:
     """A light; `turn` is the seed of its rotation."""
 
     kind: str = "point"
-    place: Vector = (0.0, 0.0, 1.0)
+    position: Vector = (0.0, 0.0, 1.0)
     turn: int = 0
     strength: Vector = (1.0, 1.0, 1.0)
     radius: float = 0.0
@@ -219,7 +219,7 @@ def _rotation(seed: int) -> np.ndarray:
 
 def _mesh(shape: Shape, name: str, case: Case, strip: tuple[int, int]) -> Mesh:
     corners, face = SHAPES[shape.kind](shape.count)
-    corners = (corners * shape.stretch * shape.size) @ _rotation(shape.turn).T + shape.place
+    corners = (corners * shape.stretch * shape.size) @ _rotation(shape.turn).T + shape.position
     positions = ((corners + case.away) * case.scale).astype(np.float32)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, None] + np.zeros(
         (3, 1)
@@ -274,7 +274,7 @@ def _light(lamp: Lamp, name: str, case: Case) -> Light:
     return Light(
         name=name,
         kind=lamp.kind,
-        position=(np.array(lamp.place) + case.away) * case.scale,
+        position=(np.array(lamp.position) + case.away) * case.scale,
         axes=_rotation(lamp.turn),
         strength=(np.array(lamp.strength) * factor).astype(np.float32),
         radius=lamp.radius * case.scale,
@@ -433,7 +433,7 @@ def _triple(numbers: st.SearchStrategy[float]) -> st.SearchStrategy[Vector]:
 _FRACTION = _among([0.0, 0.2, 0.5, 0.8], [1.0, 1e-6, 0.999])
 _LENGTH = _among([0.1, 0.5, 1.0, 2.0], [0.0, 1e-7, 1e-3, 100.0, 1e5])
 _SCALE = _among([1.0, 0.5, 3.0], [1e-3, 1e-4, 1e-6, 1e-8, 1e3, 1e5, 1e8])
-_PLACE = _triple(_among([0.0, 0.5, 1.0, -1.0, 0.3], [1e-7, 10.0, -1000.0, 1e5]))
+_POSITION = _triple(_among([0.0, 0.5, 1.0, -1.0, 0.3], [1e-7, 10.0, -1000.0, 1e5]))
 _LIGHT = _among([0.0, 0.5, 1.0, 10.0], [1e-20, 1e-6, 1e6, 1e20, 1e30])
 
 _MAPS = st.builds(
@@ -480,7 +480,7 @@ _SHAPES = st.builds(
     count=st.integers(1, 9),
     size=_LENGTH,
     stretch=st.one_of(st.just((1.0, 1.0, 1.0)), _triple(_LENGTH)),
-    place=_PLACE,
+    position=_POSITION,
     turn=st.integers(0, 3),
     uvs=_among(["grid", "grid", "tight"], list(UVS)),
     atlas=st.sampled_from([0, 0, 1, 2, OCCLUDER]),
@@ -492,7 +492,7 @@ _SHAPES = st.builds(
 _LAMPS = st.builds(
     Lamp,
     kind=st.sampled_from(LIGHT_KINDS),
-    place=_PLACE,
+    position=_POSITION,
     turn=st.integers(0, 3),
     strength=_triple(_LIGHT),
     radius=_LENGTH,
@@ -571,7 +571,7 @@ def _again(case: Case) -> st.SearchStrategy[Case]:
         fixed.pop(name, None)
 
     # Far from the middle float32 has few digits, which each way spends differently.
-    shapes = tuple(replace(shape, place=tuple(np.clip(shape.place, -10, 10))) for shape in case.shapes)
+    shapes = tuple(replace(shape, position=tuple(np.clip(shape.position, -10, 10))) for shape in case.shapes)
     near = replace(case, shapes=shapes, away=min(case.away, 3.0))
     return st.lists(st.sampled_from(ways), min_size=2, max_size=2, unique_by=str).map(
         lambda pair: replace(near, settings={**fixed, **pair[0]}, other={**fixed, **pair[1]})
@@ -643,7 +643,7 @@ EXAMPLES: dict[str, Case] = {
         settings={**_SMALL, "resolution": 64},
     ),
     "four alpha maps of 4096 x 4096": Case(
-        tuple(Shape("quad", place=(0.0, 0.0, float(i)), material=i) for i in range(4)),
+        tuple(Shape("quad", position=(0.0, 0.0, float(i)), material=i) for i in range(4)),
         tuple(_CUTOUT for _ in range(4)),
         sky=_WHITE,
         settings={**_SMALL, **_RASTER},
@@ -653,13 +653,13 @@ EXAMPLES: dict[str, Case] = {
         (Shape("foot"),), sky=_WHITE, settings={**_SMALL, **_RASTER}, other={**_SMALL, **_RAYS}
     ),
     "inside of a hard lamp": Case(
-        lamps=(Lamp(place=(0.5, 0.5, 0.0), radius=2.0, soft=False),), settings=_SMALL
+        lamps=(Lamp(position=(0.5, 0.5, 0.0), radius=2.0, soft=False),), settings=_SMALL
     ),
     "odd texture": Case(
         surfaces=(Surface(emission=(1.0, 1.0, 1.0), emission_map=Map(301, 203)),), settings=_SMALL
     ),
     "eight atlases": Case(
-        tuple(Shape(place=(float(i), 0.0, 0.0), atlas=i) for i in range(8)),
+        tuple(Shape(position=(float(i), 0.0, 0.0), atlas=i) for i in range(8)),
         atlases=8,
         sky=_WHITE,
         settings=_SMALL,

@@ -42,8 +42,8 @@ class InGroups(Compute):
 
 def room() -> Scene:
     """Return a furnace with a lamp and with dust: more triangles than are split from the top down."""
-    place = np.random.default_rng(0).random((1500, 3)) * 0.9 + 0.05
-    dust = np.stack([rectangle(point, (1e-3, 0, 0), (0, 1e-3, 0)) for point in place])
+    corners = np.random.default_rng(0).random((1500, 3)) * 0.9 + 0.05
+    dust = np.stack([rectangle(point, (1e-3, 0, 0), (0, 1e-3, 0)) for point in corners])
     mesh = replace(quads(dust, [(0, 0, 1, 1)] * 1500, [0] * 1500, 32, "Dust"), atlas=OCCLUDER)
     closed = furnace(0.5, 1.0)
     lamp = Light("Lamp", "point", np.full(3, 0.5), np.eye(3), np.ones(3, np.float32), radius=0.1)

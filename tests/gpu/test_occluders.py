@@ -19,8 +19,8 @@ def cubes(baked: bool) -> list[Mesh]:
     walls = room_walls(1, 1, 1)[:, ::-1] * 0.09
     made = []
     for number, corner in enumerate(np.ndindex(CUBES, CUBES, CUBES)):
-        atlas, place = divmod(number, IN_ATLAS)
-        charts = [(2 * (face % 8), 2 * (face // 8), 1, 1) for face in range(6 * place, 6 * place + 6)]
+        atlas, index = divmod(number, IN_ATLAS)
+        charts = [(2 * (face % 8), 2 * (face // 8), 1, 1) for face in range(6 * index, 6 * index + 6)]
         cube = quads(walls + 0.08 + 0.24 * np.array(corner), charts, [1 + number % 4] * 6, SIDE, "Cube")
         made.append(replace(cube, atlas=1 + atlas if baked else OCCLUDER))
     return made

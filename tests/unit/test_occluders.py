@@ -65,8 +65,8 @@ def test_more_clusters_than_texels_get_more_atlases(count, resolution):
     corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])[
         [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
     ]
-    place = np.random.default_rng(2).random((count, 1, 1, 3)) * 20
-    scene = Scene((BAKED, *(mesh(corners + one, OCCLUDER) for one in place)), (GREY,))
+    offsets = np.random.default_rng(2).random((count, 1, 1, 3)) * 20
+    scene = Scene((BAKED, *(mesh(corners + one, OCCLUDER) for one in offsets)), (GREY,))
     placed = place_occluders(scene, resolution)
     assert len(set(placed.atlases)) == 2
     parts = placed.meshes[1:]

@@ -54,7 +54,7 @@ def test_fine_textures_are_averaged_over_a_texel():
 
 
 @pytest.mark.parametrize(("height", "width"), [(257, 251), (131, 67), (1, 509), (127, 1)])
-def test_fine_textures_of_odd_sizes_stay_in_place(height, width):
+def test_fine_textures_of_odd_sizes_are_not_shifted(height, width):
     """Values that grow along v and along u come out where they are on the surface."""
     up, across = (np.arange(height) + 0.5) / height, (np.arange(width) + 0.5) / width
     pixels = np.stack(np.broadcast_arrays(up[:, None], across, 0.5), axis=2).astype(np.float32)

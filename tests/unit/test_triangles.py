@@ -42,7 +42,7 @@ def test_diagonal_and_box_are_those_of_all_meshes(away):
 
 
 def test_lights_move_with_the_triangles():
-    """In float64: a lamp keeps its place between walls that float32 holds to 8 m only."""
+    """In float64: a lamp stays between walls that float32 holds to 8 m only."""
     lamp = Light("Lamp", "point", np.array([1e8 + 0.3, 0, 0]), np.eye(3), np.ones(3, np.float32))
     moved = lamp.relative_to(np.array([1e8, 0, -2]))
     assert moved.position == pytest.approx([0.3, 0, 2], abs=1e-7)

@@ -226,12 +226,12 @@ def world_hdri():
     """An image with a small sun, turned by a Mapping node."""
     stage()
     tree = world(strength=0.8).node_tree
-    node, mapping, place = (
+    node, mapping, coordinates = (
         tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexEnvironment", "Mapping", "TexCoord")
     )
     node.image = picture("Sky", _hdri_pixels(), "Linear Rec.709", True)
     mapping.inputs["Rotation"].default_value = (0, 0, 1.0)
-    tree.links.new(place.outputs["Generated"], mapping.inputs["Vector"])
+    tree.links.new(coordinates.outputs["Generated"], mapping.inputs["Vector"])
     tree.links.new(mapping.outputs[0], node.inputs["Vector"])
     tree.links.new(node.outputs["Color"], tree.nodes["Background"].inputs["Color"])
 
@@ -241,8 +241,8 @@ def world_gradient():
     """Nodes that only Blender evaluates."""
     stage()
     tree = world().node_tree
-    gradient, place = tree.nodes.new("ShaderNodeTexGradient"), tree.nodes.new("ShaderNodeTexCoord")
-    tree.links.new(place.outputs["Generated"], gradient.inputs["Vector"])
+    gradient, coordinates = tree.nodes.new("ShaderNodeTexGradient"), tree.nodes.new("ShaderNodeTexCoord")
+    tree.links.new(coordinates.outputs["Generated"], gradient.inputs["Vector"])
     tree.links.new(gradient.outputs["Color"], tree.nodes["Background"].inputs["Color"])
 
 
@@ -392,9 +392,9 @@ def smooth_sphere():
 def linked_duplicates():
     floor()
     first = box(None, (0.8, 0.5, 0.4))
-    for number, place in enumerate([(-0.6, -0.4, 0.4), (-0.5, 0.8, 0.5)]):
+    for number, location in enumerate([(-0.6, -0.4, 0.4), (-0.5, 0.8, 0.5)]):
         copy = bpy.data.objects.new(f"Copy {number}", first.data)
-        copy.location, copy.scale = place, (1 + 0.4 * number,) * 3
+        copy.location, copy.scale = location, (1 + 0.4 * number,) * 3
         bpy.context.scene.collection.objects.link(copy)
     lamp("AREA", energy=60, shape="SQUARE", size=0.5)
     world(strength=0.3)

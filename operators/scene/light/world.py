@@ -117,7 +117,7 @@ def _turned(pixels: np.ndarray, matrix: np.ndarray) -> np.ndarray:
 
 
 def _interpolated(pixels: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return pixels at places counted from pixel centres; columns go around."""
+    """Return pixels at points counted from pixel centres; columns go around."""
     height, width = pixels.shape[:2]
     left, below = np.floor(x).astype(int), np.floor(y).astype(int)
     across, up = (x - left)[..., None].astype(np.float32), (y - below)[..., None].astype(np.float32)

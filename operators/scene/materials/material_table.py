@@ -50,7 +50,7 @@ class MaterialTable:
         key = (None if material is None else material.session_uid, tuple(values.items()))
         if key in self._index:
             return self._index[key]
-        complex_key = (*key, atlas or "", _overlapping(item, atlas, depends.placed))
+        complex_key = (*key, atlas or "", _overlapping(item, atlas, depends.located))
         if complex_key in self._index:
             return self._index[complex_key]
         number = len(self._materials)
@@ -169,7 +169,7 @@ def _once(names: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def _overlapping(item: SceneItem, atlas: str | None, placed: bool) -> tuple:
+def _overlapping(item: SceneItem, atlas: str | None, located: bool) -> tuple:
     """Return what tells items apart whose lightmap UVs may overlap, so that they need textures of their own.
 
     Users of one mesh have its UVs, which may lie over those of other such meshes: each mesh has its texture,
@@ -177,7 +177,7 @@ def _overlapping(item: SceneItem, atlas: str | None, placed: bool) -> tuple:
     """
     if atlas is None or (item.instancer is None and item.source.data.users < 2):
         return ()
-    if not placed:
+    if not located:
         return (item.source.data.session_uid,)
     instancer = None if item.instancer is None else item.instancer.session_uid
     return (item.source.session_uid, instancer, item.persistent_id)

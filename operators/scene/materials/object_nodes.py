@@ -13,7 +13,7 @@ from ..objects.items import SceneItem
 _INFO = ("Location", "Color", "Alpha", "Object Index", "Random")
 
 #: Outputs of nodes that tell where a surface is in the world.
-_PLACED = {
+_LOCATED = {
     "ShaderNodeNewGeometry": ("Position", "Normal", "Tangent", "True Normal"),
     "ShaderNodeTexCoord": ("Normal", "Reflection"),
     "ShaderNodeVectorTransform": ("Vector",),
@@ -35,18 +35,18 @@ class Dependence:
     """How a material depends on the object that shows it.
 
     sources  the values that an object, or instance, has for itself
-    placed   True if it matters where the object is
+    located  True if it matters where the object is
     """
 
     sources: tuple[Source, ...] = ()
-    placed: bool = False
+    located: bool = False
 
 
 def dependence(tree: bpy.types.NodeTree | None) -> Dependence:
     """Return how the nodes of a tree, groups included, depend on the object."""
     nodes = [] if tree is None else list(_nodes(tree))
     sources = {source for node in nodes for source in _sources(node)}
-    return Dependence(tuple(sorted(sources)), any(_is_placed(node) for node in nodes))
+    return Dependence(tuple(sorted(sources)), any(_is_located(node) for node in nodes))
 
 
 def object_values(sources: tuple[Source, ...], item: SceneItem) -> dict[Source, tuple[float, ...]]:
@@ -121,11 +121,12 @@ def _sources(node: bpy.types.Node) -> list[Source]:
     return [source for source in sources if source is not None]
 
 
-def _is_placed(node: bpy.types.Node) -> bool:
+def _is_located(node: bpy.types.Node) -> bool:
     """Return whether a node tells where an object is."""
     if getattr(node, "object", None) is not None:
         return True
-    return any(output.is_linked and output.name in _PLACED.get(node.bl_idname, ()) for output in node.outputs)
+    outputs = _LOCATED.get(node.bl_idname, ())
+    return any(output.is_linked and output.name in outputs for output in node.outputs)
 
 
 def _info(name: str, item: SceneItem) -> tuple[float, ...]:

@@ -57,13 +57,13 @@ def _node_matrix(node: bpy.types.Node) -> np.ndarray:
     names = ("Location", "Rotation", "Scale")
     if any(feeder(node.inputs[name]).is_output for name in names):
         raise ComplexError
-    place, turn, scale = (np.array(node.inputs[name].default_value, np.float64) for name in names)
+    location, turn, scale = (np.array(node.inputs[name].default_value, np.float64) for name in names)
     if abs(turn[0]) > 1e-6 or abs(turn[1]) > 1e-6:
         raise ComplexError
     rotation = np.array([[np.cos(turn[2]), -np.sin(turn[2])], [np.sin(turn[2]), np.cos(turn[2])]])
     matrix = np.eye(3)
     matrix[:2, :2] = rotation * scale[:2]
-    matrix[:2, 2] = place[:2]
+    matrix[:2, 2] = location[:2]
     if node.vector_type == "TEXTURE":
         if np.prod(scale[:2]) == 0:
             raise ComplexError

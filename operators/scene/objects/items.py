@@ -1,4 +1,4 @@
-"""What a render shows: objects and instances, each with its place."""
+"""What a render shows: objects and instances, each with its matrix."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ _DOUBLED_STEPS = 1 << 18
 _DRAFT = 887
 _LONGEST_DRAFT = 1 << 17
 
-_UNPLACED = 0xFFFFFFFF
+_UNPACKED = 0xFFFFFFFF
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ def _segment(mesh: PolygonMesh) -> tuple[np.ndarray, np.ndarray]:
         _, charts = atlas.get_mesh_vertex_assignment(0)
         size = np.array([atlas.width, atlas.height]) / max(atlas.texels_per_unit, 1e-30) / scale
     chart = charts[indices].astype(np.int64)
-    chart[chart == _UNPLACED] = -1
+    chart[chart == _UNPACKED] = -1
     return (uvs * size)[indices], chart.min(axis=1)
 
 
@@ -157,7 +157,7 @@ def _torn_polygons(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> np.
 def _doubled_polygons(mesh: PolygonMesh) -> np.ndarray:
     """Return the polygons that lie on an earlier one with the same corners, in any order.
 
-    Such a pair, as models have it to be seen from both sides, comes out of xatlas as one place in a chart.
+    Such a pair, as models have it to be seen from both sides, comes out of xatlas as one spot of a chart.
     """
     corners = mesh.positions[mesh.corners]
     size = np.ptp(mesh.positions, axis=0).max()
@@ -256,7 +256,7 @@ def _longest_chart(meshes: Sequence[PolygonMesh], charts: Sequence[Charts]) -> f
 def _pack_at(
     meshes: Sequence[PolygonMesh], charts: Sequence[Charts], scale: float
 ) -> tuple[list[np.ndarray], int]:
-    """Return the loops' places in texels at `scale` texels per metre, and the page size they need.
+    """Return where the loops are packed, in texels at `scale` texels per metre, and the page size they need.
 
     xatlas takes meshes at the same address for instances, so all inputs have to live until it is done.
     It keeps 2 * padding + 1 texels between charts, and puts chart borders on texel centres; half a
@@ -271,11 +271,11 @@ def _pack_at(
             atlas.add_uv_mesh(*arrays)
         atlas.generate(pack_options=options)
         size = np.array([atlas.width, atlas.height])
-        places = [
-            _loop_places(atlas, index, mesh, chart, size)
+        texels = [
+            _packed_loops(atlas, index, mesh, chart, size)
             for index, (mesh, chart) in enumerate(zip(meshes, charts, strict=True))
         ]
-    return places, int(size.max())
+    return texels, int(size.max())
 
 
 def _uv_mesh(mesh: PolygonMesh, charts: Charts, scale: float) -> tuple[np.ndarray, ...]:
@@ -284,25 +284,25 @@ def _uv_mesh(mesh: PolygonMesh, charts: Charts, scale: float) -> tuple[np.ndarra
     return uvs, mesh.triangles.astype(np.uint32), charts.chart[:, None].astype(np.uint32)
 
 
-def _loop_places(atlas, index: int, mesh: PolygonMesh, charts: Charts, size: np.ndarray) -> np.ndarray:
+def _packed_loops(atlas, index: int, mesh: PolygonMesh, charts: Charts, size: np.ndarray) -> np.ndarray:
     """Return where one mesh's loops have been packed, (l, 2) texels."""
     loops, _, uvs = atlas.get_mesh(index)
     page, _ = atlas.get_mesh_vertex_assignment(index)
-    placed = page != _UNPLACED
-    places = np.full((len(mesh.corners), 2), np.nan)
-    places[loops[placed]] = uvs[placed] * size + 0.5
-    lost = np.isnan(places[mesh.triangles]).any(axis=(1, 2))
+    packed = page != _UNPACKED
+    texels = np.full((len(mesh.corners), 2), np.nan)
+    texels[loops[packed]] = uvs[packed] * size + 0.5
+    lost = np.isnan(texels[mesh.triangles]).any(axis=(1, 2))
     for chart in np.unique(charts.chart[lost]):
-        _place_lost(places, charts.uvs, np.unique(mesh.triangles[charts.chart == chart]))
-    return np.nan_to_num(places, nan=0.5)
+        _move_lost(texels, charts.uvs, np.unique(mesh.triangles[charts.chart == chart]))
+    return np.nan_to_num(texels, nan=0.5)
 
 
-def _place_lost(places: np.ndarray, uvs: np.ndarray, loops: np.ndarray) -> None:
+def _move_lost(texels: np.ndarray, uvs: np.ndarray, loops: np.ndarray) -> None:
     """Move loops of triangles too small for xatlas as the rest of their chart has been moved."""
-    known = loops[~np.isnan(places[loops, 0])]
-    lost = loops[np.isnan(places[loops, 0])]
+    known = loops[~np.isnan(texels[loops, 0])]
+    lost = loops[np.isnan(texels[loops, 0])]
     if len(known) < 3:
         return
     frame = np.c_[uvs[known], np.ones(len(known))]
-    affine = np.linalg.lstsq(frame, places[known], rcond=None)[0]
-    places[lost] = np.c_[uvs[lost], np.ones(len(lost))] @ affine
+    affine = np.linalg.lstsq(frame, texels[known], rcond=None)[0]
+    texels[lost] = np.c_[uvs[lost], np.ones(len(lost))] @ affine

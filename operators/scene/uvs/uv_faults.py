@@ -1,4 +1,4 @@
-"""Lightmap UVs that are no places for light: found before they reach a bake."""
+"""Lightmap UVs that cannot hold light: found before they reach a bake."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _CHUNK = 1 << 13
 #: Fraction of the covered texels that several triangles may cover.
 _DOUBLED = 0.0025
 
-#: Fraction of the surface that may have next to no place, and what that is relative to the mean.
+#: Fraction of the surface that may have next to no texels, and what that is relative to the mean.
 _MISSING = 0.005
 _FLAT = 0.01
 
@@ -60,7 +60,7 @@ def covered_texels(uvs: np.ndarray, resolution: int) -> tuple[np.ndarray, np.nda
 
 
 def cover(uvs: np.ndarray, positions: np.ndarray) -> bool:
-    """Return whether all but a sliver of a surface, (t, 3, 3), has places by its UVs, (t, 3, 2)."""
+    """Return whether all but a sliver of a surface, (t, 3, 3), has texels by its UVs, (t, 3, 2)."""
     flat, surface = _areas(uvs), _areas(positions)
     if not flat.sum() > 0:
         return False

@@ -1,6 +1,6 @@
 """Lightmap UVs of a mesh as modifiers make it, kept by one more modifier.
 
-Modifiers that copy or make faces leave no place for UVs on the object's own mesh. A last Geometry Nodes
+Modifiers that copy or make faces leave no room for UVs on the object's own mesh. A last Geometry Nodes
 modifier stores them on the corners of what the others make: corner i gets the position of point i of a
 mesh that only the modifier's node group uses. Nothing of the user's is touched; removing the modifier
 removes the UVs.

@@ -21,7 +21,7 @@ _LONGEST = 200
 
 
 @dataclass(frozen=True)
-class Places:
+class Destination:
     """Where the lightmaps of a bake go.
 
     folder     None where the .blend has no folder yet: they are packed into it
@@ -41,7 +41,9 @@ class Places:
         return [self.folder / name for name in self.names] if self.folder else []
 
 
-def choose_places(scene: bpy.types.Scene, atlases: Sequence[str], directory: str, changes: Changes) -> Places:
+def choose_destination(
+    scene: bpy.types.Scene, atlases: Sequence[str], directory: str, changes: Changes
+) -> Destination:
     """Return where the lightmaps of a scene go; raises EngineError if nothing can be written there.
 
     Files are called after the .blend and the atlas, and after the atlas alone in a folder that is not
@@ -52,7 +54,7 @@ def choose_places(scene: bpy.types.Scene, atlases: Sequence[str], directory: str
         raise EngineError("There is no folder for the lightmaps. Choose one, such as //lightmaps/.")
     relative = directory.startswith("//")
     if relative and not bpy.data.filepath:
-        return Places(None, tuple(_names(scene.name, "", atlases, set(), lambda name: True)), directory)
+        return Destination(None, tuple(_names(scene.name, "", atlases, set(), lambda name: True)), directory)
     folder = Path(os.path.abspath(bpy.path.abspath(directory)))
     blend = _blend_from(folder)
     try:
@@ -61,7 +63,7 @@ def choose_places(scene: bpy.types.Scene, atlases: Sequence[str], directory: str
         stem = Path(bpy.data.filepath).stem if relative else ""
         known = read_manifest(folder)
         names = _names(scene.name, stem, atlases, others, lambda name: _is_free(known, folder / name, blend))
-        return Places(folder, tuple(names), directory, blend)
+        return Destination(folder, tuple(names), directory, blend)
     except OSError as error:
         raise EngineError(
             f"The lightmaps cannot be written to '{folder}': {reason(error)}. Choose another folder."

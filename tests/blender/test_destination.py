@@ -133,7 +133,7 @@ def test_map_that_was_painted_over_is_not_overwritten(tmp_path):
 
 
 def test_map_that_a_killed_bake_was_about_to_replace_is_replaced_by_the_next(tmp_path):
-    """The manifest has its place before the first map: it knows the old and the new one."""
+    """The manifest is there before the first map: it knows the old and the new one."""
     import bpy
 
     save_blend(tmp_path / "scene.blend")
@@ -188,10 +188,10 @@ def test_manifest_tells_what_each_map_shows(tmp_path):
 def test_atlases_that_map_to_one_file_name_get_numbers(tmp_path):
     import bpy
 
-    places = part("operators.result.places")
+    destination = part("operators.result.destination")
     changes = part("operators.changes").Changes()
     atlases = ["X/Y", "X:Y", "x_y", "long " * 60, "long " * 60 + "other", "", "..."]
-    chosen = places.choose_places(bpy.context.scene, atlases, str(tmp_path), changes)
+    chosen = destination.choose_destination(bpy.context.scene, atlases, str(tmp_path), changes)
     names = [path.name for path in chosen.paths]
     assert names[:3] == ["X_Y.exr", "X_Y.001.exr", "x_y.002.exr"]
     assert len({name.casefold() for name in names}) == len(atlases)
@@ -304,8 +304,8 @@ def test_leftovers_of_a_killed_bake_are_swept_by_the_next_one(tmp_path):
 
     out = tmp_path / "out"
     script = KILLED.format(root=str(ROOT), folder=str(out))
-    places = os.environ | {"TMPDIR": str(tmp_path), "BLENDER_USER_RESOURCES": str(tmp_path)}
-    killed = subprocess.run([sys.executable, "-c", script], timeout=120, check=False, env=places)
+    folders = os.environ | {"TMPDIR": str(tmp_path), "BLENDER_USER_RESOURCES": str(tmp_path)}
+    killed = subprocess.run([sys.executable, "-c", script], timeout=120, check=False, env=folders)
     assert killed.returncode == -signal.SIGKILL and len(files_below(out)) == 3
     (folder,) = out.iterdir()
 
@@ -349,7 +349,7 @@ def test_full_disk_is_told_as_such_and_the_old_lightmap_stays(small_disk):
 
 
 def test_limit_of_file_sizes_is_told_as_such(tmp_path):
-    """The whole file would be 35 KiB: the limit is met in the middle, or by the last bytes."""
+    """The whole file would be 35 KiB: the limit is met half-way, or by the last bytes."""
     import bpy
 
     resource = pytest.importorskip("resource")

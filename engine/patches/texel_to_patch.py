@@ -102,19 +102,20 @@ def _neighbours(
     """
     point = np.einsum("nk,nkd->nd", barycentric, triangles.positions[triangle])
     height, width = texel_to_patch.shape[1:]
-    result = np.zeros(len(texels), np.uint32)
+    result, left = np.zeros(len(texels), np.uint32), np.arange(len(texels))
     for dy, dx in _OFFSETS:
-        y, x = texels[:, 1] + dy, texels[:, 2] + dx
-        inside = (result == 0) & (y >= 0) & (y < height) & (x >= 0) & (x < width)
-        candidate = np.where(inside, texel_to_patch[texels[:, 0], y % height, x % width], 0)
-        chosen = np.flatnonzero(candidate)
-        nearby = geometry.part(candidate[chosen].astype(np.int64) - 1)
+        atlas, y, x = texels[left].T + np.array([[0], [dy], [dx]])
+        inside = (y >= 0) & (y < height) & (x >= 0) & (x < width)
+        candidate = np.where(inside, texel_to_patch[atlas, y % height, x % width], 0)
+        there = np.flatnonzero(candidate)
+        border = left[there]
+        nearby = geometry.part(candidate[there].astype(np.int64) - 1)
         texel_size = np.maximum(np.linalg.norm(nearby.edge_u, axis=1), np.linalg.norm(nearby.edge_v, axis=1))
-        distance = np.linalg.norm(nearby.center - point[chosen], axis=1)
-        near = distance <= 2 * texel_size * np.hypot(dy, dx)
-        same = triangles.mesh[nearby.triangle] == triangles.mesh[triangle[chosen]]
+        near = np.linalg.norm(nearby.center - point[border], axis=1) <= 2 * texel_size * np.hypot(dy, dx)
+        same = triangles.mesh[nearby.triangle] == triangles.mesh[triangle[border]]
         accepted = near & same
-        result[chosen[accepted]] = candidate[chosen[accepted]]
+        result[border[accepted]] = candidate[there[accepted]]
+        left = left[result[left] == 0]
     return result
 
 

@@ -10,7 +10,7 @@ from tests.analytic.drive import drive
 from tests.analytic.scenes import furnace, material, quads, room_walls
 
 #: Width of lightmaps, cubes along each axis of a room, cubes in an atlas, and what they emit by turns.
-SIDE, CUBES, IN_ATLAS = 16, 4, 10
+SIDE, CUBES, IN_ATLAS = 17, 4, 10
 COLOURS = ((0, 0, 0), (4, 0, 0), (0, 2, 0), (0, 0, 1))
 
 

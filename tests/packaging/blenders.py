@@ -83,9 +83,9 @@ def installed() -> list[str]:
     return [*environments, *([program] if program else [])]
 
 
-def blender_of(place: str, folder: Path) -> Blender:
+def blender_of(path: str, folder: Path) -> Blender:
     """Return a Blender of `installed`; links to the packages that it needs go to a folder."""
-    return _module(ROOT / place, folder) if place in _ENVIRONMENTS else _program(place)
+    return _module(ROOT / path, folder) if path in _ENVIRONMENTS else _program(path)
 
 
 def _module(environment: Path, folder: Path) -> Blender:

@@ -70,5 +70,5 @@ def driver(tmp_path_factory) -> str | None:
 
 @pytest.fixture
 def user(tmp_path) -> Path:
-    """Return a place for a person's home folder."""
+    """Return an empty folder as a person's home."""
     return tmp_path / "home"

@@ -5,30 +5,28 @@ import numpy as np
 from engine.patches.geometry import patch_geometry
 from engine.reference.cpu_patches import list_patches
 from engine.scene.model import Scene
-from engine.scene.triangles import Triangles
+from engine.scene.triangles import join_meshes
 from tests.analytic.scenes import material, quads, rectangle
 from tools.verification.doubled import doubled_texels
 
 
 def test_texels_on_a_second_face_are_found():
-    """A square, another that lies on its right half, face down, and one that floats above both."""
-    corners = np.stack([
+    """A square, another mesh that lies on its right half, face down, and one that floats above both."""
+    corners = (
         rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0)),
         rectangle((1, 0, 0), (-0.5, 0, 0), (0, 1, 0)),
         rectangle((0, 0, 1e-3), (1, 0, 0), (0, 1, 0)),
-    ])  # fmt: skip
-    charts = [(0, 0, 8, 6), (10, 0, 4, 6), (0, 10, 8, 6)]
-    scene = Scene((quads(corners, charts, [0, 0, 0], 20),), (material("Grey", 0.5),))
-    doubled = doubled_texels(parts_of(scene, 20), 1)[0]
-    expected = np.zeros((20, 20), bool)
+    )
+    charts = ((0, 0, 8, 6), (10, 0, 4, 6), (0, 10, 8, 6))
+    pairs = zip(corners, charts, strict=True)
+    meshes = tuple(quads(corner[None], [chart], [0], 19) for corner, chart in pairs)
+    doubled = doubled_texels(parts_of(Scene(meshes, (material("Grey", 0.5),)), 19), 1)[0]
+    expected = np.zeros((19, 19), bool)
     expected[0:6, 4:8] = expected[0:6, 10:14] = True
     assert (doubled == expected).all()
 
 
 def parts_of(scene: Scene, resolution: int) -> SimpleNamespace:
-    mesh = scene.meshes[0]
-    zeros = np.zeros(len(mesh.positions), np.int32)
-    triangles = Triangles(mesh.positions, mesh.normals, mesh.uvs, mesh.material, zeros, zeros)
-    patches = list_patches(scene, resolution)
+    triangles, patches = join_meshes(scene), list_patches(scene, resolution)
     geometry = patch_geometry(triangles, patches)
     return SimpleNamespace(triangles=triangles, patches=patches, geometry=geometry)

@@ -99,10 +99,12 @@ class Schedule:
     In the time t the fraction f grows by (1 - f) t / (t + left): the part that t has of the time that was
     left. So it never falls, however wrong the estimates, ends at 1, and is even where they are right.
 
+    seconds_left  until all work is done; NaN while most of it is a guess that matters
     """
 
     def __init__(self, stages: Sequence[Stage]) -> None:
         self._stages, self._current, self._rest = tuple(stages), 0, 1.0
+        self._left, self.seconds_left = 0.0, math.nan
         self._last = time.perf_counter()
 
     @property
@@ -115,17 +117,10 @@ class Schedule:
         """The fraction of all work that is done, in [0, 1]."""
         return 1 - self._rest
 
-    @property
-    def seconds_left(self) -> float:
-        """Seconds until all work is done; NaN while most of them are a guess that matters."""
-        stages = self._stages[self._current :]
-        guessed = sum(stage.seconds_left for stage in stages if not stage.known)
-        left, spent = self._left(), sum(stage.seconds for stage in self._stages)
-        return left if guessed <= max(left / 2, _NEGLIGIBLE * spent) else math.nan
-
     def begin(self, stage: Stage) -> Progress:
         """Begin a stage; what is left of those before it does not count any more."""
         self._current = self._stages.index(stage)
+        self._estimate()
         return self.progress(0.0)
 
     def advance(self, done: float) -> None:
@@ -133,9 +128,9 @@ class Schedule:
         now = time.perf_counter()
         seconds, self._last = now - self._last, now
         self.current.advance(done, seconds)
-        left = self._left()
-        if seconds + left > 0:
-            self._rest *= left / (seconds + left)
+        self._estimate()
+        if seconds + self._left > 0:
+            self._rest *= self._left / (seconds + self._left)
 
     def end(self) -> Progress:
         """End the current stage: what it did is all that there was."""
@@ -178,13 +173,23 @@ class Schedule:
         left = math.nan if math.isnan(progress.seconds_left) else self.seconds_left
         return replace(progress, overall=self.overall, seconds_left=left)
 
-    def progress(self, fraction: float, name: str = "") -> Progress:
-        """Return how far all work is, with what is to be shown of the current stage."""
-        name = name or self.current.name
-        return Progress(name, fraction, self.overall, self.seconds_left)
+    def progress(self, fraction: float, name: str = "", **facts: Any) -> Progress:
+        """Return how far all work is, with what is to be shown of the current stage.
 
-    def _left(self) -> float:
-        return sum(stage.seconds_left for stage in self._stages[self._current :])
+        facts: further fields of `Progress`
+        """
+        return Progress(name or self.current.name, fraction, self.overall, self.seconds_left, **facts)
+
+    def _estimate(self) -> None:
+        """Estimate the time that is left, and how much of it is a guess."""
+        left = guessed = 0.0
+        for stage in self._stages[self._current :]:
+            seconds = stage.seconds_left
+            left += seconds
+            guessed += 0.0 if stage.known else seconds
+        spent = sum(stage.seconds for stage in self._stages[: self._current + 1])
+        self._left = left
+        self.seconds_left = left if guessed <= max(left / 2, _NEGLIGIBLE * spent) else math.nan
 
 
 def format_seconds_left(seconds: float) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -130,7 +129,7 @@ class BakeStages(Schedule):
     def iterated(self, solution: Solution, image: np.ndarray | None) -> Progress:
         """Return the progress after an iteration, with the lightmaps so far."""
         self.advance(self.current.done)
-        return replace(self._about(solution, 1.0), partial=image)
+        return self._about(solution, 1.0, image)
 
     def learn(self) -> None:
         """Keep the paces of this bake for the next one."""
@@ -175,8 +174,10 @@ class BakeStages(Schedule):
             return self.visibility, self.visibility.name
         return self.bounces, f"Bounce {solution.iterations + 1}"
 
-    def _about(self, solution: Solution, fraction: float) -> Progress:
+    def _about(self, solution: Solution, fraction: float, image: np.ndarray | None = None) -> Progress:
         """Return the progress with what is known of a solution."""
-        energy = solution.energies[-1] if solution.energies else 0.0
-        progress = self.progress(fraction, self._name)
-        return replace(progress, iteration=solution.iterations, residual=solution.residual, energy=energy)
+        energies = solution.energies
+        return self.progress(
+            fraction, self._name, iteration=solution.iterations, residual=solution.residual,
+            energy=energies[-1] if energies else 0.0, partial=image,
+        )  # fmt: skip

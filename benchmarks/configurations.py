@@ -47,4 +47,4 @@ def label(values: dict[str, Any]) -> str:
 
 def settings(values: dict[str, Any], **more: Any) -> Settings:
     """Return settings with these values."""
-    return Settings(partials=False, **values, **more)
+    return Settings(intermediates=False, **values, **more)

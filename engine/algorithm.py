@@ -78,9 +78,9 @@ def _bake(
     # Every patch gathers what all others send out, until the light has settled (III.B, IV.C).
     while not outputs.done(solution):
         yield from stages.iterate(solution)
-        if outputs.done(solution) or (settings.partials and solution.iterations == 1):
+        if outputs.done(solution) or (settings.intermediates and solution.iterations == 1):
             store.hide(solution.gathered[:, 3], in_contact)
-        image = store.display(outputs.light(solution)) if settings.partials else None
+        image = store.display(outputs.light(solution)) if settings.intermediates else None
         yield stages.iterated(solution, image)
 
     # What was asked for, as images with dilated charts (VI.B).

@@ -34,7 +34,7 @@ class Progress:
     iteration     iterations completed
     residual      estimated remaining error, relative to each patch's light, on average; NaN while unknown
     energy        radiant flux that the last completed iteration added, W, sum of the channels
-    partial       the lightmaps so far, dilated, (atlases, h, w, 3) float32, E/pi; only after an
+    intermediate  the lightmaps so far, dilated, (atlases, h, w, 3) float32, E/pi; only after an
                   iteration, else None
     """
 
@@ -45,7 +45,7 @@ class Progress:
     iteration: int = 0
     residual: float = math.nan
     energy: float = 0.0
-    partial: np.ndarray | None = None
+    intermediate: np.ndarray | None = None
 
 
 @dataclass(eq=False)

@@ -33,7 +33,7 @@ _SETTINGS = Settings(
     tolerance=1e-4,
     method="cached",
     sample_emission=False,
-    partials=False,
+    intermediates=False,
 )
 
 #: Seconds that one of its bakes is expected to take.

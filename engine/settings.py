@@ -201,8 +201,8 @@ class Settings:
         Size(),
         "paper",
     )
-    partials: bool = described(
-        True, "Partial Lightmaps", "Yield the lightmaps so far after each iteration", Switch(), None
+    intermediates: bool = described(
+        True, "Intermediate Lightmaps", "Yield the lightmaps so far after each iteration", Switch(), None
     )
     cache_dir: str | None = described(
         None, "Kernel Cache", "Folder for compiled kernels; None for PyOpenCL's own", FilePath(), None

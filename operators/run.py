@@ -40,7 +40,7 @@ class Run:
 
     Making one reads the scene and raises EngineError, with everything as before, if that fails.
 
-    watched    False shows no partial lightmaps: nobody sees them before the bake is done
+    watched    False shows no intermediate lightmaps: nobody sees them before the bake is done
     makes_uvs  it has made lightmap UVs: an undo step must follow before anything else happens
     failure    why the lightmaps could not be written, None if they were
     """
@@ -71,7 +71,7 @@ class Run:
     def _read_scene(self, context: bpy.types.Context) -> ReadScene:
         """Return the visible objects, with lightmap UVs made where they are missing."""
         properties = context.scene.hemibake
-        self._settings = replace(read_settings(properties), partials=self._watched)
+        self._settings = replace(read_settings(properties), intermediates=self._watched)
         self._uv_layer = properties.uv_layer
         objects = visible_meshes(context)
         made = unwrap_missing(context, objects, self._uv_layer, self._settings.resolution, self._changes)
@@ -109,15 +109,15 @@ class Run:
                 yield None
 
     def _showing(self, work: Bake) -> Bake:
-        """Do a bake's work and show its partial lightmaps."""
+        """Do a bake's work and show its intermediate lightmaps."""
         with closing(work):
             while True:
                 try:
                     progress = next(work)
                 except StopIteration as end:
                     return end.value
-                if progress is not None and progress.partial is not None:
-                    self._show(progress.partial)
+                if progress is not None and progress.intermediate is not None:
+                    self._show(progress.intermediate)
                 yield progress
 
     def _leave_out_overlaps(self, error: OverlapError) -> None:

@@ -27,10 +27,10 @@ class WindowBake:
         owner.running = self
 
     def show(self, context: bpy.types.Context, progress: Progress) -> None:
-        """Show progress, and a partial lightmap if there is one, in the window."""
+        """Show progress, and an intermediate lightmap if there is one, in the window."""
         self._tell_status(context, f"{progress_line(progress)}    Esc cancels")
         self._manager.progress_update(100 * progress.overall)
-        if progress.partial is not None:
+        if progress.intermediate is not None:
             _redraw(self._manager)
 
     def leave(self) -> None:

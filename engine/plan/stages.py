@@ -179,5 +179,5 @@ class BakeStages(Schedule):
         energies = solution.energies
         return self.progress(
             fraction, self._name, iteration=solution.iterations, residual=solution.residual,
-            energy=energies[-1] if energies else 0.0, partial=image,
+            energy=energies[-1] if energies else 0.0, intermediate=image,
         )  # fmt: skip

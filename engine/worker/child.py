@@ -112,15 +112,15 @@ def _outcome(bake: Bake, arguments: tuple[object, ...], outbox: _Outbox) -> tupl
 
 
 def _report(job: Generator[Progress, None, Any], outbox: _Outbox) -> NoReturn:
-    """Run a bake to its StopIteration; after each slice offer the newest progress and partial."""
+    """Run a bake to its StopIteration; after each slice offer the newest progress and lightmaps."""
     newest = next(job)
     while True:
         outbox.listen()
         sent = outbox.offer("progress", newest)
-        partial = None if sent else newest.partial
+        intermediate = None if sent else newest.intermediate
         newest = next(job)
-        if newest.partial is None and partial is not None:
-            newest = replace(newest, partial=partial)
+        if newest.intermediate is None and intermediate is not None:
+            newest = replace(newest, intermediate=intermediate)
 
 
 def _inherited(handle: int) -> Connection[Any, Any]:

@@ -65,7 +65,7 @@ class Worker:
     def run(self, *arguments: object) -> Generator[Progress | None, None, Any]:
         """Let the child work: each `next` yields the newest Progress, or None.
 
-        A `next` takes a few ms; where a partial or the lightmap arrived as long as copying it.
+        A `next` takes a few ms; where lightmaps arrived as long as copying them.
         Returns what the child's generator returns. Raises the child's SceneError, SettingsError or
         DeviceError, or a WorkerError if the child has a bug, dies, cannot be started or is at work
         already. Closing the generator cancels the bake, within about 2 s.

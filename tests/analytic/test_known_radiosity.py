@@ -179,8 +179,8 @@ def sweeps(prepared: Prepared, settings: Settings) -> list[tuple[np.ndarray, np.
     _, steps = drive_with_progress(prepared.scene, dataclasses.replace(settings, accelerate=False))
     radiance, result = prepared.emission, []
     for progress in steps:
-        if progress.partial is not None:
-            gathered = progress.partial[0].reshape(-1, 3)[prepared.patches.texel]
+        if progress.intermediate is not None:
+            gathered = progress.intermediate[0].reshape(-1, 3)[prepared.patches.texel]
             result.append((radiance, gathered))
             radiance = prepared.emission + prepared.reflectance * gathered
     assert len(result) == settings.iterations

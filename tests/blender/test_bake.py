@@ -204,7 +204,7 @@ def test_linked_duplicates_are_baked_side_by_side():
 def test_run_cancelled_in_the_worker_leaves_nothing(tmp_path):
     import bpy
 
-    # Hemicubes drawn in every iteration: the bake is not over before its first partial has been seen.
+    # Hemicubes drawn in every iteration: the bake is not over before its first intermediate has been seen.
     bpy.context.scene.hemibake.method = "paper"
     save_blend(tmp_path)
     furnace()

@@ -78,8 +78,8 @@ def _check_progress(progress: Progress) -> None:
     assert math.isnan(progress.seconds_left) or progress.seconds_left >= 0, progress.seconds_left
     assert math.isfinite(progress.energy), progress.energy
     assert math.isnan(progress.residual) or progress.residual >= 0, progress.residual
-    if progress.partial is not None:
-        _check_light("partial", progress.partial)
+    if progress.intermediate is not None:
+        _check_light("intermediate", progress.intermediate)
 
 
 def _check_light(name: str, values: np.ndarray) -> None:

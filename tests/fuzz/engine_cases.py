@@ -531,7 +531,7 @@ _SETTINGS = st.fixed_dictionaries(
         "half_radiance": st.booleans(),
         "accelerate": st.booleans(),
         "memory_budget": st.sampled_from([0, 1, 10_000, 1_000_000]),
-        "partials": st.booleans(),
+        "intermediates": st.booleans(),
         "outputs": st.lists(
             st.sampled_from(["combined", "direct", "indirect", "ambient_occlusion"]), min_size=1, unique=True
         ).map(tuple),

@@ -35,13 +35,13 @@ def test_a_patch_list_from_a_file_gives_the_same_bits(tmp_path):
         drive(furnace(0.5, 1.0), replace(settings, resolution=64))
 
 
-def test_progress_reports_stages_energy_and_partial_lightmaps():
+def test_progress_reports_stages_energy_and_intermediate_lightmaps():
     steps = list(bake(furnace(0.5, 1.0), QUICK))
     assert [step.stage for step in steps][:2] == ["Patches", "Patches"]
-    partial = [step for step in steps if step.partial is not None]
-    assert [step.iteration for step in partial] == [1, 2, 3]
-    assert all(step.partial.shape == (1, 32, 32, 3) for step in partial)
-    energies = [step.energy for step in partial]
+    intermediate = [step for step in steps if step.intermediate is not None]
+    assert [step.iteration for step in intermediate] == [1, 2, 3]
+    assert all(step.intermediate.shape == (1, 32, 32, 3) for step in intermediate)
+    energies = [step.energy for step in intermediate]
     assert energies[1] == pytest.approx(energies[0] / 2, rel=1e-3)
     fractions = [step.fraction for step in steps if step.stage.startswith(("Visibility", "Bounce"))]
     assert all(0 <= fraction <= 1 for fraction in fractions) and len(fractions) >= 3

@@ -187,11 +187,11 @@ def test_next_is_quick_and_progress_is_the_newest(start):
     job.close()
 
 
-def test_partial_is_never_torn(start):
+def test_an_intermediate_lightmap_is_never_torn(start):
     job = start("endless").bake(_scene(atlases=(os.devnull,)), SETTINGS)
-    partials = [step.partial for step, _ in zip(filter(None, job), range(30), strict=False)]
-    assert all(len(np.unique(partial)) == 1 for partial in partials)
-    assert len({partial[0, 0, 0, 0] for partial in partials}) == 30
+    intermediates = [step.intermediate for step, _ in zip(filter(None, job), range(30), strict=False)]
+    assert all(len(np.unique(intermediate)) == 1 for intermediate in intermediates)
+    assert len({intermediate[0, 0, 0, 0] for intermediate in intermediates}) == 30
     job.close()
 
 

@@ -36,10 +36,10 @@ def _lightmap(scene, settings):
 
 
 def echo(scene, settings):
-    """Report the same for a while, with a partial, then return `_lightmap`."""
-    partial = np.full((1, 4, 4, 3), np.pi, np.float32)
+    """Report the same for a while, with an intermediate lightmap, then return `_lightmap`."""
+    intermediate = np.full((1, 4, 4, 3), np.pi, np.float32)
     for _ in range(10):
-        yield Progress("Bounce 1", 1.0, 0.5, 3.0, 1, 0.25, 2.0, partial)
+        yield Progress("Bounce 1", 1.0, 0.5, 3.0, 1, 0.25, 2.0, intermediate)
         time.sleep(0.01)
     return _lightmap(scene, settings)
 
@@ -67,8 +67,8 @@ def endless(scene, settings):
     try:
         for iteration in range(1, 1 << 30):
             time.sleep(0.005)
-            partial = np.full((1, 64, 64, 3), iteration, np.float32)
-            yield Progress(f"Bounce {iteration}", 0.5, iteration=iteration, partial=partial)
+            intermediate = np.full((1, 64, 64, 3), iteration, np.float32)
+            yield Progress(f"Bounce {iteration}", 0.5, iteration=iteration, intermediate=intermediate)
     finally:
         with open(scene.atlases[0], "w") as file:
             file.write("closed")

@@ -32,10 +32,10 @@ class RasterIdentity:
         compute: Compute,
         scene: Scene,
         parts: Subdivision,
-        around: Surroundings,
+        surroundings: Surroundings,
         settings: Settings,
     ) -> None:
-        self._compute, self._queue, self._around = compute, compute.queue, around
+        self._compute, self._queue, self._surroundings = compute, compute.queue, surroundings
         self._tiles = plan_tiles(settings, len(parts.patches), IDENTITY_BYTES)
         target = IdentityTarget(graphics, self._tiles)
         self._hemicubes = Hemicubes(graphics, scene, parts, self._tiles, target, settings)
@@ -61,11 +61,11 @@ class RasterIdentity:
     def _keep(self, start: int, end: int, frames: np.ndarray, seen: SeenBuffers) -> None:
         """Move the hemicubes that were drawn into the cache."""
         rows = upload_float4(self._compute, frames.reshape(-1, 3))
-        (group,), around = self._resolve.group(self._compute.group), self._around
+        (group,), surroundings = self._resolve.group(self._compute.group), self._surroundings
         self._resolve(
             self._queue, (group * (end - start),), (group,),
             self._copy.update(), self._weights, rows,
-            around.emission, around.sky, around.width, around.height,
+            surroundings.emission, surroundings.sky, surroundings.width, surroundings.height,
             np.int32(self._tiles.columns), np.int32(self._tiles.n), np.int32(start),
             np.int32(seen.cached_from), seen.cache, seen.static_light, seen.patches_seen,
             cl.LocalMemory(16 * group),

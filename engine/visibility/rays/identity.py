@@ -34,7 +34,7 @@ class RayIdentity:
         compute: Compute,
         receivers: RayScene,
         sources: Subdivision,
-        around: Surroundings,
+        surroundings: Surroundings,
         settings: Settings,
     ) -> None:
         self._compute, self._queue = compute, compute.queue
@@ -53,7 +53,7 @@ class RayIdentity:
         lookups = (upload(compute, array) for array in arrays)
         self._arguments = (
             *rays.arguments, receivers.receivers, *lookups, np.int32(sources.patches.resolution),
-            around.emission, around.sky, around.width, around.height,
+            surroundings.emission, surroundings.sky, surroundings.width, surroundings.height,
             upload(compute, pattern), np.int32(self.samples), np.int32(settings.hemicube),
             np.uint32(rotation_salt(settings.seed)), np.int32(settings.rotate),
         )  # fmt: skip

@@ -12,6 +12,8 @@ from ..engine.progress import Progress, finished
 from ..engine.self_test import Verdict, run_self_test
 from .bake_settings import machine_defaults
 from .log import log
+from .scene.messages import WITHOUT_XATLAS
+from .scene.uvs.charts import has_xatlas
 from .telling import tell
 from .window_bake import WindowBake
 from .worker_owner import owner
@@ -23,12 +25,20 @@ _SLICE = 0.03
 class LastTest:
     """What the last test told.
 
-    right  None before the first one
+    right  None before it has ended
     """
 
     def __init__(self) -> None:
         self.right: bool | None = None
         self.text = ""
+
+    def begin(self) -> None:
+        """Say that one is under way."""
+        self.right, self.text = None, "Testing …"
+
+    def forget(self) -> None:
+        """Say nothing of a test that was cancelled."""
+        self.right, self.text = None, ""
 
     def keep(self, right: bool, text: str) -> None:
         """Keep it, in the log, too."""
@@ -49,6 +59,7 @@ class _Test:
     def cancel(self, keep_images: bool = False) -> bool:
         """Stop it; there is nothing to keep."""
         self.job.close()
+        last_test.forget()
         return False
 
 
@@ -76,6 +87,7 @@ class HEMIBAKE_OT_self_test(bpy.types.Operator):
         """Start the test in the worker process; `modal` follows it."""
         self._window = WindowBake(context, _Test(run_self_test(owner.worker().bake, machine_defaults())))
         context.window_manager.modal_handler_add(self)
+        last_test.begin()
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -114,9 +126,12 @@ class HEMIBAKE_OT_self_test(bpy.types.Operator):
     def _right(self, verdict: Verdict, start: float) -> set[str]:
         """Tell that all is well, and with what."""
         devices, seconds = " and ".join(verdict.devices.values()), time.perf_counter() - start
-        text = f"Right within {verdict.error:.2%}, in {seconds:.1f} s, on {devices}."
-        last_test.keep(True, "\n".join([text, *verdict.notes]))
-        for note in verdict.notes:
+        text = (
+            f"Right: the light differs by {verdict.error:.4%} from what is known. {devices}, {seconds:.1f} s."
+        )
+        notes = verdict.notes if has_xatlas() else (*verdict.notes, WITHOUT_XATLAS)
+        last_test.keep(True, "\n".join([text, *notes]))
+        for note in notes:
             tell(self, "WARNING", note)
         self.report({"INFO"}, text)
         return {"FINISHED"}

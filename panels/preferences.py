@@ -64,9 +64,9 @@ def _draw_device(layout: bpy.types.UILayout, device: FoundDevice, letters: int) 
 def _draw_test(layout: bpy.types.UILayout, letters: int) -> None:
     """Show the button of the test, and what the last one told."""
     layout.operator("hemibake.self_test", text="Self-Test", icon="VIEWZOOM")
+    first = {None: "SORTTIME", True: "CHECKMARK", False: "ERROR"}[last_test.right]
     for number, line in enumerate(last_test.text.splitlines()):
-        wrong = number > 0 or not last_test.right
-        _draw_text(layout, line, letters, "ERROR" if wrong else "CHECKMARK")
+        _draw_text(layout, line, letters, "ERROR" if number else first)
 
 
 def _draw_files(layout: bpy.types.UILayout) -> None:

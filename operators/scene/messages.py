@@ -40,6 +40,10 @@ LINKED = (
     f"no lightmap UVs of its own, and linked from another file: {_SEEN}. Make the mesh local, "
     "or unwrap it in that file."
 )
+WITHOUT_XATLAS = (
+    "The package xatlas is not there: Blender's Smart UV Project makes the lightmap UVs. They have more "
+    "charts and fill less of the lightmap; for better ones, unwrap the objects into that UV layer yourself."
+)
 MANY_LAYERS = f"8 UV layers, as many as Blender allows, and none for the lightmap: {_SEEN}. Remove one."
 
 

@@ -40,19 +40,20 @@ def test_machine_that_works_is_right_and_nothing_changes(log):
     before = snapshot()
     assert bpy.ops.hemibake.self_test() == {"FINISHED"}
     right, text = told()
-    assert right and text.startswith("Right within 0.") and "llvmpipe" in text
-    assert snapshot() == before and "Self-test: Right within" in log.read_text()
+    assert right and text.startswith("Right: the light differs by 0.") and "llvmpipe" in text
+    assert snapshot() == before and "Self-test: Right: " in log.read_text()
 
 
 def test_window_goes_on_meanwhile(operator, context, window):  # noqa: F811
     owner = part("operators.worker_owner").owner
     assert operator.invoke(context, None) == {"RUNNING_MODAL"}
+    assert told() == (None, "Testing …")
     assert owner.busy and operator.modal(context, SimpleNamespace(type="MOUSEMOVE", value="")) == {
         "PASS_THROUGH"
     }
     assert drive(operator, context) == {"FINISHED"}
     assert window.is_as_before() and not owner.busy
-    assert operator.reports[-1][0] == {"INFO"} and operator.reports[-1][1].startswith("Right within")
+    assert operator.reports[-1][0] == {"INFO"} and operator.reports[-1][1].startswith("Right: ")
 
 
 @pytest.mark.parametrize("way", ["escape", "disable"])
@@ -65,6 +66,7 @@ def test_test_that_is_cancelled_leaves_nothing(operator, context, window, way): 
         disable()
         enable()
     assert window.is_as_before() and not part("operators.worker_owner").owner.busy
+    assert told() == (None, "")
 
 
 def test_dead_worker_is_told_with_what_to_do(operator, context, window, log):  # noqa: F811

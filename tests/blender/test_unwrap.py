@@ -116,9 +116,9 @@ def test_torn_polygon_is_laid_flat_without_folding():
     points = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0.9, 0.05, 0.8)], np.float64)
     triangles = np.array([(0, 1, 2), (0, 2, 3)])
     flat = charts._flatten(points, triangles)
-    areas = charts._signed_areas(flat[triangles])
+    areas = charts.signed_areas(flat[triangles])
     assert (areas > 0).all()
-    assert areas.sum() == pytest.approx(charts._areas(points[triangles]).sum())
+    assert areas.sum() == pytest.approx(charts.areas(points[triangles]).sum())
 
 
 def test_other_layers_selection_and_mode_stay():

@@ -1,4 +1,4 @@
-"""Lightmap UVs for polygon meshes: charts and packing by xatlas.
+"""Lightmap UVs for polygon meshes: charts and packing by xatlas, or by Blender where there is no xatlas.
 
 xatlas works on triangles and may cut a polygon along its diagonals, where Blender can store only
 one UV per polygon corner. So charts are made first, polygons that came out torn become charts of
@@ -8,11 +8,11 @@ their own, and then the charts, in world size, are packed.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from ....engine.errors import EngineError
+from . import blender_charts
+from .polygon_mesh import Charts, PolygonMesh, areas, signed_areas
 from .resting_atlases import RestingAtlases
 
 #: Least distance of two charts, texels.
@@ -34,50 +34,18 @@ _LONGEST_DRAFT = 1 << 17
 _UNPACKED = 0xFFFFFFFF
 
 
-@dataclass(frozen=True)
-class PolygonMesh:
-    """A mesh to make charts for.
-
-    positions  (v, 3) float64, world space, metres
-    corners    (l,) int32, vertex of each loop; a polygon's loops are consecutive
-    starts     (p + 1,) int32, first loop of each polygon, then l
-    triangles  (t, 3) int32, loops of each triangle
-    polygon    (t,) int32, polygon of each triangle
-    """
-
-    name: str
-    positions: np.ndarray
-    corners: np.ndarray
-    starts: np.ndarray
-    triangles: np.ndarray
-    polygon: np.ndarray
-
-    @property
-    def area(self) -> float:
-        """The surface, m^2."""
-        return float(_areas(self.positions[self.corners[self.triangles]]).sum())
-
-
-@dataclass(frozen=True)
-class Charts:
-    """Flattened polygons, not packed yet.
-
-    uvs    (l, 2) float64, of each loop, metres
-    chart  (t,) int64, chart of each triangle
-    """
-
-    uvs: np.ndarray
-    chart: np.ndarray
+def has_xatlas() -> bool:
+    """Return whether xatlas is there: no wheel of it fits every Python."""
+    try:
+        _xatlas()
+    except ImportError:
+        return False
+    return True
 
 
 def _xatlas():
-    try:
-        import xatlas
-    except ImportError as error:
-        raise EngineError(
-            "The package xatlas, which makes lightmap UVs, is missing. Install it into Blender's "
-            "Python, or give each object a lightmap UV layer."
-        ) from error
+    import xatlas
+
     return xatlas
 
 
@@ -91,7 +59,7 @@ def destroy_atlases() -> None:
 
 def make_charts(mesh: PolygonMesh) -> Charts:
     """Return a mesh's charts such that every loop has one UV; coordinates have to be finite."""
-    uvs, chart = _segment(mesh)
+    uvs, chart = _segment(mesh) if has_xatlas() else blender_charts.segment(mesh)
     torn = np.union1d(_torn_polygons(mesh, uvs, chart), _doubled_polygons(mesh))
     loop_uvs = np.zeros((len(mesh.corners), 2))
     loop_uvs[mesh.triangles.reshape(-1)] = uvs.reshape(-1, 2)
@@ -183,10 +151,10 @@ def _flatten(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     length = np.linalg.norm(normal)
     other = np.cross(normal / length, axis) if length > 0 else np.zeros(3)
     flat = np.stack([centred @ axis, centred @ other], axis=1)
-    if (_signed_areas(flat[triangles]) < 0).any():
+    if (signed_areas(flat[triangles]) < 0).any():
         flat = _on_circle(points)
-    area = _areas(points[triangles]).sum()
-    return flat * np.sqrt(area / max(np.abs(_signed_areas(flat[triangles])).sum(), 1e-30))
+    area = areas(points[triangles]).sum()
+    return flat * np.sqrt(area / max(np.abs(signed_areas(flat[triangles])).sum(), 1e-30))
 
 
 def _on_circle(points: np.ndarray) -> np.ndarray:
@@ -194,17 +162,6 @@ def _on_circle(points: np.ndarray) -> np.ndarray:
     edges = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
     angle = 2 * np.pi * np.r_[0, np.cumsum(edges)[:-1]] / max(edges.sum(), 1e-30)
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
-
-
-def _areas(corners: np.ndarray) -> np.ndarray:
-    """Return the areas of triangles in space, (t, 3, 3) -> (t,)."""
-    return np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
-
-
-def _signed_areas(corners: np.ndarray) -> np.ndarray:
-    """Return the areas of triangles in the plane, (t, 3, 2) -> (t,), positive counter-clockwise."""
-    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    return (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2
 
 
 def pack_charts(
@@ -216,12 +173,14 @@ def pack_charts(
     `resolution` x `resolution` image between them. None if they do not fit; the density is the largest
     one found at which they do.
     """
-    area = sum(np.abs(_signed_areas(c.uvs[m.triangles])).sum() for m, c in zip(meshes, charts, strict=True))
+    area = sum(np.abs(signed_areas(c.uvs[m.triangles])).sum() for m, c in zip(meshes, charts, strict=True))
     if area == 0:
         return [np.zeros((len(mesh.corners), 2), np.float32) for mesh in meshes]
     low, high, best = 0.0, np.inf, None
     scale = min(resolution * np.sqrt(0.7 / area), np.sqrt(2) * resolution / _longest_chart(meshes, charts))
     least = np.sqrt(_LEAST_CHART * sum(len(np.unique(c.chart)) for c in charts) / area)
+    if not has_xatlas():
+        return _pack_by_blender(meshes, charts, resolution, least * np.sqrt(area))
     for _ in range(_ATTEMPTS):
         if scale < least:
             break
@@ -238,6 +197,21 @@ def pack_charts(
     if best is None:
         return None
     return [(uvs / resolution).astype(np.float32) for uvs in best]
+
+
+def _pack_by_blender(
+    meshes: Sequence[PolygonMesh], charts: Sequence[Charts], resolution: int, least: float
+) -> list[np.ndarray] | None:
+    """Return UVs as `pack_charts` does; None if all charts together get less than `least` texels squared."""
+    packed = blender_charts.pack(meshes, charts, resolution, PADDING)
+    if packed is None:
+        return None
+    area = sum(
+        np.abs(signed_areas(uvs[mesh.triangles])).sum() for mesh, uvs in zip(meshes, packed, strict=True)
+    )
+    if not np.sqrt(area) * resolution >= least:
+        return None
+    return [uvs.astype(np.float32) for uvs in packed]
 
 
 def _longest_chart(meshes: Sequence[PolygonMesh], charts: Sequence[Charts]) -> float:

@@ -12,8 +12,8 @@ from ....engine.errors import SceneError
 from ....engine.naming import naming
 from ...changes import Changes
 from ...lookup import find
-from ..messages import NO_ROOM, Troubles
-from .charts import destroy_atlases, pack_charts
+from ..messages import NO_ROOM, WITHOUT_XATLAS, Troubles
+from .charts import destroy_atlases, has_xatlas, pack_charts
 from .multi_user import instanced_objects, multi_user_sources
 from .uv_layers import add_layer, remove_layer
 from .uv_modifier import (
@@ -186,6 +186,8 @@ class _Unwrapping:
         """Say who has got UVs, and who has none."""
         targets = [target for page in pages for target in page.targets]
         self._made.objects = list(dict.fromkeys(obj for target in targets for obj in target.objects))
+        if targets and not has_xatlas():
+            self._made.notes.append(WITHOUT_XATLAS)
         kept = sorted(obj.name for target in targets if target.topology for obj in target.objects)
         if kept:
             sentence = (

@@ -13,7 +13,8 @@ import numpy as np
 from ..messages import LINKED, MANY_LAYERS, attribute_in_the_way
 from ..objects.extent import trouble_with
 from ..objects.meshes import read_array, read_corners
-from .charts import Charts, PolygonMesh, make_charts
+from .charts import make_charts
+from .polygon_mesh import Charts, PolygonMesh
 from .uv_faults import cover, is_finite, is_inside, overlap
 from .uv_layers import MOST_LAYERS
 from .uv_modifier import has_uvs, topology, uv_modifier

@@ -1,0 +1,54 @@
+"""A mesh to make lightmap UVs for, and its charts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class PolygonMesh:
+    """A mesh to make charts for.
+
+    positions  (v, 3) float64, world space, metres
+    corners    (l,) int32, vertex of each loop; a polygon's loops are consecutive
+    starts     (p + 1,) int32, first loop of each polygon, then l
+    triangles  (t, 3) int32, loops of each triangle
+    polygon    (t,) int32, polygon of each triangle
+    """
+
+    name: str
+    positions: np.ndarray
+    corners: np.ndarray
+    starts: np.ndarray
+    triangles: np.ndarray
+    polygon: np.ndarray
+
+    @property
+    def area(self) -> float:
+        """The surface, m^2."""
+        return float(areas(self.positions[self.corners[self.triangles]]).sum())
+
+
+@dataclass(frozen=True)
+class Charts:
+    """Flattened polygons, not packed yet.
+
+    uvs    (l, 2) float64, of each loop, metres
+    chart  (t,) int64, chart of each triangle
+    """
+
+    uvs: np.ndarray
+    chart: np.ndarray
+
+
+def areas(corners: np.ndarray) -> np.ndarray:
+    """Return the areas of triangles in space, (t, 3, 3) -> (t,)."""
+    return np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+
+
+def signed_areas(corners: np.ndarray) -> np.ndarray:
+    """Return the areas of triangles in the plane, (t, 3, 2) -> (t,), positive counter-clockwise."""
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    return (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2

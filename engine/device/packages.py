@@ -23,5 +23,11 @@ def require_packages() -> None:
         except ImportError as error:
             raise DeviceError(
                 f"The Python package '{name}', which {purpose}, cannot be imported ({error}). "
-                f"Install it with '{sys.executable} -m pip install {name}', then bake again."
+                f"Install the file of Hemibake that is made for this system and Python {_python()}, or into "
+                f"the Python of a checkout '{sys.executable} -m pip install {name}', then bake again."
             ) from error
+
+
+def _python() -> str:
+    """Return the version of this Python that packages are made for."""
+    return f"{sys.version_info.major}.{sys.version_info.minor}"

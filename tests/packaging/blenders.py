@@ -65,9 +65,11 @@ class Blender:
         environment = {key: value for key, value in os.environ.items() if not key.startswith(hidden)}
         environment |= {
             "HOME": str(user),
+            "USERPROFILE": str(user),
             "BLENDER_USER_RESOURCES": str(user / "blender"),
-            "PYTHONDONTWRITEBYTECODE": "1",
+            # What drivers keep of shaders and kernels is theirs, whoever had them built.
             "POCL_CACHE_DIR": str(user.parents[1] / "pocl-cache"),
+            "MESA_SHADER_CACHE_DIR": str(user.parents[1] / "mesa-cache"),
         }
         if self.path:
             environment["PYTHONPATH"] = self.path

@@ -6,15 +6,18 @@ python -m tools.packages.wheels requirements/wheels.txt out/wheels
 from __future__ import annotations
 
 import argparse
+import re
 import subprocess
 import sys
+import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from email import message_from_string
 from email.message import Message
 from pathlib import Path
 from zipfile import ZipFile
 
-from tools.packages.platforms import PLATFORMS, PYTHONS
+from tools.packages.platforms import MISSING, PLATFORMS, Platform
 
 #: How the name of a licence's file starts.
 _LICENCE_NAMES = ("LICENSE", "LICENCE", "COPYING", "NOTICE")
@@ -74,15 +77,29 @@ def wheels_in(folder: Path) -> list[Wheel]:
 
 def download(lock: Path, folder: Path) -> None:
     """Download the wheels of a lock for all platforms and Pythons; pip checks the lock's hashes."""
-    for platform in PLATFORMS:
-        for python in PYTHONS:
-            options = [option for tag in platform.tags for option in ("--platform", tag)]
-            command = [
-                *(sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check"),
-                *("--require-hashes", "--no-deps", "--only-binary", ":all:", "--requirement", str(lock)),
-                *("--implementation", "cp", "--python-version", python, *options, "--dest", str(folder)),
-            ]
-            subprocess.run(command, check=True)
+    with tempfile.TemporaryDirectory() as scratch:
+        part = Path(scratch) / "lock.txt"
+        for platform in PLATFORMS:
+            for python in platform.pythons:
+                part.write_text(lock_without(lock.read_text(encoding="utf-8"), MISSING.get(python, ())))
+                _download(part, folder, platform, python)
+
+
+def lock_without(lock: str, packages: Sequence[str]) -> str:
+    """Return the text of a lock without some packages; what belongs to a package is indented."""
+    for package in packages:
+        lock = re.sub(rf"^{package}==.*\n([ ].*\n)*", "", lock, flags=re.MULTILINE)
+    return lock
+
+
+def _download(lock: Path, folder: Path, platform: Platform, python: str) -> None:
+    options = [option for tag in platform.tags for option in ("--platform", tag)]
+    command = [
+        *(sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check"),
+        *("--require-hashes", "--no-deps", "--only-binary", ":all:", "--requirement", str(lock)),
+        *("--implementation", "cp", "--python-version", python, *options, "--dest", str(folder)),
+    ]
+    subprocess.run(command, check=True)
 
 
 def main() -> None:

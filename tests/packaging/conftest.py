@@ -46,6 +46,12 @@ def names() -> list[str]:
     return [platform.name for platform in PLATFORMS]
 
 
+def locked() -> list[str]:
+    """Return the packages that come as wheels."""
+    lines = (ROOT / "requirements" / "wheels.txt").read_text(encoding="utf-8").splitlines()
+    return [line.partition("==")[0] for line in lines if "==" in line and not line.startswith(("#", " "))]
+
+
 def this_platform() -> str:
     return next(platform.name for platform in PLATFORMS if platform.system == sys.platform)
 

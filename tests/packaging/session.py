@@ -51,6 +51,20 @@ def install(package: str) -> dict:
     return _state()
 
 
+def chosen(wheels: list[str], platform: str, python: list[int]) -> list[str]:
+    """Return which wheels Blender would install for a Python on a platform, as sysconfig calls it."""
+    import sysconfig
+
+    from bl_pkg.bl_extension_ops import _extensions_wheel_filter_for_this_system
+
+    real = sysconfig.get_platform, sys.version_info
+    sysconfig.get_platform, sys.version_info = lambda: platform, tuple(python)
+    try:
+        return _extensions_wheel_filter_for_this_system(wheels)
+    finally:
+        sysconfig.get_platform, sys.version_info = real
+
+
 def enable() -> dict:
     """Enable what an earlier session installed."""
     import addon_utils

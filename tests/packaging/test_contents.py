@@ -15,7 +15,7 @@ from packaging import tags
 from packaging.requirements import Requirement
 from packaging.utils import parse_wheel_filename
 
-from tests.packaging.conftest import names
+from tests.packaging.conftest import locked, names
 from tools.packages.archive import MANIFEST, ROOT, build
 from tools.packages.contents import page
 from tools.packages.platforms import MISSING, PLATFORMS
@@ -112,9 +112,7 @@ def test_manifest_names_the_wheels_that_are_there_and_one_platform(archive):
 
 def test_each_python_gets_one_wheel_of_each_package_and_none_that_blender_has(target, installed):
     found = [wheel.name for wheel in installed]
-    lock = (ROOT / "requirements" / "wheels.txt").read_text(encoding="utf-8").splitlines()
-    locked = [line.partition("==")[0] for line in lock if "==" in line and not line.startswith(("#", " "))]
-    assert sorted(found) == sorted(set(locked) - set(MISSING.get(target[1], ())))
+    assert sorted(found) == sorted(set(locked()) - set(MISSING.get(target[1], ())))
     assert not BLENDERS & set(found)
 
 

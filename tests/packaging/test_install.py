@@ -2,15 +2,27 @@
 
 from fnmatch import fnmatch
 from pathlib import Path
+from zipfile import ZipFile
 
 import pytest
 
-from tests.packaging.conftest import OLDER
+from tests.packaging.conftest import OLDER, locked
 from tools.packages.archive import MANIFEST, ROOT
+from tools.packages.platforms import MISSING, PLATFORMS
+from tools.packages.wheels import Wheel
 
 #: Where Blender notes for which Python it has installed wheels, and what it forgets when it removes those
 #: of a single file: what Python compiled of them.
 BLENDERS_OWN = ("blender/extensions/.cache/compat.dat", "*/site-packages/__pycache__/*.pyc")
+
+
+#: What sysconfig calls the platforms.
+SYSCONFIG = {"linux-x64": "linux-x86_64", "windows-x64": "win-amd64", "macos-arm64": "macosx-11.00-arm64"}
+
+
+def wheels_of(package: Path) -> list[str]:
+    with ZipFile(package) as archive:
+        return [name for name in archive.namelist() if name.endswith(".whl")]
 
 
 def files_in(folder: Path) -> set[str]:
@@ -27,6 +39,24 @@ def is_right(lightmap: list[float]) -> bool:
 def version() -> str:
     lines = (ROOT / MANIFEST).read_text(encoding="utf-8").splitlines()
     return next(line.split('"')[1] for line in lines if line.startswith("version"))
+
+
+def test_blender_chooses_a_wheel_of_each_package_on_every_platform(blender, packages, user):
+    targets = [(platform, python) for platform in PLATFORMS for python in platform.pythons]
+    steps = [
+        (
+            "chosen",
+            wheels_of(packages[platform.name]),
+            SYSCONFIG[platform.name],
+            (*map(int, python.split(".")), 0),
+        )
+        for platform, python in targets
+    ]
+    for (_, python), chosen in zip(targets, blender.run(user, *steps), strict=True):
+        found = [Wheel(Path(path)).name for path in chosen]
+        assert sorted(found) == sorted(set(locked()) - set(MISSING.get(python, ())))
+        tag = f"cp{python.replace('.', '')}"
+        assert {Wheel(Path(path)).python_tag for path in chosen} == {tag, "py3"}
 
 
 def test_it_comes_and_goes_and_leaves_nothing_behind(blender, package, user):

@@ -65,17 +65,18 @@ def _bake(
     # Lamps, small bright surfaces and bright sky are sampled with shadow rays (direct light).
     rays = RayScene(compute, scene, parts)
     lighting = DirectLighting(scene, parts, rays, settings)
-    direct = yield from stages.run(stages.direct, lighting.gather())
+    sampled = yield from stages.run(stages.direct, lighting.gather())
 
-    # All other light is gathered. By hemicubes drawn in every iteration (IV.B), or by what is kept of them?
+    # All other light is gathered: through hemicubes drawn in every iteration (IV.B), or what is kept of them.
     yield stages.begin(stages.choosing)
-    glow, sky = lighting.emission_left, lighting.sky_left
-    job = SolveJob(graphics, compute, scene, parts, rays, glow, sky, direct, parts.geometry.area, settings)
+    emission, sky, area = lighting.emission_left, lighting.sky_left, parts.geometry.area
+    job = SolveJob(graphics, compute, scene, parts, rays, emission, sky, sampled, area, settings)
     solution, choice = choose_solver(job)
     outputs, in_contact = Outputs(scene, settings, lighting), lighting.in_contact()
     yield stages.chosen(choice)
 
-    # Every patch gathers what all others send out, until the light has settled (III.B, IV.C).
+    # Every patch gathers what all others send out, until the light has settled (III.B, IV.C). The first
+    # iteration tells which patches lie inside objects; after groups were solved, the last one does.
     while not outputs.done(solution):
         yield from stages.iterate(solution)
         if outputs.done(solution) or (settings.intermediates and solution.iterations == 1):

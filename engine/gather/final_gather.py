@@ -14,25 +14,26 @@ from .sweep import Sweep
 class FinalGather:
     """Gathers for n patches from the radiance of m sources that their identities name; see `Light`.
 
-    lights  (n, 3) float32, E/pi of lights that patches do not gather
+    sampled_light  (n, 3) float32, E/pi of the light that shadow rays sample
     """
 
-    def __init__(self, compute: Compute, sweep: Sweep, lights: np.ndarray) -> None:
-        self._compute, self._sweep, self.count = compute, sweep, len(lights)
-        self._lights = upload_float4(compute, lights)
+    def __init__(self, compute: Compute, sweep: Sweep, sampled_light: np.ndarray) -> None:
+        self._compute, self._sweep, self.count = compute, sweep, len(sampled_light)
+        self._sampled_light = upload_float4(compute, sampled_light)
         self._nothing, self._gathered = (zeros(compute, 16 * self.count) for _ in range(2))
         self.patches_seen = zeros(compute, 4 * self.count)
 
     def outputs(self, column: int) -> tuple:
         """Return what the kernels of kernels/gather.cl take: the defect to nothing is the light itself."""
         return (
-            self._lights, self._nothing, self._gathered, self._gathered, np.int32(0), np.int32(self.count)
+            self._sampled_light, self._nothing, self._gathered, self._gathered,
+            np.int32(0), np.int32(self.count),
         )  # fmt: skip
 
     def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
         """Gather from radiance, (m, 3) float32; yield the fraction done.
 
-        Returns E/pi with the lights, and the fraction that is no back, (n, 4) float32.
+        Returns E/pi with the sampled light, and the fraction that is no back, (n, 4) float32.
         """
         self.radiance = upload_float4(self._compute, radiance, first=1)
         yield from self._sweep.gather(self, 0)

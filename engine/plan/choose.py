@@ -63,15 +63,22 @@ def choose_solver(job: SolveJob) -> tuple[Solution, Choice]:
 def _solver(job: SolveJob) -> tuple[Solver, Choice]:
     """Return what solves for every patch on its own."""
     radiosity, choice = _host_radiosity(job) if _by_hemicubes(job) else _device_radiosity(job)
-    return Solver(radiosity, job.lights, job.settings, job.glowing), replace(choice, patches=job.count)
+    return Solver(radiosity, job.sampled_light, job.settings, job.gathers_direct), replace(
+        choice, patches=job.count
+    )
 
 
 def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Choice]:
     """Return what solves for squares of patches, then gathers for each patch."""
     groups = PatchGroups(job.rays, job.parts, width)
-    emission, lights = groups.mean(job.emission), groups.mean(job.lights)
+    emission, sampled_light = groups.mean(job.emission), groups.mean(job.sampled_light)
     squares = replace(
-        job, parts=groups.parts, rays=groups.rays, emission=emission, lights=lights, area=groups.area
+        job,
+        parts=groups.parts,
+        rays=groups.rays,
+        emission=emission,
+        sampled_light=sampled_light,
+        area=groups.area,
     )
     solver, choice = _solver(squares)
 
@@ -80,10 +87,10 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Choic
         squares, parts=replace(job.parts, texel_to_patch=groups.parts.texel_to_patch), rays=job.rays
     )
     identity = make_identity(everyone, choice.visibility)
-    final = FinalGather(job.opencl, _stream(everyone, identity), job.lights)
-    parted = job.glowing and bool({"direct", "indirect"} & set(job.settings.outputs))
-    samples = job.count * identity.samples * (2 if parted else 1)
-    solution = GroupedSolution(solver, groups, final, job.lights, emission, parted)
+    final = FinalGather(job.opencl, _stream(everyone, identity), job.sampled_light)
+    separate_direct = job.gathers_direct and bool({"direct", "indirect"} & set(job.settings.outputs))
+    samples = job.count * identity.samples * (2 if separate_direct else 1)
+    solution = GroupedSolution(solver, groups, final, job.sampled_light, emission, separate_direct)
     return solution, replace(choice, final_samples=samples)
 
 
@@ -97,8 +104,8 @@ def _device_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
     identity, reasons, pace = choose_identity(job)
     sweep, method, reason = _choose_sweep(job, identity)
     radiosity = DeviceRadiosity(
-        job.opencl, sweep, job.parts.surfaces.reflectance, job.surroundings.emission, job.area, job.lights,
-        job.glowing, job.columns,
+        job.opencl, sweep, job.parts.surfaces.reflectance, job.surroundings.emission, job.area,
+        job.sampled_light, job.gathers_direct, job.columns,
     )  # fmt: skip
     return radiosity, Choice(method, identity.name, identity.samples, (*reasons, reason), pace=pace)
 
@@ -108,7 +115,7 @@ def _host_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
     gather, choice = _choose_gather(job)
     reflectance = job.parts.surfaces.reflectance
     radiosity = HostRadiosity(
-        gather, reflectance, job.emission, job.area, job.lights, job.glowing, job.columns
+        gather, reflectance, job.emission, job.area, job.sampled_light, job.gathers_direct, job.columns
     )
     return radiosity, choice
 

@@ -23,10 +23,10 @@ from ..visibility.rays.ray_scene import RayScene
 class SolveJob:
     """The radiosity equation of a bake.
 
-    emission  (n, 3) float32, radiance of each patch that the patches themselves see
-    sky       (h, w, 3) float32, radiance, equirectangular, as patches see it
-    lights    (n, 3) float32, E/pi of lights that patches do not gather
-    area      (n,) float32, m^2, of each patch
+    emission       (n, 3) float32, radiance of each patch that the patches themselves see
+    sky            (h, w, 3) float32, radiance, equirectangular, as patches see it
+    sampled_light  (n, 3) float32, E/pi of the light that shadow rays sample
+    area           (n,) float32, m^2, of each patch
     """
 
     graphics: Graphics
@@ -36,7 +36,7 @@ class SolveJob:
     rays: RayScene
     emission: np.ndarray
     sky: np.ndarray
-    lights: np.ndarray
+    sampled_light: np.ndarray
     area: np.ndarray
     settings: Settings
 
@@ -63,12 +63,12 @@ class SolveJob:
         return COLUMNS if self.settings.accelerated else PLAIN_COLUMNS
 
     @property
-    def glowing(self) -> bool:
+    def gathers_direct(self) -> bool:
         """True if patches gather light before any is reflected."""
         return bool(self.emission.any() or self.sky.any())
 
     @property
     def dark(self) -> bool:
         """True if no light reaches any patch, and nothing but light is asked for."""
-        lit = self.glowing or self.lights.any()
+        lit = self.gathers_direct or self.sampled_light.any()
         return not lit and self.settings.light_outputs == self.settings.outputs

@@ -35,8 +35,8 @@ class DeviceRadiosity:
         reflectance: np.ndarray,
         emission: cl.Buffer,
         area: np.ndarray,
-        lights: np.ndarray,
-        glowing: bool,
+        sampled_light: np.ndarray,
+        gathers_direct: bool,
         columns: int,
     ) -> None:
         self._compute, self._queue, self._sweep = compute, compute.queue, sweep
@@ -46,13 +46,15 @@ class DeviceRadiosity:
         options = (f"-DCOLUMNS={columns}",)
         begin, self._products, self._mix, self._add_up = compute.kernels("solve.cl", *names, options=options)
         self._emission, self._reflectance = emission, upload_float4(compute, reflectance)
-        self._lights = upload_float4(compute, lights)
+        self._sampled_light = upload_float4(compute, sampled_light)
 
         # Areas as fractions of all: bright light times large areas leaves float32.
         self._area = upload(compute, (area / max(self.area, _LEAST_AREA)).astype(np.float32))
         self.patches_seen = zeros(compute, 4 * self.count)
         self._gathered, self._defects = (zeros(compute, 16 * self.count * columns) for _ in range(2))
-        self._irradiance = zeros(compute, 16 * self.count) if glowing else upload_float4(compute, lights)
+        self._irradiance = (
+            zeros(compute, 16 * self.count) if gathers_direct else upload_float4(compute, sampled_light)
+        )
         self.radiance = zeros(compute, 16 * (self.count + 1))
         compute.run(
             begin, self.count, self._emission, self._reflectance, self._irradiance, self.radiance,
@@ -70,7 +72,7 @@ class DeviceRadiosity:
     def outputs(self, column: int) -> tuple:
         """Return what the kernels of kernels/gather.cl take to write a column of the ring."""
         ring = (self._gathered, self._defects, np.int32(column), np.int32(self.count))
-        return (self._lights, self._irradiance, *ring)
+        return (self._sampled_light, self._irradiance, *ring)
 
     def sweep(self, column: int) -> Generator[float, None, None]:
         """Gather from the current radiance into a column of the ring; yield the fraction done."""

@@ -14,9 +14,9 @@ from .solver import Solver
 class GroupedSolution:
     """What a `Solver` is, for all patches, from a solver of groups.
 
-    lights    (n, 3) float32, E/pi of lights that patches do not gather
-    emission  (m, 3) float32, radiance of groups that patches see
-    parted    True if direct and indirect light are wanted apart
+    sampled_light    (n, 3) float32, E/pi of the light that shadow rays sample
+    emission         (m, 3) float32, radiance of groups that patches see
+    separate_direct  True if direct and indirect light are outputs of their own
     """
 
     def __init__(
@@ -24,13 +24,13 @@ class GroupedSolution:
         solver: Solver,
         groups: PatchGroups,
         final: FinalGather,
-        lights: np.ndarray,
+        sampled_light: np.ndarray,
         emission: np.ndarray,
-        parted: bool,
+        separate_direct: bool,
     ) -> None:
         self._solver, self._groups, self._final = solver, groups, final
         self._emission, self._reflectance = emission, groups.parts.surfaces.reflectance
-        self._direct: np.ndarray | None = None if parted else lights
+        self._direct: np.ndarray | None = None if separate_direct else sampled_light
         self._gathered: np.ndarray | None = None
 
     @property

@@ -13,12 +13,12 @@ from .solver import PLAIN_COLUMNS, Step, Sums
 class HostRadiosity:
     """See `solve.Radiosity`.
 
-    reflectance  (n, 3) float32
-    emission     (n, 3) float32, radiance that the patches themselves see as they gather
-    area         (n,) float32, m^2
-    lights       (n, 3) float32, E/pi of lights that patches do not gather, or None
-    glowing      see `solve.Solver`
-    columns      see `solve.Radiosity`
+    reflectance     (n, 3) float32
+    emission        (n, 3) float32, radiance that the patches themselves see as they gather
+    area            (n,) float32, m^2
+    sampled_light   (n, 3) float32, E/pi of the light that shadow rays sample; None for none
+    gathers_direct  see `solve.Solver`
+    columns         see `solve.Radiosity`
     """
 
     def __init__(
@@ -27,14 +27,14 @@ class HostRadiosity:
         reflectance: np.ndarray,
         emission: np.ndarray,
         area: np.ndarray,
-        lights: np.ndarray | None = None,
-        glowing: bool = True,
+        sampled_light: np.ndarray | None = None,
+        gathers_direct: bool = True,
         columns: int = PLAIN_COLUMNS,
     ) -> None:
         self._gather, self._reflectance, self._emission = gather, reflectance, emission
         self._areas = area.astype(np.float64)
-        self._lights = np.zeros_like(emission) if lights is None else lights
-        self._irradiance = np.zeros_like(emission) if glowing else self._lights
+        self._sampled_light = np.zeros_like(emission) if sampled_light is None else sampled_light
+        self._irradiance = np.zeros_like(emission) if gathers_direct else self._sampled_light
         self.count, self.area, self.columns = len(emission), float(self._areas.sum()), columns
         self._gathered = np.zeros((columns, self.count, 4), np.float32)
         self._defects = np.zeros((columns, self.count, 3), np.float32)
@@ -49,7 +49,7 @@ class HostRadiosity:
         """Gather from the current radiance into a column of the ring; yield the fraction done."""
         gathered = yield from self._gather.iteration(self.radiance)
         self._gathered[column] = gathered
-        self._gathered[column, :, :3] += self._lights
+        self._gathered[column, :, :3] += self._sampled_light
         self._defects[column] = self._gathered[column, :, :3] - self._irradiance
 
     def sums(self, newest: int, least: float) -> Sums:

@@ -146,11 +146,11 @@ class Solver:
     before (paper, IV.C). With it the first step adds the ambient light that energy balance demands
     (Cohen et al. 1988), all later ones mix iterates as Anderson does.
 
-    radiosity   holds the light; its first radiance is emission, or that with the direct light reflected;
-                with more than PLAIN_COLUMNS columns, sweeps are accelerated
-    lights      (n, 3) float32, E/pi of lights that patches do not gather
-    glowing     True if the patches gather light at first: the first sweep then gives the direct light
-                of emission and surroundings
+    radiosity       holds the light; its first radiance is emission, or that with the sampled light reflected;
+                    with more than PLAIN_COLUMNS columns, sweeps are accelerated
+    sampled_light   (n, 3) float32, E/pi of the light that shadow rays sample
+    gathers_direct  True if the patches gather light at first: the first sweep then gives the direct light
+                    of emission and surroundings
     """
 
     gathers_finally = False
@@ -158,15 +158,15 @@ class Solver:
     def __init__(
         self,
         radiosity: Radiosity,
-        lights: np.ndarray,
+        sampled_light: np.ndarray,
         settings: Settings,
-        glowing: bool = True,
+        gathers_direct: bool = True,
     ) -> None:
-        self._radiosity, self._lights, self._glowing = radiosity, lights, glowing
+        self._radiosity, self._sampled_light, self._gathers_direct = radiosity, sampled_light, gathers_direct
         self._limit, self._tolerance = settings.iterations, settings.tolerance
         self._anderson = Anderson() if radiosity.columns > PLAIN_COLUMNS else None
         self._newest = -1
-        self._direct = lights
+        self._direct = sampled_light
         self._steps: list[Step] = []
         self._factors: list[float] = []
         self._gathered: np.ndarray | None = None
@@ -185,7 +185,7 @@ class Solver:
     @property
     def irradiance(self) -> np.ndarray:
         """E/pi of all light so far, (n, 3) float32."""
-        return self.gathered[:, :3] if self._steps else self._lights
+        return self.gathered[:, :3] if self._steps else self._sampled_light
 
     @property
     def gathered(self) -> np.ndarray:
@@ -211,7 +211,7 @@ class Solver:
         yield from self._radiosity.sweep(self._newest)
         self._gathered = None
         sums = self._radiosity.sums(self._newest, max(self._least_share * self._total, _DARKEST))
-        if self._glowing and not self._steps:
+        if self._gathers_direct and not self._steps:
             self._direct = self._radiosity.iterate(self._newest)[:, :3]
         self._total = sums.total
         if self._steps:

@@ -21,14 +21,23 @@ class Views:
         return np.concatenate([self._factors @ radiance, seen], axis=1).astype(np.float32)
 
 
-def solve(factors, reflectance, emission, settings, accelerate=False, area=None, lights=None, glowing=True):
+def solve(
+    factors,
+    reflectance,
+    emission,
+    settings,
+    accelerate=False,
+    area=None,
+    sampled_light=None,
+    gathers_direct=True,
+):
     count = len(factors)
     colours = [np.broadcast_to(np.float32(x).reshape(-1, 1), (count, 3)) for x in (reflectance, emission)]
-    lights = np.zeros((count, 3), np.float32) if lights is None else lights
+    sampled_light = np.zeros((count, 3), np.float32) if sampled_light is None else sampled_light
     area = np.full(count, 1 / count, np.float32) if area is None else area
     columns = COLUMNS if accelerate else PLAIN_COLUMNS
-    radiosity = HostRadiosity(Views(factors), *colours, area, lights, glowing, columns)
-    solution = Solver(radiosity, lights, settings, glowing)
+    radiosity = HostRadiosity(Views(factors), *colours, area, sampled_light, gathers_direct, columns)
+    solution = Solver(radiosity, sampled_light, settings, gathers_direct)
     while not solution.done:
         for _ in solution.iteration():
             pass
@@ -99,24 +108,26 @@ def test_ground_without_bounces_does_not_hide_the_error_of_a_closed_room(rho):
     """The light of five patches out of six has settled; one in six goes on reflecting."""
     factors, reflectance, lights = room_beside_lit_ground(rho)
     settings = Settings(iterations=200, tolerance=0.001)
-    solution, _ = solve(factors, reflectance, 0.0, settings, lights=lights, glowing=True)
+    solution, _ = solve(factors, reflectance, 0.0, settings, sampled_light=lights, gathers_direct=True)
     true = np.linalg.solve(np.eye(len(lights)) - factors * reflectance, lights[:, 0])
     error = (np.abs(solution.irradiance[:, 0] - true) / true).mean()
     assert error == pytest.approx(solution.residual, rel=0.1) and solution.converged
 
 
-@pytest.mark.parametrize("glowing", [True, False])
-def test_acceleration_finds_the_same_light_in_far_fewer_sweeps(glowing):
+@pytest.mark.parametrize("gathers_direct", [True, False])
+def test_acceleration_finds_the_same_light_in_far_fewer_sweeps(gathers_direct):
     """Rooms in a row of reflectance 0.9, lit at one end by emission or by a lamp."""
     factors, rho = chain(), 0.9
     emission, lights = np.zeros(8), np.zeros((8, 3), np.float32)
-    (emission if glowing else lights)[0] = 1
+    (emission if gathers_direct else lights)[0] = 1
     settings = Settings(iterations=400, tolerance=1e-4)
     source = factors @ emission + lights[:, 0]
     true = np.linalg.solve(np.eye(8) - rho * factors, source)
     sweeps = {}
     for accelerate in (False, True):
-        solution, _ = solve(factors, rho, emission, settings, accelerate, lights=lights, glowing=glowing)
+        solution, _ = solve(
+            factors, rho, emission, settings, accelerate, sampled_light=lights, gathers_direct=gathers_direct
+        )
         error = np.abs(solution.irradiance[:, 0] - true) / true
         assert error.mean() < 3e-4
         sweeps[accelerate] = solution.iterations

@@ -26,8 +26,6 @@ class Compute:
     """An OpenCL context with one in-order queue; the first GPU found, else the first device that works.
 
     opencl_device  see `Settings.opencl_device`
-    group  work items that work on one patch, where a kernel can run in groups of this size: processors take a
-           patch at a time
 
     Raises DeviceError if there is no device that can build kernels.
     """
@@ -42,7 +40,16 @@ class Compute:
         self.device = self.context.devices[0]
         self.queue = cl.CommandQueue(self.context)
         self.name = self.device.name.strip()
-        self.group = _GROUP if _rank(self.device) == 0 else 1
+
+    @property
+    def processor(self) -> bool:
+        """True for a CPU, which runs the items of a group one after the other."""
+        return bool(self.device.type & cl.device_type.CPU)
+
+    @property
+    def group(self) -> int:
+        """Work items that work on one patch, where a kernel can run in groups of this size."""
+        return 1 if self.processor else _GROUP
 
     def kernels(self, source: str | Source, *names: str, options: Sequence[str] = ()) -> list[Kernel]:
         """Build kernels/<source>, or several files and records one after another.

@@ -2,7 +2,9 @@ from collections.abc import Iterator
 
 import pytest
 
+from engine.device.compute import Compute
 from engine.device.graphics import Graphics
+from tests.gpu.graphics_card import GraphicsCard
 
 
 @pytest.fixture(scope="module")
@@ -11,6 +13,13 @@ def graphics() -> Iterator[Graphics]:
     device = Graphics()
     yield device
     device.release()
+
+
+@pytest.fixture(scope="module", params=[Compute, GraphicsCard], ids=["processor", "card"])
+def compute(request: pytest.FixtureRequest) -> Compute:
+    """The OpenCL device as it is, and taken for a graphics card."""
+    device: Compute = request.param()
+    return device
 
 
 @pytest.fixture(autouse=True)

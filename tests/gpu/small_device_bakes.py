@@ -13,6 +13,7 @@ from engine.device.graphics import Graphics
 from engine.scene.model import OCCLUDER
 from tests.analytic.drive import drive
 from tests.analytic.scenes import furnace, quads, rectangle
+from tests.gpu.graphics_card import GraphicsCard
 
 SETTINGS = Settings(resolution=32, hemicube=8, iterations=2, tolerance=0, light_samples=4, ao_samples=4)
 BAKES = {
@@ -32,14 +33,6 @@ class WithoutComputeShaders(Graphics):
         self.computes = self.indirect = False
 
 
-class InGroups(Compute):
-    """A device where the items of a group work on one patch, as a graphics card's are."""
-
-    def __init__(self, *chosen):
-        super().__init__(*chosen)
-        self.group = 64
-
-
 def room() -> Scene:
     """Return a furnace with a lamp and with dust: more triangles than are split from the top down."""
     corners = np.random.default_rng(0).random((1500, 3)) * 0.9 + 0.05
@@ -52,7 +45,7 @@ def room() -> Scene:
 
 if __name__ == "__main__":
     devices.Graphics = WithoutComputeShaders
-    devices.Compute = InGroups if "groups" in sys.argv else Compute
+    devices.Compute = GraphicsCard if "card" in sys.argv else Compute
     compute = devices.Compute()
     facts = {"limit": compute.device.max_work_group_size}
     for name, settings in BAKES.items():

@@ -7,7 +7,6 @@ import pytest
 
 from engine import Material, Scene, Settings, Texture, finished
 from engine.device import devices
-from engine.device.compute import Compute
 from engine.direct.contact import patches_in_contact
 from engine.direct.host_contact import in_contact_on_host
 from engine.patches.subdivision import subdivide
@@ -173,10 +172,10 @@ def stacks(shift):
 
 
 @pytest.mark.parametrize("shift", [NEAR, FAR])
-def test_patches_in_contact_are_the_same_without_opencl(graphics, shift):
+def test_patches_in_contact_are_the_same_without_opencl(graphics, compute, shift):
     scene = stacks(shift)
     parts = subdivide(graphics, scene, dataclasses.replace(SETTINGS, resolution=128))
-    found = patches_in_contact(RayScene(Compute(), scene, parts), len(parts.patches))
+    found = patches_in_contact(RayScene(compute, scene, parts), len(parts.patches))
     on_host = in_contact_on_host(scene, parts)
     assert 100 < found.sum() < len(found) / 2
     assert (found != on_host).mean() < 5e-3

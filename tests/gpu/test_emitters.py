@@ -4,7 +4,6 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from engine.device.compute import Compute
 from engine.device.source import kernel_source
 from engine.direct.emitters import EMITTER_SOURCE, BrightTriangles, lamp_records, surface_records
 from engine.scene.model import Light
@@ -28,27 +27,22 @@ __kernel void clipped(__global const float4 *quads, __global const float4 *norma
 """
 
 
-@pytest.fixture(scope="module")
-def device():
-    return Compute()
-
-
-def clipped(device, quads, normals):
+def clipped(compute, quads, normals):
     """Return how many corners are left of each quad, (n,), and which, (n, 8, 3), NaN for the others."""
     source = "\n".join([*map(kernel_source, EMITTER_SOURCE), CLIPPING])
-    kernel = cl.Kernel(cl.Program(device.context, source).build(), "clipped")
+    kernel = cl.Kernel(cl.Program(compute.context, source).build(), "clipped")
     padded = [np.zeros((*array.shape[:-1], 4), np.float32) for array in (quads, normals)]
     for target, array in zip(padded, (quads, normals), strict=True):
         target[..., :3] = array
     counts, results = np.zeros(len(quads), np.int32), np.zeros((len(quads), 8, 4), np.float32)
     read = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-    inputs = [cl.Buffer(device.context, read, hostbuf=array) for array in padded]
+    inputs = [cl.Buffer(compute.context, read, hostbuf=array) for array in padded]
     outputs = [
-        cl.Buffer(device.context, cl.mem_flags.WRITE_ONLY, array.nbytes) for array in (counts, results)
+        cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, array.nbytes) for array in (counts, results)
     ]
-    kernel(device.queue, (len(quads),), None, *inputs, *outputs)
-    cl.enqueue_copy(device.queue, counts, outputs[0])
-    cl.enqueue_copy(device.queue, results, outputs[1])
+    kernel(compute.queue, (len(quads),), None, *inputs, *outputs)
+    cl.enqueue_copy(compute.queue, counts, outputs[0])
+    cl.enqueue_copy(compute.queue, results, outputs[1])
     return counts, results[..., :3]
 
 
@@ -56,7 +50,7 @@ def clipped(device, quads, normals):
 MANY = 2**24 + 8
 
 
-def test_the_numbers_of_emissive_triangles_are_exact_however_many_there_are(device):
+def test_the_numbers_of_emissive_triangles_are_exact_however_many_there_are(compute):
     triangles = Triangles(
         np.broadcast_to(np.float32([(0, 0, 0), (1, 0, 0), (0, 1, 0)]), (MANY, 3, 3)),
         *[np.broadcast_to(np.zeros(1, np.float32), (MANY, 3, width)) for width in (3, 2)],
@@ -76,14 +70,14 @@ def test_the_numbers_of_emissive_triangles_are_exact_however_many_there_are(devi
         result[i] = records[i].triangle;
     }"""
     kernel = cl.Kernel(
-        cl.Program(device.context, "\n".join([*map(kernel_source, EMITTER_SOURCE), source])).build(),
+        cl.Program(compute.context, "\n".join([*map(kernel_source, EMITTER_SOURCE), source])).build(),
         "numbers",
     )
     result = np.zeros(len(records), np.int32)
     read = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-    output = cl.Buffer(device.context, cl.mem_flags.WRITE_ONLY, result.nbytes)
-    kernel(device.queue, (len(records),), None, cl.Buffer(device.context, read, hostbuf=records), output)
-    cl.enqueue_copy(device.queue, result, output)
+    output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, result.nbytes)
+    kernel(compute.queue, (len(records),), None, cl.Buffer(compute.context, read, hostbuf=records), output)
+    cl.enqueue_copy(compute.queue, result, output)
     assert result.tolist() == [-1, -1, *numbers]
 
 
@@ -93,17 +87,17 @@ def area(corners):
     return np.linalg.norm(fan.sum(axis=0)) / 2
 
 
-def test_quads_are_clipped_to_the_half_space_above_a_plane(device):
+def test_quads_are_clipped_to_the_half_space_above_a_plane(compute):
     square = np.float32([(0, 0, 1), (2, 0, 1), (2, 2, 1), (0, 2, 1)])
     normals = np.float32([(0, 0, 1), (0, 0, -1), (-1, 0, 1), (1, 1, -1), (-1, -1, 1), (-1, 0, 0.5)])
-    counts, results = clipped(device, np.tile(square, (len(normals), 1, 1)), normals)
+    counts, results = clipped(compute, np.tile(square, (len(normals), 1, 1)), normals)
     assert counts.tolist() == [4, 0, 4, 5, 3, 4]
     areas = [area(result[:count]) for count, result in zip(counts, results, strict=True) if count]
     assert areas == pytest.approx([4, 2, 3.5, 0.5, 1], rel=1e-6)
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e-7])
-def test_a_quad_in_the_plane_it_is_clipped_to_has_at_most_five_corners_left(device, scale):
+def test_a_quad_in_the_plane_it_is_clipped_to_has_at_most_five_corners_left(compute, scale):
     """Its heights are but rounding, of any sign: they may change four times, as no convex quad's do.
 
     So does the quad that is left of a triangle of an ellipse 8 m wide whose plane runs through the receiver.
@@ -111,7 +105,7 @@ def test_a_quad_in_the_plane_it_is_clipped_to_has_at_most_five_corners_left(devi
     signs = np.array([(1, -1, 1, -1), (-1, 1, -1, 1), (1, 1, -1, 1), (-1, -1, 1, 1), (1, 1, 1, 1)])
     quads = np.tile(np.float64([(0, 0, 0), (8, 0, 0), (8, 8, 0), (0, 8, 0)]), (len(signs), 1, 1))
     quads[:, :, 2] = scale * signs
-    counts, results = clipped(device, quads, np.tile(np.float32([0, 0, 1]), (len(signs), 1)))
+    counts, results = clipped(compute, quads, np.tile(np.float32([0, 0, 1]), (len(signs), 1)))
     assert counts.max() <= 5 and counts[2:].tolist() == [5, 4, 4]
     kept = np.isfinite(results).all(axis=2)
     assert (kept.sum(axis=1) == counts).all()

@@ -9,7 +9,6 @@ import pytest
 
 from engine import DeviceError, Light, Settings
 from engine.device import devices
-from engine.device.compute import Compute
 from engine.device.graphics import Graphics
 from engine.gather.glsl_cached import GlslCachedIntegrator
 from engine.patches.subdivision import subdivide
@@ -159,23 +158,19 @@ def test_65535_patches_have_numbers_of_16_bits():
     assert (identities.sample_bytes(65535), identities.sample_bytes(65536)) == (2, 4)
 
 
-def test_rays_and_drawing_find_the_same_patches():
+def test_rays_and_drawing_find_the_same_patches(graphics, compute):
     """The identity of hemicube texels: a thousandth may differ, and lies on an edge.
 
     Neighbours on a lightmap count as the same: drivers differ in the last bits of interpolated UVs.
     """
     room = nine_quad_room()
     settings = Settings(resolution=128, hemicube=32, visibility="rays", directions="hemicube")
-    graphics, compute = Graphics(), Compute()
-    try:
-        parts = subdivide(graphics, room, settings)
-        emission, world = parts.surfaces.emission, np.zeros((1, 1, 3), np.float32)
-        around = surroundings(compute, emission, world)
-        rays = RayIdentity(compute, RayScene(compute, room, parts), parts, around, settings)
-        raster = RasterIdentity(graphics, compute, room, parts, around, settings)
-        cast, drawn = (find(compute, identity, 3000, 3300, len(emission)) for identity in (rays, raster))
-    finally:
-        graphics.release()
+    parts = subdivide(graphics, room, settings)
+    emission, world = parts.surfaces.emission, np.zeros((1, 1, 3), np.float32)
+    around = surroundings(compute, emission, world)
+    rays = RayIdentity(compute, RayScene(compute, room, parts), parts, around, settings)
+    raster = RasterIdentity(graphics, compute, room, parts, around, settings)
+    cast, drawn = (find(compute, identity, 3000, 3300, len(emission)) for identity in (rays, raster))
     texels = np.concatenate([[-1000], parts.patches.texel])
     rows, columns = np.abs(np.divmod(texels[cast], 128) - np.array(np.divmod(texels[drawn], 128)))
     differ = (rows > 1) | (columns > 1)

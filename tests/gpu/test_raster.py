@@ -3,7 +3,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.device.compute import Compute
 from engine.device.graphics import Graphics
 from engine.gather.glsl import GlslIntegrator
 from engine.gather.opencl import CopiedIntegrator
@@ -143,8 +142,7 @@ def test_see_through_backs_are_left_out():
 
 
 @pytest.mark.parametrize("tiles", [Tiles(16, 3, 1, 3), Tiles(8, 4, 2, 2), Tiles(128, 1, 1, 1)])
-def test_kernels_equal_a_sum_in_double_precision(graphics, tiles):
-    compute = Compute()
+def test_kernels_equal_a_sum_in_double_precision(graphics, compute, tiles):
     raster = drawing(graphics, tiles, tiles.capacity)
     target = raster.target
     values = np.random.default_rng(5).random((tiles.layers, tiles.height, tiles.width, 4), np.float32)
@@ -163,9 +161,9 @@ def test_kernels_equal_a_sum_in_double_precision(graphics, tiles):
 
 @pytest.mark.parametrize("nothing", [(*WORLD, 1.0), (0.0, 0.0, 0.0, 2.0)])
 @pytest.mark.parametrize("eye", [(0.5, 0.5, 0.5), (0.5, 0.5, -0.5), (0.3, 0.6, 1.5)])
-def test_depth_tells_where_nothing_was_drawn(graphics, eye, nothing):
+def test_depth_tells_where_nothing_was_drawn(graphics, compute, eye, nothing):
     """Colours of an earlier batch stay where the sky is seen, and do not count."""
-    tiles, compute = Tiles(16, 3, 1, 1), Compute()
+    tiles = Tiles(16, 3, 1, 1)
     upright = np.tile(UPRIGHT, (3, 1, 1))
     cleared = drawing(graphics, tiles, 3, eye=eye, nothing=nothing)
     in_cl = CopiedIntegrator(compute, tiles, cleared.target.texture, SKY).integrate(upright)

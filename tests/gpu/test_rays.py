@@ -6,7 +6,6 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from engine.device.compute import Compute
 from engine.scene.model import Mesh, Scene
 from engine.scene.triangles import join_meshes
 from engine.visibility.rays import bvh
@@ -22,11 +21,6 @@ def alone(positions):
     numbers = np.zeros(len(positions), np.int32)
     mesh = Mesh("Soup", positions, positions, positions[..., :2], numbers, numbers, numbers)
     return join_meshes(Scene((mesh,), ()))
-
-
-@pytest.fixture(scope="module")
-def compute():
-    return Compute()
 
 
 def random(count, size=0.5):
@@ -105,7 +99,7 @@ def nearest_of_all(triangles, origins, directions, rim):
 @pytest.mark.parametrize("soup", SOUPS)
 def test_the_nearest_triangle_is_found(compute, monkeypatch, soup, shape):
     """Neither farther than triangles a little smaller are, nor nearer than ones a little larger."""
-    monkeypatch.setattr(bvh, "shape_for", lambda device: shape)
+    monkeypatch.setattr(bvh, "shape_for", lambda compute: shape)
     joined = alone(SOUPS[soup]().astype(np.float32))
     rays, triangles = Rays(compute, joined, SOLID), joined.positions
     origins, directions = rays_for(triangles.astype(np.float64), 150)
@@ -145,9 +139,14 @@ def test_every_triangle_is_in_the_hierarchy_once(compute, shape):
 
 def test_builds_are_repeatable(compute):
     triangles = random(40_000, 0.05).astype(np.float32)
-    first, second = (bvh.build_bvh(compute, triangles, 6.0) for _ in range(2))
-    for one, other in ((first.nodes, second.nodes), (first.triangles, second.triangles)):
-        assert (download(compute, one).view(np.int32) == download(compute, other).view(np.int32)).all()
+    built = [bvh.build_bvh(compute, triangles, 6.0) for _ in range(2)]
+    nodes, packets = (
+        [download(compute, getattr(one, name)) for one in built] for name in ("nodes", "triangles")
+    )
+    if not compute.processor:
+        packets = [values.reshape(-1, 12)[:, :10] for values in packets]  # the last two only fill four floats
+    for first, second in (nodes, packets):
+        assert (first.view(np.int32) == second.view(np.int32)).all()
 
 
 def download(compute, buffer):

@@ -64,9 +64,9 @@ class Bvh:
     levels: int
 
 
-def shape_for(device: cl.Device) -> Shape:
+def shape_for(compute: Compute) -> Shape:
     """Return the shape that a device traverses fastest."""
-    return _PROCESSOR if device.type & cl.device_type.CPU else _GRAPHICS
+    return _PROCESSOR if compute.processor else _GRAPHICS
 
 
 def build_bvh(compute: Compute, positions: np.ndarray, reach: float, shape: Shape | None = None) -> Bvh:
@@ -76,7 +76,7 @@ def build_bvh(compute: Compute, positions: np.ndarray, reach: float, shape: Shap
     best neighbours (PLOC; Meister and Bittner 2018), those left are split from the top down, and binary nodes
     joined to wide ones.
     """
-    return _Builder(compute, positions, reach, shape or shape_for(compute.device)).build()
+    return _Builder(compute, positions, reach, shape or shape_for(compute)).build()
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,7 @@
 """Nodes of lamps: what they give is what Cycles' bake gives, whatever the profile, turn and scale."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -243,3 +245,17 @@ def test_lamps_leave_nothing_behind(around):
     notes = read_scene().notes
     assert {kind: sorted(item.name for item in getattr(bpy.data, kind)) for kind in kinds} == before
     assert len(notes) == 1 and "'Lamp.002'" in notes[0]
+
+
+def test_a_flat_lamp_takes_no_longer():
+    """Seen from a lamp scaled to almost nothing along an axis, all directions but two are the same."""
+    lamp, tree, emission = noded()
+    noise, coordinate = tree.nodes.new("ShaderNodeTexNoise"), tree.nodes.new("ShaderNodeTexCoord")
+    tree.links.new(coordinate.outputs["Normal"], noise.inputs["Vector"])
+    tree.links.new(noise.outputs[0], emission.inputs["Strength"])
+    bake_lamp, seconds = part("operators.scene.light.lamp_bake").bake_lamp, []
+    for scale in (1.0, 1.0, 1e-4, 1e-6):
+        began = time.process_time()
+        assert bake_lamp(lamp.data, np.diag([scale, 1.0, -1.0, 1.0])).profile is not None
+        seconds.append(time.process_time() - began)
+    assert max(seconds[2:]) < 4 * min(seconds[:2])

@@ -24,6 +24,10 @@ _SAMPLES, _FACE_SAMPLES = 1, 256
 _WIDTH = 1e-3
 _DISTANCE, _FAR = 1.0, 30.0
 
+#: An axis whose scale is a smaller fraction of the largest one is taken as not scaled, as one of scale 0 is:
+#: all squares would lie on each other, and each ray would meet tens of thousands of them.
+_FLAT = 1e-3
+
 #: Factors that differ by less, of the largest one, are the same.
 _EVEN = 1e-3
 
@@ -62,7 +66,7 @@ def _lit(lamp: bpy.types.Light, matrix: np.ndarray, directions: np.ndarray) -> n
     """Return what the nodes make of a power of 1 along directions in a lamp's space, (n, 3) float64."""
     scale = np.linalg.norm(matrix[:3, :3], axis=0)
     axes = matrix[:3, :3] / np.where(scale > 0, scale, 1)
-    away = directions / np.where(scale > 0, scale, 1) @ axes.T
+    away = directions / np.where(scale > _FLAT * scale.max(), scale, 1) @ axes.T
     away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-30)
     distance = _DISTANCE
     if lamp.type == "AREA":

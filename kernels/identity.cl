@@ -43,8 +43,8 @@ uint count_sample(const uint seen, const float weight, const float3 world, __glo
         return 0;
     }
     if (seen & BACK) {
-        const uint owner = seen & ~BACK;
-        sum->light += weight * (float4)(emission[owner].xyz, owner ? 0.0f : 1.0f);
+        const uint entry = seen & ~BACK;
+        sum->light += weight * (float4)(emission[entry].xyz, entry ? 0.0f : 1.0f);
         return 0;
     }
     sum->light.w += weight;

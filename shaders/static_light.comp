@@ -23,13 +23,13 @@ void main()
         uint seen = texelFetch(hemicubes, first + ivec3(at, 0), 0).r, front = 0u;
         if (dot(direction, frame.horizon.xyz) > 0.0) {
             vec4 value = vec4(0.0, 0.0, 0.0, 1.0);
-            uint owner = seen & ~BACK;
+            uint entry = seen & ~BACK;
             if (seen == SURROUNDINGS)
                 value.rgb = surroundings(frame, direction);
-            else if (owner == seen)
+            else if (entry == seen)
                 front = seen;
             else
-                value = vec4(emission[owner].rgb, owner == 0u ? 1.0 : 0.0);
+                value = vec4(emission[entry].rgb, entry == 0u ? 1.0 : 0.0);
             sum += multiplier[i] * value;
         }
         cache[3 * n * n * hemicube + i] = front;

@@ -143,15 +143,15 @@ def _halved(emitters: _Emitters) -> np.ndarray:
         if not len(first):
             return LIGHT_NODE.joined(nodes)
         starts = np.cumsum(count) - count
-        owner = np.repeat(np.arange(len(first)), count)
-        position = np.arange(len(owner)) - starts[owner] + first[owner]
+        node = np.repeat(np.arange(len(first)), count)
+        position = np.arange(len(node)) - starts[node] + first[node]
         members = order[position]
-        nodes.append(_nodes(emitters, members, starts, owner))
+        nodes.append(_nodes(emitters, members, starts, node))
 
         # Halve each along its widest axis.
         low, high = np.minimum.reduceat(middle[members], starts), np.maximum.reduceat(middle[members], starts)
-        along = middle[members, (high - low).argmax(axis=1)[owner]]
-        order[position] = members[np.lexsort((along, owner))]
+        along = middle[members, (high - low).argmax(axis=1)[node]]
+        order[position] = members[np.lexsort((along, node))]
         left = (count + 1) // 2
         first, count = _interleaved(first, first + left), _interleaved(left, count - left)
 
@@ -166,7 +166,7 @@ def _interleaved(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.stack([first, second], axis=1).ravel()
 
 
-def _nodes(emitters: _Emitters, members: np.ndarray, starts: np.ndarray, owner: np.ndarray) -> np.ndarray:
+def _nodes(emitters: _Emitters, members: np.ndarray, starts: np.ndarray, node: np.ndarray) -> np.ndarray:
     """Return the nodes, (k,) LIGHT_NODE without children; members of a node follow its start."""
     totals = np.add.reduceat(emitters.totals[members], starts)
     power, alike, along = totals[:, 0], totals[:, 4], totals[:, 5]
@@ -178,7 +178,7 @@ def _nodes(emitters: _Emitters, members: np.ndarray, starts: np.ndarray, owner: 
     # A cone about the mean axis.
     axis = np.add.reduceat(emitters.axis[members], starts)
     axis /= np.maximum(np.linalg.norm(axis, axis=1), 1e-30)[:, None]
-    cosine = np.einsum("nd,nd->n", axis[owner], emitters.axis[members])
+    cosine = np.einsum("nd,nd->n", axis[node], emitters.axis[members])
     angle = np.maximum.reduceat(np.arccos(np.clip(cosine, -1, 1)) + emitters.angle[members], starts)
 
     return LIGHT_NODE.array(

@@ -42,6 +42,19 @@ def test_furnace_away_from_the_origin(distance):
     assert irradiance(lightmap) == pytest.approx(np.full((384, 3), 2.0), rel=0.005)
 
 
+@pytest.mark.parametrize("distance", [1e6, 1e8])
+def test_furnace_beside_something_far_away(distance):
+    """By rays: the room's corners are the median ones, and keep their digits."""
+    scene = scenes.furnace(0.5, 1.0)
+    far = scenes.rectangle((distance, -distance, distance), (distance / 7, 0, 0), (0, distance / 5, 0))
+    square = scenes.quads(far[None], [(1, 23, 7, 5)], [0], 32, "Far")
+    scene = dataclasses.replace(scene, meshes=(square, *scene.meshes))
+    lightmap = drive(scene, Settings(resolution=32, visibility="rays", iterations=30, tolerance=1e-4))
+    room = lightmap.has_patch[0, :23]
+    assert room.sum() == 384
+    assert lightmap.image[0, :23][room] == pytest.approx(np.full((384, 3), 2.0), rel=0.005)
+
+
 @pytest.mark.parametrize("size", [LARGEST, SMALLEST])
 @pytest.mark.parametrize("settings", [{"visibility": "rays"}, {"visibility": "raster"}, {"method": "paper"}])
 def test_furnaces_of_the_largest_and_the_smallest_size(size, settings):

@@ -39,12 +39,12 @@ class Treetop:
         """Split each node, a range of `_order`, in two; return the halves that can be split further."""
         first, count = self._first[nodes], self._count[nodes]
         starts = np.cumsum(count) - count
-        owner = np.repeat(np.arange(len(nodes)), count)
-        position = np.arange(len(owner)) - starts[owner] + first[owner]
+        node = np.repeat(np.arange(len(nodes)), count)
+        position = np.arange(len(node)) - starts[node] + first[node]
         members = self._order[position]
 
         # Bin the centres along the widest axis, and order each node's members by bin.
-        key = owner * _BINS + self._bins(self._center[members], starts, owner)
+        key = node * _BINS + self._bins(self._center[members], starts, node)
         by_bin = np.argsort(key, kind="stable")
         members, key = members[by_bin], key[by_bin]
         self._order[position] = members
@@ -59,15 +59,15 @@ class Treetop:
         both = np.concatenate([children, children + 1])
         return both[self._count[both] > 1]
 
-    def _bins(self, centers: np.ndarray, starts: np.ndarray, owner: np.ndarray) -> np.ndarray:
+    def _bins(self, centers: np.ndarray, starts: np.ndarray, node: np.ndarray) -> np.ndarray:
         """Return the bin of each member within its node's centres, along their widest axis."""
         low = np.minimum.reduceat(centers, starts)
         extent = np.maximum.reduceat(centers, starts) - low
         axis = extent.argmax(axis=1)
         row = np.arange(len(low))
         width = np.maximum(extent[row, axis], 1e-30)
-        along = centers[np.arange(len(owner)), axis[owner]] - low[row, axis][owner]
-        bins: np.ndarray = np.minimum((along / width[owner] * _BINS).astype(np.int64), _BINS - 1)
+        along = centers[np.arange(len(node)), axis[node]] - low[row, axis][node]
+        bins: np.ndarray = np.minimum((along / width[node] * _BINS).astype(np.int64), _BINS - 1)
         return bins
 
     def _left_counts(self, members: np.ndarray, key: np.ndarray, count: np.ndarray) -> np.ndarray:

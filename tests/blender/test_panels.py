@@ -98,8 +98,10 @@ def test_preferences_show_devices_and_what_is_missing(devices):
 
 
 def test_preferences_show_where_files_are(devices):
-    files, shown = part("operators.user_files"), preferences()
+    files = part("operators.user_files")
     cache, log = files.cache_folder(), files.log_file()
+    files.clear_cache()
+    shown = preferences()
     (cache / "folder").mkdir(exist_ok=True)
     (cache / "folder" / "kernel").write_bytes(bytes(3 << 20))
     assert f"Kernel cache: 0.0 MiB in {cache}" in shown and f"Log: {log}" in shown

@@ -20,8 +20,9 @@ from tools.packages.wheels import Wheel
 
 MANIFEST = "blender_manifest.toml"
 
-#: Beside what Blender loads: the licences of Hemibake, and of wheels that do not bring theirs along.
-_DOCUMENTS = ("LICENSE", "licenses")
+#: Beside what Blender loads: the guide that the preferences open, the licences of Hemibake, and those of
+#: wheels that do not bring theirs along.
+_DOCUMENTS = ("LICENSE", "README.md", "licenses")
 
 #: 1980-01-01, the first day that a zip file knows, seconds.
 _FIRST_DAY = 315532800

@@ -1,8 +1,11 @@
 """How messages reach a person: short in the status bar, complete in the report and the Info editor."""
 
+import math
+import re
+
 import pytest
 
-from tests.blender.things import mesh_object, part, report, square
+from tests.blender.things import furnace, mesh_object, part, report, square
 
 
 class Told:
@@ -36,3 +39,37 @@ def test_a_window_gets_the_first_line_and_the_info_editor_all(monkeypatch, backg
     whole = [("WARNING", "Many are dark.\nAll 9: 'A', 'B'.")]
     parts = [("INFO", "All 9: 'A', 'B'."), ("WARNING", "Many are dark.")]
     assert told.reports == (whole if background else parts)
+
+
+def test_a_terminal_is_told_the_percentage_once_in_a_while(monkeypatch, capfd):
+    import bpy
+
+    console = part("operators.console")
+    monkeypatch.setattr(console, "_PERIOD", 0.0)
+    furnace()
+    bpy.context.scene.hemibake.method = "paper"
+    bpy.ops.hemibake.bake()
+    lines = [line for line in capfd.readouterr().out.splitlines() if line.startswith("Hemibake: ")]
+    shown = [int(re.match(r"Hemibake: (\d+)%, ", line)[1]) for line in lines]
+    assert len(lines) > 5 and shown == sorted(shown) and shown[-1] <= 100
+    assert any("Bounce 1" in line for line in lines) and "Saving" in lines[-1]
+    monkeypatch.setattr(console, "_PERIOD", 1e9)
+    bpy.ops.hemibake.bake()
+    assert "Hemibake: " not in capfd.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("known", "expected"),
+    [
+        ({}, "Hemibake: 41%, Bounce 3"),
+        ({"seconds_left": 11.5}, "Hemibake: 41%, Bounce 3, 12 s left"),
+        ({"residual": math.inf}, "Hemibake: 41%, Bounce 3"),
+        (
+            {"residual": 0.0123, "seconds_left": 61},
+            "Hemibake: 41%, Bounce 3, remaining error 1.23%, 1 min 1 s left",
+        ),
+    ],
+)
+def test_a_line_of_progress_has_what_is_known(known, expected):
+    progress = part("engine").Progress("Bounce 3", 0.5, 0.4199, **known)
+    assert part("operators.telling").progress_line(progress) == expected

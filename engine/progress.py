@@ -13,8 +13,8 @@ import numpy as np
 
 Made = TypeVar("Made")
 
-#: The expected pace of a stage counts as if this part of its work had been measured.
-_PRIOR = 0.05
+#: The expected pace of a stage counts as much as one that was measured for this time, s.
+_PRIOR = 0.5
 
 #: A first slice below this part of a stage is not measured: drivers compile what it needs.
 _STARTING = 0.2
@@ -84,13 +84,18 @@ class Stage:
 
     @property
     def seconds_left(self) -> float:
-        """Seconds that the rest is expected to take: by its pace so far, at first by the expected one."""
+        """Seconds that the rest is expected to take: by its pace so far, at first by the expected one.
+
+        The mean of both is geometric: a guess may be wrong by orders of magnitude, either way.
+        """
         if not math.isnan(self.forecast):
             return self.forecast
+        left = max(self.amount - self.done, 0.0)
         done, seconds = self.done - self._start[0], self.seconds - self._start[1]
-        prior = _PRIOR * self.amount
-        pace = (seconds + prior * self.pace) / (done + prior) if done > 0 else self.pace
-        return max(self.amount - self.done, 0.0) * pace
+        if done <= 0 or seconds <= 0 or self.pace <= 0:
+            return left * self.pace
+        trust = seconds / (seconds + _PRIOR)
+        return left * self.pace ** (1 - trust) * (seconds / done) ** trust
 
 
 class Schedule:

@@ -58,7 +58,7 @@ def test_it_never_falls_and_ends_at_one_however_wrong_the_paces(clock, wrong):
     seen.append(schedule.begin(stages[3]).overall)
     clock.now += 5
     seen.append(schedule.end().overall)
-    assert seen == sorted(seen) and seen[-1] < 1
+    assert seen == sorted(seen)
     stages[4].amount = 0
     clock.now += 1
     assert schedule.end().overall == 1
@@ -72,6 +72,18 @@ def test_seconds_left_are_unknown_until_something_was_measured(clock):
     told = [step.seconds_left for step in schedule.run(stages[1], work(clock, 50, 100))]
     assert all(math.isnan(seconds) for seconds in told[:2])
     assert told[50] == pytest.approx(25, rel=0.2) and told[-1] == 0
+
+
+@pytest.mark.parametrize("wrong", [0.01, 100])
+def test_a_wrong_guess_is_forgotten_after_some_seconds(clock, wrong):
+    """The stage takes an hour: a thousandth of it is enough to know."""
+    stage = Stage("A", 3600, wrong)
+    schedule = Schedule([stage])
+    schedule.begin(stage)
+    for done in (0.1, 0.2, 10):
+        clock.now += 1 if done < 10 else 10
+        schedule.advance(done)
+    assert 3000 / 1.5 < schedule.seconds_left < 4000 * 1.5
 
 
 def test_a_first_slice_that_compiles_does_not_count_as_pace(clock):

@@ -14,7 +14,8 @@ from engine.device.compute import Compute
 from engine.device.graphics import Graphics
 from engine.direct.sky import whole_sky
 from engine.patches.subdivision import subdivide
-from engine.plan.choose import Bake, choose_solver
+from engine.plan.choose import choose_solver
+from engine.plan.solve_job import SolveJob
 from engine.solve.solver import Solver
 from engine.visibility.rays.ray_scene import RayScene
 
@@ -31,7 +32,7 @@ def solving(scene: Scene, settings: Settings, compute: Compute | None = None) ->
         emission, sky, rays = parts.surfaces.emission, whole_sky(scene.world), RayScene(compute, scene, parts)
         dark = np.zeros_like(emission)
         area = parts.geometry.area
-        job = Bake(graphics, compute, scene, parts, rays, emission, sky, dark, settings, area)
+        job = SolveJob(graphics, compute, scene, parts, rays, emission, sky, dark, area, settings)
         yield *choose_solver(job), len(emission)
     finally:
         graphics.release()

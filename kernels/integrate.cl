@@ -3,12 +3,10 @@
 // rgb is radiance; a is 1 where the front of a surface or the surroundings are seen, and 2 where the
 // surroundings still have to be looked up.
 
-// Workspace: layers stacked on top of each other, so that the later steps see one tall image. A frame is
-// right, up and normal of a hemicube in world space, and the horizon: along right, up and normal the
-// surface's geometric normal. No light comes from behind the surface itself, where a smooth normal
-// leans over it.
+// Workspace: layers stacked on top of each other, so that the later steps see one tall image. No light comes
+// from behind the surface itself, where a smooth normal leans over it.
 __kernel void multiply(__global const float4 *hemicubes, __global const float *multiplier,
-                       __global const float4 *frames, __global float4 *workspace,
+                       __global const Frame *frames, __global float4 *workspace,
                        __global const float4 *sky, const int sky_width, const int sky_height,
                        const int width, const int height, const int n)
 {
@@ -20,11 +18,12 @@ __kernel void multiply(__global const float4 *hemicubes, __global const float *m
     const int slot = (layer * rows + y / (3 * n)) * columns + x / n;
     const int tile_x = x % n, tile_y = y % (3 * n);
     const float3 direction = texel_direction(tile_x, tile_y, n);
-    __global const float4 *frame = frames + 4 * slot;
-    const bool above = dot(direction, frame[3].xyz) > 0.0f;
+    __global const Frame *frame = frames + slot;
+    const bool above = dot(direction, vload3(0, frame->horizon)) > 0.0f;
     float4 value = hemicubes[texel];
     if (above && value.w > 1.5f) {
-        const float3 world = direction.x * frame[0].xyz + direction.y * frame[1].xyz + direction.z * frame[2].xyz;
+        const float3 right = vload3(0, frame->right), up = vload3(0, frame->up), normal = vload3(0, frame->normal);
+        const float3 world = direction.x * right + direction.y * up + direction.z * normal;
         value = (float4)(surroundings(world, sky, (int2)(sky_width, sky_height)).xyz, 1.0f);
     }
     workspace[texel] = above ? value * multiplier[tile_y * n + tile_x] : (float4)(0.0f);

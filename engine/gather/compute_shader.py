@@ -20,15 +20,23 @@ _FRAMES, _MULTIPLIER = 0, 1
 
 
 class HemicubeTables:
-    """What all such shaders read: frames of the hemicubes, and the multiplier map."""
+    """What all such shaders read, frames of the hemicubes and the multiplier map; and one sum of each.
+
+    sums  float4 of each hemicube, for a shader to write
+    """
 
     def __init__(self, graphics: Graphics, tiles: Tiles) -> None:
         self._multiplier = graphics.context.buffer(multiplier_map(tiles.n).tobytes())
         self._frames = graphics.context.buffer(reserve=64 * tiles.capacity)
+        self.sums = graphics.context.buffer(reserve=16 * tiles.capacity)
 
     def set_frames(self, frames: np.ndarray) -> None:
         """Replace the frames of the first m slots: (m, 4, 3) float32 from `Viewpoints.frames`."""
         self._frames.write(four(frames))
+
+    def read_sums(self, count: int) -> np.ndarray:
+        """Return the sums of the first hemicubes, (count, 4) float32."""
+        return np.frombuffer(self.sums.read(16 * count), np.float32).reshape(-1, 4)
 
     def bind(self) -> None:
         """Bind both storage blocks."""

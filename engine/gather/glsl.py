@@ -38,11 +38,9 @@ class GlslIntegrator:
         self._uniforms = {"even_sky": tuple(sky[0, 0].tolist())} if even else {}
         if not even:
             self._textures["sky"] = sky_texture(graphics, sky)
-        self._irradiance = graphics.context.buffer(reserve=16 * tiles.capacity)
 
     def integrate(self, frames: np.ndarray) -> np.ndarray:
         """Return E/pi and the fraction of front faces; see `Integrator.integrate`."""
         self._tables.set_frames(frames)
-        self._shader.run(len(frames), {2: self._irradiance}, self._textures, self._uniforms)
-        irradiance = self._irradiance.read(16 * len(frames))
-        return np.frombuffer(irradiance, np.float32).reshape(-1, 4)
+        self._shader.run(len(frames), {2: self._tables.sums}, self._textures, self._uniforms)
+        return self._tables.read_sums(len(frames))

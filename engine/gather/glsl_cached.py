@@ -49,7 +49,6 @@ class GlslCachedIntegrator:
         self._sky = sky_texture(graphics, sky)
         self._emission = self._context.buffer(four(emission, first=1).tobytes())
         self._radiance = self._context.buffer(reserve=self._emission.size)
-        self._result = self._context.buffer(reserve=16 * tiles.capacity)
 
         # A storage block may be smaller than a batch: each batch is kept in parts.
         largest = graphics.context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]
@@ -84,13 +83,13 @@ class GlslCachedIntegrator:
         results = []
         for cache, static_light, count in self._kept[batch]:
             buffers = {
-                _RESULT: self._result,
+                _RESULT: self._tables.sums,
                 _CACHE: cache,
                 _RADIANCE: self._radiance,
                 _STATIC_LIGHT: static_light,
             }
             self._gather.run(count, buffers, {})
-            results.append(np.frombuffer(self._result.read(16 * count), np.float32).reshape(-1, 4))
+            results.append(self._tables.read_sums(count))
         return np.concatenate(results)
 
 

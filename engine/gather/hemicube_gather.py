@@ -74,11 +74,11 @@ class PaperGather:
         """Gather once; see `Gather.iteration`."""
         self._target.set_radiance(radiance)
         result = np.empty((self._hemicubes.count, 4), np.float32)
-        for first, last in self._hemicubes.batches():
-            views = self._hemicubes.views(first, last)
-            for drawn in self._hemicubes.draw(views):
-                yield (first + drawn) / self._hemicubes.count
-            result[first:last] = self._integrator.integrate(views.frames)
+
+        def integrate(first: int, last: int, frames: np.ndarray) -> None:
+            result[first:last] = self._integrator.integrate(frames)
+
+        yield from self._hemicubes.draw(0, self._hemicubes.count, integrate)
         return result
 
 
@@ -103,13 +103,16 @@ class GlslGather:
     def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
         """Gather once; see `Gather.iteration`. The first iteration draws the hemicubes."""
         self._integrator.set_radiance(radiance)
-        result = np.empty((self._hemicubes.count, 4), np.float32)
-        for index, (first, last) in enumerate(self._hemicubes.batches()):
-            if index >= self._integrator.batches:
-                views = self._hemicubes.views(first, last)
-                for drawn in self._hemicubes.draw(views):
-                    yield (first + drawn) / self._hemicubes.count
-                self._integrator.keep(views.frames)
-            result[first:last] = self._integrator.gather(index)
-            yield last / self._hemicubes.count
-        return result
+        gathered: list[np.ndarray] = []
+
+        def keep_and_gather(_first: int, _last: int, frames: np.ndarray) -> None:
+            self._integrator.keep(frames)
+            gathered.append(self._integrator.gather(len(gathered)))
+
+        if self._integrator.batches:
+            for batch in range(self._integrator.batches):
+                gathered.append(self._integrator.gather(batch))
+                yield len(gathered) / self._integrator.batches
+        else:
+            yield from self._hemicubes.draw(0, self._hemicubes.count, keep_and_gather)
+        return np.concatenate(gathered)

@@ -11,6 +11,7 @@ from ..device.compute import Compute
 from ..device.share import HostCopy
 from ..visibility.raster.tiles import Tiles
 from ..visibility.views.hemicube import multiplier_map
+from ..visibility.views.viewpoints import FRAME, frame_records
 
 #: Work-group shapes of the paper, V.C, where the device can run them; the last is (hemicube width, 1).
 _MULTIPLY_GROUP = (32, 16, 1)
@@ -24,7 +25,7 @@ class HemicubeIntegrator:
         """sky: (h, w, 3) float32 radiance, equirectangular as `Scene.world`, seen where a is 2."""
         self._queue, self._tiles = compute.queue, tiles
         self._multiply, self._reduce_row, self._reduce_column = compute.kernels(
-            ("hemicube.cl", "integrate.cl"), "multiply", "reduce_row", "reduce_column"
+            ("hemicube.cl", FRAME, "integrate.cl"), "multiply", "reduce_row", "reduce_column"
         )
         flags = cl.mem_flags
         multiplier = multiplier_map(tiles.n)
@@ -32,7 +33,7 @@ class HemicubeIntegrator:
         texels = tiles.width * tiles.height * tiles.layers
         self._workspace = cl.Buffer(compute.context, flags.READ_WRITE, 16 * texels)
         self._rows = cl.Buffer(compute.context, flags.READ_WRITE, 16 * tiles.capacity * tiles.n)
-        self._frames = cl.Buffer(compute.context, flags.READ_ONLY, 4 * 16 * tiles.capacity)
+        self._frames = cl.Buffer(compute.context, flags.READ_ONLY, FRAME.dtype.itemsize * tiles.capacity)
         self._sky_size = np.int32(sky.shape[1]), np.int32(sky.shape[0])
         self._sky = upload_float4(compute, sky.reshape(-1, 3))
         self._irradiance = cl.Buffer(compute.context, flags.WRITE_ONLY, 16 * tiles.capacity)
@@ -49,8 +50,8 @@ class HemicubeIntegrator:
         is E/pi, the multiplier-weighted mean of the radiance above the horizon; a of the front flag.
         """
         tiles, count = self._tiles, len(frames)
-        padded = np.zeros((tiles.capacity, 4, 4), np.float32)
-        padded[:count, :, :3] = frames
+        padded = FRAME.array(tiles.capacity)
+        padded[:count] = frame_records(frames)
         cl.enqueue_copy(self._queue, self._frames, padded)
         width, height, n = np.int32(tiles.width), np.int32(tiles.height), np.int32(tiles.n)
         layers = -(-count // tiles.per_layer)

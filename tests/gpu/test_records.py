@@ -10,6 +10,7 @@ from engine.direct.emitters import EMITTER
 from engine.direct.light_tree import LIGHT_NODE
 from engine.direct.modulation import MODULATION
 from engine.visibility.rays.receivers import RECEIVER, TEXEL_STEP
+from engine.visibility.views.viewpoints import FRAME
 
 MIXED = Record(
     "Mixed",
@@ -18,7 +19,7 @@ MIXED = Record(
     ("int", "number", ""),
     ("int[2]", "pair", ""),
 )
-RECORDS = [MIXED, RECEIVER, TEXEL_STEP, EMITTER, MODULATION, LIGHT_NODE]
+RECORDS = [MIXED, RECEIVER, TEXEL_STEP, EMITTER, MODULATION, LIGHT_NODE, FRAME]
 
 
 @pytest.fixture(scope="module")

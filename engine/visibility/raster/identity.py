@@ -7,7 +7,7 @@ from collections.abc import Generator
 import numpy as np
 import pyopencl as cl
 
-from ...device.buffers import upload, upload_float4
+from ...device.buffers import upload
 from ...device.compute import Compute
 from ...device.graphics import Graphics
 from ...device.share import HostCopy
@@ -17,6 +17,7 @@ from ...settings import Settings
 from ..identity import SeenBuffers, Surroundings, sample_bytes, sample_options
 from ..views.hemicube import multiplier_map
 from ..views.hemicubes import Hemicubes
+from ..views.viewpoints import FRAME, frame_records
 from .targets import IdentityTarget
 from .tiles import IDENTITY_BYTES, plan_tiles
 
@@ -45,26 +46,25 @@ class RasterIdentity:
         self.samples = len(multiplier)
         size = sample_bytes(len(parts.patches))
         self.row_bytes = size * self.samples
-        files = ("hemicube.cl", "identity.cl", "resolve.cl")
-        (self._resolve,) = compute.kernels(files, "resolve", options=sample_options(size))
+        source = ("hemicube.cl", "identity.cl", FRAME, "resolve.cl")
+        (self._resolve,) = compute.kernels(source, "resolve", options=sample_options(size))
         self._weights = upload(compute, multiplier)
 
     def find(self, first: int, last: int, seen: SeenBuffers) -> Generator[float, None, None]:
         """Find what the patches first ... last see; yield the fraction done."""
-        for start in range(first, last, self._tiles.capacity):
-            end = min(start + self._tiles.capacity, last)
-            views = self._hemicubes.views(start, end)
-            for drawn in self._hemicubes.draw(views):
-                yield (start - first + drawn) / (last - first)
-            self._keep(start, end, views.frames, seen)
+
+        def keep(start: int, end: int, frames: np.ndarray) -> None:
+            self._keep(start, end, frames, seen)
+
+        yield from self._hemicubes.draw(first, last, keep)
 
     def _keep(self, start: int, end: int, frames: np.ndarray, seen: SeenBuffers) -> None:
         """Move the hemicubes that were drawn into the cache."""
-        rows = upload_float4(self._compute, frames.reshape(-1, 3))
+        records = upload(self._compute, frame_records(frames))
         (group,), surroundings = self._resolve.group(self._compute.group), self._surroundings
         self._resolve(
             self._queue, (group * (end - start),), (group,),
-            self._copy.update(), self._weights, rows,
+            self._copy.update(), self._weights, records,
             surroundings.emission, surroundings.sky, surroundings.width, surroundings.height,
             np.int32(self._tiles.columns), np.int32(self._tiles.n), np.int32(start),
             np.int32(seen.cached_from), seen.cache, seen.static_light, seen.patches_seen,

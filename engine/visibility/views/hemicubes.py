@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,9 +26,12 @@ _SLICE = 0.04
 #: Most patches whose viewpoints and matrices are kept between iterations.
 _KEPT = 1 << 17
 
+#: Takes a batch that has been drawn: its first patch, the one after its last, their frames (m, 4, 3).
+Take = Callable[[int, int, np.ndarray], None]
+
 
 @dataclass(frozen=True)
-class Views:
+class _Views:
     """Hemicubes ready to be drawn.
 
     frames    (m, 4, 3) float32, from `Viewpoints.frames`
@@ -64,29 +67,43 @@ class Hemicubes:
         self._parts, self._settings = parts, settings
         self.count = len(parts.patches)
         self._keeps = again and self.count <= _KEPT
-        self._kept: dict[tuple[int, int], Views] = {}
+        self._kept: dict[tuple[int, int], _Views] = {}
 
     @property
     def depth(self) -> DepthArray:
         """The depth of what was drawn; see `HemicubeRaster`."""
         return self._raster.depth
 
-    def views(self, first: int, last: int) -> Views:
+    def draw(self, first: int, last: int, take: Take) -> Generator[float, None, None]:
+        """Draw the hemicubes of patches first ... last, a batch at a time; yield the fraction done.
+
+        take  is called with the first patch of a batch, the one after its last, and `Viewpoints.frames`, when
+              the batch has been drawn
+        """
+        step = self._tiles.capacity
+        for start in range(first, last, step):
+            end = min(start + step, last)
+            views = self._views(start, end)
+            for drawn in self._draw(views.matrices):
+                yield (start - first + drawn) / (last - first)
+            take(start, end, views.frames)
+
+    def _views(self, first: int, last: int) -> _Views:
         """Return the hemicubes of patches first ... last: they stand where they are for life."""
-        views = self._kept.get((first, last)) or self._views(first, last)
+        views = self._kept.get((first, last)) or self._new_views(first, last)
         if self._keeps:
             self._kept[first, last] = views
         return views
 
-    def _views(self, first: int, last: int) -> Views:
+    def _new_views(self, first: int, last: int) -> _Views:
         geometry, reverse = self._parts.geometry.part(slice(first, last)), self._reversed_depth
         points = viewpoints(self._parts.triangles, geometry, self._settings, reverse, first)
-        return Views(points.frames, matrices(points.frame, points.eye, points.near, reverse))
+        return _Views(points.frames, matrices(points.frame, points.eye, points.near, reverse))
 
-    def draw(self, views: Views) -> Iterator[int]:
-        """Draw hemicubes, at most a batch; yield how many are done."""
+    def _draw(self, matrices: np.ndarray) -> Iterator[int]:
+        """Draw a batch in slices of like duration; yield how many hemicubes are done."""
         started = time.perf_counter()
-        for drawn in self._raster.draw(views.matrices, self._layers_per_slice):
+        for drawn in self._raster.draw(matrices, self._layers_per_slice):
             seconds = time.perf_counter() - started
             if seconds < _SLICE / 2:
                 self._layers_per_slice = min(2 * self._layers_per_slice, self._tiles.layers)
@@ -94,8 +111,3 @@ class Hemicubes:
                 self._layers_per_slice = max(1, self._layers_per_slice // 2)
             yield drawn
             started = time.perf_counter()
-
-    def batches(self) -> list[tuple[int, int]]:
-        """Return the first patch of each batch, and the one after its last."""
-        step = self._tiles.capacity
-        return [(first, min(first + step, self.count)) for first in range(0, self.count, step)]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...device.record import Record
 from ...patches.geometry import PatchGeometry
 from ...scene.triangles import Triangles
 from ...settings import Settings
@@ -22,6 +23,15 @@ OF_COORDINATE = 1e-6
 #: the corners of the largest triangles when they are clipped, and the standard depth range needs more.
 _NEAR = 1e-6
 _NEAR_STANDARD_DEPTH = 1e-5
+
+#: How a hemicube is turned.
+FRAME = Record(
+    "Frame",
+    ("float[3]", "right", "unit, world space"),
+    ("float[3]", "up", "unit, world space"),
+    ("float[3]", "normal", "unit, world space: the axis of the top face"),
+    ("float[3]", "horizon", "unit, along right, up and normal: behind its plane nothing is seen"),
+)
 
 
 @dataclass(frozen=True)
@@ -43,6 +53,12 @@ class Viewpoints:
     def frames(self) -> np.ndarray:
         """Frame and horizon, (n, 4, 3) float32, as the integrators take them."""
         return np.concatenate([self.frame, self.horizon[:, None]], axis=1, dtype=np.float32)
+
+
+def frame_records(frames: np.ndarray) -> np.ndarray:
+    """Return `Viewpoints.frames`, (m, 4, 3) float32, as (m,) FRAME."""
+    records: np.ndarray = frames.reshape(-1, 12).view(FRAME.dtype)[:, 0]
+    return records
 
 
 def eye_heights(triangles: Triangles, geometry: PatchGeometry) -> np.ndarray:

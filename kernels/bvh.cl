@@ -80,18 +80,19 @@ void store_end(__global float *rows, const int stride, const int i)
 
 // A node has its box, with the cost of a ray in it (surface area heuristic), and its two children, the
 // number of its triangles, and whether it is a leaf. Of a triangle's node the first child is its number.
-void store_node(__global float4 *boxes, __global int4 *links, const int node, const Box box, const float cost,
-                const int4 link)
+void store_node(__global NodeBox *boxes, __global NodeLink *links, const int node, const Box box, const float cost,
+                const NodeLink link)
 {
-    boxes[2 * node] = (float4)(box.low, cost);
-    boxes[2 * node + 1] = (float4)(box.high, cost);
+    vstore3(box.low, 0, boxes[node].low);
+    vstore3(box.high, 0, boxes[node].high);
+    boxes[node].cost = cost;
     links[node] = link;
 }
 
 // Every triangle is a cluster and a node, in the order of the curve.
 __kernel void single_clusters(__global const float *positions, __global const ulong *keys,
                               const ulong number_mask, __global float *rows, const int stride,
-                              __global int *cluster, __global float4 *boxes, __global int4 *links, const int count)
+                              __global int *cluster, __global NodeBox *boxes, __global NodeLink *links, const int count)
 {
     const int i = (int)get_global_id(0) - FAR;
     if (i >= count + FAR)
@@ -104,7 +105,8 @@ __kernel void single_clusters(__global const float *positions, __global const ul
     const Box box = box_of(positions, number);
     store_box(rows, stride, i, box);
     cluster[i] = i;
-    store_node(boxes, links, i, box, half_area(box.high - box.low) * PACKET_COST, (int4)(number, -1, 1, 1));
+    const NodeLink link = {number, -1, 1, 1};
+    store_node(boxes, links, i, box, half_area(box.high - box.low) * PACKET_COST, link);
 }
 
 // The neighbour with which each cluster has the smallest box: among equals the other one of its pair, so
@@ -220,7 +222,7 @@ __kernel void sum_totals(__global int2 *totals, const int count, __local int2 *s
 __kernel void merge(__global const int *best, const int paired, __global const int2 *before,
                     __global const int2 *totals, __global const float *rows, __global const int *cluster,
                     __global float *new_rows, __global int *new_cluster, const int stride, const int left,
-                    __global float4 *boxes, __global int4 *links, const int first_node, const int count)
+                    __global NodeBox *boxes, __global NodeLink *links, const int first_node, const int count)
 {
     const int i = get_global_id(0);
     if (i < FAR) {
@@ -239,12 +241,12 @@ __kernel void merge(__global const int *best, const int paired, __global const i
         const Box other = load_box(rows, stride, mate);
         box.low = min(box.low, other.low);
         box.high = max(box.high, other.high);
-        const int right = cluster[mate], size = links[node].z + links[right].z;
+        const int right = cluster[mate], size = links[node].triangles + links[right].triangles;
         const float area = half_area(box.high - box.low);
-        const float parted = area + boxes[2 * node].w + boxes[2 * right].w;
+        const float parted = area + boxes[node].cost + boxes[right].cost;
         const float whole = area * (PACKET_COST * ((size + PACKET - 1) / PACKET));
         const bool leaf = size <= LEAF && !(parted < whole);
-        const int4 link = (int4)(node, right, size, leaf);
+        const NodeLink link = {node, right, size, leaf};
         node = first_node + rank.y;
         store_node(boxes, links, node, box, leaf ? whole : parted, link);
     }
@@ -253,21 +255,21 @@ __kernel void merge(__global const int *best, const int paired, __global const i
 }
 
 // The nodes of clusters, one after the other.
-__kernel void pick_clusters(__global const int *cluster, __global const float4 *boxes, __global const int4 *links,
-                            __global float4 *picked_boxes, __global int4 *picked_links, const int count)
+__kernel void pick_clusters(__global const int *cluster, __global const NodeBox *boxes, __global const NodeLink *links,
+                            __global NodeBox *picked_boxes, __global NodeLink *picked_links, const int count)
 {
     const int i = get_global_id(0);
     if (i >= count)
         return;
     const int node = cluster[i];
-    picked_boxes[2 * i] = boxes[2 * node];
-    picked_boxes[2 * i + 1] = boxes[2 * node + 1];
-    picked_links[i] = (int4)(node, links[node].yzw);
+    picked_boxes[i] = boxes[node];
+    picked_links[i] = links[node];
+    picked_links[i].left = node;
 }
 
 // The children of wide nodes: the binary node's two, and of those that are no leaves the largest opened as
 // long as there is room. Of each wide node the children that are no leaves, and its packets.
-__kernel void open_nodes(__global const float4 *boxes, __global const int4 *links, __global const int *roots,
+__kernel void open_nodes(__global const NodeBox *boxes, __global const NodeLink *links, __global const int *roots,
                          __global int *children, __global int2 *counts, const int count_roots)
 {
     const int i = get_global_id(0);
@@ -276,7 +278,7 @@ __kernel void open_nodes(__global const float4 *boxes, __global const int4 *link
     int open[WIDTH], count = 1;
     float areas[WIDTH];
     open[0] = roots[i];
-    areas[0] = links[open[0]].w ? -1.0f : INFINITY;
+    areas[0] = links[open[0]].leaf ? -1.0f : INFINITY;
     while (count < WIDTH) {
         int widest = 0;
         for (int k = 1; k < count; ++k)
@@ -284,19 +286,19 @@ __kernel void open_nodes(__global const float4 *boxes, __global const int4 *link
                 widest = k;
         if (areas[widest] < 0.0f)
             break;
-        const int4 link = links[open[widest]];
-        open[count] = link.y;
-        open[widest] = link.x;
+        const NodeLink link = links[open[widest]];
+        open[count] = link.right;
+        open[widest] = link.left;
         for (int k = 0; k < 2; ++k) {
             const int at = k ? count : widest, node = open[at];
-            areas[at] = links[node].w ? -1.0f : half_area(boxes[2 * node + 1].xyz - boxes[2 * node].xyz);
+            areas[at] = links[node].leaf ? -1.0f : half_area(vload3(0, boxes[node].high) - vload3(0, boxes[node].low));
         }
         ++count;
     }
     int2 sum = 0;
     for (int k = 0; k < count; ++k) {
-        const int4 link = links[open[k]];
-        sum += link.w ? (int2)(0, (link.z + PACKET - 1) / PACKET) : (int2)(1, 0);
+        const NodeLink link = links[open[k]];
+        sum += link.leaf ? (int2)(0, (link.triangles + PACKET - 1) / PACKET) : (int2)(1, 0);
     }
     for (int k = 0; k < WIDTH; ++k)
         children[WIDTH * i + k] = k < count ? open[k] : -1;
@@ -304,7 +306,7 @@ __kernel void open_nodes(__global const float4 *boxes, __global const int4 *link
 }
 
 // The binary nodes that the next level of wide nodes is made of.
-__kernel void next_roots(__global const int4 *links, __global const int *children, __global const int2 *before,
+__kernel void next_roots(__global const NodeLink *links, __global const int *children, __global const int2 *before,
                          __global const int2 *totals, __global int *next, const int count)
 {
     const int i = get_global_id(0);
@@ -313,31 +315,31 @@ __kernel void next_roots(__global const int4 *links, __global const int *childre
     int rank = before[i].x + totals[i / CHUNK].x;
     for (int k = 0; k < WIDTH; ++k) {
         const int child = children[WIDTH * i + k];
-        if (child >= 0 && !links[child].w)
+        if (child >= 0 && !links[child].leaf)
             next[rank++] = child;
     }
 }
 
 // The packets of a leaf: first corner, two edges and number of each triangle; lanes without one have no edges.
-void store_packets(__global const float *positions, __global const int4 *links,
+void store_packets(__global const float *positions, __global const NodeLink *links,
                    const int leaf, __global float *packets)
 {
     int stack[LEAF + 1], depth = 1, lane = 0;
     stack[0] = leaf;
     while (depth > 0) {
-        const int4 link = links[stack[--depth]];
-        if (link.y >= 0) {
-            stack[depth++] = link.y;
-            stack[depth++] = link.x;
+        const NodeLink link = links[stack[--depth]];
+        if (link.right >= 0) {
+            stack[depth++] = link.right;
+            stack[depth++] = link.left;
             continue;
         }
         __global float *packet = packets + lane / PACKET * PACKET * RECORD + lane % PACKET;
         ++lane;
-        const float3 a = corner_of(positions, link.x, 0);
-        const float3 edge1 = corner_of(positions, link.x, 1) - a;
-        const float3 edge2 = corner_of(positions, link.x, 2) - a;
+        const float3 a = corner_of(positions, link.left, 0);
+        const float3 edge1 = corner_of(positions, link.left, 1) - a;
+        const float3 edge2 = corner_of(positions, link.left, 2) - a;
         const float values[10] = {a.x, a.y, a.z, edge1.x, edge1.y, edge1.z, edge2.x, edge2.y, edge2.z,
-                                  as_float(link.x)};
+                                  as_float(link.left)};
         for (int k = 0; k < 10; ++k)
             packet[k * PACKET] = values[k];
     }
@@ -348,8 +350,8 @@ void store_packets(__global const float *positions, __global const int4 *links,
 
 // Wide nodes of one level, from `first` on, and the packets of their leaves; their children are nodes from
 // `next` on. Boxes of missing children are points that no ray reaches.
-__kernel void store_level(__global const float *positions, __global const float4 *boxes,
-                          __global const int4 *links, __global const int *children, __global const int2 *before,
+__kernel void store_level(__global const float *positions, __global const NodeBox *boxes,
+                          __global const NodeLink *links, __global const int *children, __global const int2 *before,
                           __global const int2 *totals, const int first, const int next, const int first_packet,
                           __global float *nodes, __global float *packets, const int count)
 {
@@ -364,11 +366,11 @@ __kernel void store_level(__global const float *positions, __global const float4
         float3 low = INFINITY, high = INFINITY;
         int code = ~0;
         if (child >= 0) {
-            low = boxes[2 * child].xyz;
-            high = boxes[2 * child + 1].xyz;
-            const int4 link = links[child];
-            if (link.w) {
-                const int count = (link.z + PACKET - 1) / PACKET;
+            low = vload3(0, boxes[child].low);
+            high = vload3(0, boxes[child].high);
+            const NodeLink link = links[child];
+            if (link.leaf) {
+                const int count = (link.triangles + PACKET - 1) / PACKET;
                 store_packets(positions, links, child, packets + (size_t)RECORD * PACKET * packet);
                 code = ~(packet << LEAF_BITS | count);
                 packet += count;

@@ -45,8 +45,7 @@ typedef struct {
     __global const PART *triangles;   // packets of first corner, two edges, number
 #ifdef CUTOUTS
     __global const ushort *alpha;      // engine/scene/cutouts.py
-    __global const int4 *maps;
-    __global const float4 *constants;  // alpha, threshold or -1, 1 for culled backs
+    __global const Cutout *cutouts;    // of each material
     __global const float2 *alpha_uvs;  // of each corner of each triangle on its alpha map
     __global const int *materials;     // of each triangle
 #endif
@@ -54,9 +53,9 @@ typedef struct {
 
 #ifdef CUTOUTS
 #define RAYS_ARGUMENTS __global const PLANES *nodes, __global const PART *triangles, \
-    __global const ushort *alpha, __global const int4 *maps, __global const float4 *constants, \
-    __global const float2 *alpha_uvs, __global const int *materials
-#define RAYS {nodes, triangles, alpha, maps, constants, alpha_uvs, materials}
+    __global const ushort *alpha, __global const Cutout *cutouts, __global const float2 *alpha_uvs, \
+    __global const int *materials
+#define RAYS {nodes, triangles, alpha, cutouts, alpha_uvs, materials}
 #else
 #define RAYS_ARGUMENTS __global const PLANES *nodes, __global const PART *triangles
 #define RAYS {nodes, triangles}
@@ -89,19 +88,20 @@ int wrapped(const int i, const int size, const int extension)
     return clamp(i, 0, size - 1);
 }
 
-float alpha_pixel(const Rays *rays, const int x, const int y, const int4 map)
+float alpha_pixel(const Rays *rays, const int x, const int y, __global const Cutout *map)
 {
-    if (map.w % 4 == 3 && (x < 0 || y < 0 || x >= map.y || y >= map.z))
+    if (map->extension == 3 && (x < 0 || y < 0 || x >= map->width || y >= map->height))
         return 0.0f;
-    return rays->alpha[map.x + wrapped(y, map.z, map.w % 4) * map.y + wrapped(x, map.y, map.w % 4)] / 65535.0f;
+    const int row = wrapped(y, map->height, map->extension), column = wrapped(x, map->width, map->extension);
+    return rays->alpha[map->first + row * map->width + column] / 65535.0f;
 }
 
-float map_alpha(const Rays *rays, const float2 uv, const int4 map)
+float map_alpha(const Rays *rays, const float2 uv, __global const Cutout *map)
 {
-    if (map.y == 0)
+    if (map->width == 0)
         return 1.0f;
-    const float2 pixel = near_image(uv, map.w % 4) * (float2)(map.y, map.z);
-    if (map.w >= 4)
+    const float2 pixel = near_image(uv, map->extension) * (float2)(map->width, map->height);
+    if (map->nearest)
         return alpha_pixel(rays, (int)floor(pixel.x), (int)floor(pixel.y), map);
     const float2 low = floor(pixel - 0.5f), f = pixel - 0.5f - low;
     const int x = (int)low.x, y = (int)low.y;
@@ -112,16 +112,15 @@ float map_alpha(const Rays *rays, const float2 uv, const int4 map)
 // The fraction of light that a surface stops at a hit.
 float opacity(const Rays *rays, const Hit *hit)
 {
-    const int material = rays->materials[hit->triangle];
-    const float4 constants = rays->constants[material];
-    if (constants.z > 0.0f && !hit->front)
+    __global const Cutout *cutout = rays->cutouts + rays->materials[hit->triangle];
+    if (cutout->culled && !hit->front)
         return 0.0f;
     const float2 w = hit->weights;
     __global const float2 *corner = rays->alpha_uvs + 3 * hit->triangle;
     const float2 uv = corner[0] * (1.0f - w.x - w.y) + corner[1] * w.x + corner[2] * w.y;
-    const float alpha = constants.x * map_alpha(rays, uv, rays->maps[material]);
-    if (constants.y >= 0.0f)
-        return alpha < constants.y ? 0.0f : 1.0f;
+    const float alpha = cutout->alpha * map_alpha(rays, uv, cutout);
+    if (cutout->threshold >= 0.0f)
+        return alpha < cutout->threshold ? 0.0f : 1.0f;
     return min(alpha, 1.0f);
 }
 

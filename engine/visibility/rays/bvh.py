@@ -9,6 +9,7 @@ import pyopencl as cl
 
 from ...device.buffers import upload
 from ...device.compute import Compute
+from ...device.record import Record
 from .treetop import Treetop
 
 #: Clusters beyond either end of a row, and values that a work item sums, as in kernels/bvh.cl.
@@ -25,6 +26,21 @@ _FEWEST = 1 / 16
 
 #: Sizes of traversal stacks are multiples of this, nodes, so that few programs are built.
 _STACK = 64
+
+#: A node of the binary hierarchy: its box, and what it is made of.
+BOX = Record(
+    "NodeBox",
+    ("float[3]", "low", "m, corner of the box"),
+    ("float", "cost", "of a ray in the node (surface area heuristic), m^2"),
+    ("float[3]", "high", "m, corner of the box"),
+)
+LINK = Record(
+    "NodeLink",
+    ("int", "left", "child; of a node of one triangle its number"),
+    ("int", "right", "child, -1 for a node of one triangle"),
+    ("int", "triangles", "in the node"),
+    ("int", "leaf", "1 if a ray tests all of them"),
+)
 
 
 @dataclass(frozen=True)
@@ -100,9 +116,11 @@ class _Builder:
             "morton_keys", "single_clusters", "best_neighbours", "count_merges", "sum_chunks",
             "sum_totals", "merge", "pick_clusters", "open_nodes", "next_roots", "store_level",
         )  # fmt: skip
-        kernels = compute.kernels("bvh.cl", *names, options=options)
+        kernels = compute.kernels((BOX, LINK, "bvh.cl"), *names, options=options)
         self._kernels = dict(zip(names, kernels, strict=True))
-        self._boxes, self._links = self._buffer(64 * self._count), self._buffer(32 * self._count)
+        self._boxes, self._links = (
+            self._buffer(2 * record.dtype.itemsize * self._count) for record in (BOX, LINK)
+        )
         self._positions = upload(compute, positions.astype(np.float32, copy=False))
         self._reach = max(reach, 1e-30)
 
@@ -155,18 +173,18 @@ class _Builder:
 
     def _join(self, cluster: cl.Buffer, count: int, made: int) -> int:
         """Make the nodes above the clusters, numbered from `made` on; return the root."""
-        picked = self._buffer(32 * count), self._buffer(16 * count)
+        picked = self._buffer(BOX.dtype.itemsize * count), self._buffer(LINK.dtype.itemsize * count)
         self._run("pick_clusters", count, cluster, self._boxes, self._links, *picked, np.int32(count))
-        boxes, links = np.empty((count, 8), np.float32), np.empty((count, 4), np.int32)
+        boxes, links = BOX.array(count), LINK.array(count)
         for array, buffer in zip((boxes, links), picked, strict=True):
             cl.enqueue_copy(self._queue, array, buffer)
-        top = Treetop(boxes[:, :3], boxes[:, 4:7], links[:, 2])
+        top = Treetop(boxes["low"], boxes["high"], links["triangles"])
         inner = np.concatenate([*top.levels, np.zeros(0, np.int64)])
-        number = links[top.cluster, 0]
+        number = links["left"][top.cluster]
         number[inner] = made + np.arange(len(inner))
 
         # Numbers of triangles and costs, from the clusters up, as in kernels/bvh.cl.
-        size, cost = links[top.cluster, 2], boxes[top.cluster, 3]
+        size, cost = links["triangles"][top.cluster], boxes["cost"][top.cluster]
         leaf = np.zeros(len(size), bool)
         x, y, z = (top.high - top.low).T
         area = x * y + y * z + z * x
@@ -179,11 +197,12 @@ class _Builder:
             cost[nodes] = np.where(leaf[nodes], whole, parted)
         if len(inner):
             left = top.left[inner]
-            boxes = np.column_stack([top.low[inner], cost[inner], top.high[inner], cost[inner]])
-            links = np.column_stack([number[left], number[left + 1], size[inner], leaf[inner]])
-            links = links.astype(np.int32)
-            cl.enqueue_copy(self._queue, self._boxes, boxes, dst_offset=32 * made)
-            cl.enqueue_copy(self._queue, self._links, links, dst_offset=16 * made)
+            boxes = BOX.array(len(inner), low=top.low[inner], high=top.high[inner], cost=cost[inner])
+            links = LINK.array(
+                len(inner), left=number[left], right=number[left + 1], triangles=size[inner], leaf=leaf[inner]
+            )
+            cl.enqueue_copy(self._queue, self._boxes, boxes, dst_offset=BOX.dtype.itemsize * made)
+            cl.enqueue_copy(self._queue, self._links, links, dst_offset=LINK.dtype.itemsize * made)
         return int(number[0])
 
     def _widen(self, root: int) -> Bvh:

@@ -8,9 +8,23 @@ import pyopencl as cl
 from ...device.buffers import upload
 from ...device.compute import Compute, Source
 from ...device.kernel import Kernel
-from ...scene.cutouts import Cutouts
+from ...device.record import Record
+from ...scene.cutouts import EXTENSIONS, Cutouts
 from ...scene.triangles import Triangles
 from .bvh import build_bvh
+
+#: What light passes through on the triangles of a material; see `Cutouts`.
+CUTOUT = Record(
+    "Cutout",
+    ("int", "first", "pixel of the alpha map"),
+    ("int", "width", "pixels, 0 without a map"),
+    ("int", "height", "pixels"),
+    ("int", "extension", "index into EXTENSIONS: how the map goes on beyond its borders"),
+    ("int", "nearest", "1 if the nearest pixel is taken, 0 if four are interpolated"),
+    ("float", "alpha", "a factor of the map"),
+    ("float", "threshold", "of alpha, from which on all light is stopped; -1 for none"),
+    ("int", "culled", "1 if the back is see-through"),
+)
 
 
 class Rays:
@@ -28,13 +42,13 @@ class Rays:
         arrays: list[np.ndarray] = []
         if cutouts.needed:
             self._options = (*bvh.options, "-DCUTOUTS")
-            arrays = [cutouts.alpha, cutouts.maps, _constants(cutouts), cutouts.uvs, triangles.material]
+            arrays = [cutouts.alpha, _cutout_records(cutouts), cutouts.uvs, triangles.material]
         self.arguments = (bvh.nodes, bvh.triangles, *(upload(compute, array) for array in arrays))
         self._cast, self._pass = self.kernels((), "cast", "pass")
 
     def kernels(self, source: Source, *names: str, options: tuple[str, ...] = ()) -> list[Kernel]:
         """Build kernels/rays.cl and more parts after it; return kernels in the names' order."""
-        return self._compute.kernels(("rays.cl", *source), *names, options=(*self._options, *options))
+        return self._compute.kernels((CUTOUT, "rays.cl", *source), *names, options=(*self._options, *options))
 
     def cast(
         self, origins: np.ndarray, directions: np.ndarray, backs: bool = False
@@ -83,8 +97,18 @@ def _four(vectors: np.ndarray, last: float = 0.0) -> np.ndarray:
     return padded
 
 
-def _constants(cutouts: Cutouts) -> np.ndarray:
-    """Return (m, 4) float32: alpha, threshold or -1, 1 for culled backs."""
-    values = np.zeros((len(cutouts.maps), 4), np.float32)
-    values[:, :2], values[:, 2] = cutouts.constants, cutouts.culled
-    return values
+def _cutout_records(cutouts: Cutouts) -> np.ndarray:
+    """Return the records of materials, (m,) CUTOUT."""
+    first, width, height, code = cutouts.maps.T
+    alpha, threshold = cutouts.constants.T
+    return CUTOUT.array(
+        len(cutouts.maps),
+        first=first,
+        width=width,
+        height=height,
+        extension=code % len(EXTENSIONS),
+        nearest=code >= len(EXTENSIONS),
+        alpha=alpha,
+        threshold=threshold,
+        culled=cutouts.culled,
+    )

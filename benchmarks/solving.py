@@ -29,7 +29,7 @@ def solving(scene: Scene, settings: Settings, compute: Compute | None = None) ->
     graphics = Graphics()
     try:
         compute, parts = compute or Compute(), subdivide(graphics, scene, settings)
-        emission, sky, rays = parts.surfaces.emission, whole_sky(scene.world), RayScene(compute, scene, parts)
+        emission, sky, rays = parts.surfaces.emission, whole_sky(scene.world), RayScene(compute, parts)
         dark = np.zeros_like(emission)
         area = parts.geometry.area
         job = SolveJob(graphics, compute, scene, parts, rays, emission, sky, dark, area, settings)

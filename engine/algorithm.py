@@ -63,14 +63,14 @@ def _bake(
     yield stages.listed(parts.surfaces.reflectance)
 
     # Lamps, small bright surfaces and bright sky are sampled with shadow rays (direct light).
-    rays = RayScene(compute, scene, parts)
+    rays = RayScene(compute, parts)
     lighting = DirectLighting(scene, parts, rays, settings)
     sampled = yield from stages.run(stages.direct, lighting.gather())
 
     # All other light is gathered: through hemicubes drawn in every iteration (IV.B), or what is kept of them.
     yield stages.begin(stages.choosing)
     emission, sky, area = lighting.emission_left, lighting.sky_left, parts.geometry.area
-    job = SolveJob(graphics, compute, scene, parts, rays, emission, sky, sampled, area, settings)
+    job = SolveJob(graphics, compute, parts, rays, emission, sky, sampled, area, settings)
     solution, choice = choose_solver(job)
     outputs, in_contact = Outputs(scene, settings, lighting), lighting.in_contact()
     yield stages.chosen(choice)

@@ -30,6 +30,7 @@ from engine.patches.surfaces import PatchSurfaces
 from engine.reference.cpu_patches import map_texels
 from engine.reference.form_factors import form_factors
 from engine.reference.gauss_seidel import gather, gauss_seidel
+from engine.scene.cutouts import read_cutouts
 from engine.solve.host_radiosity import HostRadiosity
 from engine.solve.solver import Solver
 from tests.analytic.drive import Prepared, prepare
@@ -93,9 +94,10 @@ def _iterations(prepared: Prepared, settings: Settings) -> Iterator[np.ndarray]:
     try:
         surfaces = PatchSurfaces(prepared.reflectance, prepared.emission)
         texels = map_texels(prepared.scene, prepared.patches)
-        parts = Subdivision(prepared.triangles, prepared.patches, prepared.geometry, surfaces, texels, ())
+        cutouts, triangles = read_cutouts(prepared.scene), prepared.triangles
+        parts = Subdivision(triangles, cutouts, prepared.patches, prepared.geometry, surfaces, texels, ())
         sky = whole_sky(prepared.scene.world)
-        paper = PaperGather(graphics, Compute(), prepared.scene, parts, prepared.emission, sky, settings)
+        paper = PaperGather(graphics, Compute(), parts, prepared.emission, sky, settings)
         radiosity = HostRadiosity(paper, prepared.reflectance, prepared.emission, prepared.geometry.area)
         solution = Solver(radiosity, np.zeros_like(prepared.emission), settings)
         while not solution.done:

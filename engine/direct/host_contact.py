@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..patches.subdivision import Subdivision
-from ..scene.cutouts import Cutouts, read_cutouts
+from ..scene.cutouts import Cutouts
 from ..scene.model import Scene
 from ..scene.textures import sample
 from ..visibility.raster.clusters import morton_codes
@@ -29,11 +29,11 @@ def in_contact_on_host(scene: Scene, parts: Subdivision) -> np.ndarray:
     start = geometry.center + ABOVE * up
     step = -(ABOVE + BELOW) * up
     corners = triangles.positions.astype(np.float64)
-    cutouts, in_contact = read_cutouts(scene), np.zeros(len(start), bool)
+    in_contact = np.zeros(len(start), bool)
     for patch, triangle in _neighbours(start, step, corners):
         met, weights = _backs_met(start[patch], step[patch], corners[triangle])
         triangle = triangle[met]
-        stops = _stops(scene, cutouts, triangle, triangles.material[triangle], weights[met])
+        stops = _stops(scene, parts.cutouts, triangle, triangles.material[triangle], weights[met])
         in_contact[patch[met][stops]] = True
     return in_contact
 

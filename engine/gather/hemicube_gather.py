@@ -10,7 +10,6 @@ import numpy as np
 from ..device.compute import Compute
 from ..device.graphics import Graphics
 from ..patches.subdivision import Subdivision
-from ..scene.model import Scene
 from ..settings import Settings
 from ..visibility.raster.targets import IdentityTarget, RadianceTarget
 from ..visibility.raster.tiles import COPIED_RADIANCE_BYTES, IDENTITY_BYTES, RADIANCE_BYTES, plan_tiles
@@ -41,7 +40,6 @@ class PaperGather:
         self,
         graphics: Graphics,
         compute: Compute | None,
-        scene: Scene,
         parts: Subdivision,
         emission: np.ndarray,
         sky: np.ndarray,
@@ -61,7 +59,7 @@ class PaperGather:
         nothing = None if copying is None else _LOOK_UP
         half = settings.half_radiance and copying is None
         self._target = RadianceTarget(graphics, tiles, emission, nothing, half)
-        self._hemicubes = Hemicubes(graphics, scene, parts, tiles, self._target, settings, again=True)
+        self._hemicubes = Hemicubes(graphics, parts, tiles, self._target, settings, again=True)
         texture, depth = self._target.texture, self._hemicubes.depth
         self._integrator: Integrator
         if copying is None:
@@ -88,7 +86,6 @@ class GlslGather:
     def __init__(
         self,
         graphics: Graphics,
-        scene: Scene,
         parts: Subdivision,
         emission: np.ndarray,
         sky: np.ndarray,
@@ -97,7 +94,7 @@ class GlslGather:
         """Prepare to gather; parameters as of `PaperGather`."""
         tiles = plan_tiles(settings, len(parts.patches), IDENTITY_BYTES)
         target = IdentityTarget(graphics, tiles)
-        self._hemicubes = Hemicubes(graphics, scene, parts, tiles, target, settings)
+        self._hemicubes = Hemicubes(graphics, parts, tiles, target, settings)
         self._integrator = GlslCachedIntegrator(graphics, tiles, target.texture, emission, sky)
 
     def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:

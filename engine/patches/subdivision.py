@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..device.graphics import Graphics
+from ..scene.cutouts import Cutouts, read_cutouts
 from ..scene.model import Scene
 from ..scene.triangles import Triangles, join_meshes
 from ..settings import Settings
@@ -22,11 +23,13 @@ from .texel_to_patch import add_thin_patches
 class Subdivision:
     """Which texels are patches, where they are, and what they are made of.
 
+    cutouts         what light passes through on the triangles
     texel_to_patch  (atlases, r, r) uint32 index map: patch + 1, or 0
     warnings        sentences for the user
     """
 
     triangles: Triangles
+    cutouts: Cutouts
     patches: PatchList
     geometry: PatchGeometry
     surfaces: PatchSurfaces
@@ -43,4 +46,5 @@ def subdivide(graphics: Graphics, scene: Scene, settings: Settings) -> Subdivisi
     touched = touched_triangles(graphics, triangles, len(scene.atlases), settings.resolution)
     patches, geometry, texel_to_patch = add_thin_patches(triangles, covered, touched)
     surfaces = patch_surfaces(scene, triangles, patches, geometry)
-    return Subdivision(triangles, patches, geometry, surfaces, texel_to_patch, tuple(warnings))
+    cutouts = read_cutouts(scene)
+    return Subdivision(triangles, cutouts, patches, geometry, surfaces, texel_to_patch, tuple(warnings))

@@ -123,7 +123,7 @@ def _host_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
 def _choose_gather(job: SolveJob) -> tuple[Gather, Choice]:
     """Return how hemicubes are drawn and summed."""
     settings, samples = job.settings, 3 * job.settings.hemicube**2
-    seen = (job.scene, job.parts, job.emission, job.sky, settings)
+    seen = (job.parts, job.emission, job.sky, settings)
     tiles, why = plan_tiles(settings, job.count, IDENTITY_BYTES), "the settings ask for the paper's method"
     if settings.method != "paper":
         if fits_glsl_cache(job.graphics, tiles, job.count):

@@ -11,7 +11,6 @@ from ..device.compute import Compute
 from ..device.graphics import Graphics
 from ..errors import DeviceError
 from ..patches.subdivision import Subdivision
-from ..scene.model import Scene
 from ..settings import Settings
 from ..solve.anderson import COLUMNS
 from ..solve.solver import PLAIN_COLUMNS
@@ -31,7 +30,6 @@ class SolveJob:
 
     graphics: Graphics
     compute: Compute | None
-    scene: Scene
     parts: Subdivision
     rays: RayScene
     emission: np.ndarray

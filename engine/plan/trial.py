@@ -58,9 +58,7 @@ def _makers(job: SolveJob) -> dict[str, Callable[[], Identity]]:
     """Return what makes each way to find what patches see, first the one that is quickly tried."""
     return {
         "rays": lambda: RayIdentity(job.opencl, job.rays, job.parts, job.surroundings, job.settings),
-        "raster": lambda: RasterIdentity(
-            job.graphics, job.opencl, job.scene, job.parts, job.surroundings, job.settings
-        ),
+        "raster": lambda: RasterIdentity(job.graphics, job.opencl, job.parts, job.surroundings, job.settings),
     }
 
 

@@ -31,7 +31,7 @@ class Bench:
     def light(self, scene: Scene, parts: Subdivision, **settings: int) -> np.ndarray:
         """Return E/pi of the green channel at each patch."""
         chosen = dataclasses.replace(SETTINGS, **settings)
-        rays = RayScene(self.compute, scene, parts)
+        rays = RayScene(self.compute, parts)
         return finished(DirectLighting(scene, parts, rays, chosen).gather())[:, 1]
 
 

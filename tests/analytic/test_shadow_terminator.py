@@ -11,6 +11,7 @@ from engine.device.compute import Compute
 from engine.patches.subdivision import Subdivision
 from engine.patches.surfaces import PatchSurfaces
 from engine.reference.cpu_patches import map_texels
+from engine.scene.cutouts import read_cutouts
 from engine.visibility.rays.ray_scene import RayScene
 from engine.visibility.rays.receivers import RECEIVER
 from tests.analytic.drive import drive, prepare
@@ -120,10 +121,11 @@ def lifted(*meshes):
     here = prepare(scene, 64)
     dark = np.zeros((len(here.patches), 3), np.float32)
     texels, surfaces = map_texels(scene, here.patches), PatchSurfaces(dark, dark)
-    parts = Subdivision(here.triangles, here.patches, here.geometry, surfaces, texels, ())
+    cutouts = read_cutouts(scene)
+    parts = Subdivision(here.triangles, cutouts, here.patches, here.geometry, surfaces, texels, ())
     compute = Compute()
     records = RECEIVER.array(len(here.patches))
-    rays = RayScene(compute, scene, parts)
+    rays = RayScene(compute, parts)
     cl.enqueue_copy(compute.queue, records, rays.receivers)
     return records["lifted"]
 

@@ -175,7 +175,7 @@ def stacks(shift):
 def test_patches_in_contact_are_the_same_without_opencl(graphics, compute, shift):
     scene = stacks(shift)
     parts = subdivide(graphics, scene, dataclasses.replace(SETTINGS, resolution=128))
-    found = patches_in_contact(RayScene(compute, scene, parts), len(parts.patches))
+    found = patches_in_contact(RayScene(compute, parts), len(parts.patches))
     on_host = in_contact_on_host(scene, parts)
     assert 100 < found.sum() < len(found) / 2
     assert (found != on_host).mean() < 5e-3

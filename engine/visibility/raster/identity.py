@@ -12,7 +12,6 @@ from ...device.compute import Compute
 from ...device.graphics import Graphics
 from ...device.share import HostCopy
 from ...patches.subdivision import Subdivision
-from ...scene.model import Scene
 from ...settings import Settings
 from ..identity import SeenBuffers, Surroundings, sample_bytes, sample_options
 from ..views.hemicube import multiplier_map
@@ -31,7 +30,6 @@ class RasterIdentity:
         self,
         graphics: Graphics,
         compute: Compute,
-        scene: Scene,
         parts: Subdivision,
         surroundings: Surroundings,
         settings: Settings,
@@ -39,7 +37,7 @@ class RasterIdentity:
         self._compute, self._queue, self._surroundings = compute, compute.queue, surroundings
         self._tiles = plan_tiles(settings, len(parts.patches), IDENTITY_BYTES)
         target = IdentityTarget(graphics, self._tiles)
-        self._hemicubes = Hemicubes(graphics, scene, parts, self._tiles, target, settings)
+        self._hemicubes = Hemicubes(graphics, parts, self._tiles, target, settings)
         self._copy = HostCopy(compute, target.texture)
         multiplier = multiplier_map(settings.hemicube).ravel()
         self.multiplier: np.ndarray | None = multiplier

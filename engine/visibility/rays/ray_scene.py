@@ -10,8 +10,6 @@ import pyopencl as cl
 from ...device.compute import Compute
 from ...errors import DeviceError
 from ...patches.subdivision import Subdivision
-from ...scene.cutouts import read_cutouts
-from ...scene.model import Scene
 from .rays import Rays
 from .receivers import RECEIVER_SOURCE, pack_receivers
 
@@ -19,8 +17,8 @@ from .receivers import RECEIVER_SOURCE, pack_receivers
 class RayScene:
     """The triangles and patches of a bake on the OpenCL device."""
 
-    def __init__(self, compute: Compute | None, scene: Scene, parts: Subdivision) -> None:
-        self._compute, self._scene, self._parts = compute, scene, parts
+    def __init__(self, compute: Compute | None, parts: Subdivision) -> None:
+        self._compute, self._parts = compute, parts
 
     @property
     def compute(self) -> Compute:
@@ -36,14 +34,14 @@ class RayScene:
 
     def of(self, parts: Subdivision) -> RayScene:
         """Return the same triangles with other patches."""
-        other = RayScene(self._compute, self._scene, parts)
+        other = RayScene(self._compute, parts)
         other.rays = self.rays
         return other
 
     @cached_property
     def rays(self) -> Rays:
         """The triangles and their hierarchy."""
-        return Rays(self.compute, self._parts.triangles, read_cutouts(self._scene))
+        return Rays(self.compute, self._parts.triangles, self._parts.cutouts)
 
     @cached_property
     def receivers(self) -> cl.Buffer:

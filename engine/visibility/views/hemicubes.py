@@ -11,8 +11,6 @@ import numpy as np
 from ...device.graphics import Graphics
 from ...device.raw_gl import DepthArray
 from ...patches.subdivision import Subdivision
-from ...scene.cutouts import read_cutouts
-from ...scene.model import Scene
 from ...settings import Settings
 from ..raster.raster import HemicubeRaster
 from ..raster.targets import Target
@@ -51,7 +49,6 @@ class Hemicubes:
     def __init__(
         self,
         graphics: Graphics,
-        scene: Scene,
         parts: Subdivision,
         tiles: Tiles,
         target: Target,
@@ -60,7 +57,7 @@ class Hemicubes:
     ) -> None:
         self._tiles = tiles
         self._raster = HemicubeRaster(
-            graphics, tiles, parts.triangles, read_cutouts(scene), parts.texel_to_patch, target
+            graphics, tiles, parts.triangles, parts.cutouts, parts.texel_to_patch, target
         )
         self._layers_per_slice = 1
         self._reversed_depth = graphics.reversed_depth

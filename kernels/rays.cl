@@ -8,15 +8,12 @@
 #define INTS JOIN(int, WIDTH)
 #if WIDTH == 2
 #define PLANES float4
-#define AS_INTS as_int4
 #elif WIDTH == 4
 #define PLANES float8
-#define AS_INTS as_int8
 #define LANE_BITS (int4)(1, 2, 4, 8)
 #define JOINED(i) (i.s0 | i.s1 | i.s2 | i.s3)
 #else
 #define PLANES float16
-#define AS_INTS as_int16
 #define LANE_BITS (int8)(1, 2, 4, 8, 16, 32, 64, 128)
 #define JOINED(i) (i.s0 | i.s1 | i.s2 | i.s3 | i.s4 | i.s5 | i.s6 | i.s7)
 #endif
@@ -40,8 +37,13 @@
 #define LEAF_BITS 3
 
 typedef struct {
-    __global const PLANES *nodes;     // low and high x, y, z of each child; children and nothing. A child is a
-                                      // node, or ~(first packet << LEAF_BITS | packets) for a leaf
+    PLANES x, y, z;  // low ones of each child's box, then high ones
+    INTS children;   // a child is a node, or ~(first packet << LEAF_BITS | packets) for a leaf
+    INTS unused;
+} Node;
+
+typedef struct {
+    __global const Node *nodes;
     __global const PART *triangles;   // packets of first corner, two edges, number
 #ifdef CUTOUTS
     __global const ushort *alpha;      // engine/scene/cutouts.py
@@ -52,12 +54,12 @@ typedef struct {
 } Rays;
 
 #ifdef CUTOUTS
-#define RAYS_ARGUMENTS __global const PLANES *nodes, __global const PART *triangles, \
+#define RAYS_ARGUMENTS __global const Node *nodes, __global const PART *triangles, \
     __global const ushort *alpha, __global const Cutout *cutouts, __global const float2 *alpha_uvs, \
     __global const int *materials
 #define RAYS {nodes, triangles, alpha, cutouts, alpha_uvs, materials}
 #else
-#define RAYS_ARGUMENTS __global const PLANES *nodes, __global const PART *triangles
+#define RAYS_ARGUMENTS __global const Node *nodes, __global const PART *triangles
 #define RAYS {nodes, triangles}
 #endif
 
@@ -154,11 +156,11 @@ typedef struct {
 
 // Distances at which a ray enters the boxes of a node, INFINITY for those it misses (slabs; Kay and Kajiya
 // 1986, with room for rounding; Ize 2013). The inverse of the direction is finite, so nothing is NaN.
-FLOATS entries(__global const PLANES *node, const Search *search)
+FLOATS entries(__global const Node *node, const Search *search)
 {
-    const PLANES x = (node[0] - search->origin.x) * search->inverse.x;
-    const PLANES y = (node[1] - search->origin.y) * search->inverse.y;
-    const PLANES z = (node[2] - search->origin.z) * search->inverse.z;
+    const PLANES x = (node->x - search->origin.x) * search->inverse.x;
+    const PLANES y = (node->y - search->origin.y) * search->inverse.y;
+    const PLANES z = (node->z - search->origin.z) * search->inverse.z;
     const FLOATS in = max(max(min(x.lo, x.hi), min(y.lo, y.hi)), max(min(z.lo, z.hi), 0.0f));
     const FLOATS out = min(min(max(x.lo, x.hi), max(y.lo, y.hi)), min(max(z.lo, z.hi), search->reach));
     return select((FLOATS)(INFINITY), in, in <= out * 1.0000004f);
@@ -306,8 +308,8 @@ void descend(const Rays *rays, Search *search)
     float begins[WIDTH == 2 ? 1 : STACK];
     for (;;) {
         if (node >= 0) {
-            __global const PLANES *box = rays->nodes + 4 * node;
-            if (go_down(stack, begins, &depth, entries(box, search), AS_INTS(box[3]).lo, &node))
+            __global const Node *wide = rays->nodes + node;
+            if (go_down(stack, begins, &depth, entries(wide, search), wide->children, &node))
                 continue;
         } else if (!take_leaf(rays, ~node, search)) {
             search->through = 0.0f;

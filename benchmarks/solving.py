@@ -32,7 +32,7 @@ def solving(scene: Scene, settings: Settings, compute: Compute | None = None) ->
         emission, sky, rays = parts.surfaces.emission, whole_sky(scene.world), RayScene(compute, parts)
         dark = np.zeros_like(emission)
         area = parts.geometry.area
-        job = SolveJob(graphics, compute, scene, parts, rays, emission, sky, dark, area, settings)
+        job = SolveJob(graphics, compute, parts, rays, emission, sky, dark, area, settings)
         yield *choose_solver(job), len(emission)
     finally:
         graphics.release()

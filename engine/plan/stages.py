@@ -33,7 +33,7 @@ _LOOK_UP = 0.02
 #: Patches among the texels of a lightmap, and their mean reflectance, before they are known.
 _COVERAGE, _REFLECTANCE = 0.6, 0.6
 
-#: More emitters than this share the shadow rays of so many; see `direct.shadow_rays`.
+#: The shadow rays of a patch are those of at most so many emitters; see `direct.shadow_rays`.
 _MOST_LIGHTS = 8
 
 #: A stage that was shorter than this tells nothing about a longer one, s.

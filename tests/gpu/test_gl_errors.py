@@ -34,7 +34,7 @@ def refused(monkeypatch, program):
 @pytest.mark.parametrize(
     ("program", "settings", "task"),
     [
-        ("patches", QUICK, "drawing the patch list"),
+        ("patches", QUICK, "drawing lightmap UVs"),
         ("overlap", QUICK, "drawing lightmap UVs"),
         ("touched", QUICK, "drawing lightmap UVs"),
         ("hemicube", QUICK, "making room for hemicubes"),

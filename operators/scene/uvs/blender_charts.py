@@ -20,8 +20,8 @@ from .uv_faults import covered_texels
 #: Largest angle between the faces of a chart and the direction along which they are projected.
 _ANGLE = radians(66)
 
-#: Least area of a triangle in its chart, relative to its share of it: at a grazing angle it gets less.
-_LEAST_SHARE = 0.3
+#: Least area of a triangle in its chart, relative to its part of it: at a grazing angle it gets less.
+_LEAST_PART = 0.3
 
 #: Texels along the wider side of a chart when it is looked for triangles that lie on each other.
 _GRID = 512
@@ -175,7 +175,7 @@ def _checked(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> tuple[np.
     uvs = uvs * np.sqrt(total[0] / np.maximum(total[2], 1e-30))[chart][:, None, None]
 
     # A triangle that is turned over lies on its neighbour; a chart that is all of these is mirrored.
-    lost = signed_areas(uvs) * np.sign(total[1])[chart] < _LEAST_SHARE * space
+    lost = signed_areas(uvs) * np.sign(total[1])[chart] < _LEAST_PART * space
     for bent in _bent_charts(corners, chart):
         members = (chart == bent) & ~lost
         if _overlap(uvs[members]):

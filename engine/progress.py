@@ -19,6 +19,9 @@ _PRIOR = 0.5
 #: A first slice below this part of a stage is not measured: drivers compile what it needs.
 _STARTING = 0.2
 
+#: Slices that follow each other faster are one step: thousands of them would cost as much as the work, s.
+_STEP = 0.004
+
 #: A guess does not matter if it is less than this part of the time that was spent so far.
 _NEGLIGIBLE = 0.1
 
@@ -122,6 +125,11 @@ class Schedule:
         """The fraction of all work that is done, in [0, 1]."""
         return 1 - self._rest
 
+    @property
+    def due(self) -> bool:
+        """Whether the last step is long enough ago for another one."""
+        return time.perf_counter() - self._last >= _STEP
+
     def begin(self, stage: Stage) -> Progress:
         """Begin a stage; what is left of those before it does not count any more."""
         self._current = self._stages.index(stage)
@@ -154,8 +162,9 @@ class Schedule:
                 yield self.end()
                 made: Made = stop.value
                 return made
-            self.advance(fraction * stage.amount)
-            yield self.progress(fraction)
+            if self.due:
+                self.advance(fraction * stage.amount)
+                yield self.progress(fraction)
 
     def include(
         self, stage: Stage, work: Generator[Progress | None, None, Made]

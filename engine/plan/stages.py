@@ -120,8 +120,9 @@ class BakeStages(Schedule):
         yield self._about(solution, 0.0)
         before, amount = stage.done, self._samples_of_sweep if stage is self.bounces else stage.amount
         for fraction in solution.iteration():
-            self.advance(before + fraction * amount)
-            yield self._about(solution, fraction)
+            if self.due:
+                self.advance(before + fraction * amount)
+                yield self._about(solution, fraction)
         self._residuals.append(solution.residual)
         self.advance(before + amount)
         self._expect_sweeps()

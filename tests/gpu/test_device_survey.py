@@ -26,7 +26,8 @@ def test_every_device_is_listed_once_and_the_one_of_a_bake_is_marked():
 def test_the_worker_finds_the_same_devices_and_keeps_them_out_of_this_process():
     worker = Worker(bake="engine.session:find_devices")
     try:
-        assert finished(worker.run(None)) == survey.survey(None) == finished(find_devices(None))
+        found = [finished(worker.run(None)), survey.survey(None), finished(find_devices(None))]
+        assert found[0] == found[1] == found[2]
     finally:
         worker.stop()
 

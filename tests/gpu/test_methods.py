@@ -77,11 +77,14 @@ def test_drawn_identities_give_the_papers_light(paper, method):
 
 @pytest.mark.parametrize("method", ["cached", "stream"])
 def test_rays_through_hemicube_texels_give_the_papers_light(paper, method):
-    """In total: which rays a half-transparent surface stops is chosen by another hash."""
+    """In total: which rays a half-transparent surface stops is chosen by another hash.
+
+    Of eight seeds the ratio of the totals deviates by 0.17 % (standard deviation), its mean by 0.03 %.
+    """
     settings = dataclasses.replace(SETTINGS, method=method, visibility="rays", directions="hemicube")
     baked = drive(paper[0], settings)
     assert (baked.report.method, baked.report.visibility) == (method, "rays")
-    assert baked.image.sum() == pytest.approx(paper[1].image.sum(), rel=2e-3)
+    assert baked.image.sum() == pytest.approx(paper[1].image.sum(), rel=5e-3)
     assert np.median(np.abs(baked.image - paper[1].image)) < 0.1 * paper[1].image.mean()
 
 

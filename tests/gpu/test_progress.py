@@ -71,8 +71,10 @@ def check(scene, settings, stages):
 @pytest.mark.parametrize("changes", [{"visibility": "rays", "samples": 8192}, {"method": "paper"}])
 def test_seconds_left_are_right_within_a_factor_of_three_at_half_time(changes):
     settings = replace(SETTINGS, iterations=50, tolerance=0.005, **changes)
-    steps, took = timed(nine_quad_room(), settings)
-    assert took > 1
+    took = 0.0
+    while took < 1:
+        steps, took = timed(nine_quad_room(), settings)
+        settings = replace(settings, resolution=2 * settings.resolution + 1)
     at, step = next((at, step) for at, step in steps if at > took / 2)
     assert math.isfinite(step.seconds_left)
     assert (took - at) / 3 < step.seconds_left < 3 * (took - at)

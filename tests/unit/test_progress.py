@@ -46,6 +46,13 @@ def test_one_fraction_is_even_where_the_paces_are_right(clock):
     assert schedule.overall == 1 and schedule.seconds_left == 0
 
 
+def test_slices_that_follow_each_other_fast_are_one_step(clock):
+    schedule = Schedule([Stage("A")])
+    steps = list(schedule.run(schedule.current, work(clock, 0.1, 10_007)))
+    assert 20 < len(steps) <= 27
+    assert [step.overall for step in steps] == sorted(step.overall for step in steps)
+
+
 @pytest.mark.parametrize("wrong", [1e-3, 0.1, 1, 30, 1e4])
 def test_it_never_falls_and_ends_at_one_however_wrong_the_paces(clock, wrong):
     """One stage is skipped, one gets ten times as much to do as it runs, one tells no fractions."""

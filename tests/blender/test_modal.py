@@ -217,7 +217,8 @@ def test_object_whose_uvs_were_undone_in_mid_bake_is_named_and_not_written(opera
     assert kept.hemibake.image.name == "Own" and report()["objects"] == 1
 
 
-def test_undo_in_mid_bake_leaves_no_pointer_to_an_image_that_it_frees(operator, context):
+def bake_with_history(operator, context):
+    """Move a furnace in three steps that can be undone, then bake until its image is shown."""
     import bpy
 
     obj = furnace()
@@ -226,6 +227,12 @@ def test_undo_in_mid_bake_leaves_no_pointer_to_an_image_that_it_frees(operator, 
         bpy.ops.ed.undo_push(message=f"Moved to {step}")
     operator.invoke(context, None)
     drive(operator, context, until=image_shown)
+
+
+def test_undo_in_mid_bake_leaves_no_pointer_to_an_image_that_it_frees(operator, context):
+    import bpy
+
+    bake_with_history(operator, context)
     bpy.ops.ed.undo()
     assert not image_shown() and len(bpy.context.scene.hemibake.lightmaps) == 0
     assert drive(operator, context) == {"FINISHED"}
@@ -235,12 +242,7 @@ def test_undo_in_mid_bake_leaves_no_pointer_to_an_image_that_it_frees(operator, 
 def test_image_that_stays_after_a_failure_is_known_to_undo_and_to_the_next_bake(operator, context):
     import bpy
 
-    obj = furnace()
-    for step in range(3):
-        obj.location.x = step
-        bpy.ops.ed.undo_push(message=f"Moved to {step}")
-    operator.invoke(context, None)
-    drive(operator, context, until=image_shown)
+    bake_with_history(operator, context)
     part("operators.worker_owner").owner.worker().process.kill()
     assert drive(operator, context) == {"CANCELLED"}
     bpy.ops.ed.undo()

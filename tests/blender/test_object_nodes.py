@@ -150,6 +150,20 @@ def test_positions_in_the_world_differ_between_users_of_a_mesh(tmp_path):
     assert mine == pytest.approx(theirs, rel=0.03) and np.ptp(theirs, axis=0).max() > 0.05
 
 
+def instanced_square(material):
+    """Return a square, and empties that show the collection it is in."""
+    import bpy
+
+    obj = mesh_object("Square", SQUARE, [(0, 1, 2, 3)], SQUARE_UVS, material)
+    inside = bpy.data.collections.new("Inside")
+    bpy.context.scene.collection.objects.unlink(obj)
+    inside.objects.link(obj)
+    empties = [bpy_link(bpy.data.objects.new("Instance", None)) for _ in range(_COUNT)]
+    for empty in empties:
+        empty.instance_type, empty.instance_collection = "COLLECTION", inside
+    return obj, empties
+
+
 @pytest.mark.parametrize("output", ["Color", "Random", "Location"])
 def test_instances(tmp_path, output):
     """Each instance of a collection has its own location and random number, all the colour of the object."""
@@ -158,14 +172,9 @@ def test_instances(tmp_path, output):
     material, tree, emission = glowing()
     info = tree.nodes.new("ShaderNodeObjectInfo")
     tree.links.new(info.outputs[output], emission.inputs["Color"])
-    obj = mesh_object("Square", SQUARE, [(0, 1, 2, 3)], SQUARE_UVS, material)
+    obj, empties = instanced_square(material)
     obj.color = (0.2, 0.4, 0.6, 1)
-    inside = bpy.data.collections.new("Inside")
-    bpy.context.scene.collection.objects.unlink(obj)
-    inside.objects.link(obj)
-    for index in range(_COUNT):
-        empty = bpy_link(bpy.data.objects.new("Instance", None))
-        empty.instance_type, empty.instance_collection = "COLLECTION", inside
+    for index, empty in enumerate(empties):
         empty.location, empty.color = (2 * index, 0, 0.1 * index), (0.3 * index, 1, 1, 1)
     bpy.context.view_layer.update()
     compare(tmp_path, differ=output != "Color")
@@ -178,13 +187,8 @@ def test_attributes_of_the_instancer(tmp_path):
     node = tree.nodes.new("ShaderNodeAttribute")
     node.attribute_type, node.attribute_name = "INSTANCER", "tint"
     tree.links.new(node.outputs["Color"], emission.inputs["Color"])
-    obj = mesh_object("Square", SQUARE, [(0, 1, 2, 3)], SQUARE_UVS, material)
-    inside = bpy.data.collections.new("Inside")
-    bpy.context.scene.collection.objects.unlink(obj)
-    inside.objects.link(obj)
-    for index in range(_COUNT):
-        empty = bpy_link(bpy.data.objects.new("Instance", None))
-        empty.instance_type, empty.instance_collection = "COLLECTION", inside
+    _, empties = instanced_square(material)
+    for index, empty in enumerate(empties):
         empty.location, empty["tint"] = (2 * index, 0, 0), (0.3 * index, 1.0, 0.5)
     bpy.context.view_layer.update()
     compare(tmp_path)

@@ -198,6 +198,7 @@ _SMALL = {"resolution": 31, "hemicube": "8", "iterations": 2, "light_samples": 4
 
 _EXAMPLES: dict[str, Case] = {
     "sky of odd size": Case(world="odd image"),
+    "nodes of a flat lamp": Case(lamps=(Lamp(scale=(1e-6, 1.0, -1.0), nodes="image"),)),
     "Render Result stays": Case(world="noise"),
     "Render Result stays after a cancel": Case(world="noise", steps=("cancel",)),
     "value of the object": Case((Thing(), Thing("multi-user", (3, 0, 0))), ("object info",)),

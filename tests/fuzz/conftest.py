@@ -1,10 +1,13 @@
 """How many cases are tried: few and the same ones in every test run, many and new ones by `make fuzz`."""
 
 import faulthandler
+from collections.abc import Iterator
 
 import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.database import DirectoryBasedExampleDatabase
+
+from tests.fuzz.apart import Apart
 
 _COMMON = {
     "deadline": None,  # `apart` has one that also ends what hangs
@@ -23,3 +26,11 @@ settings.load_profile("short")
 def no_limit() -> None:
     """Let a test take its time: its cases have limits of their own."""
     faulthandler.cancel_dump_traceback_later()
+
+
+@pytest.fixture(scope="module")
+def apart(request: pytest.FixtureRequest) -> Iterator[Apart]:
+    """A process that runs the cases of a module: with its function CHECK, for at most LIMIT s each."""
+    process = Apart(request.module.CHECK, request.module.LIMIT)
+    yield process
+    process.stop()

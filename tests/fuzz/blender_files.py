@@ -35,7 +35,8 @@ def build(case: Case, folder: Path) -> None:
 
 
 def _is_shown(obj) -> bool:
-    """Return whether an object is in the view layer: only then may it be active."""
+    """Return whether an object is in the view layer, as it is now: only then may it be active."""
+    bpy.context.view_layer.update()
     return obj.name in bpy.context.view_layer.objects
 
 

@@ -17,9 +17,9 @@ _KINDS = (
 )  # fmt: skip
 
 #: Properties that Blender or a bake's own results change; dimensions are those of what modifiers make, which
-#: Blender subdivides when it is first needed.
+#: Blender subdivides when it is first needed; an undo step sets the object that particle editing works on.
 _PASSING = {
-    "dimensions",
+    "dimensions", "particle_edit",
     "tag", "rna_type", "is_evaluated", "is_dirty", "select_set", "asset_data", "animation_data", "preview",
     "evaluated_depsgraph", "id_data", "uv_layer_clone", "uv_layer_clone_index", "uv_layer_stencil",
     "uv_layer_stencil_index",

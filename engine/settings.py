@@ -61,6 +61,9 @@ _PATCH_GROUPS = {
     },
 }
 
+#: A patch takes no more `light_samples` than for this many lights, however many there are.
+MOST_LIGHTS = 8
+
 #: The column reduction of the paper halves the width of a hemicube, so it is a power of two.
 _HEMICUBES = {
     width: Option(str(width), f"{width} texels wide: {3 * width * width} samples per patch")
@@ -181,7 +184,7 @@ class Settings:
     rotate: bool = described(
         True,
         "Rotate Hemicubes",
-        "Turn every hemicube at random about its normal, for life (paper, Fig. 6); off aligns them",
+        "Turn every hemicube at random about its normal, once for all iterations (paper, Fig. 6)",
         Switch(),
         "paper",
     )

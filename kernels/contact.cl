@@ -1,5 +1,5 @@
-// 1 for patches hidden by a face that touches them: one that shows them its back, looked for from `above` to
-// `below` the surface, in heights of the eye.
+// 1 for patches hidden by a face that touches them: a ray against the geometric normal, from `above` to `below`
+// the surface, both in heights of the eye, meets the back of that face.
 __kernel void in_contact(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, const float above, const float below,
                          __global uchar *result, const int count)
 {

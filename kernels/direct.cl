@@ -1,6 +1,7 @@
 // Direct light at every patch: samples of emitters, each with a shadow ray; and ambient occlusion.
 
-// Rays to an emitter until it may count as seen whole or not at all: so many, or this fraction of its samples.
+// Early-out: after this many rays, or this fraction of an emitter's samples if that is more, an emitter that all
+// of them or none has reached counts as seen whole or not at all.
 #define TRIAL 24.0f
 #define TRIAL_FRACTION 0.375f
 
@@ -88,7 +89,7 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
             emitter = next_emitter(&walk, &lights, &r, index + offset, &span);
             run.expected = span.y;
             run.shadowed = run.unshadowed = tried = through = 0.0f;
-            if (emitter >= 0 && emitters[emitter].even)
+            if (emitter >= 0 && emitters[emitter].uniform)
                 run.open = open_over_texel(emitters + emitter, &r);
         }
         if (emitter < 0)
@@ -97,7 +98,7 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
 
         // Where all rays of a trial met, or none, the others of this emitter are spared.
         const bool spared = tried >= fmax(TRIAL, TRIAL_FRACTION * span.y) && (through == 0.0f || through == tried);
-        if (spared && e->even)
+        if (spared && e->uniform)
             continue;
         const float4 u = sample_point(index, key);
         const float3 p = point_of_texel(&r, u.zw);
@@ -115,7 +116,7 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
             through += visible;
             tried += 1.0f;
         }
-        if (e->even) {
+        if (e->uniform) {
             run.unshadowed += luminance(brought);
             run.shadowed += luminance(brought) * visible;
         } else {

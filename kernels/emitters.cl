@@ -133,7 +133,7 @@ float3 in_spherical_triangle(const float3 a, const float3 b, const float3 c, con
     return z * b + sqrt(fmax(1.0f - z * z, 0.0f)) * normalize(end - dot(end, b) * b);
 }
 
-// A number in [0, 1] with a density that runs from a to b (times `density`).
+// A number in [0, 1] whose density is linear, a at 0 to b at 1; `density` is multiplied by it.
 float linear_sample(const float u, const float a, const float b, float *density)
 {
     const float x = fmin(u * (a + b) / (a + sqrt(mix(a * a, b * b, u))), 1.0f);

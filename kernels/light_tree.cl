@@ -61,7 +61,7 @@ float emitter_weight(const Lights *lights, __global const Emitter *e, const Rece
     const float d2 = dot(middle, middle), d = sqrt(d2);
     const float angle = fmin(0.5f * twice * fmax(fabs(facing) / (twice * d), 0.02f) / d2, 6.2831853f);
     const float about = e->luminance * angle * fmax(dot(middle, r->normal) / d, 0.1f);
-    if (!e->even)
+    if (!e->uniform)
         return about;
 
     // Of one radiance: exactly, but what the middle of the texel does not see may be seen beside it.

@@ -6,7 +6,7 @@ typedef struct {
     float3 corner, edge1, edge2;                   // its triangle
     float3 normals[3];                             // of the triangle's corners
     float height, size;                            // of the start of rays above the surface; of the texel
-    float lifted;                                  // the fraction of `lift_at` that nothing is in the way of
+    float lifted;                                  // factor of `lift_at`, 0 to 1: 0 on flat surfaces
     float3 horizon;                                // normal of the plane beyond which no lamp is seen
 } Receiver;
 
@@ -24,7 +24,7 @@ Receiver load_receiver(__global const ReceiverRecord *record)
     return r;
 }
 
-// A corner's normal that leans farther than by the first of these cosines tells of no smooth surface.
+// Cosines between the normals of a face and of its corners: beyond the first the surface counts as not smooth.
 #define LEANS_MUCH 0.64f
 #define LEANS_LITTLE 0.82f
 

@@ -29,7 +29,7 @@ class Record:
     declaration  of the struct in OpenCL C
 
     Every number has four bytes, so fields follow each other without gaps: a vector and a number after it are
-    loaded together if they begin at a multiple of 16 bytes. What is missing at the end is a field, too.
+    loaded together if they begin at a multiple of 16 bytes. Padding at the end is a field, too.
     """
 
     def __init__(self, name: str, *fields: Field) -> None:

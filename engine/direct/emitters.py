@@ -35,7 +35,11 @@ EMITTER = Record(
     ("float[3]", "direction", "unit: along which a sun or spot shines"),
     ("float", "cos_half_angle", "of a spot's cone, NO_CONE for a point"),
     ("float[3]", "strength", "E/pi of a point at 1 m, and of a sun; radiance of a triangle, W/(m^2 sr)"),
-    ("float", "luminance", "of its strength over pi, by which samples are spread over emitters"),
+    (
+        "float",
+        "luminance",
+        "by which samples are spread: of E/pi at 1 m, of a triangle's radiance over pi",
+    ),
     ("float[3]", "cone_x", "axes of the space in which a spot's cone is round"),
     ("float", "blend", "fraction of a spot's cone in which it fades"),
     ("float[3]", "cone_y", ""),
@@ -48,7 +52,7 @@ EMITTER = Record(
     ("int", "casts_shadow", "1, or 0 for a lamp that lights through surfaces"),
     ("int", "modulation", "number of a lamp's Modulation, 0 for none"),
     ("int", "falloff_power", "strength is multiplied by the distance, m, to this power"),
-    ("int", "even", "1 for a triangle of one radiance: its light is computed, its shadow sampled"),
+    ("int", "uniform", "1 for a triangle of uniform radiance: its light is computed, its shadow sampled"),
     ("int", "one_sided", "1 for a surface's triangle whose back does not shine"),
     ("int", "atlas", "of a surface's triangle"),
     ("int", "soft", "of a point: 1 for a disk that faces the receiver, 0 for a sphere"),
@@ -60,7 +64,7 @@ EMITTER_SOURCE: Source = (*RECEIVER_SOURCE, *MODULATION_SOURCE, EMITTER, "emitte
 #: The `cos_half_angle` of what shines in all directions.
 NO_CONE = -2.0
 
-#: Emission that differs by less from its mean, relative, is even.
+#: Emission that differs by less from its mean, relative, is uniform.
 _EVEN = 1e-4
 
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
@@ -72,13 +76,13 @@ class BrightTriangles:
 
     triangles      (k,) int, index into `Triangles`
     radiance       (k, 3) float32, mean of each
-    even           (k,) bool, it is the same all over the triangle
+    uniform           (k,) bool, it is the same all over the triangle
     emission_left  (n, 3) float32, radiance of each patch that is left to the hemicubes
     """
 
     triangles: np.ndarray
     radiance: np.ndarray
-    even: np.ndarray
+    uniform: np.ndarray
     emission_left: np.ndarray
 
 
@@ -101,11 +105,11 @@ def bright_triangles(
     left = emission.copy()
     left[glowing[chosen[triangle]]] = 0
     index = np.flatnonzero(chosen)
-    even = _is_even(triangle, shining, radiance)[index]
-    return BrightTriangles(index, radiance[index].astype(np.float32), even, left)
+    uniform = _is_uniform(triangle, shining, radiance)[index]
+    return BrightTriangles(index, radiance[index].astype(np.float32), uniform, left)
 
 
-def _is_even(triangle: np.ndarray, emission: np.ndarray, mean: np.ndarray) -> np.ndarray:
+def _is_uniform(triangle: np.ndarray, emission: np.ndarray, mean: np.ndarray) -> np.ndarray:
     """Return which triangles emit the same everywhere, (t,) bool; triangle and emission of what glows."""
     largest = mean[triangle].max(axis=1, keepdims=True)
     differs = (np.abs(emission - mean[triangle]) > _EVEN * largest).any(axis=1)
@@ -208,7 +212,7 @@ def _area_records(light: Light) -> np.ndarray:
         corners = corners[:, [0, 2, 1]]
     records = _triangle_records(corners, np.tile(light.strength, (len(corners), 1)))
     records["casts_shadow"] = light.casts_shadow
-    records["even"] = light.half_angle >= _WIDEST and not is_modulated(light)
+    records["uniform"] = light.half_angle >= _WIDEST and not is_modulated(light)
     records["spread"], records["triangle"] = light.half_angle, -1
     return records
 
@@ -219,7 +223,7 @@ def surface_records(triangles: Triangles, bright: BrightTriangles, culled: np.nd
     culled: (m,) bool of each material; the back of a culled one is not there and does not shine.
     """
     records = _triangle_records(triangles.positions[bright.triangles], bright.radiance)
-    records["casts_shadow"], records["even"] = 1, bright.even
+    records["casts_shadow"], records["uniform"] = 1, bright.uniform
     records["triangle"], records["atlas"] = bright.triangles, triangles.atlas[bright.triangles]
     records["one_sided"] = culled[triangles.material[bright.triangles]]
     return records

@@ -13,15 +13,12 @@ from ..device.kernel import Kernel
 from ..device.slices import sliced
 from ..patches.subdivision import Subdivision
 from ..scene.model import Light
-from ..settings import Settings
+from ..settings import MOST_LIGHTS, Settings
 from ..visibility.rays.rays import Rays
 from .emitters import EMITTER, BrightTriangles, lamp_records, sky_record, surface_records
 from .light_tree import LIGHT_NODE, LIGHT_TREE_SOURCE, build_light_tree
 from .modulation import pack_modulations
 from .sky import solid_angles
-
-#: However many lights there are, a patch samples at most as many times as for so many.
-_MOST_LIGHTS = 8
 
 _SOURCE = (*LIGHT_TREE_SOURCE, "direct.cl")
 
@@ -69,7 +66,7 @@ class ShadowRays:
         groups = [group for group in self._groups if len(group)]
         if not groups:
             return np.zeros((self._count, 3), np.float32)
-        budget = self._settings.light_samples * min(len(groups), _MOST_LIGHTS)
+        budget = self._settings.light_samples * min(len(groups), MOST_LIGHTS)
         return (yield from self._light(EMITTER.joined(groups), budget))[:, :3].copy()
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:

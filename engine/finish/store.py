@@ -12,7 +12,7 @@ _HIDDEN = 0.9
 
 
 class LightmapStore:
-    """The images of every atlas of the user's; patches in further atlases are left out.
+    """The images of every atlas of the user's; patches of occluders lie in further ones, which are left out.
 
     has_patch  (atlases, r, r) bool, texels that are patches
     """

@@ -98,7 +98,7 @@ def _neighbours(
 ) -> np.ndarray:
     """Return the nearest patch of the same surface + 1, or 0, for each border texel, (m,) uint32.
 
-    Same surface: the same mesh, and no farther away in the world than on the lightmap.
+    Same surface: the same mesh, and at most twice as far away in the world as on the lightmap.
     """
     point = np.einsum("nk,nkd->nd", barycentric, triangles.positions[triangle])
     height, width = texel_to_patch.shape[1:]

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..progress import Progress, Schedule, Stage
 from ..scene.model import Scene, shining_lights
-from ..settings import Settings
+from ..settings import MOST_LIGHTS, Settings
 from .sweeps import sweeps_left
 
 if TYPE_CHECKING:
@@ -32,9 +32,6 @@ _LOOK_UP = 0.02
 
 #: Patches among the texels of a lightmap, and their mean reflectance, before they are known.
 _COVERAGE, _REFLECTANCE = 0.6, 0.6
-
-#: The shadow rays of a patch are those of at most so many emitters; see `direct.shadow_rays`.
-_MOST_LIGHTS = 8
 
 #: A stage that was shorter than this tells nothing about a longer one, s.
 _SHORTEST = 0.02
@@ -95,7 +92,7 @@ class BakeStages(Schedule):
         self.end()
 
     def listed(self, reflectance: np.ndarray) -> Progress:
-        """Learn how many patches there are, and how white, (n, 3), as the last step of listing them."""
+        """Learn how many patches there are, and what they reflect, (n, 3), the last step of listing them."""
         self._reflectance = float(reflectance.mean()) if len(reflectance) else 0.0
         self._size(len(reflectance))
         return self.end()
@@ -152,7 +149,7 @@ class BakeStages(Schedule):
     def _size(self, patches: int) -> None:
         """Set the work of what is done for each patch."""
         settings = self._settings
-        self.direct.amount = patches * settings.light_samples * min(self._lamps + 1, _MOST_LIGHTS)
+        self.direct.amount = patches * settings.light_samples * min(self._lamps + 1, MOST_LIGHTS)
         self.visibility.amount = patches * 3 * settings.hemicube**2
         self._samples_of_sweep = int(self.visibility.amount)
         rays = settings.ao_samples * ("ambient_occlusion" in settings.outputs)

@@ -65,7 +65,7 @@ def _makers(job: SolveJob) -> dict[str, Callable[[], Identity]]:
 def _patches_per_second(job: SolveJob, identity: Identity) -> float:
     """Return how many patches' views an identity finds in a second, timed on more and more of them.
 
-    What any number of patches takes, as the copy of a whole batch of hemicubes, is not counted.
+    Fixed overhead, as the copy of a whole batch of hemicubes, is subtracted.
     """
     tried, before = min(_TRIED, job.count), (0, 0.0)
     largest = min(job.opencl.device.max_mem_alloc_size, memory_budget(job)) // identity.row_bytes

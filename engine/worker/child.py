@@ -1,7 +1,7 @@
 """What runs in the worker process: `python -m engine.worker.child HANDLE`, of the connection it inherits.
 
-The process says that it is there. The parent owns one block of shared memory a bake, and whose turn
-it is may touch it:
+The process says that it is there. The parent owns one block of shared memory a bake; parent and worker
+take turns in using it:
 
     parent                            worker
                                   <-  ready

@@ -1,4 +1,4 @@
-"""Patches as kernels want them: where they receive light, and where their rays start."""
+"""Records of patches for kernels: where they receive light, and where their rays start."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ RECEIVER = Record(
     ("float[3]", "at", "m, centre of the texel"),
     ("float", "height", "m, of the start of rays above the surface"),
     ("float[3]", "normal", "unit, of the smooth surface"),
-    ("float", "lifted", "the fraction of `lift_at` that nothing is in the way of"),
+    ("float", "lifted", "factor of `lift_at` in receiver.cl, 0 to 1: 0 on flat surfaces"),
     ("float[3]", "geometric", "unit, of the flat triangle"),
     ("float[3]", "edge_u", "m, step of a texel along u"),
     ("float[3]", "edge_v", "m, step of a texel along v"),

@@ -86,7 +86,7 @@ class Hemicubes:
             take(start, end, views.frames)
 
     def _views(self, first: int, last: int) -> _Views:
-        """Return the hemicubes of patches first ... last: they stand where they are for life."""
+        """Return the hemicubes of patches first ... last: their viewpoints never change."""
         views = self._kept.get((first, last)) or self._new_views(first, last)
         if self._keeps:
             self._kept[first, last] = views

@@ -57,7 +57,7 @@ class Viewpoints:
 
 def frame_records(frames: np.ndarray) -> np.ndarray:
     """Return `Viewpoints.frames`, (m, 4, 3) float32, as (m,) FRAME."""
-    records: np.ndarray = frames.reshape(-1, 12).view(FRAME.dtype)[:, 0]
+    records: np.ndarray = frames.reshape(len(frames), -1).view(FRAME.dtype)[:, 0]
     return records
 
 
@@ -77,7 +77,7 @@ def viewpoints(
     reversed_depth: bool = True,
     first: int = 0,
 ) -> Viewpoints:
-    """Return a viewpoint above each patch, with a rotation about the normal for life (paper, IV.B).
+    """Return a viewpoint above each patch, turned about the normal as in every iteration (paper, IV.B).
 
     geometry: of patches `first`, `first` + 1, ..., all or a part of them.
     """

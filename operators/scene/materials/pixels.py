@@ -7,7 +7,7 @@ import numpy as np
 
 from ....engine.scene.color import srgb_to_linear
 
-#: Colour spaces whose pixels are scene-linear Rec.709 as they are, and the one that is not.
+#: Colour spaces whose pixels are scene-linear Rec.709 as they are, and the one that is converted.
 _LINEAR = {"Linear Rec.709", "Non-Color", "Raw", "Linear", "Generic Data"}
 _SRGB = "sRGB"
 

@@ -11,7 +11,7 @@ from ..errors import DeviceError
 from .kernel import Kernel
 from .record import Record
 from .source import kernel_source
-from .starter_cache import keep_starters_in
+from .starters import keep_starters_in_memory
 
 #: Work items of a group on a GPU, and of a group whose items have nothing to do with each other.
 _GROUP = _ITEMS = 64
@@ -32,8 +32,7 @@ class Compute:
 
     def __init__(self, cache_dir: str | None = None, opencl_device: str | None = None) -> None:
         self._cache_dir = cache_dir
-        if cache_dir is not None:
-            keep_starters_in(cache_dir)
+        keep_starters_in_memory()
         self._programs: dict[tuple, cl.Program] = {}
         self._kernels: dict[tuple, Kernel] = {}
         self.context = self._first_working_context(_chosen(found_devices(), opencl_device))

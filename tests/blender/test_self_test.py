@@ -51,7 +51,7 @@ def test_window_goes_on_meanwhile(operator, context, window):  # noqa: F811
     assert owner.busy and operator.modal(context, SimpleNamespace(type="MOUSEMOVE", value="")) == {
         "PASS_THROUGH"
     }
-    assert drive(operator, context) == {"FINISHED"}
+    assert drive(operator, context) == {"FINISHED"}, operator.reports
     assert window.is_as_before() and not owner.busy
     assert operator.reports[-1][0] == {"INFO"} and operator.reports[-1][1].startswith("Right: ")
 

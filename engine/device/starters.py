@@ -1,0 +1,34 @@
+"""The Python that PyOpenCL generates to start kernels: kept in memory, and nowhere else."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from pytools import persistent_dict
+
+
+class _Starters(dict[Any, Any]):
+    """Stands in for the database in which PyOpenCL keeps what it has generated."""
+
+    def __init__(self, *_names: str, **_options: object) -> None:
+        super().__init__()
+
+    def store_if_not_present(self, key: object, value: object) -> None:
+        """Keep a value, as the database does."""
+        self.setdefault(key, value)
+
+
+def keep_starters_in_memory() -> None:
+    """Have PyOpenCL keep what it generates to start kernels in this process.
+
+    It would open a database in the user's cache folder when this module of its is imported, for which it has
+    no setting: the file would stay behind when the add-on is removed, and all bakes fail once it is deleted.
+    """
+    name = "WriteOncePersistentDict"
+    database = getattr(persistent_dict, name)
+    setattr(persistent_dict, name, _Starters)
+    try:
+        importlib.import_module("pyopencl.invoker")
+    finally:
+        setattr(persistent_dict, name, database)

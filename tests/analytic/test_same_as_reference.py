@@ -164,6 +164,7 @@ def test_a_whole_bake_equals_the_processor(iterations, median):
     assert np.sqrt((relative**2).mean()) < 1e-2
 
 
+@pytest.mark.long
 def test_thirty_iterations_reach_gauss_seidel(room):
     settings = dataclasses.replace(SETTINGS, iterations=30, tolerance=0)
     difference, rows = difference_to_gauss_seidel(room, settings)

@@ -140,7 +140,11 @@ def _check_patch_file(scene: Scene, settings: Settings, damage: int, expected: L
 
 def _sample(scene: Scene, settings: Settings) -> float:
     """Return the most that a single sample of a patch's view brings, E/pi."""
-    emissions = [float(material.emission.max()) for material in scene.materials]
+    emissions = [
+        float(material.emission.max()) * (1 if image is None else float(image.pixels.max()))
+        for material in scene.materials
+        for image in [material.emission_map]
+    ]
     return max([*emissions, float(scene.world.max())]) / (2 * settings.hemicube**2)
 
 

@@ -14,7 +14,7 @@ from .log import log
 from .run import Run
 from .telling import tell
 from .window_bake import WindowBake
-from .worker_owner import owner
+from .worker_owner import owner, poll_idle
 
 #: Longest time one timer event may take from the window, s.
 _SLICE = 0.03
@@ -29,9 +29,7 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if owner.busy:
-            cls.poll_message_set("A bake is running: press Esc to cancel it")
-        return not owner.busy
+        return poll_idle(cls, "A bake is running: press Esc to cancel it")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Bake and return when it is done."""

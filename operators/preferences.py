@@ -15,7 +15,7 @@ from .extension import EXTENSION
 from .setting_properties import setting_properties, setting_values
 from .telling import tell
 from .user_files import clear_cache
-from .worker_owner import owner
+from .worker_owner import poll_idle
 
 
 class HemibakePreferences:
@@ -78,9 +78,7 @@ class HEMIBAKE_OT_clear_cache(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if owner.busy:
-            cls.poll_message_set("A bake is running")
-        return not owner.busy
+        return poll_idle(cls)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:

@@ -16,7 +16,7 @@ from .scene.messages import WITHOUT_XATLAS
 from .scene.uvs.charts import has_xatlas
 from .telling import tell
 from .window_bake import WindowBake
-from .worker_owner import owner
+from .worker_owner import owner, poll_idle
 
 #: Longest time one timer event may take from the window, s.
 _SLICE = 0.03
@@ -71,9 +71,7 @@ class HEMIBAKE_OT_self_test(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if owner.busy:
-            cls.poll_message_set("A bake is running")
-        return not owner.busy
+        return poll_idle(cls)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Test and return when it is done."""

@@ -66,6 +66,13 @@ class WorkerOwner:
         session.close()
 
 
+def poll_idle(operator: type[bpy.types.Operator], message: str = "A bake is running") -> bool:
+    """Return whether no window follows a bake; else the operator's tooltip shows the message."""
+    if owner.busy:
+        operator.poll_message_set(message)
+    return not owner.busy
+
+
 def new_worker(work: str) -> Worker:
     """Return a worker that runs the generator "module:function" of the engine."""
     from ..engine.worker.worker import Worker

@@ -20,7 +20,7 @@ class CommandError(Exception):
 
 
 class Parser(argparse.ArgumentParser):
-    """Leaves it to the command how an error is told."""
+    """Leaves it to the command how an error is reported."""
 
     def error(self, message: str) -> None:
         """Raise instead of ending the process."""
@@ -55,13 +55,15 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
     for name in chosen_by_people():
         option = f"--{name.replace('_', '-')}"
         description = descriptions()[name]
-        told = f"{description.text[:1].lower()}{description.text[1:]}{_choices(description)}".replace(
+        help_text = f"{description.text[:1].lower()}{description.text[1:]}{_choices(description)}".replace(
             "%", "%%"
         )
         if isinstance(description.values, Switch):
-            group.add_argument(option, action=argparse.BooleanOptionalAction, default=None, help=told)
+            group.add_argument(option, action=argparse.BooleanOptionalAction, default=None, help=help_text)
         else:
-            group.add_argument(option, type=_reader(name, description), help=told, metavar=_word(description))
+            group.add_argument(
+                option, type=_reader(name, description), help=help_text, metavar=_word(description)
+            )
 
 
 def _reader(name: str, description: Description) -> Callable[[str], Any]:

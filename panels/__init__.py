@@ -2,14 +2,18 @@
 
 import bpy
 
-from . import bake, preferences
+from . import active_object, advanced, bake, last_bake, outputs, preferences
 
-_CLASSES = (*preferences.CLASSES, *bake.CLASSES)
+#: In the order of the sidebar.
+_PANELS = (bake, outputs, advanced, active_object, last_bake)
+
+#: Every class that Blender has to know.
+CLASSES = tuple(cls for module in (preferences, *_PANELS) for cls in module.CLASSES)
 
 
 def register() -> None:
     """Register the preferences and the panels."""
-    for cls in _CLASSES:
+    for cls in CLASSES:
         bpy.utils.register_class(cls)
     preferences.bind()
 
@@ -17,5 +21,5 @@ def register() -> None:
 def unregister() -> None:
     """Unregister the panels and the preferences."""
     preferences.unbind()
-    for cls in reversed(_CLASSES):
+    for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

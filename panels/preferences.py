@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
-
 import bpy
 
 from ..engine.device.found import FoundDevice
@@ -12,10 +10,8 @@ from ..engine.settings import shown_in
 from ..operators.preferences import HemibakePreferences, guide, known_devices
 from ..operators.self_test import last_test
 from ..operators.user_files import cache_folder, cache_size, log_file
-
-#: Width of a letter, pixels of an unscaled interface, and the letters of a line where a width is unknown.
-_LETTER, _LINE = 7, 90
-
+from .sidebar import split_properties
+from .wrapped_text import draw_text, line_length
 
 #: Share of a row that a path has, beside a button.
 _BESIDE = 0.8
@@ -25,11 +21,10 @@ class HEMIBAKE_AP_preferences(HemibakePreferences, bpy.types.AddonPreferences):
     """What describes the machine, and whether it works."""
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout, letters = self.layout, _letters(context)
+        layout, letters = self.layout, line_length(context)
         _draw_devices(layout.box(), letters)
         settings = layout.column()
-        settings.use_property_split = True
-        settings.use_property_decorate = False
+        split_properties(settings)
         for name in shown_in(PREFERENCES):
             settings.prop(self, name)
         _draw_test(layout.box(), letters)
@@ -48,17 +43,17 @@ def _draw_devices(layout: bpy.types.UILayout, letters: int) -> None:
     for device in survey.devices:
         _draw_device(layout.column(align=True), device, letters)
     for sentence in survey.missing:
-        _draw_text(layout, sentence, letters, "ERROR")
+        draw_text(layout, sentence, letters, "ERROR")
 
 
 def _draw_device(layout: bpy.types.UILayout, device: FoundDevice, letters: int) -> None:
     """Show a device: name, driver, memory, use."""
     icon = "ERROR" if device.trouble else "CHECKMARK" if device.use else "DOT"
-    _draw_text(layout, f"{device.api}: {device.name}", letters, icon)
+    draw_text(layout, f"{device.api}: {device.name}", letters, icon)
     memory = f"{device.memory / 2**30:.1f} GiB" if device.memory else ""
     use = f"used for {device.use}" if device.use else "not used"
-    _draw_text(layout, ", ".join(filter(None, [memory, use, device.trouble])), letters, "BLANK1")
-    _draw_text(layout, f"Driver {device.driver}", letters, "BLANK1")
+    draw_text(layout, ", ".join(filter(None, [memory, use, device.trouble])), letters, "BLANK1")
+    draw_text(layout, f"Driver {device.driver}", letters, "BLANK1")
 
 
 def _draw_test(layout: bpy.types.UILayout, letters: int) -> None:
@@ -66,7 +61,7 @@ def _draw_test(layout: bpy.types.UILayout, letters: int) -> None:
     layout.operator("hemibake.self_test", text="Self-Test", icon="VIEWZOOM")
     first = {None: "SORTTIME", True: "CHECKMARK", False: "ERROR"}[last_test.right]
     for number, line in enumerate(last_test.text.splitlines()):
-        _draw_text(layout, line, letters, "ERROR" if number else first)
+        draw_text(layout, line, letters, "ERROR" if number else first)
 
 
 def _draw_files(layout: bpy.types.UILayout) -> None:
@@ -87,21 +82,6 @@ def _draw_path(layout: bpy.types.UILayout, name: str, path: object) -> None:
     button = row.row()
     button.enabled = path.is_file()
     button.operator("wm.path_open", text="Open", icon="TEXT").filepath = str(path)
-
-
-def _draw_text(layout: bpy.types.UILayout, text: str, letters: int, icon: str) -> None:
-    """Show a text in as many lines as it takes."""
-    column = layout.column(align=True)
-    for number, line in enumerate(textwrap.wrap(text, letters)):
-        column.label(text=line, icon="BLANK1" if number else icon)
-
-
-def _letters(context: bpy.types.Context) -> int:
-    """Return about how many letters a line has room for."""
-    if context.region is None:
-        return _LINE
-    scale = context.preferences.system.ui_scale
-    return max(30, int(context.region.width / (_LETTER * scale)) - 10)
 
 
 def _draw_help(menu: bpy.types.Menu, context: bpy.types.Context) -> None:

@@ -42,11 +42,11 @@ class Layout:
         self.shown.append(options["text"])
 
 
-def draw(name, module="panels.bake"):
+def draw(name):
     """Draw a panel and return what it shows; None if it does not want to be shown."""
     import bpy
 
-    panel = getattr(part(module), name)
+    panel = next(cls for cls in part("panels").CLASSES if cls.__name__ == name)
     if hasattr(panel, "poll") and not panel.poll(bpy.context):
         return None
     shown = []
@@ -59,7 +59,7 @@ def test_panels_show_every_setting_once(devices):
     import bpy
 
     shown = [*draw("HEMIBAKE_PT_bake"), *draw("HEMIBAKE_PT_outputs"), *draw("HEMIBAKE_PT_advanced")]
-    shown += draw("HEMIBAKE_AP_preferences", "panels.preferences")
+    shown += draw("HEMIBAKE_AP_preferences")
     groups = (bpy.context.scene.hemibake, part("operators.preferences").machine_properties())
     settings = [name for name in shown if any(name in group.bl_rna.properties for group in groups)]
     people = {name for name, known in part("engine.settings").descriptions().items() if known.panel}
@@ -84,7 +84,7 @@ def devices(monkeypatch):
 
 
 def preferences():
-    return draw("HEMIBAKE_AP_preferences", "panels.preferences")
+    return draw("HEMIBAKE_AP_preferences")
 
 
 def test_preferences_show_devices_and_what_is_missing(devices):

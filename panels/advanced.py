@@ -1,0 +1,34 @@
+"""Settings that seldom need a change."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..engine.settings import shown_in
+from .sidebar import SubPanel, split_properties
+
+#: Settings of the add-on that the engine does not know.
+_OWN = ("uv_layer", "directory")
+
+#: Headings of the groups that follow the settings without one.
+_GROUPS = (("memory", "Memory"), ("paper", "Method Paper"))
+
+
+class HEMIBAKE_PT_advanced(SubPanel, bpy.types.Panel):
+    """Technical settings of the bake, and where lightmaps and their UVs are kept."""
+
+    bl_label = "Advanced"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, settings = self.layout, context.scene.hemibake
+        split_properties(layout)
+        for name in (*shown_in("advanced"), *_OWN):
+            layout.prop(settings, name)
+        for group, heading in _GROUPS:
+            column = layout.column(heading=heading)
+            for name in shown_in(group):
+                column.prop(settings, name)
+
+
+CLASSES = (HEMIBAKE_PT_advanced,)

@@ -14,6 +14,9 @@ NOT_FINITE = (
     f"NaN or infinite vertex coordinates: {_LEFT_OUT}. Delete those vertices, "
     "or check the modifiers and the object's scale."
 )
+NORMALS_NOT_FINITE = (
+    f"NaN or infinite normals: {_LEFT_OUT}. Clear its custom normals, or check the object's scale."
+)
 TOO_FAR = (
     f"reaching more than {LARGEST / 1000:,.0f} km away: {_LEFT_OUT}. Delete distant vertices, "
     "or check the object's location and scale."

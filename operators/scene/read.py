@@ -12,6 +12,7 @@ from ...engine.errors import SceneError
 from ...engine.naming import first_line, naming
 from ...engine.scene.checks import check_scene
 from ...engine.scene.model import OCCLUDER, Mesh, Scene
+from .faults import without_faults
 from .light.lights import Lamps
 from .light.world import read_world
 from .materials.material_table import MaterialTable
@@ -118,6 +119,7 @@ def read_scene(
         )
     finally:
         table.discard()
+    scene = without_faults(scene, notes)
     check_scene(scene)
     note_skipped(context, notes)
     entries = tuple(_entry(reading, place) for reading, place in zip(readings, places, strict=True))

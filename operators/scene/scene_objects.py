@@ -10,7 +10,7 @@ import numpy as np
 
 from ...engine.naming import naming
 from .materials.material_table import MaterialTable
-from .messages import NO_FACES, NO_UVS, NOT_FINITE, NOT_FINITE_UVS, Troubles
+from .messages import NO_FACES, NO_UVS, NORMALS_NOT_FINITE, NOT_FINITE, NOT_FINITE_UVS, Troubles
 from .objects.extent import middle_of, trouble_with
 from .objects.items import SceneItem
 from .objects.meshes import Corners, read_corners
@@ -162,6 +162,8 @@ class ItemReader:
             return NO_FACES
         if not np.isfinite(corners.positions).all():
             return NOT_FINITE
+        if not np.isfinite(corners.normals).all():
+            return NORMALS_NOT_FINITE
         self._table.keep(item, slots)
         index = np.clip(corners.slot, 0, len(slots) - 1)
         return Shape(corners, np.asarray(slots, np.int32)[index], _box(corners.positions))

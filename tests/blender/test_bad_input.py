@@ -92,13 +92,28 @@ def world_nan():
     background.inputs["Color"].default_value = (np.nan, 1, 1, 1)
 
 
-CASES = {
+def lamp_nan():
+    import bpy
+
+    lamp = bpy.data.lights.new("Bulb", "POINT")
+    lamp.energy = np.nan
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Bulb", lamp))
+
+
+#: Faults of a material, a lamp or the world: something else is baked instead.
+REPLACED = {
     "NaN base colour": (
         with_material("Base Color", (np.nan, 0, 0, 1)),
-        ["'Lava'", "reflectance", "base colour"],
+        ["'Lava'", "reflectance", "base colour", "grey is baked"],
     ),
-    "infinite emission": (with_material("Emission Color", (np.inf, 0, 0, 1)), ["'Lava'", "emission"]),
-    "NaN world": (world_nan, ["world", "NaN", "colour and strength"]),
+    "infinite emission": (
+        with_material("Emission Color", (np.inf, 0, 0, 1)), ["'Lava'", "emission", "grey is baked"],
+    ),
+    "NaN lamp": (lamp_nan, ["'Bulb'", "power", "not baked"]),
+    "NaN world": (world_nan, ["world", "NaN", "colour and strength", "black"]),
+}  # fmt: skip
+
+CASES = {
     "no mesh": (no_mesh, ["no mesh", "Add a mesh object"]),
     "no faces": (no_faces, ["Points", "no faces"]),
     "zero area": (zero_area, ["Flat", "zero-area"]),
@@ -127,12 +142,15 @@ def test_error_names_the_cause_and_the_remedy_and_nothing_changes(case, tmp_path
     assert files_below(tmp_path) == files
 
 
-def test_what_was_made_for_a_bake_that_fails_is_removed():
+def test_what_was_made_for_a_bake_that_fails_is_removed(monkeypatch):
+    def refuse(*arguments):
+        raise part("engine.errors").SceneError("Refused.")
+
     mesh_object("New", SQUARE, [(0, 1, 2, 3)])
     mesh_object("Copied", SQUARE, [(0, 1, 2, 3)]).modifiers.new("Array", "ARRAY")
-    with_material("Base Color", (np.nan, 0, 0, 1))()
     before = snapshot()
-    bake()
+    monkeypatch.setattr(part("operators.run"), "read_scene", refuse)
+    assert "Refused" in bake()
     assert snapshot() == before
 
 
@@ -161,6 +179,20 @@ def test_fault_of_one_object_is_told_and_the_others_are_baked(case, tmp_path):
     assert any(all(word in warning for word in words) for warning in report()["warnings"])
     assert pixels(room.hemibake.image)[..., :3].max() == pytest.approx(2, rel=0.01)
     assert report()["objects"] == 1
+
+
+@pytest.mark.parametrize("case", REPLACED)
+def test_fault_of_a_material_lamp_or_world_is_told_and_the_rest_is_baked(case):
+    import bpy
+
+    make, words = REPLACED[case]
+    make()
+    room = furnace("Good")
+    room.location = (5, 5, 5)
+    assert bpy.ops.hemibake.bake() == {"FINISHED"}
+    assert sum(all(word in warning for word in words) for warning in report()["warnings"]) == 1
+    assert pixels(room.hemibake.image)[..., :3].max() == pytest.approx(2, rel=0.01)
+    assert np.isfinite(pixels(room.hemibake.image)).all()
 
 
 def test_folder_that_cannot_be_written_is_told(tmp_path):

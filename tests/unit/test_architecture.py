@@ -17,7 +17,7 @@ ORDERS = {
         "lightmap", "naming", "progress", "errors",
     ],
     "operators/scene": [
-        "__init__", "overlaps", "read", "places", "world_mesh", "scene_objects",
+        "__init__", "overlaps", "read", "faults", "places", "world_mesh", "scene_objects",
         "light", "materials", "uvs", "objects", "messages",
     ],
 }  # fmt: skip

@@ -1,0 +1,46 @@
+"""Materials, lamps and worlds whose numbers are no light: replaced or left out, and the rest is baked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+
+from ...engine.errors import SceneError
+from ...engine.scene.checks import check_light, check_material, check_world
+from ...engine.scene.model import Material, Scene
+
+Part = TypeVar("Part")
+
+#: Reflectance of what replaces a material: that of an empty slot.
+_GREY = np.full(3, 0.8, np.float32)
+_BLACK = np.zeros(3, np.float32)
+
+
+def without_faults(scene: Scene, notes: list[str]) -> Scene:
+    """Return a scene whose materials are grey, whose lamps are gone and whose world is black where faulty.
+
+    A sentence about each is appended to `notes`.
+    """
+
+    def told(check: Callable[[Part], None], part: Part, instead: str) -> bool:
+        try:
+            check(part)
+        except SceneError as error:
+            notes.append(f"{error} {instead}")
+            return True
+        return False
+
+    materials = tuple(
+        Material(material.name, _GREY, _BLACK)
+        if told(check_material, material, "Until then grey is baked.")
+        else material
+        for material in scene.materials
+    )
+    lights = tuple(
+        light for light in scene.lights if not told(check_light, light, "Until then it is not baked.")
+    )
+    world = _BLACK if told(check_world, scene.world, "Until then a black one is baked.") else scene.world
+    return replace(scene, materials=materials, lights=lights, world=world)

@@ -10,6 +10,7 @@ import bpy
 
 from ..engine.errors import EngineError, WorkerError
 from .console import Console
+from .last_bake import last_failure, summary
 from .log import log
 from .run import Run
 from .telling import tell
@@ -33,6 +34,7 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Bake and return when it is done."""
+        last_failure.forget()
         run = None
         try:
             run = Run(context, owner.bake(), watched=False)
@@ -53,6 +55,7 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Start baking in the worker process; `modal` follows it."""
+        last_failure.forget()
         try:
             run = Run(context, owner.worker().bake)
         except EngineError as error:
@@ -107,6 +110,7 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
         """Report an error; a dead worker's last words, which follow its first line, go to the console."""
         text = str(error).strip() or "The bake was interrupted."
         log(text)
+        last_failure.keep(bpy.context.scene, text)
         first, _, details = text.partition("\n")
         if isinstance(error, WorkerError) and details:
             print(text, file=sys.stderr)  # noqa: T201
@@ -118,11 +122,7 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
         for warning in report["warnings"]:
             tell(self, "WARNING", warning)
         where = ", ".join(report["files"]) or "packed into the .blend"
-        done = (
-            f"Baked {report['objects']} objects, {report['patches']} patches, "
-            f"{report['iterations']} iterations, remaining error {_percent(report['residual'])}, "
-            f"{report['seconds']['total']:.1f} s: {where}"
-        )
+        done = f"Baked {summary(report)}: {where}"
         log("\n".join([done, *map(str, report["devices"].values()), *report["warnings"], failure or ""]))
         self.report({"INFO"}, done)
         if failure:
@@ -135,10 +135,6 @@ def _push_undo(message: str = HEMIBAKE_OT_bake.bl_label) -> None:
     An undo frees datablocks that no step knows, even those that something else still refers to.
     """
     bpy.ops.ed.undo_push(message=message)
-
-
-def _percent(residual: float | None) -> str:
-    return "unknown" if residual is None else f"{residual:.2%}"
 
 
 CLASSES = (HEMIBAKE_OT_bake,)

@@ -15,7 +15,7 @@ import numpy as np
 from ..engine.errors import EngineError, OverlapError, SceneError
 from ..engine.finish.outputs import output_names
 from ..engine.lightmap import Lightmap
-from ..engine.naming import naming
+from ..engine.naming import naming, objects_of
 from ..engine.progress import Progress
 from ..engine.scene.model import Scene
 from ..engine.settings import Settings
@@ -247,6 +247,7 @@ class Run:
             notes.append(
                 "The .blend is not saved yet: the lightmaps are packed into it. Save it to write EXR files."
             )
+        notes = list(dict.fromkeys(notes))
         seconds = {**self._seconds, **facts.seconds, "total": time.perf_counter() - self._start}
         return {
             "objects": sum(uid not in lost for uid, _ in self._read.objects),
@@ -266,7 +267,8 @@ class Run:
             "devices": dict(facts.devices),
             "images": names,
             "files": files,
-            "warnings": list(dict.fromkeys(notes)),
+            "warnings": notes,
+            "objects_of_warnings": [objects_of(note) for note in notes],
         }
 
 

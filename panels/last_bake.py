@@ -1,40 +1,50 @@
-"""Report of the last bake."""
+"""What the last bake did, and what it had to say."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 
 import bpy
 
-from ..engine.naming import first_line
+from ..operators.last_bake import last_failure, last_report, summary, warnings_with_objects
 from .sidebar import SubPanel
+from .wrapped_text import draw_text, line_width
 
 
-class HEMIBAKE_PT_report(SubPanel, bpy.types.Panel):
-    """What the last bake did, and what it had to say."""
+class HEMIBAKE_PT_last_bake(SubPanel, bpy.types.Panel):
+    """Summary and warnings of the last bake, or why it failed."""
 
     bl_label = "Last Bake"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(context.scene.hemibake.report)
+        return bool(context.scene.hemibake.report or last_failure.of(context.scene))
 
     def draw(self, context: bpy.types.Context) -> None:
-        report = json.loads(context.scene.hemibake.report)
-        column = self.layout.column()
-        column.label(text=f"{report['objects']} objects, {report['patches']} patches")
-        column.label(text=f"{report['iterations']} iterations")
-        if report.get("samples"):
-            column.label(
-                text=f"{report['method'].title()}, {report['visibility']}, {report['samples']} samples"
-            )
-        if report["residual"] is not None:
-            column.label(text=f"Remaining error {report['residual']:.2%}")
-        column.label(text=f"{report['seconds']['total']:.1f} s")
-        for image in report["images"]:
-            column.label(text=image, icon="IMAGE_DATA")
-        for warning in report["warnings"]:
-            column.label(text=first_line(warning), icon="ERROR")
+        layout, width = self.layout, line_width(context)
+        failure, report = last_failure.of(context.scene), last_report(context.scene)
+        if failure:
+            draw_text(layout.box(), failure, width, "CANCEL")
+        if report:
+            draw_text(layout, summary(report), width)
+            for warning, names in warnings_with_objects(report):
+                _draw_warning(layout.box(), warning, _present(context, names), width)
+        layout.operator("hemibake.copy_report", text="Copy Report", icon="COPYDOWN")
 
 
-CLASSES = (HEMIBAKE_PT_report,)
+def _present(context: bpy.types.Context, names: Sequence[str]) -> list[str]:
+    """Return the names whose objects are there still."""
+    return [name for name in names if name in context.view_layer.objects]
+
+
+def _draw_warning(layout: bpy.types.UILayout, warning: str, names: list[str], width: float) -> None:
+    """Show a warning, with a button that selects the objects that it is about."""
+    draw_text(layout, warning, width, "ERROR")
+    if names:
+        text = f"Select '{names[0]}'" if len(names) == 1 else f"Select {len(names)} Objects"
+        button = layout.operator("hemibake.select_objects", text=text, icon="RESTRICT_SELECT_OFF")
+        button.names = json.dumps(names)
+
+
+CLASSES = (HEMIBAKE_PT_last_bake,)

@@ -11,7 +11,7 @@ from ..operators.preferences import HemibakePreferences, guide, known_devices
 from ..operators.self_test import last_test
 from ..operators.user_files import cache_folder, cache_size, log_file
 from .sidebar import split_properties
-from .wrapped_text import draw_text, line_length
+from .wrapped_text import draw_text, line_width
 
 #: Share of a row that a path has, beside a button.
 _BESIDE = 0.8
@@ -21,17 +21,17 @@ class HEMIBAKE_AP_preferences(HemibakePreferences, bpy.types.AddonPreferences):
     """What describes the machine, and whether it works."""
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout, letters = self.layout, line_length(context)
-        _draw_devices(layout.box(), letters)
+        layout, width = self.layout, line_width(context)
+        _draw_devices(layout.box(), width)
         settings = layout.column()
         split_properties(settings)
         for name in shown_in(PREFERENCES):
             settings.prop(self, name)
-        _draw_test(layout.box(), letters)
+        _draw_test(layout.box(), width)
         _draw_files(layout.box())
 
 
-def _draw_devices(layout: bpy.types.UILayout, letters: int) -> None:
+def _draw_devices(layout: bpy.types.UILayout, width: float) -> None:
     """Show every device, and what is missing."""
     head = layout.row()
     head.label(text="Devices")
@@ -41,27 +41,27 @@ def _draw_devices(layout: bpy.types.UILayout, letters: int) -> None:
         layout.label(text="Looking for devices …", icon="SORTTIME")
         return
     for device in survey.devices:
-        _draw_device(layout.column(align=True), device, letters)
+        _draw_device(layout.column(align=True), device, width)
     for sentence in survey.missing:
-        draw_text(layout, sentence, letters, "ERROR")
+        draw_text(layout, sentence, width, "ERROR")
 
 
-def _draw_device(layout: bpy.types.UILayout, device: FoundDevice, letters: int) -> None:
+def _draw_device(layout: bpy.types.UILayout, device: FoundDevice, width: float) -> None:
     """Show a device: name, driver, memory, use."""
     icon = "ERROR" if device.trouble else "CHECKMARK" if device.use else "DOT"
-    draw_text(layout, f"{device.api}: {device.name}", letters, icon)
+    draw_text(layout, f"{device.api}: {device.name}", width, icon)
     memory = f"{device.memory / 2**30:.1f} GiB" if device.memory else ""
     use = f"used for {device.use}" if device.use else "not used"
-    draw_text(layout, ", ".join(filter(None, [memory, use, device.trouble])), letters, "BLANK1")
-    draw_text(layout, f"Driver {device.driver}", letters, "BLANK1")
+    draw_text(layout, ", ".join(filter(None, [memory, use, device.trouble])), width, "BLANK1")
+    draw_text(layout, f"Driver {device.driver}", width, "BLANK1")
 
 
-def _draw_test(layout: bpy.types.UILayout, letters: int) -> None:
+def _draw_test(layout: bpy.types.UILayout, width: float) -> None:
     """Show the button of the test, and what the last one told."""
     layout.operator("hemibake.self_test", text="Self-Test", icon="VIEWZOOM")
     first = {None: "SORTTIME", True: "CHECKMARK", False: "ERROR"}[last_test.right]
     for number, line in enumerate(last_test.text.splitlines()):
-        draw_text(layout, line, letters, "ERROR" if number else first)
+        draw_text(layout, line, width, "ERROR" if number else first)
 
 
 def _draw_files(layout: bpy.types.UILayout) -> None:

@@ -2,27 +2,47 @@
 
 from __future__ import annotations
 
-import textwrap
+from collections.abc import Iterator
 
+import blf
 import bpy
 
-#: Mean width of a letter, pixels of an unscaled interface.
-_LETTER = 7
+#: Blender's font of the interface.
+_FONT = 0
 
-#: Letters that icon and margins take from a line, fewest letters of one, and those where a width is unknown.
-_MARGIN, _FEWEST, _LINE = 10, 16, 90
+#: What tabs, margins and an icon take from the width of a region, and the least that is left for words; of
+#: one whose width is unknown. Pixels of an unscaled interface.
+_MARGIN, _LEAST, _UNKNOWN = 84, 80, 600
 
 
-def draw_text(layout: bpy.types.UILayout, text: str, letters: int, icon: str = "NONE") -> None:
-    """Show a text in as many lines as it takes, below each other beside the icon."""
+def draw_text(layout: bpy.types.UILayout, text: str, width: float, icon: str = "NONE") -> None:
+    """Show a text in as many lines of `width` pixels as it takes, below each other beside the icon."""
     column = layout.column(align=True)
-    for number, line in enumerate(textwrap.wrap(text, letters)):
+    for number, line in enumerate(_wrapped(text, width)):
         column.label(text=line, icon="BLANK1" if number and icon != "NONE" else icon)
 
 
-def line_length(context: bpy.types.Context) -> int:
-    """Return about how many letters a line of the region that is drawn has room for."""
-    if context.region is None:
-        return _LINE
-    scale = context.preferences.system.ui_scale
-    return max(_FEWEST, int(context.region.width / (_LETTER * scale)) - _MARGIN)
+def line_width(context: bpy.types.Context) -> float:
+    """Return the pixels that the words of a line may take in the region that is drawn."""
+    scale, region = _scale(), context.region
+    width = _UNKNOWN * scale if region is None else region.width
+    return max(_LEAST * scale, width - _MARGIN * scale)
+
+
+def _wrapped(text: str, width: float) -> Iterator[str]:
+    """Yield the lines of a text: as many words in each as fit, at least one."""
+    blf.size(_FONT, bpy.context.preferences.ui_styles[0].widget.points * _scale())
+    for paragraph in text.splitlines():
+        line = ""
+        for word in paragraph.split():
+            longer = f"{line} {word}" if line else word
+            if line and blf.dimensions(_FONT, longer)[0] > width:
+                yield line
+                longer = word
+            line = longer
+        yield line
+
+
+def _scale() -> float:
+    """Return how many pixels one of an unscaled interface is; Blender has 0 where there is no window."""
+    return bpy.context.preferences.system.ui_scale or 1.0

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..naming import Note
 from ..scene.model import Light, Scene
 from ..scene.triangles import Triangles
 from ..visibility.rays.rays import Rays
@@ -23,14 +24,15 @@ def note_enclosed(rays: Rays, scene: Scene, triangles: Triangles, lamps: Sequenc
     directions = _directions()
     origins = np.repeat([lamp.position for lamp in lamps], _RAYS, axis=0)
     hit, front, _ = rays.cast(origins, np.tile(directions, (len(lamps), 1)))
-    warnings = []
+    warnings: list[str] = []
     for index, lamp in enumerate(lamps):
         mine = slice(index * _RAYS, (index + 1) * _RAYS)
         shines = directions @ -lamp.axes[2] > 0 if lamp.kind in ("spot", "area") else np.full(_RAYS, True)
         back = (hit[mine] >= 0) & ~front[mine] & shines
         if back.sum() >= _ENCLOSED * shines.sum():
             name = scene.meshes[int(np.bincount(triangles.mesh[hit[mine][back]]).argmax())].name
-            warnings.append(f"Light '{lamp.name}' is inside object '{name}' and lights nothing. Move it.")
+            sentence = f"Light '{lamp.name}' is inside object '{name}' and lights nothing. Move it."
+            warnings.append(Note(sentence, (lamp.name, name)))
     return warnings
 
 

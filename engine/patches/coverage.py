@@ -63,7 +63,9 @@ def check_overlap(graphics: Graphics, scene: Scene, triangles: Triangles, patche
     if bad.any():
         raise OverlapError(_overlap_message(scene, triangles, patches, np.flatnonzero(twice & bad[mesh])))
     return [
-        f"Object '{scene.meshes[index].name}': {doubled[index]} lightmap texels are covered twice."
+        naming(
+            f"Object {{}}: {doubled[index]} lightmap texels are covered twice.", [scene.meshes[index].name]
+        )
         for index in np.flatnonzero(doubled)
     ]
 

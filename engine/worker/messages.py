@@ -18,6 +18,7 @@ from typing import Any
 from .. import errors
 from ..device.found import DeviceSurvey, FoundDevice
 from ..lightmap import Lightmap, Report
+from ..naming import Note
 from ..progress import Progress
 from ..scene.model import Light, Material, Mesh, Scene, Texture
 from ..scene.profile import Profile
@@ -94,7 +95,9 @@ def read(memory: memoryview) -> Any:
 
 class _Packer(pickle.Pickler):
     def persistent_id(self, value: object) -> tuple[str, dict[str, object]] | None:
-        """Return a record as its class name and fields; None for all else, which is pickled."""
+        """Return a record or note as its class name and fields; None for all else, which is pickled."""
+        if type(value) is Note:
+            return "Note", {"text": str(value), "objects": value.objects}
         name = type(value).__name__
         if RECORDS.get(name) is not type(value):
             return None
@@ -105,7 +108,8 @@ class _Unpacker(pickle.Unpickler):
     def persistent_load(self, record: tuple[str, dict[str, object]]) -> object:
         """Return the record of a class name and fields."""
         name, values = record
-        return RECORDS[name](**values)
+        kind = Note if name == "Note" else RECORDS[name]
+        return kind(**values)
 
 
 def describe_error(error: Exception, traceback: str) -> tuple[str, str, str]:

@@ -9,8 +9,9 @@ from typing import TypeVar
 import numpy as np
 
 from ...engine.errors import SceneError
+from ...engine.naming import Note
 from ...engine.scene.checks import check_light, check_material, check_world
-from ...engine.scene.model import Material, Scene
+from ...engine.scene.model import Light, Material, Scene
 
 Part = TypeVar("Part")
 
@@ -29,7 +30,8 @@ def without_faults(scene: Scene, notes: list[str]) -> Scene:
         try:
             check(part)
         except SceneError as error:
-            notes.append(f"{error} {instead}")
+            objects = (part.name,) if isinstance(part, Light) else ()
+            notes.append(Note(f"{error} {instead}", objects))
             return True
         return False
 

@@ -130,7 +130,7 @@ def test_bake_runs_to_its_end_between_events(operator, context, window):
     texts = [text for text in window.workspaces[0].texts if text]
     assert any("Bounce 3" in text for text in texts) and any(" s left" in text for text in texts)
     assert "Saving" in texts[-1]
-    assert operator.reports[-1][1].startswith("Baked 1 objects")
+    assert operator.reports[-1][1].startswith("Baked 1 object,")
     assert pixels(bpy.data.images["Lightmap"])[..., :3].max() == pytest.approx(2, rel=0.01)
 
 

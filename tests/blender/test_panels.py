@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from tests.blender.things import furnace, part
+from tests.blender.things import furnace, part, square
 from tools.headless import MODULE
 
 
@@ -166,17 +166,58 @@ def test_active_object_shows_its_role_and_where_it_was_baked(role):
 
 
 def test_no_active_object_and_no_report_show_no_panel():
-    assert draw("HEMIBAKE_PT_object") is None and draw("HEMIBAKE_PT_report") is None
+    assert draw("HEMIBAKE_PT_object") is None and draw("HEMIBAKE_PT_last_bake") is None
 
 
-def test_report_is_shown_with_the_first_line_of_each_warning():
+REPORT = {
+    "objects": 3, "patches": 1021, "iterations": 1, "residual": None, "seconds": {"total": 1.25},
+    "images": ["Lightmap"], "warnings": ["A first sentence about much. " * 9 + "\nAll.", "Second."],
+    "objects_of_warnings": [["Square", "Gone"], []],
+}  # fmt: skip
+
+
+def test_last_bake_is_summed_up_and_has_each_warning_whole_with_what_it_is_about():
     import bpy
 
-    report = {
-        "objects": 3, "patches": 1021, "iterations": 7,
-        "visibility": "rays", "method": "cached", "samples": 2048,
-        "residual": None, "seconds": {"total": 1.25}, "images": ["Lightmap"], "warnings": ["First.\nSecond."],
-    }  # fmt: skip
+    square()
+    bpy.context.scene.hemibake.report = json.dumps(REPORT)
+    shown = draw("HEMIBAKE_PT_last_bake")
+    assert shown[0] == "3 objects, 1,021 patches, 1 bounce, 1.2 s"
+    words = " ".join(shown).split()
+    assert words.count("about") == 9 and "All." in words and "Second." in words
+    assert max(map(len, shown)) < 150
+    assert shown.count("hemibake.select_objects") == 1 and shown[-1] == "hemibake.copy_report"
+
+
+def test_report_of_an_earlier_version_is_shown():
+    import bpy
+
+    report = {name: value for name, value in REPORT.items() if name != "objects_of_warnings"}
     bpy.context.scene.hemibake.report = json.dumps(report)
-    shown = draw("HEMIBAKE_PT_report")
-    assert "3 objects, 1021 patches" in shown and "Lightmap" in shown and "First." in shown
+    assert "Second." in draw("HEMIBAKE_PT_last_bake")
+
+
+def test_failure_is_shown_until_the_next_bake():
+    import bpy
+
+    with pytest.raises(RuntimeError):
+        bpy.ops.hemibake.bake()
+    shown = " ".join(draw("HEMIBAKE_PT_last_bake"))
+    assert "no mesh with faces" in shown and shown.endswith("hemibake.copy_report")
+    furnace()
+    bpy.ops.hemibake.bake()
+    assert "no mesh with faces" not in " ".join(draw("HEMIBAKE_PT_last_bake"))
+
+
+def wrapped(text, width):
+    shown = []
+    part("panels.wrapped_text").draw_text(Layout(shown), text, width)
+    return shown
+
+
+def test_text_is_wrapped_between_words_by_their_width():
+    text = "Illicit lightmaps in Wimbledon: " + "x" * 200 + " and more"
+    narrow, wide = wrapped(text, 90), wrapped(text, 190)
+    assert " ".join(narrow) == " ".join(wide) == text and len(narrow) > len(wide) > 2
+    assert wrapped("mmm mmm", 60) == ["mmm mmm"] or len(wrapped("mmm mmm", 60)) > len(wrapped("iii iii", 60))
+    assert wrapped("One.\nTwo.", 500) == ["One.", "Two."]

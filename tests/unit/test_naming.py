@@ -1,6 +1,7 @@
 """Messages that name many objects: short in a window, complete in the report."""
 
-from engine.naming import first_line, naming
+from engine.naming import Note, first_line, listing, naming, objects_of
+from engine.worker.messages import Parcel, read
 
 NAMES = [f"Bob's chair.{number:03d}" for number in range(67)]
 
@@ -15,3 +16,17 @@ def test_of_many_names_the_first_line_has_some_and_the_second_all():
     assert first_line(message) == short and len(short) < 150
     assert "and 62 more are left out." in short
     assert everything.startswith("All 67: ") and all(f"'{name}'" in everything for name in NAMES)
+
+
+def test_sentence_knows_the_objects_that_it_is_about():
+    assert objects_of(naming("Objects {} are left out.", NAMES)) == tuple(NAMES)
+    assert objects_of(listing("Materials {} are grey.", ["A"])) == objects_of("Nothing.") == ()
+
+
+def test_sentence_keeps_its_objects_on_the_way_from_the_worker():
+    notes = (Note("'A' is dark.", ("A",)), "Nothing.")
+    parcel = Parcel({"warnings": notes})
+    memory = bytearray(parcel.size)
+    parcel.write(memoryview(memory))
+    arrived = read(memoryview(memory))["warnings"]
+    assert arrived == notes and [objects_of(note) for note in arrived] == [("A",), ()]

@@ -78,15 +78,18 @@ class Lamps:
             nodes = bake_lamp(lamp, matrix)
         except RuntimeError as error:
             reason = str(error).strip().splitlines()[-1]
-            self._notes.append(
-                f"Cycles could not evaluate the nodes of light '{name}' ({reason}): the Emission's own "
+            sentence = (
+                f"Cycles could not evaluate the nodes of light {{}} ({reason}): the Emission's own "
                 "colour and strength are baked."
             )
+            self._notes.append(naming(sentence, [name]))
             return own_constants(tree)
         if lamp.type == "AREA":
-            self._notes.append(f"The nodes of light '{name}' are baked as their mean over its face.")
+            self._notes.append(naming("The nodes of light {} are baked as their mean over its face.", [name]))
         elif any(node.bl_idname == "ShaderNodeLightFalloff" for node in tree.nodes):
-            self._notes.append(f"The nodes of light '{name}' are baked as they are 1 m away from it.")
+            self._notes.append(
+                naming("The nodes of light {} are baked as they are 1 m away from it.", [name])
+            )
         return nodes
 
 

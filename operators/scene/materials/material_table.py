@@ -9,7 +9,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ....engine.naming import naming
+from ....engine.naming import listing
 from ....engine.scene.model import Material, Texture
 from ...compat import node_tree
 from ..objects.items import SceneItem
@@ -121,16 +121,16 @@ class MaterialTable:
                 reason = str(error).strip().splitlines()[-1]
         if failed:
             self._notes.append(
-                naming(
+                listing(
                     f"Cycles could not evaluate the materials {{}} ({reason}): grey is baked.", _once(failed)
                 )
             )
         for attribute, materials in self._lost.items():
             sentence = f"Attribute '{attribute}' of instances cannot be read: 0 is baked in materials {{}}."
-            self._notes.append(naming(sentence, list(materials)))
+            self._notes.append(listing(sentence, list(materials)))
         if self._averaged:
             sentence = "Occluders have no lightmap UVs: a mean colour stands for the materials {}."
-            self._notes.append(naming(sentence, _once(self._averaged)))
+            self._notes.append(listing(sentence, _once(self._averaged)))
         return tuple(self._materials)
 
     def _evaluate(

@@ -35,34 +35,25 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Bake and return when it is done."""
         last_failure.forget()
-        run = None
+        run = Run(context, owner.bake(), watched=False)
         try:
-            run = Run(context, owner.bake(), watched=False)
             self._tell(run.finish(run.drain(Console().show)), run.failure)
             if not bpy.app.background:
                 _push_undo()
         except (EngineError, KeyboardInterrupt) as error:
-            if run is not None:
-                run.cancel()
+            run.cancel()
             self._refuse(error)
             return {"CANCELLED"}
         except BaseException:
             log(traceback.format_exc())
-            if run is not None:
-                run.cancel()
+            run.cancel()
             raise
         return {"FINISHED"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Start baking in the worker process; `modal` follows it."""
+        """Start a run that bakes in the worker process; `modal` follows it."""
         last_failure.forget()
-        try:
-            run = Run(context, owner.worker().bake)
-        except EngineError as error:
-            self._refuse(error)
-            return {"CANCELLED"}
-        if run.makes_uvs:
-            _push_undo("Make Lightmap UVs")
+        run = Run(context, owner.worker().bake, made_uvs=lambda: _push_undo("Make Lightmap UVs"))
         self._bake = WindowBake(context, run)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
@@ -91,7 +82,7 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
         self._bake.cancel()
 
     def _follow(self, context: bpy.types.Context) -> set[str]:
-        """Take what the worker has to say for a short time."""
+        """Work, or take what the worker has to say, for a short time."""
         limit = time.perf_counter() + _SLICE
         while time.perf_counter() < limit:
             try:

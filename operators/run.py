@@ -12,7 +12,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ..engine.errors import EngineError, OverlapError, SceneError
+from ..engine.errors import EngineError, OverlapError
 from ..engine.finish.outputs import output_names
 from ..engine.lightmap import Lightmap
 from ..engine.naming import naming, objects_of
@@ -26,77 +26,93 @@ from .result import images
 from .result.contents import lightmap_contents
 from .result.destination import choose_destination
 from .run_stages import RunStages
-from .scene import ReadScene, read_scene, visible_meshes
+from .scene import SceneContext, read_scene, visible_meshes
 from .scene.overlaps import without_overlaps
 from .scene.uvs.unwrap import unwrap_missing
 from .scene.uvs.uv_modifier import has_uvs, uv_source
 from .worker_owner import owner
 
 Bake = Generator[Progress | None, None, Lightmap]
+Steps = Generator[Progress | None, None, None]
 
 
 class Run:
     """A bake of the context's scene; what it changes can be taken back until `finish` returns.
 
-    Making one reads the scene and raises EngineError, with everything as before, if that fails.
+    All its work, reading the scene included, is done by `step`: whoever gets an error from it must `cancel`.
 
-    watched    False shows no intermediate lightmaps: nobody sees them before the bake is done
-    makes_uvs  it has made lightmap UVs: an undo step must follow before anything else happens
-    failure    why the lightmaps could not be written, None if they were
+    bake      the engine's, or that of a worker
+    watched   False shows no intermediate lightmaps: nobody sees them before the bake is done
+    made_uvs  called when lightmap UVs have been made: an undo step must follow before anything else happens
+    failure   why the lightmaps could not be written, None if they were
     """
 
     def __init__(
-        self, context: bpy.types.Context, bake: Callable[[Scene, Settings], Bake], watched: bool = True
+        self,
+        context: bpy.types.Context,
+        bake: Callable[[Scene, Settings], Bake],
+        watched: bool = True,
+        made_uvs: Callable[[], None] = lambda: None,
     ) -> None:
-        self._changes, self._watched = Changes(), watched
-        self._scene_uid = context.scene.session_uid
+        self._context, self._bake = SceneContext(context), bake
+        self._watched, self._made_uvs = watched, made_uvs
+        self._changes = Changes()
         self._images: list[int] = []
         self.failure: str | None = None
         self._start = time.perf_counter()
         self._stages = RunStages(owner.paces)
-        try:
-            self._read = self._read_scene(context)
-            self._names = _image_names(self._read.scene, self._settings)
-            self._destination = choose_destination(
-                context.scene, self._names, context.scene.hemibake.directory, self._changes
-            )
-            self._seconds = {"read": time.perf_counter() - self._start}
-            self._stages.has_read(len(self._names) * self._settings.resolution**2)
-            self._bake = bake
-            self._work = self._bake_and_announce()
-        except BaseException:
-            self._changes.take_back()
-            raise
+        self._work = self._all_work()
 
-    def _read_scene(self, context: bpy.types.Context) -> ReadScene:
-        """Return the visible objects, with lightmap UVs made where they are missing."""
-        properties = context.scene.hemibake
-        self._settings = replace(read_settings(properties), intermediates=self._watched)
-        self._uv_layer = properties.uv_layer
-        objects = visible_meshes(context)
-        made = unwrap_missing(context, objects, self._uv_layer, self._settings.resolution, self._changes)
-        self.makes_uvs = bool(made.objects)
-        usable = [obj for obj in objects if obj not in made.skipped]
+    def step(self) -> Progress | None:
+        """Do a slice of work; raises StopIteration(Lightmap) at the end.
+
+        The progress is that of the whole run. None: nothing more can be done before the window has drawn, or
+        before the worker has.
+        """
+        return next(self._work)
+
+    def _all_work(self) -> Bake:
+        """Unwrap, read, bake, and say that saving is next: None after that lets a window show it."""
+        yield from self._read_scene()
+        lightmap = yield from self._bake_without_overlaps()
+        yield self._stages.begin(self._stages.saving)
+        yield None
+        return lightmap
+
+    def _read_scene(self) -> Steps:
+        """Read the visible objects, with lightmap UVs made where they are missing."""
+        scene = self._context.scene
+        self._settings = replace(read_settings(scene.hemibake), intermediates=self._watched)
+        self._uv_layer = scene.hemibake.uv_layer
+        resolution = self._settings.resolution
+        made = yield from self._stages.include(
+            self._stages.unwrapping,
+            unwrap_missing(
+                self._context, visible_meshes(self._context), self._uv_layer, resolution, self._changes
+            ),
+        )
+        if made.objects:
+            self._made_uvs()
+        skipped = {obj.session_uid for obj in made.skipped}
+        usable = [obj for obj in visible_meshes(self._context) if obj.session_uid not in skipped]
         self._unwrapped = {
             obj.session_uid: (obj.name, uv_source(obj, self._uv_layer))
             for obj in usable
             if has_uvs(obj, self._uv_layer)
         }
-        return read_scene(context, usable, self._uv_layer, self._settings.resolution, made.notes)
+        self._read = yield from self._stages.include(
+            self._stages.reading,
+            read_scene(self._context, usable, self._uv_layer, resolution, made.notes),
+        )
+        self._seconds = {"read": time.perf_counter() - self._start}
+        self._choose_destination()
 
-    def step(self) -> Progress | None:
-        """Let the engine do a slice of work; raises StopIteration(Lightmap) at the end.
-
-        The progress is that of the whole run.
-        """
-        return next(self._work)
-
-    def _bake_and_announce(self) -> Bake:
-        """Bake, and say that saving is next: None after that lets a window show it."""
-        lightmap = yield from self._bake_without_overlaps()
-        yield self._stages.begin(self._stages.saving)
-        yield None
-        return lightmap
+    def _choose_destination(self) -> None:
+        """Decide where the lightmaps go, and see whether they can."""
+        scene = self._context.scene
+        self._names = _image_names(self._read.scene, self._settings)
+        self._destination = choose_destination(scene, self._names, scene.hemibake.directory, self._changes)
+        self._stages.expect_texels(len(self._names) * self._settings.resolution**2)
 
     def _bake_without_overlaps(self) -> Bake:
         """Bake; start again without the objects whose charts lie on others'."""
@@ -169,7 +185,7 @@ class Run:
         self._seconds["store"] = time.perf_counter() - start
         self._stages.has_saved()
         report = self._report(lightmap, [image.name for image in targets], files, lost)
-        scene = find(bpy.data.scenes, self._scene_uid)
+        scene = find(bpy.data.scenes, self._context.scene_uid)
         if scene is not None:
             scene.hemibake.report = json.dumps(report)
         return report
@@ -185,9 +201,7 @@ class Run:
 
     def _show(self, lightmaps: np.ndarray) -> None:
         """Put lightmaps, (m, h, w, 3), into the first m images; images that are gone are made anew."""
-        scene = find(bpy.data.scenes, self._scene_uid)
-        if scene is None:
-            raise SceneError("The scene that was being baked is gone. Bake again.")
+        scene = self._context.scene
         for index, pixels in enumerate(lightmaps):
             image = find(bpy.data.images, self._images[index]) if index < len(self._images) else None
             if image is None:
@@ -198,7 +212,7 @@ class Run:
 
     def _keep_images(self) -> None:
         """Write on the scene which images it has from now on."""
-        scene = find(bpy.data.scenes, self._scene_uid)
+        scene = find(bpy.data.scenes, self._context.scene_uid)
         for name, uid in zip(self._names, self._images, strict=False):
             image = find(bpy.data.images, uid)
             if scene is not None and image is not None:

@@ -4,27 +4,28 @@ from __future__ import annotations
 
 from ..engine.progress import Schedule, Stage
 
-#: Seconds that reading a scene, a bake, and writing a texel of an image take before any was measured.
-_READING, _BAKING, _TEXEL = 1.0, 10.0, 2e-7
+#: Seconds that unwrapping, reading a scene, a bake, and writing a texel of an image take before any was
+#: measured.
+_UNWRAPPING, _READING, _BAKING, _TEXEL = 1.0, 1.0, 10.0, 2e-7
 
 
 class RunStages(Schedule):
-    """Reading the scene, the bake with stages of its own, saving what it made.
+    """Unwrapping and reading the scene, the bake with stages of its own, saving what it made.
 
     paces  seconds that a unit of each stage took in earlier runs, by its name; this one adds to them
     """
 
     def __init__(self, paces: dict[str, float]) -> None:
         self._paces = paces
+        self.unwrapping = Stage("Unwrapping", pace=_UNWRAPPING)
         self.reading = Stage("Reading the scene", pace=_READING)
         self.baking = Stage("Baking", pace=_BAKING)
         self.saving = Stage("Saving", 0, paces.get("Saving", _TEXEL), "Saving" in paces)
-        super().__init__([self.reading, self.baking, self.saving])
+        super().__init__([self.unwrapping, self.reading, self.baking, self.saving])
 
-    def has_read(self, texels: int) -> None:
-        """End reading, which tells how many texels all images have together."""
+    def expect_texels(self, texels: int) -> None:
+        """Learn how many texels all images have together."""
         self.saving.amount = texels
-        self.end()
 
     def has_saved(self) -> None:
         """End saving, and keep its pace for the next run."""

@@ -5,9 +5,10 @@ from __future__ import annotations
 import bpy
 
 from ..engine.errors import EngineError
+from ..engine.progress import finished
 from .bake_settings import read_settings
 from .changes import Changes
-from .scene import visible_meshes
+from .scene import SceneContext, visible_meshes
 from .scene.uvs.unwrap import unwrap_missing
 from .telling import tell
 
@@ -26,7 +27,8 @@ class HEMIBAKE_OT_unwrap(bpy.types.Operator):
         objects = [obj for obj in visible if obj.select_get()] or visible
         try:
             resolution = read_settings(properties).resolution
-            made = unwrap_missing(context, objects, properties.uv_layer, resolution, changes)
+            work = unwrap_missing(SceneContext(context), objects, properties.uv_layer, resolution, changes)
+            made = finished(work)
         except EngineError as error:
             changes.take_back()
             tell(self, "ERROR", str(error))

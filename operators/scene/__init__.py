@@ -2,5 +2,6 @@
 
 from .objects.visible import visible_meshes
 from .read import ReadScene, read_scene
+from .scene_context import SceneContext
 
-__all__ = ["ReadScene", "read_scene", "visible_meshes"]
+__all__ = ["ReadScene", "SceneContext", "read_scene", "visible_meshes"]

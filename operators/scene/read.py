@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 
 import bpy
@@ -10,8 +10,10 @@ import numpy as np
 
 from ...engine.errors import SceneError
 from ...engine.naming import first_line, naming
+from ...engine.progress import Progress
 from ...engine.scene.checks import check_scene
 from ...engine.scene.model import OCCLUDER, Mesh, Scene
+from ..lookup import find_all
 from .faults import without_faults
 from .light.lights import Lamps
 from .light.world import read_world
@@ -20,6 +22,7 @@ from .messages import Troubles
 from .objects.items import scene_items
 from .objects.skipped import note_skipped
 from .places import Place, choose_places
+from .scene_context import SceneContext
 from .scene_objects import ItemReader, Reading
 from .uvs.multi_user import multi_user_sources
 from .world_mesh import world_mesh
@@ -76,18 +79,22 @@ _MESH_ARRAYS = ("positions", "normals", "uvs", "face", "subface", "material")
 
 
 def read_scene(
-    context: bpy.types.Context,
+    context: SceneContext,
     objects: Sequence[bpy.types.Object],
     uv_layer: str,
     resolution: int,
     earlier_notes: Sequence[str] = (),
-) -> ReadScene:
-    """Return what the scene shows as an engine.Scene; raises SceneError.
+) -> Generator[Progress | None, None, ReadScene]:
+    """Read what the scene shows in slices, return it as an engine.Scene; raises SceneError.
 
     objects  those that get a lightmap; every one with faces must have the UV layer. All other surfaces
              are occluders, unless they are to be ignored.
     """
     notes = list(earlier_notes)
+    uids = [obj.session_uid for obj in objects]
+    yield Progress("Reading objects", 0.0)
+    yield None
+    objects = find_all(bpy.data.objects, uids)
     for obj in objects:
         obj.update_from_editmode()
     depsgraph = context.evaluated_depsgraph_get()

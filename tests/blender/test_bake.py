@@ -260,7 +260,8 @@ def test_objects_deleted_during_the_bake_are_no_problem():
 
     obj = furnace()
     run = part("operators.run").Run(bpy.context, part("engine").bake)
-    run.step()
+    while not bpy.data.images:
+        run.step()
     bpy.data.objects.remove(obj)
     lightmap = run.drain()
     bpy.data.images.remove(bpy.data.images["Lightmap"])

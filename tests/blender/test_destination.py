@@ -207,9 +207,12 @@ def test_folder_is_tried_before_the_bake(tmp_path, folder):
     bpy.context.scene.hemibake.directory = folder.format(tmp=tmp_path)
     furnace()
     before = snapshot()
-    run = part("operators.run").Run
+    run = part("operators.run").Run(
+        bpy.context, lambda scene, settings: pytest.fail("the engine was started")
+    )
     with pytest.raises(part("engine.errors").EngineError, match="Choose"):
-        run(bpy.context, lambda scene, settings: pytest.fail("the engine was started"))
+        run.drain()
+    run.cancel()
     assert snapshot() == before
 
 
@@ -220,7 +223,8 @@ def test_cancelled_bake_leaves_no_folder(tmp_path):
     bpy.context.scene.hemibake.directory = "//some/where/"
     furnace()
     run = part("operators.run").Run(bpy.context, part("engine").bake)
-    run.step()
+    while not (tmp_path / "some").exists():
+        run.step()
     run.cancel()
     assert not (tmp_path / "some").exists()
 

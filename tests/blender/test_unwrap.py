@@ -5,7 +5,17 @@ import time
 import numpy as np
 import pytest
 
-from tests.blender.things import CUBE, INWARD, SQUARE, loop_uvs, mesh_object, part, snapshot, square
+from tests.blender.things import (
+    CUBE,
+    INWARD,
+    SQUARE,
+    loop_uvs,
+    mesh_object,
+    part,
+    snapshot,
+    square,
+    unwrap_missing,
+)
 
 RESOLUTION = 127
 
@@ -177,9 +187,7 @@ def test_what_is_made_can_be_taken_back(mode):
     bpy.context.view_layer.objects.active = obj
     bpy.ops.object.mode_set(mode=mode)
     before, changes = snapshot(), part("operators.changes").Changes()
-    made = part("operators.scene.uvs.unwrap").unwrap_missing(
-        bpy.context, [obj, copied], "Lightmap", RESOLUTION, changes
-    )
+    made = unwrap_missing([obj, copied], RESOLUTION, changes)
     assert len(made.objects) == 2 and snapshot() != before
     changes.take_back()
     assert snapshot() == before

@@ -190,7 +190,7 @@ def test_bake_that_ends_early_leaves_everything_as_before(how, again):
     uvs = evaluated_uvs(chair) if again else None
     if how == "cancel":
         run = part("operators.run").Run(bpy.context, part("engine").bake)
-        run.step()
+        run.drain()
         run.cancel()
     else:
         bpy.context.scene.hemibake.directory = ""

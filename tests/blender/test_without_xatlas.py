@@ -19,6 +19,7 @@ from tests.blender.things import (
     report,
     snapshot,
     square,
+    unwrap_missing,
 )
 
 RESOLUTION = 257
@@ -131,9 +132,7 @@ def test_nothing_of_the_user_changes_and_what_is_made_can_be_taken_back(mode):
     bpy.ops.object.mode_set(mode=mode)
     before, datablocks = snapshot(), names()
     changes = part("operators.changes").Changes()
-    made = part("operators.scene.uvs.unwrap").unwrap_missing(
-        bpy.context, [obj, copied, other], "Lightmap", RESOLUTION, changes
-    )
+    made = unwrap_missing([obj, copied, other], RESOLUTION, changes)
     after = snapshot()
     assert len(made.objects) == 3 and after != before
     for key in ("mode", "active", "selected", "render", "materials", "images"):

@@ -72,8 +72,22 @@ def read_scene():
     import bpy
 
     scene = part("operators.scene")
-    objects = scene.visible_meshes(bpy.context)
-    return scene.read_scene(bpy.context, objects, "Lightmap", bpy.context.scene.hemibake.resolution)
+    context, resolution = scene.SceneContext(bpy.context), bpy.context.scene.hemibake.resolution
+    return finished(scene.read_scene(context, scene.visible_meshes(context), "Lightmap", resolution))
+
+
+def unwrap_missing(objects, resolution, changes):
+    """Return what was done for objects that lack lightmap UVs."""
+    import bpy
+
+    context = part("operators.scene").SceneContext(bpy.context)
+    unwrap = part("operators.scene.uvs.unwrap")
+    return finished(unwrap.unwrap_missing(context, objects, "Lightmap", resolution, changes))
+
+
+def finished(work):
+    """Return what work in slices makes."""
+    return part("engine.progress").finished(work)
 
 
 def loop_uvs(obj, layer="Lightmap") -> np.ndarray:

@@ -115,22 +115,19 @@ def _preview(user: _User, case: Case) -> str:
 def _cancel(user: _User, case: Case) -> str:
     """Cancel a bake after a few slices, as the window does."""
     before, files = user.state(), user.files()
-    engine = part("engine")
-    try:
-        run = part("operators.run").Run(bpy.context, engine.bake)
-    except part("engine.errors").EngineError as error:
-        _check_message(str(error))
-        user.expect_same(before)
-        return _refused(str(error))
+    run, ending = part("operators.run").Run(bpy.context, part("engine").bake), "cancelled"
     try:
         for _ in range(case.slices):
             run.step()
-    except (StopIteration, part("engine.errors").EngineError):
+    except StopIteration:
         pass
+    except part("engine.errors").EngineError as error:
+        _check_message(str(error))
+        ending = _refused(str(error))
     run.cancel()
     user.expect_same(before)
     assert user.files() == files
-    return "cancelled"
+    return ending
 
 
 def _save(user: _User, case: Case) -> str:

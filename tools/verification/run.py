@@ -63,10 +63,12 @@ def read_for_bake(context):
     settings = importlib.import_module(f"{MODULE}.operators.bake_settings").read_settings(
         context.scene.hemibake
     )
+    finished = importlib.import_module(f"{MODULE}.engine.progress").finished
     objects, layer = scene.visible_meshes(context), context.scene.hemibake.uv_layer
-    made = unwrap.unwrap_missing(context, objects, layer, settings.resolution, changes)
+    where, resolution = scene.SceneContext(context), settings.resolution
+    made = finished(unwrap.unwrap_missing(where, objects, layer, resolution, changes))
     usable = [obj for obj in objects if obj not in made.skipped]
-    return scene.read_scene(context, usable, layer, settings.resolution, made.notes), settings
+    return finished(scene.read_scene(where, usable, layer, resolution, made.notes)), settings
 
 
 def write_difference(difference: np.ndarray, path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field
 
 import bpy
@@ -10,9 +10,11 @@ import numpy as np
 
 from ....engine.errors import SceneError
 from ....engine.naming import naming
+from ....engine.progress import Progress
 from ...changes import Changes
-from ...lookup import find
+from ...lookup import find, find_all
 from ..messages import NO_ROOM, WITHOUT_XATLAS, Troubles
+from ..scene_context import SceneContext
 from .charts import destroy_atlases, has_xatlas, pack_charts
 from .multi_user import instanced_objects, multi_user_sources
 from .uv_layers import add_layer, remove_layer
@@ -43,13 +45,16 @@ class Made:
 
 
 def unwrap_missing(
-    context: bpy.types.Context,
+    context: SceneContext,
     objects: Sequence[bpy.types.Object],
     uv_layer: str,
     resolution: int,
     changes: Changes,
-) -> Made:
-    """Give lightmap UVs to each object with faces that has none; raises SceneError without a layer's name.
+) -> Generator[Progress | None, None, Made]:
+    """Give lightmap UVs to each object with faces that has none, in slices; return what was done.
+
+    Raises SceneError without a layer's name, or once the scene is gone. Datablocks are looked up again
+    after each yield, and what needs an undo step is made after the last one, which must follow at once.
 
     An object's own mesh gets a layer. Where modifiers copy or make faces, so that the layer overlaps or is
     missing on what they make, this is unwrapped instead and a last modifier keeps the UVs; it is made
@@ -59,10 +64,14 @@ def unwrap_missing(
     """
     if not uv_layer:
         raise SceneError("The lightmap UV layer has no name. Type one, such as Lightmap.")
+    uids = [obj.session_uid for obj in objects]
+    yield Progress("Unwrapping", 0.0)
+    yield None
     unwrapping = _Unwrapping(context, uv_layer, resolution, changes)
-    unwrapping.prepare(objects)
+    present = find_all(bpy.data.objects, uids)
+    unwrapping.prepare(present)
     try:
-        return unwrapping.unwrap(objects)
+        return unwrapping.unwrap(present)
     finally:
         destroy_atlases()
 
@@ -70,7 +79,7 @@ def unwrap_missing(
 class _Unwrapping:
     """Unwraps objects' own meshes first, then what modifiers make where that did not do."""
 
-    def __init__(self, context: bpy.types.Context, uv_layer: str, resolution: int, changes: Changes) -> None:
+    def __init__(self, context: SceneContext, uv_layer: str, resolution: int, changes: Changes) -> None:
         self._context, self._uv_layer = context, uv_layer
         self._resolution, self._changes = resolution, changes
         self._made, self._troubles = Made(), Troubles()

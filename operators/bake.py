@@ -30,7 +30,7 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return poll_idle(cls, "A bake is running: press Esc to cancel it")
+        return poll_idle(cls, "A bake is running: cancel it first")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Bake and return when it is done."""
@@ -59,7 +59,7 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if event.type == "ESC" and event.value == "PRESS":
+        if self._bake.wants_to_cancel(context, event):
             self.cancel(context)
             self.report({"INFO"}, "Bake cancelled")
             return {"CANCELLED"}

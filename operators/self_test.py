@@ -89,7 +89,7 @@ class HEMIBAKE_OT_self_test(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if event.type == "ESC" and event.value == "PRESS":
+        if self._window.wants_to_cancel(context, event):
             self.cancel(context)
             return {"CANCELLED"}
         if event.type != "TIMER":

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import bpy
 
 from ..engine.progress import Progress
@@ -10,26 +12,48 @@ from .run import Run
 from .telling import progress_line
 from .worker_owner import owner
 
+#: Time between two redraws of the status bar and the sidebars, s: each redraw is one of the whole region.
+_PERIOD = 0.2
+
+_HOW_TO_CANCEL = "Esc over the 3D view cancels"
+
 
 class WindowBake:
     """A run, and what it does to the window: the operator drives it, but the add-on may end it, too.
 
-    run  the bake itself
+    run       the bake itself
+    progress  how far it is
+    unwanted  True once somebody has asked to cancel it
     """
 
     def __init__(self, context: bpy.types.Context, run: Run) -> None:
         self.run = run
+        self.progress, self.unwanted = Progress("Starting", 0.0), False
         self._manager = context.window_manager
         self._timer = self._manager.event_timer_add(0.05, window=context.window)
         self._manager.progress_begin(0, 100)
         self._told: set[int] = set()
-        self._tell_status(context, "Hemibake: starting    Esc cancels")
+        self._shown, self._last = ("", 0), 0.0
+        self._tell_status(context)
         owner.running = self
 
+    def wants_to_cancel(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
+        """Return whether a user cancels: by the operator, or with Esc over a 3D view or its sidebar.
+
+        Esc elsewhere is for what is there.
+        """
+        pressed = event.type == "ESC" and event.value == "PRESS"
+        return self.unwanted or (pressed and _editor_below(context, event) == "VIEW_3D")
+
     def show(self, context: bpy.types.Context, progress: Progress) -> None:
-        """Show progress, and an intermediate lightmap if there is one, in the window."""
-        self._tell_status(context, f"{progress_line(progress)}    Esc cancels")
-        self._manager.progress_update(100 * progress.overall)
+        """Show progress in the window, seldom unless another stage begins, and an intermediate lightmap."""
+        self.progress = progress
+        now, shown = time.perf_counter(), (progress.stage, int(100 * progress.overall))
+        if shown[0] != self._shown[0] or (shown != self._shown and now - self._last > _PERIOD):
+            self._shown, self._last = shown, now
+            self._tell_status(context)
+            self._manager.progress_update(100 * progress.overall)
+            _redraw(self._manager, {"UI"})
         if progress.intermediate is not None:
             _redraw(self._manager)
 
@@ -48,15 +72,32 @@ class WindowBake:
         self.leave()
         return self.run.cancel(keep_images)
 
-    def _tell_status(self, context: bpy.types.Context, text: str) -> None:
-        """Show a text in the status bar, which each workspace has for itself."""
+    def _tell_status(self, context: bpy.types.Context) -> None:
+        """Show the progress in the status bar, which each workspace has for itself."""
         if context.workspace is not None:
-            context.workspace.status_text_set(text)
+            context.workspace.status_text_set(f"{progress_line(self.progress)}    {_HOW_TO_CANCEL}")
             self._told.add(context.workspace.session_uid)
 
 
-def _redraw(manager: bpy.types.WindowManager) -> None:
-    """Show new pixels, and whether the operator can be started, in every editor."""
+def _editor_below(context: bpy.types.Context, event: bpy.types.Event) -> str | None:
+    """Return the type of the area that the pointer is over, sidebar and header included."""
+    areas = () if context.screen is None else context.screen.areas
+    for area in areas:
+        right, top = area.x + area.width, area.y + area.height
+        if area.x <= event.mouse_x < right and area.y <= event.mouse_y < top:
+            return str(area.type)
+    return None
+
+
+def _redraw(manager: bpy.types.WindowManager, regions: set[str] | None = None) -> None:
+    """Redraw editors: to show new pixels, and whether the operator can be started, all of them.
+
+    regions: types of the regions of 3D views that are redrawn, None for everything
+    """
     for window in manager.windows:
         for area in window.screen.areas:
-            area.tag_redraw()
+            if regions is None:
+                area.tag_redraw()
+            elif area.type == "VIEW_3D":
+                for region in [region for region in area.regions if region.type in regions]:
+                    region.tag_redraw()

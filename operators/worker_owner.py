@@ -12,6 +12,7 @@ import bpy
 from ..engine import session
 
 if TYPE_CHECKING:
+    from ..engine.progress import Progress
     from ..engine.worker.worker import Worker
 
 #: Where the worker finds the package `engine`.
@@ -19,7 +20,10 @@ _ROOT = str(Path(__file__).parents[1])
 
 
 class RunningBake(Protocol):
-    """A bake that a window follows."""
+    """A bake that a window follows; see `WindowBake`."""
+
+    progress: Progress
+    unwanted: bool
 
     def cancel(self) -> None:
         """Leave everything as it was before the bake."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..engine.settings import shown_in
+from .progress import draw_bake_button
 from .sidebar import Sidebar, split_properties
 
 
@@ -21,7 +22,7 @@ class HEMIBAKE_PT_bake(Sidebar, bpy.types.Panel):
             column.prop(settings, name)
         button = layout.row()
         button.scale_y = 1.6
-        button.operator("hemibake.bake", icon="RENDER_STILL")
+        draw_bake_button(button)
         row = layout.row(align=True)
         row.operator("hemibake.unwrap", text="Unwrap", icon="UV")
         row.operator("hemibake.preview", text="Preview", icon="SHADING_TEXTURE")

@@ -8,11 +8,13 @@ from types import SimpleNamespace
 
 import pytest
 
+from tests.blender.test_panels import Layout
 from tests.blender.things import furnace, part, pixels, report, snapshot, square
 from tools.headless import disable, enable
 
 TIMER = SimpleNamespace(type="TIMER", value="NOTHING")
-ESCAPE = SimpleNamespace(type="ESC", value="PRESS")
+ESCAPE = SimpleNamespace(type="ESC", value="PRESS", mouse_x=399, mouse_y=100)
+ESCAPE_ELSEWHERE = SimpleNamespace(type="ESC", value="PRESS", mouse_x=400, mouse_y=100)
 MOUSE = SimpleNamespace(type="MOUSEMOVE", value="NOTHING")
 
 
@@ -78,6 +80,11 @@ def window(monkeypatch):
     return result
 
 
+def area(kind, x):
+    """Return an area of 400 by 300 pixels."""
+    return SimpleNamespace(type=kind, x=x, y=0, width=400, height=300)
+
+
 @pytest.fixture
 def context(window):
     import bpy
@@ -89,7 +96,7 @@ def context(window):
         window=None,
         window_manager=window,
         workspace=window.workspaces[0],
-        screen=SimpleNamespace(areas=[]),
+        screen=SimpleNamespace(areas=[area("OUTLINER", 400), area("VIEW_3D", 0)]),
     )
 
 
@@ -142,6 +149,36 @@ def test_escape_leaves_nothing_behind(operator, context, window):
     assert operator.modal(context, ESCAPE) == {"CANCELLED"}
     assert window.is_as_before()
     assert snapshot() == before
+
+
+def test_escape_over_another_editor_is_for_that_editor(operator, context, window):
+    furnace()
+    operator.invoke(context, None)
+    drive(operator, context, until=image_shown)
+    assert operator.modal(context, ESCAPE_ELSEWHERE) == {"PASS_THROUGH"}
+    assert drive(operator, context) == {"FINISHED"}
+
+
+def test_cancel_button_is_there_while_a_bake_runs_and_leaves_nothing_behind(operator, context, window):
+    import bpy
+
+    furnace()
+    before = snapshot()
+    assert not bpy.ops.hemibake.cancel.poll() and bake_button() == ["hemibake.bake"]
+    operator.invoke(context, None)
+    drive(operator, context, until=image_shown)
+    text, cancel = bake_button()
+    assert "%" in text and "Bounce" in text and cancel == "hemibake.cancel"
+    bpy.ops.hemibake.cancel()
+    assert operator.modal(context, TIMER) == {"CANCELLED"}
+    assert window.is_as_before() and snapshot() == before and not bpy.ops.hemibake.cancel.poll()
+
+
+def bake_button() -> list[str]:
+    """Return what stands where the bake button is."""
+    shown: list[str] = []
+    part("panels.progress").draw_bake_button(Layout(shown))
+    return shown
 
 
 def test_dead_worker_is_a_short_error_and_the_image_stays(operator, context, window):

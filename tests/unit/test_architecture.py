@@ -18,7 +18,7 @@ ORDERS = {
     ],
     "operators/scene": [
         "__init__", "overlaps", "read", "faults", "places", "world_mesh", "scene_objects",
-        "light", "materials", "uvs", "objects", "messages",
+        "light", "materials", "uvs", "objects", "messages", "scene_context",
     ],
 }  # fmt: skip
 

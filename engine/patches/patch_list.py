@@ -23,7 +23,8 @@ class PatchList:
     atlas        (n,) int32
     texel        (n,) int32, row * resolution + column, row 0 at v = 0
     triangle     (n,) int32, index into `Triangles`
-    barycentric  (n, 3) float32, of the texel's centre within the triangle; each in [0, 1], sum 1
+    barycentric  (n, 3) float32, of the patch's point within the triangle, each in [0, 1], sum 1: the texel's
+                 centre, or the middle of what a thin surface covers of the texel
     """
 
     resolution: int

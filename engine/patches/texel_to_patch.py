@@ -13,6 +13,7 @@ import numpy as np
 from ..scene.triangles import Triangles
 from .geometry import PatchGeometry, patch_geometry
 from .patch_list import PatchList, concatenate
+from .texel_clip import clipped_centroids
 
 #: Neighbours whose patch a texel may belong to, nearest first.
 _OFFSETS = sorted(
@@ -39,10 +40,13 @@ def add_thin_patches(
     barycentric, inside = _closest_points(triangles, border, border_triangle, patches.resolution)
     neighbour = _neighbours(geometry, triangles, texel_to_patch, border, border_triangle, barycentric)
 
-    # Surfaces without a covered centre nearby become patches at the point nearest to the texel's centre.
+    # Surfaces without a covered centre nearby become patches in the middle of what the texel shows of them:
+    # a point on their edge would see past the surfaces that meet them there.
     thin = (neighbour == 0) & inside
     if thin.any():
-        thin_patches = _patches_at(patches.resolution, border[thin], border_triangle[thin], barycentric[thin])
+        corners = triangles.uvs[border_triangle[thin]].astype(np.float64) * patches.resolution
+        middle = clipped_centroids(corners, border[thin][:, [2, 1]]).astype(np.float32)
+        thin_patches = _patches_at(patches.resolution, border[thin], border_triangle[thin], middle)
         patches = _sorted(concatenate([patches, thin_patches]))
         geometry = patch_geometry(triangles, patches)
         texel_to_patch = _texels_of(patches, touched.shape)

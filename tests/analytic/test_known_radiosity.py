@@ -33,6 +33,17 @@ def test_furnace_loses_no_light_where_rays_meet_the_borders_of_charts():
     assert irradiance(lightmap) == pytest.approx(np.full((384, 3), 2.0), rel=0.005)
 
 
+@pytest.mark.parametrize("settings", [{"visibility": "rays"}, {"visibility": "raster"}, {"method": "paper"}])
+def test_walls_thinner_on_the_lightmap_than_a_texel_let_no_light_in(settings):
+    """Their patches stand within the walls: on an edge, where two walls meet, half of the sky is seen."""
+    charts = [(2.53 + 4 * wall + 0.01 * wall, 3.3 + 0.1 * wall, 0.4, 11.37) for wall in range(5)]
+    room = scenes.quads(scenes.room_walls(0.7, 1.3, 1.1), [*charts, (23, 3, 5, 9)], [0] * 6, 29, "Room")
+    scene = Scene((room,), (scenes.material("Grey", 0.5),), world=np.ones(3, np.float32))
+    lightmap = drive(scene, Settings(resolution=29, iterations=3, **settings))
+    assert lightmap.has_patch.sum() > 30
+    assert irradiance(lightmap).max() < 0.01
+
+
 @pytest.mark.parametrize("distance", [100, 1000])
 def test_furnace_away_from_the_origin(distance):
     scene = scenes.furnace(0.5, 1.0)

@@ -704,6 +704,13 @@ EXAMPLES: dict[str, Case] = {
     "radiance beyond the limit by a texture": Case(
         (Shape("room"),), (Surface(emission=(1e20,) * 3, emission_map=Map(brightest=1e20)),), settings=_SMALL
     ),
+    "charts thinner than a texel in closed rooms": Case(
+        (Shape("quad", atlas=-1), Shape("room"), Shape("room"), Shape("quad", size=0.0)),
+        (Surface((0.0, 0.0, 0.0)),),
+        sky=_WHITE,
+        settings={**_SMALL, "resolution": 8, "visibility": "raster", "method": "cached"},
+        other={**_SMALL, "resolution": 8, "visibility": "rays", "method": "cached"},
+    ),
     "nothing shines": Case(settings=_SMALL),
     "white room": Case(
         (Shape("room"),), (Surface((1.0, 1.0, 1.0), (1.0, 1.0, 1.0)),), settings={**_SMALL, "iterations": 6}

@@ -22,13 +22,9 @@ TOO_FAR = (
     "or check the object's location and scale."
 )
 NOT_FINITE_UVS = f"NaN or infinite lightmap UVs: {_SEEN}. Unwrap its lightmap UVs again."
-UVS_OUTSIDE = (
-    f"lightmap UVs outside 0-1: {_SEEN}. Pack its UV islands into the unit square, "
-    "or delete the lightmap UV layer to have one made."
-)
 OVERLAPPING = (
-    f"lightmap UVs that lie on each other, or on those of others in the atlas: {_SEEN}. "
-    "Unwrap or pack them without overlaps, or give it an atlas of its own."
+    f"lightmap UVs that lie on each other: {_SEEN}. Unwrap it without overlaps, "
+    "or delete the lightmap UV layer to have one made."
 )
 NO_UVS = f"faces without lightmap UVs: {_SEEN}. Unwrap it, or apply its modifiers."
 NO_ROOM = (
@@ -36,8 +32,8 @@ NO_ROOM = (
     "or merge faces into fewer UV islands."
 )
 NO_TILE = (
-    f"more objects and instances have the mesh than fit into lightmaps of this resolution: {_SEEN}. "
-    "Raise the resolution, or set the role of less important ones to Occluder."
+    f"more objects and instances have the mesh, or lie on each other in the atlas, than fit into lightmaps "
+    f"of this resolution: {_SEEN}. Raise the resolution, or set the role of less important ones to Occluder."
 )
 LINKED = (
     f"no lightmap UVs of its own, and linked from another file: {_SEEN}. Make the mesh local, "

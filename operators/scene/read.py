@@ -10,7 +10,7 @@ import numpy as np
 
 from ...engine.errors import SceneError
 from ...engine.naming import first_line, naming
-from ...engine.progress import Progress
+from ...engine.progress import Progress, finished
 from ...engine.scene.checks import check_scene
 from ...engine.scene.model import OCCLUDER, Mesh, Scene
 from ..lookup import find_all
@@ -18,10 +18,12 @@ from .faults import without_faults
 from .light.lights import Lamps
 from .light.world import read_world
 from .materials.material_table import MaterialTable
+from .materials.shader_bake import Move
 from .messages import Troubles
 from .objects.items import scene_items
 from .objects.skipped import note_skipped
-from .places import Place, choose_places
+from .place import Place, takes_textures
+from .places import choose_places
 from .scene_context import SceneContext
 from .scene_objects import ItemReader, Reading
 from .uvs.multi_user import multi_user_sources
@@ -98,7 +100,8 @@ def read_scene(
     for obj in objects:
         obj.update_from_editmode()
     depsgraph = context.evaluated_depsgraph_get()
-    table, troubles = MaterialTable(depsgraph, uv_layer, notes), Troubles()
+    several, troubles = multi_user_sources(uv_layer), Troubles()
+    table = MaterialTable(depsgraph, uv_layer, several, notes)
     try:
         baked = {obj.session_uid for obj in objects}
         reader = ItemReader(depsgraph, table, baked, uv_layer, notes, troubles)
@@ -109,7 +112,7 @@ def read_scene(
             elif item.object.type == "MESH":
                 reader.add(item)
         readings, origin = reader.finish()
-        atlases, places = choose_places(readings, multi_user_sources(uv_layer), resolution, troubles)
+        atlases, places = finished(choose_places(readings, several, resolution, troubles))
         notes += troubles.tell()
         if not any(places):
             raise SceneError(_nothing_left({reading.name for reading in readings} - troubles.names, notes))
@@ -118,7 +121,7 @@ def read_scene(
         ]
         scene = Scene(
             meshes=tuple(meshes),
-            materials=table.finish(resolution),
+            materials=table.finish(resolution, _moves(readings, places)),
             atlases=tuple(atlases),
             world=read_world(context.scene.world, notes),
             origin=origin,
@@ -141,10 +144,19 @@ def _entry(reading: Reading, place: Place | None) -> Entry | None:
     return reading.instancer, reading.name, reading.persistent_id, place
 
 
+def _moves(readings: Sequence[Reading], places: Sequence[Place | None]) -> dict[int, Move]:
+    """Return how the charts of objects, by session uid, get to where textures over them are made."""
+    return {
+        reading.source: place.apply
+        for reading, place in zip(readings, places, strict=True)
+        if place is not None and takes_textures(reading, place)
+    }
+
+
 def _mesh(reading: Reading, place: Place | None, atlases: list[str], origin: np.ndarray) -> Mesh:
     """Return a reading in the world, with its charts in their place."""
     atlas = OCCLUDER if place is None else atlases.index(place.atlas)
-    return world_mesh(reading, origin, atlas, None if place is None else place.apply)
+    return world_mesh(reading, origin, atlas, place)
 
 
 def _nothing_left(seen: set[str], notes: Sequence[str]) -> str:

@@ -13,7 +13,7 @@ from .materials.material_table import MaterialTable
 from .messages import NO_FACES, NO_UVS, NORMALS_NOT_FINITE, NOT_FINITE, NOT_FINITE_UVS, Troubles
 from .objects.extent import middle_of, trouble_with
 from .objects.items import SceneItem
-from .objects.meshes import Corners, read_corners
+from .objects.meshes import LIGHTMAP_UVS, Corners, read_corners
 from .uvs.uv_faults import is_finite
 from .uvs.uv_modifier import uv_source
 
@@ -155,7 +155,10 @@ class ItemReader:
         self, item: SceneItem, mesh: bpy.types.Mesh, slots: Sequence[int], atlas: str | None
     ) -> Shape | str:
         layer = None if atlas is None or self._uv_layer not in mesh.uv_layers else self._uv_layer
-        corners = read_corners(mesh, layer, self._table.uv_maps(slots))
+        maps = {name: name for name in self._table.uv_maps(slots)}
+        if LIGHTMAP_UVS in maps:
+            maps[LIGHTMAP_UVS] = self._uv_layer
+        corners = read_corners(mesh, layer, maps)
         if corners.dropped:
             self._degenerate[item.source.name] = corners.dropped
         if not len(corners.positions):

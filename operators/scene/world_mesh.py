@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from ...engine.scene.model import Mesh
+from .objects.meshes import LIGHTMAP_UVS
+from .place import Place, takes_textures
 from .scene_objects import Reading
 
 
-def world_mesh(
-    reading: Reading, origin: np.ndarray, atlas: int, place: Callable[[np.ndarray], np.ndarray] | None
-) -> Mesh:
+def world_mesh(reading: Reading, origin: np.ndarray, atlas: int, place: Place | None) -> Mesh:
     """Return a reading's corners along the world's axes.
 
     origin  (3,) float64, world space: what the positions are relative to
-    place   from the mesh's lightmap UVs to those of the atlas; None for an occluder
+    place   in the atlas; None for an occluder
     """
     corners, matrix = reading.shape.corners, reading.matrix
     linear, shift = matrix[:3, :3].T, matrix[:3, 3] - origin
     positions = (corners.positions @ linear + shift).astype(np.float32)
     normals = _unit(corners.normals @ _normal_matrix(matrix[:3, :3]).T.astype(np.float32))
-    uvs = np.zeros((len(positions), 3, 2), np.float32) if place is None else place(corners.uvs)
+    uvs = np.zeros((len(positions), 3, 2), np.float32) if place is None else place.apply(corners.uvs)
+    texture_uvs = dict(corners.texture_uvs)
+    if LIGHTMAP_UVS in texture_uvs and place is not None and takes_textures(reading, place):
+        texture_uvs[LIGHTMAP_UVS] = place.apply(texture_uvs[LIGHTMAP_UVS])
     order = [0, 2, 1] if np.linalg.det(matrix[:3, :3]) < 0 else [0, 1, 2]
     turned = (lambda array: np.ascontiguousarray(array[:, order])) if order[1] == 2 else (lambda array: array)
     return Mesh(
@@ -34,7 +35,7 @@ def world_mesh(
         subface=corners.subface,
         material=reading.shape.slots,
         atlas=atlas,
-        texture_uvs={name: turned(values) for name, values in corners.texture_uvs.items()},
+        texture_uvs={name: turned(values) for name, values in texture_uvs.items()},
     )
 
 

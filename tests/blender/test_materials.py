@@ -108,8 +108,9 @@ def test_metal_and_glass_are_what_cycles_bakes():
     obj = square(surface=surface)
     depsgraph = bpy.context.evaluated_depsgraph_get()
     shape = baker.copy_shape(obj.evaluated_get(depsgraph), np.eye(4), depsgraph, [surface])
+    assert baker.lay_lightmap_uvs(shape.mesh, "Lightmap", None)
     try:
-        pixels = baker.bake_textures(surface, [shape], "Lightmap", 512)["reflectance"]
+        pixels = baker.bake_textures(surface, [shape], 512)["reflectance"]
     finally:
         baker.remove_shapes([shape])
     assert pixels[256, 256] == pytest.approx(only_material().reflectance, rel=0.01)
@@ -163,7 +164,8 @@ def test_networks_are_evaluated_by_blender_and_nothing_else_changes():
         measured = texture.pixels[row, inside, 0]
         expected = factor * u[inside] * (u[inside] if texture is result.emission_map else 1)
         assert measured == pytest.approx(expected, abs=0.02)
-    assert result.reflectance_map.uv_map == "Lightmap"
+    uvs = read.scene.meshes[0].texture_uvs[result.reflectance_map.uv_map]
+    np.testing.assert_array_equal(uvs, read.scene.meshes[0].uvs)
 
 
 def test_vertex_colours_are_evaluated():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import bpy
@@ -13,10 +13,12 @@ from ....engine.naming import listing
 from ....engine.scene.model import Material, Texture
 from ...compat import node_tree
 from ..objects.items import SceneItem
+from ..objects.meshes import LIGHTMAP_UVS
+from ..uvs.uv_modifier import uv_source
 from .materials import read_material
 from .object_nodes import Dependence, FrozenMaterial, Source, dependence, lost_attributes, object_values
 from .pixels import PixelCache
-from .shader_bake import Shape, bake_textures, copy_shape, remove_shapes
+from .shader_bake import Move, Shape, bake_textures, copy_shape, lay_lightmap_uvs, remove_shapes
 from .sockets import ComplexError
 
 _ONES = np.ones(3, np.float32)
@@ -26,11 +28,15 @@ class MaterialTable:
     """Collects the materials of all objects while they are read.
 
     uv_layer  name of the lightmap UV layer
+    several   sources of lightmap UVs that may be shown several times, see `multi_user_sources`
     notes     sentences for the user are appended here
     """
 
-    def __init__(self, depsgraph: bpy.types.Depsgraph, uv_layer: str, notes: list[str]) -> None:
-        self._depsgraph, self._uv_layer, self._notes = depsgraph, uv_layer, notes
+    def __init__(
+        self, depsgraph: bpy.types.Depsgraph, uv_layer: str, several: set[int], notes: list[str]
+    ) -> None:
+        self._depsgraph, self._uv_layer = depsgraph, uv_layer
+        self._several, self._notes = several, notes
         self._cache = PixelCache(notes)
         self._index: dict[tuple, int] = {}
         self._materials: list[Material] = []
@@ -50,7 +56,7 @@ class MaterialTable:
         key = (None if material is None else material.session_uid, tuple(values.items()))
         if key in self._index:
             return self._index[key]
-        complex_key = (*key, atlas or "", _overlapping(item, atlas, depends.located))
+        complex_key = (*key, atlas or "", self._user(item, atlas, depends.located))
         if complex_key in self._index:
             return self._index[complex_key]
         number = len(self._materials)
@@ -63,6 +69,22 @@ class MaterialTable:
             self._complex[number] = self._freeze(material, values) if values else material
         self._materials.append(entry)
         return number
+
+    def _user(self, item: SceneItem, atlas: str | None, located: bool) -> tuple:
+        """Return what tells items apart that show one mesh several times, and so need textures of their own.
+
+        The mesh's UVs may lie over those of other such meshes: each mesh has its texture, and each user if it
+        matters where that is. Of occluders, without such UVs, a mean is taken.
+        """
+        source = item.source
+        if atlas is None or (
+            item.instancer is None and uv_source(source, self._uv_layer) not in self._several
+        ):
+            return ()
+        if not located:
+            return (source.data.session_uid,)
+        instancer = None if item.instancer is None else item.instancer.session_uid
+        return (source.session_uid, instancer, item.persistent_id)
 
     def _depends(self, material: bpy.types.Material | None) -> Dependence:
         """Return how a material depends on the object that shows it."""
@@ -87,7 +109,7 @@ class MaterialTable:
             textures = (material.reflectance_map, material.emission_map, material.alpha_map)
             maps |= {texture.uv_map for texture in textures if texture is not None}
             if index in self._complex:
-                maps.add(self._uv_layer)
+                maps.add(LIGHTMAP_UVS)
         return maps
 
     def keep(self, item: SceneItem, indices: Sequence[int]) -> None:
@@ -105,8 +127,16 @@ class MaterialTable:
             frozen.remove()
         self._frozen.clear()
 
-    def finish(self, resolution: int) -> tuple[Material, ...]:
-        """Evaluate what is left to Blender at a resolution, and return all materials."""
+    def finish(self, resolution: int, moves: Mapping[int, Move]) -> tuple[Material, ...]:
+        """Evaluate what is left to Blender at a resolution, and return all materials.
+
+        moves: of objects by session uid, how their charts get to where they are put: textures go with them
+        """
+        self._mapped = {
+            shape.mesh.session_uid
+            for shape, _ in self._shapes
+            if lay_lightmap_uvs(shape.mesh, self._uv_layer, moves.get(shape.source))
+        }
         failed = []
         variants = Counter(self._materials[index].name for index in self._complex)
         for index, material in self._complex.items():
@@ -140,12 +170,12 @@ class MaterialTable:
 
         size: resolution and variants of the material, see `bake_textures`.
         """
-        mapped = [shape for shape in shapes if shape.mesh.uv_layers.get(self._uv_layer)]
+        mapped = [shape for shape in shapes if shape.mesh.session_uid in self._mapped]
         chosen = mapped or shapes
         if not mapped:
             for shape in shapes:
-                shape.mesh.uv_layers.new(name=self._uv_layer)
-        pixels = bake_textures(material, chosen, self._uv_layer, *size)
+                shape.mesh.uv_layers.new(name=LIGHTMAP_UVS)
+        pixels = bake_textures(material, chosen, *size)
         entry = Material(name, _ONES, np.zeros(3, np.float32), culled=material.use_backface_culling)
         if mapped:
             return replace(entry, **self._maps(name, pixels))
@@ -155,7 +185,7 @@ class MaterialTable:
     def _maps(self, name: str, pixels: dict[str, np.ndarray]) -> dict:
         """Return the texture fields of a material."""
         maps = {
-            f"{kind}_map": Texture(name, np.ascontiguousarray(values), self._uv_layer, extension="extend")
+            f"{kind}_map": Texture(name, np.ascontiguousarray(values), LIGHTMAP_UVS, extension="extend")
             for kind, values in pixels.items()
             if kind != "emission" or values.any()
         }
@@ -167,20 +197,6 @@ class MaterialTable:
 def _once(names: Sequence[str]) -> list[str]:
     """Return names without those that came before."""
     return list(dict.fromkeys(names))
-
-
-def _overlapping(item: SceneItem, atlas: str | None, located: bool) -> tuple:
-    """Return what tells items apart whose lightmap UVs may overlap, so that they need textures of their own.
-
-    Users of one mesh have its UVs, which may lie over those of other such meshes: each mesh has its texture,
-    and each user if it matters where that is. Of occluders, without such UVs, a mean is taken.
-    """
-    if atlas is None or (item.instancer is None and item.source.data.users < 2):
-        return ()
-    if not located:
-        return (item.source.data.session_uid,)
-    instancer = None if item.instancer is None else item.instancer.session_uid
-    return (item.source.session_uid, instancer, item.persistent_id)
 
 
 def _means(pixels: dict[str, np.ndarray]) -> dict:

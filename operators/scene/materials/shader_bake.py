@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -11,6 +11,8 @@ import numpy as np
 from mathutils import Matrix
 
 from ...compat import new_node_tree, node_input
+from ..objects.meshes import LIGHTMAP_UVS, read_array
+from ..uvs.uv_layers import MOST_LAYERS
 from .sockets import feeder
 
 #: Smallest and largest width of such a texture, texels.
@@ -30,15 +32,20 @@ _PASSES = {"reflectance": ("DIFFUSE", {"COLOR"}), "emission": ("EMIT", set()), "
 #: Inputs of the Principled BSDF that make it shine.
 _SHINY = ("Specular IOR Level", "Coat Weight", "Sheen Weight")
 
+#: From UVs of a mesh to lightmap UVs, (..., 2) float32.
+Move = Callable[[np.ndarray], np.ndarray]
+
 
 @dataclass(frozen=True)
 class Shape:
     """A mesh that shows materials to be evaluated; the mesh is a copy that is removed afterwards.
 
+    source  session uid of the object
     slots   material of each slot, None where nothing has to be evaluated
     matrix  object space to world space
     """
 
+    source: int
     mesh: bpy.types.Mesh
     slots: tuple[bpy.types.Material | None, ...]
     matrix: Matrix
@@ -52,7 +59,26 @@ def copy_shape(
 ) -> Shape:
     """Copy an evaluated object with all its layers; matrix: (4, 4) float64, where it or its instance is."""
     mesh = bpy.data.meshes.new_from_object(evaluated, preserve_all_data_layers=True, depsgraph=depsgraph)
-    return Shape(mesh, tuple(slots), Matrix(matrix.tolist()))
+    return Shape(evaluated.original.session_uid, mesh, tuple(slots), Matrix(matrix.tolist()))
+
+
+def lay_lightmap_uvs(mesh: bpy.types.Mesh, uv_layer: str, move: Move | None) -> bool:
+    """Give a copy of a mesh the UV map LIGHTMAP_UVS, from a layer; return whether it has that layer.
+
+    move  from UVs of the layer to those of the map; None keeps them
+    """
+    layer = mesh.uv_layers.get(uv_layer)
+    if layer is None:
+        return False
+    uvs = read_array(layer.uv, "vector", 2, np.float32)
+    rendered = layer.active_render
+    if len(mesh.uv_layers) == MOST_LAYERS:
+        mesh.uv_layers.remove(layer)
+    laid = mesh.uv_layers.new(name=LIGHTMAP_UVS, do_init=False)
+    laid.uv.foreach_set("vector", (uvs if move is None else move(uvs)).reshape(-1))
+    if rendered and uv_layer not in mesh.uv_layers:
+        laid.active_render = True
+    return True
 
 
 def remove_shapes(shapes: Sequence[Shape]) -> None:
@@ -64,11 +90,10 @@ def remove_shapes(shapes: Sequence[Shape]) -> None:
 def bake_textures(
     material: bpy.types.Material,
     shapes: Sequence[Shape],
-    uv_layer: str,
     resolution: int,
     variants: int = 1,
 ) -> dict[str, np.ndarray]:
-    """Return a material as textures over lightmap UVs, float32.
+    """Return a material as textures over the UV map LIGHTMAP_UVS of shapes, float32.
 
     They are "reflectance" and "emission", (h, w, 3), and "alpha", (h, w, 1), which is missing where it is
     1. There may be variants of a material for objects of one lightmap, each on a part of it. Raises
@@ -76,7 +101,7 @@ def bake_textures(
     """
     scale = np.sqrt(variants)
     size = int(np.clip(resolution / scale, _SMALLEST / min(scale, _SHRINKING), _LARGEST))
-    with _stage(shapes, material, uv_layer) as stage:
+    with _stage(shapes, material) as stage:
         textures = {}
         for name in _PASSES:
             pixels = stage.bake(name, size)
@@ -130,7 +155,7 @@ class _Stage:
 
 
 @contextmanager
-def _stage(shapes: Sequence[Shape], material: bpy.types.Material, uv_layer: str) -> Iterator[_Stage]:
+def _stage(shapes: Sequence[Shape], material: bpy.types.Material) -> Iterator[_Stage]:
     """Set the stage for a material, and remove all of it in the end."""
     scene = bpy.data.scenes.new("hemibake")
     worn = _dull(material.copy())
@@ -145,7 +170,7 @@ def _stage(shapes: Sequence[Shape], material: bpy.types.Material, uv_layer: str)
             obj = bpy.data.objects.new("hemibake", shape.mesh)
             objects.append(obj)
             scene.collection.objects.link(obj)
-            _dress(obj, shape, material, worn, blank, uv_layer)
+            _dress(obj, shape, material, worn, blank)
         _set_up(scene)
         yield _Stage(scene, objects, worn)
     finally:
@@ -174,7 +199,6 @@ def _dress(
     material: bpy.types.Material,
     worn: bpy.types.Material,
     blank: bpy.types.Material,
-    uv_layer: str,
 ) -> None:
     """Let a copy wear the copy of the material where the shape wears it, else something blank."""
     obj.matrix_world = shape.matrix
@@ -182,7 +206,7 @@ def _dress(
         shape.mesh.materials.append(None)
     for index, slot in enumerate(shape.slots):
         shape.mesh.materials[index] = worn if slot == material else blank
-    layer = shape.mesh.uv_layers.get(uv_layer)
+    layer = shape.mesh.uv_layers.get(LIGHTMAP_UVS)
     if layer is not None:
         shape.mesh.uv_layers.active = layer
 

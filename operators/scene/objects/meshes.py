@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import bpy
 import numpy as np
+
+#: UV map of textures that were made over lightmap UVs, whichever layer of an object holds these.
+LIGHTMAP_UVS = "Hemibake lightmap UVs"
 
 #: A triangle is degenerate if twice its area is below this times its longest edge squared.
 _ZERO_AREA = 1e-7
@@ -19,7 +22,7 @@ class Corners:
     positions    (t, 3, 3) float32
     normals      (t, 3, 3) float32
     uvs          (t, 3, 2) float32, lightmap UV of the mesh; None if it has none
-    texture_uvs  (t, 3, 2) float32 of each UV map that textures need; "" is the one that renders use
+    texture_uvs  (t, 3, 2) float32 of each UV map that textures need
     face         (t,) int32, polygon of each triangle
     subface      (t,) int32, number of the triangle within its polygon
     slot         (t,) int32, material slot of each triangle
@@ -43,10 +46,11 @@ def read_array(collection, attribute: str, width: int, dtype) -> np.ndarray:
     return values.reshape(-1, width)
 
 
-def read_corners(mesh: bpy.types.Mesh, uv_layer: str | None, uv_maps: Iterable[str]) -> Corners:
+def read_corners(mesh: bpy.types.Mesh, uv_layer: str | None, uv_maps: Mapping[str, str]) -> Corners:
     """Return the corners of an evaluated mesh, with its lightmap UVs from a layer, if that is named.
 
-    A UV map that the mesh does not have is 0 everywhere, as in Cycles.
+    uv_maps  the layer of each UV map that textures need; "" is the one that renders use. One that the mesh
+             does not have is 0 everywhere, as in Cycles
     """
     mesh.calc_loop_triangles()
     triangles = mesh.loop_triangles
@@ -60,7 +64,7 @@ def read_corners(mesh: bpy.types.Mesh, uv_layer: str | None, uv_maps: Iterable[s
         positions=positions[keep],
         normals=read_array(mesh.corner_normals, "vector", 3, np.float32)[loops],
         uvs=None if uv_layer is None else _uvs(mesh.uv_layers.get(uv_layer), loops),
-        texture_uvs={name: _uvs(_layer(mesh, name), loops) for name in uv_maps},
+        texture_uvs={name: _uvs(_layer(mesh, layer), loops) for name, layer in uv_maps.items()},
         face=polygon,
         subface=subfaces(polygons)[keep],
         slot=read_array(mesh.polygons, "material_index", 1, np.int32)[polygon, 0],

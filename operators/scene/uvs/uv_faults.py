@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
+
 import numpy as np
 
+from ....engine.progress import finished
 from ....engine.scene.checks import UV_TOLERANCE
 
 #: Texels along the wider side of the charts' box when overlaps are looked for, and triangles at a time.
@@ -37,12 +40,21 @@ def overlap(uvs: np.ndarray) -> bool:
     corners = (uvs.astype(np.float64) - low) / size * _GRID
     if _areas(corners).sum() / 2 > 1.01 * _GRID**2:
         return True
-    steps = np.zeros(_GRID * (_GRID + 1), np.int64)
-    for first in range(0, len(corners), _CHUNK):
-        starts, ends = _spans(corners[first : first + _CHUNK], _GRID)
-        steps += np.bincount(starts, minlength=len(steps)) - np.bincount(ends, minlength=len(steps))
-    count = np.cumsum(steps.reshape(_GRID, _GRID + 1), axis=1)
+    count = finished(count_covers(corners, _GRID, _GRID))
     return bool((count > 1).sum() > _DOUBLED * (count > 0).sum())
+
+
+def count_covers(corners: np.ndarray, width: int, height: int) -> Generator[None, None, np.ndarray]:
+    """Return in how many triangles, (t, 3, 2) cells, the centre of each cell of a grid lies, (h, w) int64.
+
+    Yields after every few milliseconds of work.
+    """
+    steps = np.zeros(height * (width + 1), np.int64)
+    for first in range(0, len(corners), _CHUNK):
+        starts, ends = _spans(corners[first : first + _CHUNK], width)
+        steps += np.bincount(starts, minlength=len(steps)) - np.bincount(ends, minlength=len(steps))
+        yield
+    return np.cumsum(steps.reshape(height, width + 1), axis=1)[:, :width]
 
 
 def covered_texels(uvs: np.ndarray, resolution: int) -> tuple[np.ndarray, np.ndarray]:
@@ -68,10 +80,10 @@ def cover(uvs: np.ndarray, positions: np.ndarray) -> bool:
     return bool(surface[thin].sum() <= _MISSING * surface.sum())
 
 
-def _spans(corners: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return where triangles, (t, 3, 2) texels, begin and end in the rows of a square grid that they cross.
+def _spans(corners: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return where triangles, (t, 3, 2) texels, begin and end in the rows of a grid that they cross.
 
-    Both are (n,) int64, row * (size + 1) + column. A texel's centre on an edge is in one triangle.
+    Both are (n,) int64, row * (width + 1) + column. A texel's centre on an edge is in one triangle.
     """
     low, middle, high = np.take_along_axis(
         corners, np.argsort(corners[..., 1], axis=1, kind="stable")[..., None], axis=1
@@ -85,7 +97,7 @@ def _spans(corners: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
     one = _crossing(low, high, y)
     other = _crossing(np.where(lower, low, middle), np.where(lower, middle, high), y)
     columns = np.ceil(np.sort([one, other], axis=0) - 0.5).astype(np.int64)
-    starts, ends = row * (size + 1) + np.clip(columns, 0, size)
+    starts, ends = row * (width + 1) + np.clip(columns, 0, width)
     return starts, ends
 
 

@@ -123,7 +123,7 @@ def _lacks_uvs(obj: bpy.types.Object, mesh: bpy.types.Mesh, uv_layer: str, made:
 
 def _serve(mesh: bpy.types.Mesh, uv_layer: str) -> bool:
     """Return whether a layer gives each part of a mesh a place of its own."""
-    corners = read_corners(mesh, uv_layer, ())
+    corners = read_corners(mesh, uv_layer, {})
     if not is_finite(corners.uvs) or not is_inside(corners.uvs):
         return False
     return not overlap(corners.uvs) and cover(corners.uvs, corners.positions)

@@ -1,0 +1,100 @@
+"""Rectangles side by side in rectangles: tiles of an atlas."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+#: Texels between two tiles.
+GAP = 4
+
+
+@dataclass(frozen=True)
+class Box:
+    """A rectangle of texels: lower left corner, width and height."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+
+
+def pack_tiles(sizes: Sequence[tuple[int, int]], pages: Sequence[Box]) -> list[tuple[int, int, int]] | None:
+    """Return page and lower left corner of each tile, (width, height) texels; None if they do not fit.
+
+    Each goes to the first page that has room, the highest first, as low as it can lie on those below it
+    (skyline bottom-left; Jylänki 2010, A Thousand Ways to Pack the Bin, section 2.3).
+    """
+    skylines = [_Skyline(page) for page in pages[:1]]
+    corners = [(0, 0, 0)] * len(sizes)
+    for index in sorted(range(len(sizes)), key=lambda i: (-sizes[i][1], -sizes[i][0])):
+        for page, skyline in enumerate(skylines):
+            corner = skyline.place(*sizes[index])
+            if corner is not None:
+                break
+            if page + 1 == len(skylines) < len(pages):
+                skylines.append(_Skyline(pages[page + 1]))
+        else:
+            return None
+        corners[index] = (page, *corner)
+    return corners
+
+
+class _Skyline:
+    """The upper edge of the tiles in a box, as steps from left to right: x, y, width."""
+
+    def __init__(self, box: Box) -> None:
+        self._box = box
+        self._steps = [(box.x, box.y, box.width)]
+
+    def place(self, width: int, height: int) -> tuple[int, int] | None:
+        """Add a tile and return its lower left corner; None without room."""
+        top = self._box.y + self._box.height
+        places = [
+            (y, x) for x, _, _ in self._steps if (y := self._rest(x, width)) is not None and y + height <= top
+        ]
+        if not places:
+            return None
+        y, x = min(places)
+        self._raise(x, width, y + height)
+        return x, y
+
+    def _rest(self, left: int, width: int) -> int | None:
+        """Return how low a tile can lie whose left side is at x; None if it leaves the box."""
+        if left + width > self._box.x + self._box.width:
+            return None
+        return max(y for x, y, length in self._steps if x < left + width and left < x + length)
+
+    def _raise(self, left: int, width: int, top: int) -> None:
+        """Let the edge go over a new tile."""
+        right = left + width
+        steps = [(left, top, width)]
+        for x, y, length in self._steps:
+            if x < left:
+                steps.append((x, y, min(length, left - x)))
+            if x + length > right:
+                start = max(x, right)
+                steps.append((start, y, x + length - start))
+        self._steps = sorted(steps)
+
+
+def largest_free_box(occupied: np.ndarray) -> Box:
+    """Return the largest rectangle of False in a grid, (h, w) bool, in cells.
+
+    Row by row, the largest rectangle under the histogram of free cells below; a stack keeps its rising bars.
+    """
+    best = Box(0, 0, 0, 0)
+    free = np.zeros(occupied.shape[1], int)
+    for row, full in enumerate(occupied):
+        free = np.where(full, 0, free + 1)
+        bars: list[tuple[int, int]] = []
+        for column, height in enumerate([*free.tolist(), 0]):
+            start = column
+            while bars and bars[-1][1] >= height:
+                start, tall = bars.pop()
+                if tall * (column - start) > best.width * best.height:
+                    best = Box(start, row + 1 - tall, column - start, tall)
+            bars.append((start, height))
+    return best

@@ -1,0 +1,60 @@
+"""Which part of an atlas charts cover, on a coarse grid: enough to see whose charts lie on whose."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .uv_faults import count_covers
+
+#: Most cells along each side of an atlas.
+LARGEST_GRID = 512
+
+#: Cells that two may both cover: of an object with many cells, and the fraction of all that it has.
+_ALLOWED, _MANY = 2, 16
+_ALLOWED_SHARE = 0.005
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """The cells of a grid over an atlas whose centres an object's charts cover.
+
+    row, column  of the first cell
+    covered      (h, w) bool, from that cell on
+    """
+
+    row: int
+    column: int
+    covered: np.ndarray
+
+    @property
+    def window(self) -> tuple[slice, slice]:
+        """The part of the grid that it lies in."""
+        height, width = self.covered.shape
+        return slice(self.row, self.row + height), slice(self.column, self.column + width)
+
+    def meets(self, taken: np.ndarray) -> bool:
+        """Return whether cells of the whole grid, (g, g) bool, are covered, but for roundings."""
+        cells = int(self.covered.sum())
+        allowed = max(_ALLOWED_SHARE * cells, _ALLOWED if cells > _MANY else 0)
+        return int((taken[self.window] & self.covered).sum()) > allowed
+
+
+def make_footprint(uvs: np.ndarray, grid: int) -> Generator[None, None, Footprint]:
+    """Return the cells under triangles, (t, 3, 2) within 0-1; yields after every few milliseconds of work."""
+    corners = np.clip(uvs.astype(np.float64), 0, 1) * grid
+    low = np.clip(np.floor(corners.min(axis=(0, 1))), 0, grid - 1)
+    width, height = (np.clip(np.ceil(corners.max(axis=(0, 1))), low + 1, grid) - low).astype(int)
+    count = yield from count_covers(corners - low, width, height)
+    return Footprint(int(low[1]), int(low[0]), count > 0)
+
+
+def crowded(footprints: Sequence[Footprint], grid: int) -> list[bool]:
+    """Return of each object whether its charts lie on those of others."""
+    count = np.zeros((grid, grid), np.int32)
+    for footprint in footprints:
+        count[footprint.window] += footprint.covered
+    shared = count > 1
+    return [footprint.meets(shared) for footprint in footprints]

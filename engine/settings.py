@@ -81,14 +81,13 @@ class Settings:
         256, "Resolution", "Width and height of each lightmap", Span(8, 16384, "texels"), "bake"
     )
     hemicube: int = described(
-        32, "Hemicube", "Width of the hemicubes: what each patch sees, in texels", OneOf(_HEMICUBES), "bake"
+        32, "Hemicube", "Width of the hemicubes: what each patch sees, in texels", OneOf(_HEMICUBES)
     )
     iterations: int = described(
         50,
         "Iterations",
         "Largest number of light bounces",
         Span(1, 1000, "iterations"),
-        "bake",
     )
     tolerance: float = described(
         0.002,
@@ -96,7 +95,6 @@ class Settings:
         "Stop once the estimated remaining error of the patches, each relative to its own light, is below "
         "this on average; 0 never stops early",
         Span(0, 1, "of the mean"),
-        "bake",
     )
     outputs: tuple[str, ...] = described(
         ("combined",), "Outputs", "What a bake gives: an image of each", SomeOf(_OUTPUTS), "outputs"

@@ -33,7 +33,18 @@ def unregister() -> None:
 
 
 def _classes() -> tuple[type, ...]:
-    from . import bake, cancel, last_bake, preferences, preview, properties, select, self_test, unwrap
+    from . import (
+        bake,
+        cancel,
+        last_bake,
+        preferences,
+        presets,
+        preview,
+        properties,
+        select,
+        self_test,
+        unwrap,
+    )
 
-    modules = (properties, bake, cancel, unwrap, preview, select, last_bake, preferences, self_test)
+    modules = (properties, presets, bake, cancel, unwrap, preview, select, last_bake, preferences, self_test)
     return tuple(cls for module in modules for cls in module.CLASSES)

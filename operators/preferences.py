@@ -9,7 +9,7 @@ import bpy
 
 from ..engine.device.found import DeviceSurvey
 from ..engine.setting import PREFERENCES
-from ..engine.settings import shown_in
+from ..engine.settings import Settings, shown_in
 from .devices import finder
 from .extension import EXTENSION
 from .setting_properties import setting_properties, setting_values
@@ -22,7 +22,7 @@ class HemibakePreferences:
     """The settings that describe the machine; `panels` makes Blender's class of it, which draws them."""
 
     bl_idname = EXTENSION
-    __annotations__ = setting_properties(shown_in(PREFERENCES))
+    __annotations__ = setting_properties(shown_in(PREFERENCES), Settings())
 
 
 def machine_properties() -> bpy.types.AddonPreferences | None:

@@ -13,8 +13,10 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..engine.settings import kept_with_scene
+from ..engine.quality import QUALITIES
+from ..engine.settings import Settings, kept_with_scene
 from .compat import PATH_OPTIONS
+from .quality_property import follow_hemicube, quality_property
 from .setting_properties import setting_properties
 
 
@@ -51,7 +53,13 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
     )
 
 
-HemibakeSceneProperties.__annotations__.update(setting_properties(kept_with_scene()))
+#: Settings of a new scene: the first lightmap comes soon.
+_NEW = Settings(**QUALITIES["preview"].values)
+
+HemibakeSceneProperties.__annotations__.update(
+    setting_properties(kept_with_scene(), _NEW, {"hemicube": follow_hemicube})
+)
+HemibakeSceneProperties.__annotations__["quality"] = quality_property()
 
 
 class HemibakeSlotProperties(bpy.types.PropertyGroup):

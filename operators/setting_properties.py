@@ -5,8 +5,7 @@ The limits of numbers are soft: a script that leaves them gets the engine's mess
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import fields
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import bpy
@@ -28,10 +27,20 @@ from .devices import finder
 _LARGEST = (1 << 31) - 1
 
 
-def setting_properties(names: Sequence[str]) -> dict[str, Any]:
-    """Return the annotations of a group of properties for settings of these names."""
-    known, defaults = descriptions(), {entry.name: entry.default for entry in fields(Settings)}
-    return {name: _property(known[name], defaults[name]) for name in names}
+#: Called with the group of properties and the context after a property has changed.
+Update = Callable[[bpy.types.bpy_struct, bpy.types.Context], None]
+
+
+def setting_properties(
+    names: Sequence[str], defaults: Settings, updates: Mapping[str, Update] | None = None
+) -> dict[str, Any]:
+    """Return the annotations of a group of properties for settings of these names.
+
+    defaults  the values that they start with
+    updates   what follows from a change, by name
+    """
+    known, follows = descriptions(), updates or {}
+    return {name: _property(known[name], getattr(defaults, name), follows.get(name)) for name in names}
 
 
 def setting_values(properties: bpy.types.bpy_struct, names: Sequence[str]) -> dict[str, Any]:
@@ -39,9 +48,9 @@ def setting_values(properties: bpy.types.bpy_struct, names: Sequence[str]) -> di
     return {name: _value(descriptions()[name], getattr(properties, name)) for name in names}
 
 
-def _property(description: Description, default: Any) -> Any:
+def _property(description: Description, default: Any, update: Update | None) -> Any:
     """Return the Blender property of a setting."""
-    labels = {"name": description.label, "description": description.text}
+    labels = {"name": description.label, "description": description.text, "update": update}
     match description.values:
         case Span() as span:
             return _number(span, default, labels)
@@ -59,7 +68,7 @@ def _property(description: Description, default: Any) -> Any:
             return StringProperty(subtype="FILE_PATH", options=PATH_OPTIONS, **labels)
 
 
-def _number(span: Span, default: float, labels: dict[str, str]) -> Any:
+def _number(span: Span, default: float, labels: dict[str, Any]) -> Any:
     """Return the property of a number, in the unit that people read."""
     unit, scale = span.shown or (span.unit, 1)
     low = span.low if span.automatic is None else span.automatic

@@ -2,13 +2,13 @@
 
 import bpy
 
-from . import active_object, advanced, bake, last_bake, outputs, preferences
+from . import active_object, advanced, bake, last_bake, outputs, preferences, presets
 
 #: In the order of the sidebar.
 _PANELS = (bake, outputs, advanced, active_object, last_bake)
 
 #: Every class that Blender has to know.
-CLASSES = tuple(cls for module in (preferences, *_PANELS) for cls in module.CLASSES)
+CLASSES = tuple(cls for module in (preferences, presets, *_PANELS) for cls in module.CLASSES)
 
 
 def register() -> None:

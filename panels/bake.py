@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..engine.settings import shown_in
+from .presets import draw_presets
 from .progress import draw_bake_button
 from .sidebar import Sidebar, split_properties
 
@@ -16,9 +17,10 @@ class HEMIBAKE_PT_bake(Sidebar, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, settings = self.layout, context.scene.hemibake
+        draw_presets(layout, settings)
         split_properties(layout)
         column = layout.column()
-        for name in shown_in("bake"):
+        for name in (*shown_in("bake"), "quality"):
             column.prop(settings, name)
         button = layout.row()
         button.scale_y = 1.6

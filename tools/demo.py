@@ -48,6 +48,7 @@ def bake(context, options: argparse.Namespace) -> dict:
     import bpy
 
     settings = context.scene.hemibake
+    settings.quality = "high"
     settings.resolution, settings.hemicube = options.resolution, str(options.hemicube)
     settings.directory = str(options.out)
     bpy.ops.hemibake.bake()

@@ -20,7 +20,9 @@ MODULE = "bl_ext.user_default.hemibake"
 _CHECKOUT = "hemibake"
 
 #: What the extension is made of: what Blender loads, without tests and tools.
-PARTS = ("__init__.py", "blender_manifest.toml", "engine", "operators", "panels", "kernels", "shaders")
+PARTS = (
+    "__init__.py", "blender_manifest.toml", "engine", "operators", "panels", "kernels", "shaders", "presets",
+)  # fmt: skip
 
 
 def load(name: str) -> ModuleType:

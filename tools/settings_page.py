@@ -12,6 +12,7 @@ from typing import Any
 from headless import ROOT
 
 sys.path.insert(0, str(ROOT))
+from engine.quality import QUALITIES
 from engine.setting import PREFERENCES, Description, OneOf, SomeOf, Span
 from engine.settings import Settings, descriptions, kept_with_scene, shown_in
 
@@ -26,6 +27,17 @@ descriptions in `engine/settings.py`.
 What decides how a scene comes out belongs to the scene, and is saved in the .blend. What describes the
 machine is in the add-on's preferences and the same for every file: a .blend takes no device with it. An
 option of the command line for one of these holds for that process.
+
+Defaults are those of `engine.Settings`; a new scene starts with the quality *Preview*.
+
+## Quality: `quality`
+
+Stands for Hemicube, Samples and Light Samples, and shows *Custom* where these are of no quality. Its error is
+the largest RMSE of a lightmap, relative to the map's mean, in the rooms of `tools/quality.py`. Choosing a
+Hemicube sets Samples to 0, so that rays follow it.
+
+| Quality | Error | Hemicube | Samples | Light Samples |
+|---|---|---|---|---|
 """
 
 _TABLE = """
@@ -45,7 +57,16 @@ def page() -> str:
         for title, names in groups.items()
     ]
     choices = [_options(name, known[name]) for names in groups.values() for name in names]
-    return _HEAD + "".join(tables) + "".join(choices)
+    return _HEAD + _qualities() + "".join(tables) + "".join(choices)
+
+
+def _qualities() -> str:
+    """Return the rows of the table of qualities."""
+    rows = [
+        (f"**{quality.label}** `{name}`", f"{100 * quality.error:g} %", *quality.values.values())
+        for name, quality in QUALITIES.items()
+    ]
+    return "".join(f"| {' | '.join(map(str, row))} |\n" for row in rows)
 
 
 def _row(name: str, description: Description, default: Any) -> str:

@@ -173,7 +173,7 @@ def apply_settings(options: argparse.Namespace) -> None:
     scene = bpy.context.scene.hemibake
     scene.directory = str(options.out.resolve())
     given = {name: value for name, value in vars(options).items() if value is not None}
-    for name in given.keys() & {*kept_with_scene(), *OWN}:
+    for name in [name for name in ("quality", *kept_with_scene(), *OWN) if name in given]:
         _apply(scene, name, given[name])
     for name in given.keys() & set(shown_in(PREFERENCES)):
         _apply(_preferences(), name, given[name])

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from ...engine.quality import QUALITIES
 from ...engine.setting import Description, DeviceName, FilePath, OneOf, Size, SomeOf, Span, Switch
 from ...engine.settings import Settings, chosen_by_people, descriptions
 
@@ -32,6 +33,7 @@ def parser(program: str, description: str) -> Parser:
     made = Parser(prog=program, description=description, allow_abbrev=False)
     made.add_argument("--out", type=Path, required=True, help="folder for the lightmaps")
     _add_settings(made)
+    made.add_argument("--quality", choices=[*QUALITIES], help="sets hemicube, samples and light samples")
     for name, text in OWN.items():
         made.add_argument(f"--{name.replace('_', '-')}", help=text)
     made.add_argument("--world", type=colour, metavar="R,G,B", help="replace the world by this radiance")

@@ -23,4 +23,4 @@ def empty_scene(hemibake: None) -> None:
 
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     settings = bpy.context.scene.hemibake
-    settings.resolution, settings.hemicube = 32, "16"
+    settings.quality, settings.resolution, settings.hemicube = "high", 32, "16"

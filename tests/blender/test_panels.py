@@ -32,6 +32,12 @@ class Layout:
         self.shown.append(name)
         return self._part()
 
+    def menu(self, name, **options):
+        import bpy
+
+        assert hasattr(bpy.types, name)
+        self.shown.append(options.get("text", name))
+
     def label(self, text="", icon="NONE"):
         import bpy
 
@@ -64,7 +70,7 @@ def test_panels_show_every_setting_once(devices):
     settings = [name for name in shown if any(name in group.bl_rna.properties for group in groups)]
     people = {name for name, known in part("engine.settings").descriptions().items() if known.panel}
     hidden = {"ao_samples", "ao_distance"}
-    assert set(settings) == (people | {"uv_layer", "directory"}) - hidden
+    assert set(settings) == (people | {"uv_layer", "directory", "quality"}) - hidden
     assert len(settings) == len(set(settings))
 
 
@@ -221,3 +227,14 @@ def test_text_is_wrapped_between_words_by_their_width():
     assert " ".join(narrow) == " ".join(wide) == text and len(narrow) > len(wide) > 2
     assert wrapped("mmm mmm", 60) == ["mmm mmm"] or len(wrapped("mmm mmm", 60)) > len(wrapped("iii iii", 60))
     assert wrapped("One.\nTwo.", 500) == ["One.", "Two."]
+
+
+def test_preset_is_custom_once_a_value_differs():
+    import bpy
+
+    settings = bpy.context.scene.hemibake
+    settings.quality = "draft"
+    settings.tolerance = 0.01
+    assert draw("HEMIBAKE_PT_bake")[0] == "Draft"
+    settings.iterations = 3
+    assert draw("HEMIBAKE_PT_bake")[0] == "Custom"

@@ -12,13 +12,19 @@ def read():
     return replace(settings, cache_dir=None)
 
 
-def test_properties_start_with_the_defaults_of_the_engine():
+def unset_all():
     import bpy
 
     group = bpy.context.scene.hemibake
-    for name in ("resolution", "hemicube"):
+    for name in part("engine.settings").kept_with_scene():
         group.property_unset(name)
-    for name, value in asdict(part("engine.settings").Settings()).items():
+    return group
+
+
+def test_properties_start_with_the_defaults_of_the_engine_but_the_quality_of_a_preview():
+    group, quality = unset_all(), part("engine.quality").QUALITIES["preview"]
+    assert group.quality == "preview"
+    for name, value in {**asdict(part("engine.settings").Settings()), **quality.values}.items():
         assert getattr(read(), name) == (pytest.approx(value) if isinstance(value, float) else value)
 
 
@@ -87,3 +93,39 @@ def test_every_setting_for_people_is_a_property_with_name_and_tooltip():
         if name in properties:
             assert properties[name].name == description.label
             assert properties[name].description.startswith(description.text)
+
+
+@pytest.mark.parametrize("name", ["draft", "preview", "high", "very_high"])
+def test_quality_stands_for_settings(name):
+    import bpy
+
+    group, values = bpy.context.scene.hemibake, part("engine.quality").QUALITIES[name].values
+    group.quality = name
+    assert {key: getattr(read(), key) for key in values} == values and group.quality == name
+
+
+def test_quality_is_custom_once_a_setting_of_it_differs():
+    import bpy
+
+    group = bpy.context.scene.hemibake
+    group.quality = "draft"
+    with pytest.raises(TypeError):
+        group.quality = "custom"
+    group.light_samples += 1
+    assert group.quality == "custom"
+    group.quality = "custom"
+    assert (group.samples, group.light_samples) == (64, 17)
+
+
+def test_rays_follow_a_hemicube_that_is_chosen():
+    import bpy
+
+    group = bpy.context.scene.hemibake
+    group.quality = "draft"
+    group.hemicube = "64"
+    assert read().samples == 0
+
+
+def test_high_quality_is_what_the_engine_does_by_itself():
+    settings = part("engine.settings").Settings()
+    assert part("engine.quality").quality_of(asdict(settings)) == "high"

@@ -39,7 +39,7 @@ IMPORTED = ("moderngl", "moderngl.mgl", "glcontext", "pyopencl", "pyopencl.invok
 
 SHIPPED = {
     "LICENSE", "README.md", "__init__.py", MANIFEST, "engine", "kernels", "licenses", "operators", "panels",
-    "shaders", "wheels",
+    "presets", "shaders", "wheels",
 }  # fmt: skip
 
 TARGETS = [(platform, python) for platform in PLATFORMS for python in platform.pythons]
@@ -91,7 +91,7 @@ def test_it_holds_what_blender_loads_and_nothing_of_development(archive):
     held = archive.namelist()
     assert {name.split("/")[0] for name in held} == SHIPPED
     assert not [name for name in held if "__pycache__" in name or name.split("/")[-1].startswith(".")]
-    for folder in ("engine", "operators", "panels", "kernels", "shaders"):
+    for folder in ("engine", "operators", "panels", "kernels", "shaders", "presets"):
         files = {path for path in (ROOT / folder).rglob("*") if path.is_file() and path.suffix != ".pyc"}
         assert {path.relative_to(ROOT).as_posix() for path in files} <= set(held)
 

@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 ORDERS = {
     "engine": [
         "worker", "__init__", "self_test", "session", "algorithm", "plan", "finish", "solve", "gather",
-        "direct", "reference", "visibility", "patches", "device", "scene", "settings", "setting",
+        "direct", "reference", "visibility", "patches", "device", "scene", "settings", "setting", "quality",
         "lightmap", "naming", "progress", "errors",
     ],
     "operators/scene": [

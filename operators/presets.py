@@ -1,0 +1,104 @@
+"""Presets of the bake settings: Hemibake's own, and those that a person keeps in Blender's folder."""
+
+from __future__ import annotations
+
+import ast
+import math
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import bpy
+from bl_operators.presets import AddPresetBase
+
+from ..engine.settings import kept_with_scene
+
+#: Folder of Hemibake's own presets, and the one of people's within Blender's folder of presets.
+_OWN = Path(__file__).parents[1] / "presets" / "bake"
+_FOLDER = "hemibake/bake"
+
+#: What belongs to one scene and not to a preset.
+_APART = ("seed", "patch_file")
+
+
+class Preset(NamedTuple):
+    """A file that sets some settings.
+
+    own  it is one of Hemibake's
+    """
+
+    name: str
+    path: Path
+    own: bool
+
+
+def preset_folders() -> list[str]:
+    """Return the folders that hold presets, Hemibake's own first."""
+    return [str(_OWN), *bpy.utils.preset_paths(_FOLDER)]
+
+
+def presets() -> Iterator[Preset]:
+    """Yield all presets."""
+    for folder in preset_folders():
+        for path in sorted(Path(folder).glob("*.py")):
+            yield Preset(bpy.path.display_name(path.name), path, folder == str(_OWN))
+
+
+def current_preset(settings: bpy.types.PropertyGroup) -> Preset | None:
+    """Return the first preset that would change nothing; None if each would."""
+    return next((preset for preset in presets() if _is_set(preset, settings)), None)
+
+
+def _is_set(preset: Preset, settings: bpy.types.PropertyGroup) -> bool:
+    values = _values(preset.path, preset.path.stat().st_mtime_ns)
+    return bool(values) and all(_same(getattr(settings, name, None), value) for name, value in values.items())
+
+
+def _same(value: Any, wanted: Any) -> bool:
+    """Return whether a property holds a value: Blender's floats have 32 bits, its vectors are no tuples."""
+    if isinstance(wanted, float):
+        return isinstance(value, float) and math.isclose(value, wanted, rel_tol=1e-6)
+    return (tuple(value) if isinstance(wanted, tuple) and value is not None else value) == wanted
+
+
+@lru_cache(maxsize=256)
+def _values(path: Path, changed: int) -> dict[str, Any]:
+    """Return what a preset that was last changed at some time sets, by name; nothing for a broken file."""
+    try:
+        lines = ast.parse(path.read_text(encoding="utf-8")).body
+        return {
+            line.targets[0].attr: ast.literal_eval(line.value)
+            for line in lines
+            if isinstance(line, ast.Assign) and _is_setting(line.targets[0])
+        }
+    except (OSError, ValueError, SyntaxError):
+        return {}
+
+
+def _is_setting(target: ast.expr) -> bool:
+    """Return whether a line assigns to an attribute of `settings`."""
+    return isinstance(target, ast.Attribute) and getattr(target.value, "id", "") == "settings"
+
+
+class HEMIBAKE_OT_preset_add(AddPresetBase, bpy.types.Operator):
+    """Add or remove a preset of the bake settings"""
+
+    bl_idname = "hemibake.preset_add"
+    bl_label = "Add Bake Preset"
+    preset_menu = "HEMIBAKE_MT_presets"
+    preset_subdir = _FOLDER
+    preset_defines = ["settings = bpy.context.scene.hemibake"]
+    preset_values = [f"settings.{name}" for name in kept_with_scene() if name not in _APART]
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        removes = self.remove_name or self.remove_active
+        if not removes and self.as_filename(self.name).casefold() in {
+            path.stem for path in _OWN.glob("*.py")
+        }:
+            self.report({"WARNING"}, f"'{self.name}' is a preset of Hemibake itself: choose another name")
+            return {"CANCELLED"}
+        return super().execute(context)
+
+
+CLASSES = (HEMIBAKE_OT_preset_add,)

@@ -1,0 +1,9 @@
+"""Light to judge a scene by; a new scene starts with it."""
+
+import bpy
+
+settings = bpy.context.scene.hemibake
+
+settings.quality = "preview"
+settings.iterations = 50
+settings.tolerance = 0.002

@@ -1,0 +1,9 @@
+"""Light to keep."""
+
+import bpy
+
+settings = bpy.context.scene.hemibake
+
+settings.quality = "high"
+settings.iterations = 50
+settings.tolerance = 0.002

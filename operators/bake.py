@@ -14,6 +14,7 @@ from .last_bake import last_failure, summary
 from .log import log
 from .run import Run
 from .telling import tell
+from .viewports import restart_renders
 from .window_bake import WindowBake
 from .worker_owner import owner, poll_idle
 
@@ -90,6 +91,7 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
             except StopIteration as end:
                 report = self._bake.run.finish(end.value)
                 self._bake.leave()
+                restart_renders(context.window_manager)
                 self._tell(report, self._bake.run.failure)
                 return {"FINISHED"}
             if progress is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from .result.preview import has_preview, hide_preview, previewable, show_preview
+from .viewports import show_materials, show_solid_again
 
 
 class HEMIBAKE_OT_preview(bpy.types.Operator):
@@ -18,6 +19,7 @@ class HEMIBAKE_OT_preview(bpy.types.Operator):
         shown = [obj for obj in context.scene.objects if has_preview(obj)]
         if shown:
             hide_preview(shown)
+            show_solid_again()
             self.report({"INFO"}, f"{len(shown)} objects have their own materials again")
             return {"FINISHED"}
         objects = [obj for obj in context.scene.objects if previewable(obj)]
@@ -26,6 +28,7 @@ class HEMIBAKE_OT_preview(bpy.types.Operator):
             return {"CANCELLED"}
         for note in show_preview(objects):
             self.report({"WARNING"}, note)
+        show_materials(context)
         self.report({"INFO"}, f"{len(objects)} objects show their lightmaps")
         return {"FINISHED"}
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..engine.settings import shown_in
+from ..operators.result.preview import shows_preview
 from .presets import draw_presets
 from .progress import draw_bake_button
 from .sidebar import Sidebar, split_properties
@@ -27,7 +28,9 @@ class HEMIBAKE_PT_bake(Sidebar, bpy.types.Panel):
         draw_bake_button(button)
         row = layout.row(align=True)
         row.operator("hemibake.unwrap", text="Unwrap", icon="UV")
-        row.operator("hemibake.preview", text="Preview", icon="SHADING_TEXTURE")
+        shown = shows_preview(context.scene)
+        text = "Hide Preview" if shown else "Preview"
+        row.operator("hemibake.preview", text=text, depress=shown, icon="SHADING_TEXTURE")
 
 
 CLASSES = (HEMIBAKE_PT_bake,)

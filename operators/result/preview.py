@@ -1,4 +1,4 @@
-"""Materials that show a surface lit by nothing but its lightmap.
+"""Objects that show their lightmaps, and their own materials again.
 
 The preview materials sit in slots linked to the object; what was there is remembered on the object
 (`HemibakeObjectProperties.slots`), so that it survives saving and comes back exactly.
@@ -7,20 +7,12 @@ The preview materials sit in slots linked to the object; what was there is remem
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import bpy
 import numpy as np
 
-from ...engine.scene.model import Material, Texture
-from ..compat import new_node_tree
-from ..scene.materials.materials import read_material
-from ..scene.materials.pixels import PixelCache
-from ..scene.materials.sockets import ComplexError
 from ..scene.objects.meshes import read_array
-
-#: Custom property that marks a preview material.
-MARK = "hemibake_preview"
+from .preview_material import ShownLightmap, preview_material, remove_unused_previews
 
 
 def previewable(obj: bpy.types.Object) -> bool:
@@ -33,9 +25,14 @@ def has_preview(obj: bpy.types.Object) -> bool:
     return len(obj.hemibake.slots) > 0
 
 
+def shows_preview(scene: bpy.types.Scene) -> bool:
+    """Return whether an object of a scene shows its lightmap."""
+    return any(map(has_preview, scene.objects))
+
+
 def show_preview(objects: Sequence[bpy.types.Object]) -> list[str]:
     """Give preview materials to objects that do not show any; return sentences for the user."""
-    made: dict[tuple[bpy.types.Material | None, _Lightmap], bpy.types.Material] = {}
+    made: dict[tuple[bpy.types.Material | None, ShownLightmap], bpy.types.Material] = {}
     notes: list[str] = []
     for obj in objects:
         if has_preview(obj):
@@ -45,7 +42,7 @@ def show_preview(objects: Sequence[bpy.types.Object]) -> list[str]:
             continue
         _remember(obj)
         for slot in obj.material_slots:
-            _show_slot(obj, slot, made, notes)
+            _show_slot(obj, slot, made)
     return notes
 
 
@@ -61,8 +58,7 @@ def hide_preview(objects: Sequence[bpy.types.Object]) -> None:
             _remove_slot(obj.data)
         obj.hemibake.slot_added = False
         obj.hemibake.slots.clear()
-    for material in [item for item in bpy.data.materials if item.get(MARK) and not item.users]:
-        bpy.data.materials.remove(material)
+    remove_unused_previews()
 
 
 def _remove_slot(mesh: bpy.types.Mesh) -> None:
@@ -87,106 +83,12 @@ def _remember(obj: bpy.types.Object) -> None:
         slot.link = before.link
 
 
-def _show_slot(obj: bpy.types.Object, slot: bpy.types.MaterialSlot, made: dict, notes: list[str]) -> None:
-    lightmap = _Lightmap(
+def _show_slot(obj: bpy.types.Object, slot: bpy.types.MaterialSlot, made: dict) -> None:
+    lightmap = ShownLightmap(
         obj.hemibake.image, obj.hemibake.uv_layer, obj.hemibake.uv_scale, tuple(obj.hemibake.uv_offset)
     )
     key = (slot.material, lightmap)
     if key not in made:
-        made[key] = _preview_material(slot.material, lightmap, notes)
+        made[key] = preview_material(slot.material, lightmap)
     slot.link = "OBJECT"
     slot.material = made[key]
-
-
-@dataclass(frozen=True)
-class _Lightmap:
-    """Where an object's light is: lightmap uv = uv of the layer * scale + offset."""
-
-    image: bpy.types.Image
-    uv_layer: str
-    scale: float
-    offset: tuple[float, float]
-
-
-def _preview_material(
-    original: bpy.types.Material | None, lightmap: _Lightmap, notes: list[str]
-) -> bpy.types.Material:
-    """Return a material that emits reflectance x lightmap + emission."""
-    try:
-        surface = read_material(original, notes, PixelCache(notes))
-    except ComplexError:
-        surface = Material(original.name, np.full(3, 0.8, np.float32), np.zeros(3, np.float32))
-        notes.append(f"The preview shows material '{original.name}' grey: its nodes are too complex for it.")
-    material = bpy.data.materials.new(f"{surface.name} (lightmap)")
-    material[MARK] = True
-    material.diffuse_color = (*surface.reflectance.tolist(), 1.0)
-    _build_nodes(new_node_tree(material), surface, lightmap)
-    return material
-
-
-def _build_nodes(tree: bpy.types.NodeTree, surface: Material, lightmap: _Lightmap) -> None:
-    """UV Map -> scale, offset -> Image Texture -> multiply, add -> Emission -> Material Output."""
-    tree.nodes.clear()
-    uv = _node(tree, "ShaderNodeUVMap", 0)
-    uv.uv_map = lightmap.uv_layer
-    move = _node(tree, "ShaderNodeVectorMath", 1)
-    move.operation, move.label = "MULTIPLY_ADD", "Place in the atlas"
-    move.inputs[1].default_value = (lightmap.scale, lightmap.scale, 1)
-    move.inputs[2].default_value = (*lightmap.offset, 0)
-    texture = _node(tree, "ShaderNodeTexImage", 2)
-    texture.image, texture.interpolation, texture.extension = lightmap.image, "Linear", "EXTEND"
-    light = _node(tree, "ShaderNodeVectorMath", 4)
-    light.operation, light.label = "MULTIPLY_ADD", "Reflectance x lightmap + emission"
-    _feed(tree, light.inputs[1], surface.reflectance, surface.reflectance_map, -300)
-    _feed(tree, light.inputs[2], surface.emission, surface.emission_map, -600)
-    emission = _node(tree, "ShaderNodeEmission", 5)
-    output = _node(tree, "ShaderNodeOutputMaterial", 6)
-    tree.links.new(uv.outputs["UV"], move.inputs[0])
-    tree.links.new(move.outputs["Vector"], texture.inputs["Vector"])
-    tree.links.new(texture.outputs["Color"], light.inputs[0])
-    tree.links.new(light.outputs["Vector"], emission.inputs["Color"])
-    tree.links.new(emission.outputs["Emission"], output.inputs["Surface"])
-
-
-def _feed(
-    tree: bpy.types.NodeTree,
-    socket: bpy.types.NodeSocket,
-    colour: np.ndarray,
-    texture: Texture | None,
-    y: float,
-) -> None:
-    """Let an input show a colour, times an image texture if there is one."""
-    socket.default_value = colour.tolist()
-    image = texture and bpy.data.images.get(texture.name)
-    if not image:
-        return
-    picture, product = _node(tree, "ShaderNodeTexImage", 2, y), _node(tree, "ShaderNodeVectorMath", 3, y)
-    picture.image, picture.extension = image, texture.extension.upper()
-    picture.interpolation = "Linear" if texture.smooth else "Closest"
-    product.operation = "MULTIPLY"
-    product.inputs[1].default_value = colour.tolist()
-    _feed_uv(tree, picture.inputs["Vector"], texture, y)
-    tree.links.new(picture.outputs["Color"], product.inputs[0])
-    tree.links.new(product.outputs["Vector"], socket)
-
-
-def _feed_uv(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, texture: Texture, y: float) -> None:
-    """Let an image texture lie where the engine's texture lies: UV times a matrix, row by row."""
-    uv, both = _node(tree, "ShaderNodeUVMap", 0, y), _node(tree, "ShaderNodeCombineXYZ", 1, y)
-    uv.uv_map = texture.uv_map
-    for row, axis in enumerate("XY"):
-        u, v, shift = texture.transform[row]
-        dot, add = _node(tree, "ShaderNodeVectorMath", 0, y), _node(tree, "ShaderNodeMath", 1, y)
-        dot.operation, add.operation = "DOT_PRODUCT", "ADD"
-        dot.inputs[1].default_value = (u, v, 0)
-        add.inputs[1].default_value = shift
-        tree.links.new(uv.outputs["UV"], dot.inputs[0])
-        tree.links.new(dot.outputs["Value"], add.inputs[0])
-        tree.links.new(add.outputs["Value"], both.inputs[axis])
-    tree.links.new(both.outputs["Vector"], socket)
-
-
-def _node(tree: bpy.types.NodeTree, kind: str, column: int, y: float = 0) -> bpy.types.Node:
-    node = tree.nodes.new(kind)
-    node.location = (280 * column, y)
-    return node

@@ -95,22 +95,114 @@ def test_bake_under_the_preview_sees_the_originals(baked):
     assert report()["energies"] == before["energies"]
 
 
-def test_preview_emits_reflectance_times_lightmap_plus_emission(baked):
-    import bpy
-
-    bpy.ops.hemibake.preview()
-    read = part("operators.scene.materials.materials").read_material
-    room = baked[0]
-    nodes = room.material_slots[0].material.node_tree.nodes
-    light = next(node for node in nodes if node.label.startswith("Reflectance"))
-    original = read(room.data.materials[0], [], None)
-    assert tuple(light.inputs[1].default_value) == pytest.approx(tuple(original.reflectance))
-    assert tuple(light.inputs[2].default_value) == pytest.approx(tuple(original.emission))
-
-
 def test_nothing_baked_is_an_error():
     import bpy
 
     square()
     with pytest.raises(RuntimeError, match="Bake first"):
         bpy.ops.hemibake.preview()
+
+
+def shown(obj):
+    """Return the material that an object shows in the preview."""
+    import bpy
+
+    bpy.ops.hemibake.bake()
+    bpy.ops.hemibake.preview()
+    return obj.material_slots[0].material
+
+
+def test_what_is_no_shader_is_kept(baked):
+    import bpy
+
+    original = baked[0].data.materials[0]
+    original.use_backface_culling, original.surface_render_method = True, "BLENDED"
+    original.use_transparent_shadow, original.use_fake_user = False, True
+    original["note"] = 7
+    copy = shown(baked[0])
+    assert copy.use_backface_culling and copy.surface_render_method == "BLENDED"
+    assert not copy.use_transparent_shadow and not copy.use_fake_user and copy["note"] == 7
+    bpy.ops.hemibake.preview()
+    assert original.use_fake_user and baked[0].material_slots[0].material == original
+
+
+def test_muted_and_glossy_shaders_stay():
+    obj = furnace()
+    tree = obj.data.materials[0].node_tree
+    for kind, settings in (
+        ("ShaderNodeBsdfDiffuse", {"mute": True}),
+        ("ShaderNodeBsdfToon", {"component": "GLOSSY"}),
+        ("ShaderNodeBsdfGlass", {}),
+    ):
+        node = tree.nodes.new(kind)
+        for name, value in settings.items():
+            setattr(node, name, value)
+    copy = shown(obj)
+    kinds = {node.bl_idname for node in copy.node_tree.nodes}
+    assert {"ShaderNodeBsdfDiffuse", "ShaderNodeBsdfToon", "ShaderNodeBsdfGlass"} <= kinds
+    assert "ShaderNodeBsdfPrincipled" not in kinds
+
+
+def test_groups_are_copied_once_and_removed_with_the_preview(tmp_path):
+    import bpy
+
+    obj = furnace()
+    tree = obj.data.materials[0].node_tree
+    group = bpy.data.node_groups.new("Paint", "ShaderNodeTree")
+    group.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
+    shader = group.nodes.new("ShaderNodeBsdfDiffuse")
+    group.links.new(shader.outputs[0], group.nodes.new("NodeGroupOutput").inputs[0])
+    mix = tree.nodes.new("ShaderNodeMixShader")
+    for socket in mix.inputs[1:3]:
+        node = tree.nodes.new("ShaderNodeGroup")
+        node.node_tree = group
+        tree.links.new(node.outputs[0], socket)
+    tree.links.new(mix.outputs[0], tree.get_output_node("ALL").inputs["Surface"])
+    bpy.ops.hemibake.bake()
+    before = snapshot()
+    bpy.ops.hemibake.preview()
+    assert sorted(group.name for group in bpy.data.node_groups) == ["Paint", "Paint (lightmap)"]
+    path = str(tmp_path / "scene.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    bpy.ops.hemibake.preview()
+    after = snapshot()
+    assert [after[name] for name in ("materials", "node groups", "slots")] == [
+        before[name] for name in ("materials", "node groups", "slots")
+    ]
+
+
+def view3d():
+    """Return a 3D view, for `temp_override`."""
+    import bpy
+
+    window = bpy.context.window_manager.windows[0]
+    area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
+    return {"window": window, "screen": window.screen, "area": area}
+
+
+@pytest.mark.parametrize(
+    ("before", "meanwhile", "after"),
+    [("SOLID", None, "SOLID"), ("SOLID", "WIREFRAME", "WIREFRAME"), ("RENDERED", None, "RENDERED")],
+)
+def test_solid_view_shows_materials_while_the_preview_does(baked, before, meanwhile, after):
+    import bpy
+
+    view = view3d()
+    shading = view["area"].spaces.active.shading
+    shading.type = before
+    with bpy.context.temp_override(**view):
+        bpy.ops.hemibake.preview()
+        assert shading.type == ("MATERIAL" if before == "SOLID" else before)
+        shading.type = meanwhile or shading.type
+        bpy.ops.hemibake.preview()
+    assert shading.type == after and not view["screen"].keys()
+
+
+def test_button_shows_whether_there_is_a_preview(baked):
+    import bpy
+
+    shows_preview = part("operators.result.preview").shows_preview
+    assert not shows_preview(bpy.context.scene)
+    bpy.ops.hemibake.preview()
+    assert shows_preview(bpy.context.scene)

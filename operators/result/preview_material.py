@@ -1,0 +1,244 @@
+"""A copy of a material that shows a lightmap: its nodes, with diffuse shaders that emit.
+
+Each shader that a bake counts as diffuse is replaced by Emission shaders of what it sends out, reflectance x
+lightmap + emission. All other nodes are those of the material: what colours, mixes or hides its shaders,
+textures, groups, transparency and culled backs, does the same to the emission. Metal, glass and gloss, which
+have no diffuse light, still mirror what is around them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import bpy
+
+from ..compat import new_node_tree, node_tree
+
+#: Custom property that marks a preview material, and the copies of node groups that it uses.
+MARK = "hemibake_preview"
+
+#: Width of a column of nodes.
+_COLUMN = 180
+
+
+@dataclass(frozen=True)
+class ShownLightmap:
+    """Where an object's light is: lightmap uv = uv of the layer * scale + offset."""
+
+    image: bpy.types.Image
+    uv_layer: str
+    scale: float
+    offset: tuple[float, float]
+
+
+def preview_material(original: bpy.types.Material | None, lightmap: ShownLightmap) -> bpy.types.Material:
+    """Return a copy of a material that shows a lightmap; no material is Cycles' grey."""
+    material = bpy.data.materials.new("(no material)") if original is None else original.copy()
+    material.name = f"{'(no material)' if original is None else original.name} (lightmap)"
+    material.use_fake_user = False
+    material[MARK] = True
+    if original is None or node_tree(material) is None:
+        _plain_nodes(material)
+    _Relighting(lightmap).light(material.node_tree)
+    return material
+
+
+def remove_unused_previews() -> None:
+    """Remove preview materials that nobody uses, and then their node groups, the outer ones first."""
+    for collection in (bpy.data.materials, bpy.data.node_groups):
+        while unused := [item for item in collection if item.get(MARK) and not item.users]:
+            for item in unused:
+                collection.remove(item)
+
+
+def _plain_nodes(material: bpy.types.Material) -> None:
+    """Give a material without nodes those of its colour."""
+    tree = new_node_tree(material)
+    tree.nodes.clear()
+    shader, output = tree.nodes.new("ShaderNodeBsdfDiffuse"), tree.nodes.new("ShaderNodeOutputMaterial")
+    shader.inputs["Color"].default_value = material.diffuse_color
+    tree.links.new(shader.outputs["BSDF"], output.inputs["Surface"])
+
+
+class _Relighting:
+    """Replaces the diffuse shaders of a tree, and of copies of the groups in it."""
+
+    def __init__(self, lightmap: ShownLightmap) -> None:
+        self._lightmap = lightmap
+        self._groups: dict[bpy.types.NodeTree, bpy.types.NodeTree] = {}
+
+    def light(self, tree: bpy.types.NodeTree) -> None:
+        """Replace the diffuse shaders of a tree."""
+        lit = _LitTree(tree, self._lightmap)
+        for node in [node for node in tree.nodes if not node.mute]:
+            group = getattr(node, "node_tree", None)
+            if group is not None and _has_diffuse(group):
+                node.node_tree = self._copy(group)
+            elif _is_diffuse(node):
+                _REPLACEMENTS[node.bl_idname](lit, node)
+
+    def _copy(self, group: bpy.types.NodeTree) -> bpy.types.NodeTree:
+        if group not in self._groups:
+            copy = self._groups[group] = group.copy()
+            copy.name, copy.use_fake_user, copy[MARK] = f"{group.name} (lightmap)", False, True
+            self.light(copy)
+        return self._groups[group]
+
+
+def _has_diffuse(tree: bpy.types.NodeTree) -> bool:
+    """Return whether a tree, or a group in it, has a diffuse shader."""
+    groups = (getattr(node, "node_tree", None) for node in tree.nodes)
+    return any(map(_is_diffuse, tree.nodes)) or any(_has_diffuse(group) for group in groups if group)
+
+
+def _is_diffuse(node: bpy.types.Node) -> bool:
+    """Return whether a node is in use and makes diffuse light."""
+    glossy = getattr(node, "component", "DIFFUSE") == "GLOSSY"
+    return node.bl_idname in _REPLACEMENTS and not node.mute and not glossy
+
+
+class _LitTree:
+    """A node tree whose shaders are being replaced."""
+
+    def __init__(self, tree: bpy.types.NodeTree, lightmap: ShownLightmap) -> None:
+        self._tree, self._lightmap = tree, lightmap
+        self._light: bpy.types.NodeSocket | None = None
+
+    def make(
+        self,
+        kind: str,
+        beside: bpy.types.Node,
+        column: int,
+        *inputs: bpy.types.NodeSocket | float,
+        **settings: object,
+    ) -> bpy.types.NodeSocket:
+        """Return the first output of a new node; its first inputs are fed as `feed` does."""
+        node = self._tree.nodes.new(kind)
+        node.parent = beside.parent
+        node.location = (
+            beside.location[0] + _COLUMN * column,
+            beside.location[1] - _COLUMN * (len(inputs) - 1),
+        )
+        for name, value in settings.items():
+            setattr(node, name, value)
+        for socket, source in zip(node.inputs, inputs, strict=False):
+            self.feed(socket, source)
+        return node.outputs[0]
+
+    def feed(self, socket: bpy.types.NodeSocket, source: bpy.types.NodeSocket | float) -> None:
+        """Let an input have a number, what an output gives, or what another input has."""
+        for link in list(socket.links):
+            self._tree.links.remove(link)
+        if not isinstance(source, bpy.types.NodeSocket):
+            socket.default_value = source
+            return
+        output = source if source.is_output else _feeder(source)
+        if output is not None:
+            self._tree.links.new(output, socket)
+        else:
+            socket.default_value = (
+                source.default_value[:3] if socket.type == "VECTOR" else source.default_value
+            )
+
+    def reflected(self, node: bpy.types.Node, colour: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+        """Return a shader of the colour that an input has x lightmap."""
+        label = "Reflectance x lightmap"
+        inputs = (colour, self._lightmap_colour())
+        product = self.make("ShaderNodeVectorMath", node, 1, *inputs, operation="MULTIPLY", label=label)
+        return self.make("ShaderNodeEmission", node, 2, product)
+
+    def remove(self, node: bpy.types.Node) -> None:
+        """Remove a node."""
+        self._tree.nodes.remove(node)
+
+    def _lightmap_colour(self) -> bpy.types.NodeSocket:
+        """UV Map -> scale, offset -> Image Texture, once in a tree."""
+        if self._light is None:
+            uv, move = self._tree.nodes.new("ShaderNodeUVMap"), self._tree.nodes.new("ShaderNodeVectorMath")
+            uv.uv_map = self._lightmap.uv_layer
+            move.operation, move.label = "MULTIPLY_ADD", "Place in the atlas"
+            move.inputs[1].default_value = (self._lightmap.scale, self._lightmap.scale, 1)
+            move.inputs[2].default_value = (*self._lightmap.offset, 0)
+            texture = self._tree.nodes.new("ShaderNodeTexImage")
+            texture.image, texture.label = self._lightmap.image, "Lightmap"
+            texture.interpolation, texture.extension = "Linear", "EXTEND"
+            self._tree.links.new(uv.outputs["UV"], move.inputs[0])
+            self._tree.links.new(move.outputs["Vector"], texture.inputs["Vector"])
+            for column, node in enumerate((uv, move, texture)):
+                node.location = (2 * _COLUMN * column, 4 * _COLUMN)
+            self._light = texture.outputs["Color"]
+        return self._light
+
+
+def _feeder(socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket | None:
+    """Return the output that is linked to an input, None if the input's own value counts."""
+    return next((link.from_socket for link in socket.links if not link.is_muted), None)
+
+
+def _holds(socket: bpy.types.NodeSocket, value: float) -> bool:
+    """Return whether an input is a constant of this value."""
+    return _feeder(socket) is None and socket.default_value == value
+
+
+def _diffuse(lit: _LitTree, node: bpy.types.Node) -> None:
+    """A shader with nothing but a diffuse colour."""
+    targets = _targets(node)
+    shader = lit.reflected(node, node.inputs["Color"])
+    for socket in targets:
+        lit.feed(socket, shader)
+    lit.remove(node)
+
+
+def _principled(lit: _LitTree, node: bpy.types.Node) -> None:
+    """Reflection and emission, as far as alpha lets them; the node itself stays for metal and glass."""
+    targets = _targets(node)
+    shader = lit.reflected(node, node.inputs["Base Color"])
+    colour, strength, alpha = (node.inputs[name] for name in ("Emission Color", "Emission Strength", "Alpha"))
+    mirrors = not all(_holds(node.inputs[name], 0) for name in ("Metallic", "Transmission Weight"))
+    if mirrors:
+        shader = _mirrored(lit, node, shader)
+    if not _holds(strength, 0):
+        emission = lit.make("ShaderNodeEmission", node, 4, colour, strength)
+        shader = lit.make("ShaderNodeAddShader", node, 5, shader, emission)
+    if not _holds(alpha, 1):
+        clear = lit.make("ShaderNodeBsdfTransparent", node, 5)
+        shader = lit.make("ShaderNodeMixShader", node, 6, alpha, clear, shader)
+    for socket in targets:
+        lit.feed(socket, shader)
+    if mirrors:
+        lit.feed(strength, 0.0)
+        lit.feed(alpha, 1.0)
+    else:
+        lit.remove(node)
+
+
+def _mirrored(lit: _LitTree, node: bpy.types.Node, shader: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    """Mix the diffuse part, w = (1 - metallic)(1 - transmission), with a Principled BSDF of the rest.
+
+    The rest is metal and glass, of which metallic / (1 - w) is metal.
+    """
+    metallic, transmission = node.inputs["Metallic"], node.inputs["Transmission Weight"]
+
+    def number(operation: str, *inputs: bpy.types.NodeSocket | float) -> bpy.types.NodeSocket:
+        return lit.make("ShaderNodeMath", node, -1, *inputs, operation=operation, use_clamp=True)
+
+    opaque, dielectric = number("SUBTRACT", 1.0, transmission), number("SUBTRACT", 1.0, metallic)
+    diffuse = number("MULTIPLY", opaque, dielectric)
+    metal = number("DIVIDE", metallic, number("SUBTRACT", 1.0, diffuse))
+    lit.feed(metallic, metal)
+    lit.feed(transmission, 1.0)
+    return lit.make("ShaderNodeMixShader", node, 3, diffuse, node.outputs[0], shader)
+
+
+def _targets(node: bpy.types.Node) -> list[bpy.types.NodeSocket]:
+    """Return the inputs that a shader feeds."""
+    return [link.to_socket for link in node.outputs[0].links if not link.is_muted]
+
+
+_REPLACEMENTS = {
+    "ShaderNodeBsdfPrincipled": _principled,
+    "ShaderNodeBsdfDiffuse": _diffuse,
+    "ShaderNodeBsdfToon": _diffuse,
+    "ShaderNodeBsdfTranslucent": _diffuse,
+    "ShaderNodeSubsurfaceScattering": _diffuse,
+}

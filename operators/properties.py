@@ -17,6 +17,7 @@ from ..engine.quality import QUALITIES
 from ..engine.settings import Settings, kept_with_scene
 from .compat import PATH_OPTIONS
 from .quality_property import follow_hemicube, quality_property
+from .scene.uvs.lightmap_layer import offered_layers
 from .setting_properties import setting_properties
 
 
@@ -32,8 +33,10 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
 
     uv_layer: StringProperty(
         name="UV Layer",
-        description="Name of the UV layer with the lightmap UVs; made where an object has none",
+        description="UV layer with the lightmap UVs; made where an object has none. The list shows those "
+        "that exist, the likeliest lightmap UVs first",
         default="Lightmap",
+        search=lambda self, context, text: offered_layers(context.scene.objects),
     )
     directory: StringProperty(
         name="Folder",
@@ -86,6 +89,11 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
         name="Atlas",
         description="Lightmap that holds the object's charts; objects with the same name here are in one",
         default="Lightmap",
+    )
+    own_uv_layer: StringProperty(
+        name="UV Layer",
+        description="UV layer with the lightmap UVs of this object; empty for that of the scene",
+        search=lambda self, context, text: offered_layers([self.id_data]),
     )
     image: PointerProperty(
         type=bpy.types.Image,

@@ -28,6 +28,7 @@ from .result.destination import choose_destination
 from .run_stages import RunStages
 from .scene import SceneContext, read_scene, visible_meshes
 from .scene.overlaps import without_overlaps
+from .scene.uvs.lightmap_layer import lightmap_layer
 from .scene.uvs.unwrap import unwrap_missing
 from .scene.uvs.uv_modifier import has_uvs, uv_source
 from .worker_owner import owner
@@ -248,7 +249,8 @@ class Run:
         for uid, place in self._read.objects:
             if uid in editable and uid not in lost:
                 properties = editable[uid].hemibake
-                properties.image, properties.uv_layer = image[place.atlas], self._uv_layer
+                properties.image = image[place.atlas]
+                properties.uv_layer = lightmap_layer(editable[uid], self._uv_layer)
                 properties.uv_scale, properties.uv_offset = place.scale, place.offset
 
     def _report(self, lightmap: Lightmap, names: list[str], files: list[str], lost: dict[int, str]) -> dict:

@@ -8,6 +8,8 @@ from ...engine.finish.outputs import output_names
 from ...engine.settings import Settings
 from ..lookup import find
 from ..scene import ReadScene
+from ..scene.place import Place
+from ..scene.uvs.lightmap_layer import lightmap_layer
 
 
 def lightmap_contents(read: ReadScene, settings: Settings, uv_layer: str) -> list[dict]:
@@ -26,15 +28,20 @@ def _objects_by_atlas(read: ReadScene, uv_layer: str) -> dict[str, list[dict]]:
     for uid, place in read.objects:
         obj = find(bpy.data.objects, uid)
         if obj is not None:
-            found.setdefault(place.atlas, []).append({"object": obj.name, **_placed(place, uv_layer)})
+            found.setdefault(place.atlas, []).append({"object": obj.name, **_placed(place, obj, uv_layer)})
     for uid, name, number, place in read.instances:
         instancer = find(bpy.data.objects, uid)
         if instancer is not None:
             entry = {"object": name, "instancer": instancer.name, "persistent_id": number}
-            found.setdefault(place.atlas, []).append({**entry, **_placed(place, uv_layer)})
+            shown = bpy.data.objects.get(name, instancer)
+            found.setdefault(place.atlas, []).append({**entry, **_placed(place, shown, uv_layer)})
     return found
 
 
-def _placed(place, uv_layer: str) -> dict:
-    """Return where charts lie in their atlas, JSON-ready."""
-    return {"uv_layer": uv_layer, "scale": float(place.scale), "offset": [float(x) for x in place.offset]}
+def _placed(place: Place, obj: bpy.types.Object, uv_layer: str) -> dict:
+    """Return where charts of an object lie in their atlas, JSON-ready."""
+    return {
+        "uv_layer": lightmap_layer(obj, uv_layer),
+        "scale": float(place.scale),
+        "offset": [float(x) for x in place.offset],
+    }

@@ -14,6 +14,7 @@ from .messages import NO_FACES, NO_UVS, NORMALS_NOT_FINITE, NOT_FINITE, NOT_FINI
 from .objects.extent import middle_of, trouble_with
 from .objects.items import SceneItem
 from .objects.meshes import LIGHTMAP_UVS, Corners, read_corners
+from .uvs.lightmap_layer import lightmap_layer
 from .uvs.uv_faults import is_finite
 from .uvs.uv_modifier import uv_source
 
@@ -137,7 +138,8 @@ class ItemReader:
         """Return an item's mesh, or why it is left out."""
         materials = _slot_materials(item)
         slots = [self._table.index(material, atlas, item) for material in materials]
-        key = (item.object.data.as_pointer(), tuple(slots), atlas is None)
+        layer = lightmap_layer(item.source, self._uv_layer)
+        key = (item.object.data.as_pointer(), layer, tuple(slots), atlas is None)
         if key not in self._shapes:
             self._shapes[key] = self._read(item, slots, atlas)
         return self._shapes[key]
@@ -154,10 +156,11 @@ class ItemReader:
     def _read_mesh(
         self, item: SceneItem, mesh: bpy.types.Mesh, slots: Sequence[int], atlas: str | None
     ) -> Shape | str:
-        layer = None if atlas is None or self._uv_layer not in mesh.uv_layers else self._uv_layer
+        lightmap = lightmap_layer(item.source, self._uv_layer)
+        layer = None if atlas is None or lightmap not in mesh.uv_layers else lightmap
         maps = {name: name for name in self._table.uv_maps(slots)}
         if LIGHTMAP_UVS in maps:
-            maps[LIGHTMAP_UVS] = self._uv_layer
+            maps[LIGHTMAP_UVS] = lightmap
         corners = read_corners(mesh, layer, maps)
         if corners.dropped:
             self._degenerate[item.source.name] = corners.dropped

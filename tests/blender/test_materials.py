@@ -107,7 +107,7 @@ def test_metal_and_glass_are_what_cycles_bakes():
     node.inputs["Metallic"].default_value, node.inputs["Transmission Weight"].default_value = 0.5, 0.25
     obj = square(surface=surface)
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    shape = baker.copy_shape(obj.evaluated_get(depsgraph), np.eye(4), depsgraph, [surface])
+    shape = baker.copy_shape(obj.evaluated_get(depsgraph), "Lightmap", np.eye(4), depsgraph, [surface])
     assert baker.lay_lightmap_uvs(shape.mesh, "Lightmap", None)
     try:
         pixels = baker.bake_textures(surface, [shape], 512)["reflectance"]

@@ -42,6 +42,8 @@ class RealisedScene:
 
     def __init__(self, context: bpy.types.Context, read, resolution: int) -> None:
         self._items = importlib.import_module(f"{MODULE}.operators.scene.objects.items")
+        self._evaluation = importlib.import_module(f"{MODULE}.operators.scene.materials.shader_bake")
+        self._layers = importlib.import_module(f"{MODULE}.operators.scene.uvs.lightmap_layer")
         self._uv_layer = context.scene.hemibake.uv_layer
         self._scene = bpy.data.scenes.new("Reference")
         self._scene.world = context.scene.world
@@ -123,7 +125,8 @@ class RealisedScene:
             mesh.materials[index] = self._material(material, atlas)
         if atlas is None:
             return
-        _move_uvs(mesh, self._uv_layer, place)
+        layer = self._layers.lightmap_layer(item.source, self._uv_layer)
+        self._evaluation.lay_lightmap_uvs(mesh, layer, place.apply)
         self._members[atlas].append(obj)
 
     def _material(self, material: bpy.types.Material | None, atlas: int | None) -> bpy.types.Material:
@@ -156,27 +159,12 @@ class RealisedScene:
         with bpy.context.temp_override(**override):
             bpy.ops.object.bake(
                 type="DIFFUSE", pass_filter=passes, margin=0, use_clear=False,
-                uv_layer=self._uv_layer,
+                uv_layer=self._evaluation.LIGHTMAP_UVS,
             )  # fmt: skip
         self.seconds += time.perf_counter() - started
         pixels = np.empty(len(image.pixels), np.float32)
         image.pixels.foreach_get(pixels)
         return pixels.reshape(*reversed(image.size), 4)
-
-
-def _move_uvs(mesh: bpy.types.Mesh, name: str, place) -> None:
-    """Put a UV layer in its place in the atlas.
-
-    The layer is made anew: a copied mesh has the arrays of the original, and foreach_set writes to both.
-    """
-    layer = mesh.uv_layers[name]
-    uvs = np.empty(2 * len(layer.uv), np.float32)
-    layer.uv.foreach_get("vector", uvs)
-    rendered = next(other.name for other in mesh.uv_layers if other.active_render)
-    mesh.uv_layers.remove(layer)
-    layer = mesh.uv_layers.new(name=name)
-    layer.uv.foreach_set("vector", place.apply(uvs.reshape(-1, 2)).ravel())
-    mesh.uv_layers[rendered].active_render = True
 
 
 def _ignored(item) -> bool:

@@ -14,6 +14,7 @@ from ....engine.scene.model import Material, Texture
 from ...compat import node_tree
 from ..objects.items import SceneItem
 from ..objects.meshes import LIGHTMAP_UVS
+from ..uvs.lightmap_layer import lightmap_layer
 from ..uvs.uv_modifier import uv_source
 from .materials import read_material
 from .object_nodes import Dependence, FrozenMaterial, Source, dependence, lost_attributes, object_values
@@ -82,7 +83,7 @@ class MaterialTable:
         ):
             return ()
         if not located:
-            return (source.data.session_uid,)
+            return (source.data.session_uid, lightmap_layer(source, self._uv_layer))
         instancer = None if item.instancer is None else item.instancer.session_uid
         return (source.session_uid, instancer, item.persistent_id)
 
@@ -117,7 +118,9 @@ class MaterialTable:
         wanted = frozenset(index for index in indices if index in self._complex)
         if wanted:
             slots = [self._complex.get(index) for index in indices]
-            self._shapes.append((copy_shape(item.object, item.matrix, self._depsgraph, slots), wanted))
+            layer = lightmap_layer(item.source, self._uv_layer)
+            shape = copy_shape(item.object, layer, item.matrix, self._depsgraph, slots)
+            self._shapes.append((shape, wanted))
 
     def discard(self) -> None:
         """Remove the copies of meshes and materials."""
@@ -135,7 +138,7 @@ class MaterialTable:
         self._mapped = {
             shape.mesh.session_uid
             for shape, _ in self._shapes
-            if lay_lightmap_uvs(shape.mesh, self._uv_layer, moves.get(shape.source))
+            if lay_lightmap_uvs(shape.mesh, shape.uv_layer, moves.get(shape.source))
         }
         failed = []
         variants = Counter(self._materials[index].name for index in self._complex)

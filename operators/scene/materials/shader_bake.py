@@ -40,12 +40,14 @@ Move = Callable[[np.ndarray], np.ndarray]
 class Shape:
     """A mesh that shows materials to be evaluated; the mesh is a copy that is removed afterwards.
 
-    source  session uid of the object
-    slots   material of each slot, None where nothing has to be evaluated
-    matrix  object space to world space
+    source    session uid of the object
+    uv_layer  its lightmap UV layer
+    slots     material of each slot, None where nothing has to be evaluated
+    matrix    object space to world space
     """
 
     source: int
+    uv_layer: str
     mesh: bpy.types.Mesh
     slots: tuple[bpy.types.Material | None, ...]
     matrix: Matrix
@@ -53,13 +55,18 @@ class Shape:
 
 def copy_shape(
     evaluated: bpy.types.Object,
+    uv_layer: str,
     matrix: np.ndarray,
     depsgraph: bpy.types.Depsgraph,
     slots: Sequence[bpy.types.Material | None],
 ) -> Shape:
-    """Copy an evaluated object with all its layers; matrix: (4, 4) float64, where it or its instance is."""
+    """Copy an evaluated object with all its layers.
+
+    uv_layer  the one with its lightmap UVs
+    matrix    (4, 4) float64, where it or its instance is
+    """
     mesh = bpy.data.meshes.new_from_object(evaluated, preserve_all_data_layers=True, depsgraph=depsgraph)
-    return Shape(evaluated.original.session_uid, mesh, tuple(slots), Matrix(matrix.tolist()))
+    return Shape(evaluated.original.session_uid, uv_layer, mesh, tuple(slots), Matrix(matrix.tolist()))
 
 
 def lay_lightmap_uvs(mesh: bpy.types.Mesh, uv_layer: str, move: Move | None) -> bool:

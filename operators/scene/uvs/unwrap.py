@@ -108,7 +108,7 @@ class _Unwrapping:
         if evaluated:
             stored = [target for page in pages for target in page.targets]
             for target in stored:
-                remove_layer(target.objects[0], self._uv_layer)
+                remove_layer(target.objects[0], target.layer)
             pages = self._store([*_without(stored, evaluated), *evaluated])
         self._leave_atlases(pages)
         self._finish(pages)
@@ -156,9 +156,9 @@ class _Unwrapping:
     def _keep(self, target: Target, uvs: np.ndarray) -> None:
         """Store the UVs of a target's loops, (l, 2)."""
         if target.topology is None:
-            add_layer(target.objects[0], self._uv_layer, uvs, self._changes)
+            add_layer(target.objects[0], target.layer, uvs, self._changes)
         else:
-            add_uv_modifier(target.objects, uvs, target.topology, self._uv_layer, self._changes)
+            add_uv_modifier(target.objects, uvs, target.topology, target.layer, self._changes)
 
     def _leave_atlases(self, pages: Sequence[_Page]) -> None:
         """Let newly unwrapped objects leave an atlas that holds other ones."""

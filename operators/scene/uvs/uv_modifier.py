@@ -17,6 +17,7 @@ import numpy as np
 from ...changes import Changes
 from ...lookup import find
 from ..objects.meshes import read_array
+from .lightmap_layer import lightmap_layer
 
 #: Name of the modifier.
 NAME = "Lightmap UVs"
@@ -33,9 +34,10 @@ def topology(mesh: bpy.types.Mesh) -> str:
 
 
 def uv_modifier(obj: bpy.types.Object, uv_layer: str) -> bpy.types.Modifier | None:
-    """Return the modifier that keeps a UV layer of an object, if it has one."""
+    """Return the modifier that keeps an object's lightmap UVs, if it has one; see `lightmap_layer`."""
+    layer = lightmap_layer(obj, uv_layer)
     groups = ((modifier, modifier.node_group) for modifier in obj.modifiers if modifier.type == "NODES")
-    return next((modifier for modifier, group in groups if group and group.get(_LAYER) == uv_layer), None)
+    return next((modifier for modifier, group in groups if group and group.get(_LAYER) == layer), None)
 
 
 def uv_source(obj: bpy.types.Object, uv_layer: str) -> int:
@@ -45,8 +47,8 @@ def uv_source(obj: bpy.types.Object, uv_layer: str) -> int:
 
 
 def has_uvs(obj: bpy.types.Object, uv_layer: str) -> bool:
-    """Return whether a mesh object has a UV layer, of its own or by a modifier."""
-    return uv_layer in obj.data.uv_layers or uv_modifier(obj, uv_layer) is not None
+    """Return whether a mesh object has lightmap UVs, in a layer of its mesh or by a modifier."""
+    return lightmap_layer(obj, uv_layer) in obj.data.uv_layers or uv_modifier(obj, uv_layer) is not None
 
 
 def fits(modifier: bpy.types.Modifier, mesh: bpy.types.Mesh) -> bool:
@@ -57,7 +59,10 @@ def fits(modifier: bpy.types.Modifier, mesh: bpy.types.Mesh) -> bool:
 def add_uv_modifier(
     objects: Sequence[bpy.types.Object], uvs: np.ndarray, digest: str, uv_layer: str, changes: Changes
 ) -> None:
-    """Give objects whose evaluated meshes have one topology a modifier with UVs of its corners, (l, 2)."""
+    """Give objects whose evaluated meshes have one topology a modifier with UVs of its corners, (l, 2).
+
+    uv_layer  that of all of these objects
+    """
     points = bpy.data.meshes.new(f".{NAME} of {objects[0].name}")
     changes.add(lambda uid=points.session_uid: _remove(bpy.data.meshes, uid))
     points.vertices.add(len(uvs))

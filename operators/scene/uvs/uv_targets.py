@@ -14,6 +14,7 @@ from ..messages import LINKED, MANY_LAYERS, attribute_in_the_way
 from ..objects.extent import trouble_with
 from ..objects.meshes import read_array, read_corners
 from .charts import make_charts
+from .lightmap_layer import lightmap_layer
 from .polygon_mesh import Charts, PolygonMesh
 from .uv_faults import cover, is_finite, is_inside, overlap
 from .uv_layers import MOST_LAYERS
@@ -28,11 +29,13 @@ class Target:
     """A mesh to unwrap.
 
     objects   all that show it
+    layer     its lightmap UV layer
     mesh      in world space, as the first of them shows it
     topology  of a mesh that modifiers make; None for the objects' own mesh
     """
 
     objects: tuple[bpy.types.Object, ...]
+    layer: str
     mesh: PolygonMesh
     topology: str | None = None
 
@@ -69,14 +72,14 @@ def evaluated_mesh(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Ite
 
 def own_targets(objects: Sequence[bpy.types.Object], uv_layer: str, leave: Leave) -> list[Target]:
     """Return the meshes of objects that lack the layer and can have one of their own."""
-    users: dict[int, list[bpy.types.Object]] = {}
+    users: dict[tuple[int, str], list[bpy.types.Object]] = {}
     for obj in objects:
         if obj.data.is_editable and not has_uvs(obj, uv_layer):
-            users.setdefault(obj.data.session_uid, []).append(obj)
+            users.setdefault((obj.data.session_uid, lightmap_layer(obj, uv_layer)), []).append(obj)
     return [
-        Target(tuple(members), mesh)
-        for members in users.values()
-        if (mesh := _read(members, members[0].data, uv_layer, leave)) is not None
+        Target(tuple(members), layer, mesh)
+        for (_, layer), members in users.items()
+        if (mesh := _read(members, members[0].data, layer, leave)) is not None
     ]
 
 
@@ -92,20 +95,23 @@ def evaluated_targets(
     made: session uids of the meshes whose layer has just been made. A layer of the user's that is of no
     use before any modifier stays as it is.
     """
-    users: dict[tuple[int, str, str], list[bpy.types.Object]] = {}
-    meshes: dict[tuple[int, str, str], PolygonMesh | None] = {}
+    users: dict[tuple[int, str, str, str], list[bpy.types.Object]] = {}
+    meshes: dict[tuple[int, str, str, str], PolygonMesh | None] = {}
     for obj in objects:
+        layer = lightmap_layer(obj, uv_layer)
         with evaluated_mesh(obj, depsgraph) as mesh:
-            if mesh is None or not _lacks_uvs(obj, mesh, uv_layer, made):
+            if mesh is None or not _lacks_uvs(obj, mesh, layer, made):
                 continue
             if not obj.is_editable:
                 leave(obj, LINKED)
                 continue
-            key = (obj.data.session_uid, obj.hemibake.atlas, topology(mesh))
+            key = (obj.data.session_uid, layer, obj.hemibake.atlas, topology(mesh))
             if key not in meshes:
-                meshes[key] = _read([obj], mesh, uv_layer, leave)
+                meshes[key] = _read([obj], mesh, layer, leave)
             users.setdefault(key, []).append(obj)
-    return [Target(tuple(users[key]), mesh, key[2]) for key, mesh in meshes.items() if mesh is not None]
+    return [
+        Target(tuple(users[key]), key[1], mesh, key[3]) for key, mesh in meshes.items() if mesh is not None
+    ]
 
 
 def _lacks_uvs(obj: bpy.types.Object, mesh: bpy.types.Mesh, uv_layer: str, made: set[int]) -> bool:

@@ -38,6 +38,18 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
         default="Lightmap",
         search=lambda self, context, text: offered_layers(context.scene.objects),
     )
+    target: EnumProperty(
+        name="Target",
+        description="Which objects are baked",
+        items=[
+            ("ALL", "All", "Every object with a lightmap that viewport and renders show"),
+            (
+                "SELECTED",
+                "Selected",
+                "Selected objects: all others keep the light of their lightmaps, and still shade and reflect",
+            ),
+        ],
+    )
     directory: StringProperty(
         name="Folder",
         description="Where lightmaps are written; packed into the .blend while that has not been saved",

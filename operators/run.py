@@ -25,9 +25,11 @@ from .lookup import find
 from .result import images
 from .result.contents import lightmap_contents
 from .result.destination import choose_destination
+from .result.kept_texels import KeptTexels
 from .run_stages import RunStages
 from .scene import SceneContext, read_scene, visible_meshes
 from .scene.overlaps import without_overlaps
+from .scene.targets import only_targets, target_uids
 from .scene.uvs.lightmap_layer import lightmap_layer
 from .scene.uvs.unwrap import unwrap_missing
 from .scene.uvs.uv_modifier import has_uvs, uv_source
@@ -85,17 +87,20 @@ class Run:
         scene = self._context.scene
         self._settings = replace(read_settings(scene.hemibake), intermediates=self._watched)
         self._uv_layer = scene.hemibake.uv_layer
-        resolution = self._settings.resolution
+        resolution, targets = self._settings.resolution, target_uids(self._context, scene.hemibake.target)
+        wanted = [obj for obj in visible_meshes(self._context) if obj.session_uid in targets]
         made = yield from self._stages.include(
             self._stages.unwrapping,
-            unwrap_missing(
-                self._context, visible_meshes(self._context), self._uv_layer, resolution, self._changes
-            ),
+            unwrap_missing(self._context, wanted, self._uv_layer, resolution, self._changes),
         )
         if made.objects:
             self._made_uvs()
         skipped = {obj.session_uid for obj in made.skipped}
-        usable = [obj for obj in visible_meshes(self._context) if obj.session_uid not in skipped]
+        usable = [
+            obj
+            for obj in visible_meshes(self._context)
+            if obj.session_uid not in skipped and (obj.session_uid in targets or has_uvs(obj, self._uv_layer))
+        ]
         self._unwrapped = {
             obj.session_uid: (obj.name, uv_source(obj, self._uv_layer))
             for obj in usable
@@ -105,6 +110,7 @@ class Run:
             self._stages.reading,
             read_scene(self._context, usable, self._uv_layer, resolution, made.notes),
         )
+        self._read = only_targets(self._read, targets, self._context.scene)
         self._seconds = {"read": time.perf_counter() - self._start}
         self._choose_destination()
 
@@ -114,6 +120,7 @@ class Run:
         self._names = _image_names(self._read.scene, self._settings)
         self._destination = choose_destination(scene, self._names, scene.hemibake.directory, self._changes)
         self._stages.expect_texels(len(self._names) * self._settings.resolution**2)
+        self._kept = KeptTexels(self._context, self._read, self._names, self._settings)
 
     def _bake_without_overlaps(self) -> Bake:
         """Bake; start again without the objects whose charts lie on others'."""
@@ -176,7 +183,7 @@ class Run:
         `failure` says so, and the lightmaps are packed into the .blend.
         """
         start = time.perf_counter()
-        pixels = np.concatenate(list(lightmap.passes.values()))
+        pixels = self._kept.merge(np.concatenate(list(lightmap.passes.values())))
         self._show(pixels)
         targets = [find(bpy.data.images, uid) for uid in self._images]
         files = self._store(targets, pixels)
@@ -194,7 +201,7 @@ class Run:
     def _store(self, targets: list[bpy.types.Image], lightmaps: np.ndarray) -> list[str]:
         """Store lightmaps and return their files."""
         try:
-            contents = lightmap_contents(self._read, self._settings, self._uv_layer)
+            contents = lightmap_contents(self._read, self._settings, self._uv_layer, self._kept)
             return images.store(targets, lightmaps, self._destination, contents)
         except EngineError as error:
             self.failure = str(error)
@@ -203,7 +210,7 @@ class Run:
     def _show(self, lightmaps: np.ndarray) -> None:
         """Put lightmaps, (m, h, w, 3), into the first m images; images that are gone are made anew."""
         scene = self._context.scene
-        for index, pixels in enumerate(lightmaps):
+        for index, pixels in enumerate(self._kept.merge(lightmaps)):
             image = find(bpy.data.images, self._images[index]) if index < len(self._images) else None
             if image is None:
                 name, resolution = self._names[index], self._settings.resolution

@@ -20,6 +20,7 @@ class HEMIBAKE_PT_bake(Sidebar, bpy.types.Panel):
         layout, settings = self.layout, context.scene.hemibake
         draw_presets(layout, settings)
         split_properties(layout)
+        layout.row().prop(settings, "target", expand=True)
         column = layout.column()
         for name in (*shown_in("bake"), "quality"):
             column.prop(settings, name)

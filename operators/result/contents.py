@@ -10,11 +10,14 @@ from ..lookup import find
 from ..scene import ReadScene
 from ..scene.place import Place
 from ..scene.uvs.lightmap_layer import lightmap_layer
+from .kept_texels import KeptTexels
 
 
-def lightmap_contents(read: ReadScene, settings: Settings, uv_layer: str) -> list[dict]:
+def lightmap_contents(read: ReadScene, settings: Settings, uv_layer: str, kept: KeptTexels) -> list[dict]:
     """Return "atlas", "output" and "objects" of each lightmap, output after output as they are baked."""
     objects = _objects_by_atlas(read, uv_layer)
+    for atlas, obj in kept.objects():
+        objects.setdefault(atlas, []).append({"object": obj.name, **_as_before(obj)})
     return [
         {"atlas": atlas, "output": output, "objects": objects.get(atlas, [])}
         for output in output_names(read.scene, settings)
@@ -36,6 +39,16 @@ def _objects_by_atlas(read: ReadScene, uv_layer: str) -> dict[str, list[dict]]:
             shown = bpy.data.objects.get(name, instancer)
             found.setdefault(place.atlas, []).append({**entry, **_placed(place, shown, uv_layer)})
     return found
+
+
+def _as_before(obj: bpy.types.Object) -> dict:
+    """Return where the last bake of an object has put its charts, JSON-ready."""
+    known = obj.hemibake
+    return {
+        "uv_layer": known.uv_layer,
+        "scale": float(known.uv_scale),
+        "offset": [float(x) for x in known.uv_offset],
+    }
 
 
 def _placed(place: Place, obj: bpy.types.Object, uv_layer: str) -> dict:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from .result.preview import has_preview, hide_preview, previewable, show_preview
+from .result.preview import hide_preview, previewed, show_preview
 from .viewports import show_materials, show_solid_again
 
 
@@ -16,20 +16,20 @@ class HEMIBAKE_OT_preview(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        shown = [obj for obj in context.scene.objects if has_preview(obj)]
+        shown = list(previewed(context.scene))
         if shown:
             hide_preview(shown)
             show_solid_again()
             self.report({"INFO"}, f"{len(shown)} objects have their own materials again")
             return {"FINISHED"}
-        objects = [obj for obj in context.scene.objects if previewable(obj)]
-        if not objects:
-            self.report({"ERROR"}, "No object has a lightmap to show. Bake first.")
+        count, notes = show_preview(context.scene, context.evaluated_depsgraph_get())
+        if not count:
+            self.report({"ERROR"}, " ".join(notes) or "No object has a lightmap to show. Bake first.")
             return {"CANCELLED"}
-        for note in show_preview(objects):
+        for note in notes:
             self.report({"WARNING"}, note)
         show_materials(context)
-        self.report({"INFO"}, f"{len(objects)} objects show their lightmaps")
+        self.report({"INFO"}, f"{count} objects show their lightmaps")
         return {"FINISHED"}
 
 

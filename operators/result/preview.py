@@ -6,18 +6,15 @@ The preview materials sit in slots linked to the object; what was there is remem
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import bpy
 import numpy as np
 
 from ..scene.objects.meshes import read_array
-from .preview_material import ShownLightmap, preview_material, remove_unused_previews
-
-
-def previewable(obj: bpy.types.Object) -> bool:
-    """Return whether an object has been baked and its lightmap is still there."""
-    return obj.type == "MESH" and obj.is_editable and obj.hemibake.image is not None
+from .instance_places import InstancePlace, instance_places, place_table
+from .lightmap_nodes import ShownLightmap
+from .preview_material import MARK, preview_material, remove_unused_previews
 
 
 def has_preview(obj: bpy.types.Object) -> bool:
@@ -25,25 +22,39 @@ def has_preview(obj: bpy.types.Object) -> bool:
     return len(obj.hemibake.slots) > 0
 
 
+def previewed(scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
+    """Yield the objects of a scene that show their lightmaps, and those that only its instances may show."""
+    for obj in bpy.data.objects:
+        if has_preview(obj) and (obj.name in scene.objects or not obj.users_scene):
+            yield obj
+
+
 def shows_preview(scene: bpy.types.Scene) -> bool:
     """Return whether an object of a scene shows its lightmap."""
-    return any(map(has_preview, scene.objects))
+    return any(True for _ in previewed(scene))
 
 
-def show_preview(objects: Sequence[bpy.types.Object]) -> list[str]:
-    """Give preview materials to objects that do not show any; return sentences for the user."""
+def show_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> tuple[int, list[str]]:
+    """Let the baked objects and instances of a scene show their lightmaps.
+
+    Returns how many objects do, and sentences for the user.
+    """
+    instances = instance_places(scene, depsgraph)
+    baked = [obj for obj in scene.objects if obj.type == "MESH" and obj.hemibake.image is not None]
     made: dict[tuple[bpy.types.Material | None, ShownLightmap], bpy.types.Material] = {}
-    notes: list[str] = []
-    for obj in objects:
-        if has_preview(obj):
-            continue
-        if not obj.material_slots and not obj.data.is_editable:
+    shown, notes = 0, []
+    for obj in dict.fromkeys([*baked, *instances]):
+        if not obj.is_editable:
+            notes.append(f"Object '{obj.name}' is linked from another file: it has no preview.")
+        elif not obj.material_slots and not obj.data.is_editable:
             notes.append(f"Object '{obj.name}' has no material slot and a linked mesh: it has no preview.")
-            continue
-        _remember(obj)
-        for slot in obj.material_slots:
-            _show_slot(obj, slot, made)
-    return notes
+        else:
+            shown += 1
+            _remember(obj)
+            lightmap = _shown_lightmap(obj, instances.get(obj), scene.hemibake.uv_layer)
+            for slot in obj.material_slots:
+                _show_slot(slot, lightmap, made)
+    return shown, notes
 
 
 def hide_preview(objects: Sequence[bpy.types.Object]) -> None:
@@ -83,12 +94,28 @@ def _remember(obj: bpy.types.Object) -> None:
         slot.link = before.link
 
 
-def _show_slot(obj: bpy.types.Object, slot: bpy.types.MaterialSlot, made: dict) -> None:
-    lightmap = ShownLightmap(
-        obj.hemibake.image, obj.hemibake.uv_layer, obj.hemibake.uv_scale, tuple(obj.hemibake.uv_offset)
-    )
+def _show_slot(slot: bpy.types.MaterialSlot, lightmap: ShownLightmap, made: dict) -> None:
     key = (slot.material, lightmap)
     if key not in made:
         made[key] = preview_material(slot.material, lightmap)
     slot.link = "OBJECT"
     slot.material = made[key]
+
+
+def _shown_lightmap(
+    obj: bpy.types.Object, instances: list[InstancePlace] | None, uv_layer: str
+) -> ShownLightmap:
+    """Return where the light of an object, or of all its instances, is; the layer where it was not baked."""
+    own = obj.hemibake
+    if instances is None:
+        return ShownLightmap((own.image,), own.uv_layer, own.uv_scale, tuple(own.uv_offset))
+    images = tuple(dict.fromkeys(place.image for place in instances))
+    table = place_table(instances, images)
+    rows, width, _ = table.texels.shape
+    image = bpy.data.images.new(
+        f"{obj.name} (places)", width, rows, alpha=True, float_buffer=True, is_data=True
+    )
+    image[MARK], image.alpha_mode = True, "CHANNEL_PACKED"
+    image.pixels.foreach_set(table.texels.reshape(-1))
+    image.pack()
+    return ShownLightmap(images, own.uv_layer or uv_layer, table=image, buckets=table.buckets)

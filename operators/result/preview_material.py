@@ -8,27 +8,17 @@ have no diffuse light, still mirror what is around them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import bpy
 
 from ..compat import new_node_tree, node_tree
+from .lightmap_nodes import ShownLightmap, lightmap_colour
+from .nodes import Feed, feed, feeding_output, make_node
 
-#: Custom property that marks a preview material, and the copies of node groups that it uses.
+#: Custom property that marks a preview material, and what is made for it alone: node groups and images.
 MARK = "hemibake_preview"
 
 #: Width of a column of nodes.
 _COLUMN = 180
-
-
-@dataclass(frozen=True)
-class ShownLightmap:
-    """Where an object's light is: lightmap uv = uv of the layer * scale + offset."""
-
-    image: bpy.types.Image
-    uv_layer: str
-    scale: float
-    offset: tuple[float, float]
 
 
 def preview_material(original: bpy.types.Material | None, lightmap: ShownLightmap) -> bpy.types.Material:
@@ -44,8 +34,8 @@ def preview_material(original: bpy.types.Material | None, lightmap: ShownLightma
 
 
 def remove_unused_previews() -> None:
-    """Remove preview materials that nobody uses, and then their node groups, the outer ones first."""
-    for collection in (bpy.data.materials, bpy.data.node_groups):
+    """Remove preview materials that nobody uses, then their node groups, the outer ones first, and images."""
+    for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.images):
         while unused := [item for item in collection if item.get(MARK) and not item.users]:
             for item in unused:
                 collection.remove(item)
@@ -105,40 +95,18 @@ class _LitTree:
         self._light: bpy.types.NodeSocket | None = None
 
     def make(
-        self,
-        kind: str,
-        beside: bpy.types.Node,
-        column: int,
-        *inputs: bpy.types.NodeSocket | float,
-        **settings: object,
+        self, kind: str, beside: bpy.types.Node, column: int, *inputs: Feed, **settings: object
     ) -> bpy.types.NodeSocket:
-        """Return the first output of a new node; its first inputs are fed as `feed` does."""
-        node = self._tree.nodes.new(kind)
-        node.parent = beside.parent
-        node.location = (
-            beside.location[0] + _COLUMN * column,
-            beside.location[1] - _COLUMN * (len(inputs) - 1),
-        )
-        for name, value in settings.items():
-            setattr(node, name, value)
-        for socket, source in zip(node.inputs, inputs, strict=False):
-            self.feed(socket, source)
-        return node.outputs[0]
+        """Return the first output of a new node in a column beside another one."""
+        x, y = beside.location
+        place = (x + _COLUMN * column, y - _COLUMN * (len(inputs) - 1))
+        output = make_node(self._tree, kind, place, *inputs, **settings)
+        output.node.parent = beside.parent
+        return output
 
-    def feed(self, socket: bpy.types.NodeSocket, source: bpy.types.NodeSocket | float) -> None:
-        """Let an input have a number, what an output gives, or what another input has."""
-        for link in list(socket.links):
-            self._tree.links.remove(link)
-        if not isinstance(source, bpy.types.NodeSocket):
-            socket.default_value = source
-            return
-        output = source if source.is_output else _feeder(source)
-        if output is not None:
-            self._tree.links.new(output, socket)
-        else:
-            socket.default_value = (
-                source.default_value[:3] if socket.type == "VECTOR" else source.default_value
-            )
+    def feed(self, socket: bpy.types.NodeSocket, source: Feed) -> None:
+        """Feed an input."""
+        feed(self._tree, socket, source)
 
     def reflected(self, node: bpy.types.Node, colour: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
         """Return a shader of the colour that an input has x lightmap."""
@@ -152,32 +120,15 @@ class _LitTree:
         self._tree.nodes.remove(node)
 
     def _lightmap_colour(self) -> bpy.types.NodeSocket:
-        """UV Map -> scale, offset -> Image Texture, once in a tree."""
+        """Return the lightmap's colour, of which there are nodes once in a tree."""
         if self._light is None:
-            uv, move = self._tree.nodes.new("ShaderNodeUVMap"), self._tree.nodes.new("ShaderNodeVectorMath")
-            uv.uv_map = self._lightmap.uv_layer
-            move.operation, move.label = "MULTIPLY_ADD", "Place in the atlas"
-            move.inputs[1].default_value = (self._lightmap.scale, self._lightmap.scale, 1)
-            move.inputs[2].default_value = (*self._lightmap.offset, 0)
-            texture = self._tree.nodes.new("ShaderNodeTexImage")
-            texture.image, texture.label = self._lightmap.image, "Lightmap"
-            texture.interpolation, texture.extension = "Linear", "EXTEND"
-            self._tree.links.new(uv.outputs["UV"], move.inputs[0])
-            self._tree.links.new(move.outputs["Vector"], texture.inputs["Vector"])
-            for column, node in enumerate((uv, move, texture)):
-                node.location = (2 * _COLUMN * column, 4 * _COLUMN)
-            self._light = texture.outputs["Color"]
+            self._light = lightmap_colour(self._tree, self._lightmap)
         return self._light
-
-
-def _feeder(socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket | None:
-    """Return the output that is linked to an input, None if the input's own value counts."""
-    return next((link.from_socket for link in socket.links if not link.is_muted), None)
 
 
 def _holds(socket: bpy.types.NodeSocket, value: float) -> bool:
     """Return whether an input is a constant of this value."""
-    return _feeder(socket) is None and socket.default_value == value
+    return feeding_output(socket) is None and socket.default_value == value
 
 
 def _diffuse(lit: _LitTree, node: bpy.types.Node) -> None:
@@ -219,7 +170,7 @@ def _mirrored(lit: _LitTree, node: bpy.types.Node, shader: bpy.types.NodeSocket)
     """
     metallic, transmission = node.inputs["Metallic"], node.inputs["Transmission Weight"]
 
-    def number(operation: str, *inputs: bpy.types.NodeSocket | float) -> bpy.types.NodeSocket:
+    def number(operation: str, *inputs: Feed) -> bpy.types.NodeSocket:
         return lit.make("ShaderNodeMath", node, -1, *inputs, operation=operation, use_clamp=True)
 
     opaque, dielectric = number("SUBTRACT", 1.0, transmission), number("SUBTRACT", 1.0, metallic)

@@ -1,5 +1,6 @@
 """The preview shows the lightmap and gives everything back."""
 
+import numpy as np
 import pytest
 
 from tests.blender.things import (
@@ -206,3 +207,21 @@ def test_button_shows_whether_there_is_a_preview(baked):
     assert not shows_preview(bpy.context.scene)
     bpy.ops.hemibake.preview()
     assert shows_preview(bpy.context.scene)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 1009])
+def test_every_number_of_an_instance_has_its_place(count):
+    """The table is read as the shader reads it."""
+    places = part("operators.result.instance_places")
+    random = np.random.default_rng(count)
+    chosen = [
+        places.InstancePlace(int(bits), index % 3, float(index), (float(-index), 0.5))
+        for index, bits in enumerate(random.choice(1 << 31, count, replace=False) * 2 + 1)
+    ]
+    table = places.place_table(chosen, [0, 1, 2])
+    texels, one = table.texels.reshape(-1, 4), np.float32(1)
+    for place, number in zip(chosen, places.shader_numbers([place.bits for place in chosen]), strict=True):
+        number = number * np.float32(table.buckets)
+        head = texels[int(number)]
+        found = texels[int(np.floor(number % one * head[1]) + head[0])]
+        assert tuple(found) == (*place.offset, place.scale, place.image)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.blender.things import SQUARE_UVS, bpy_link, part, pixels, square
+from tests.blender.things import SQUARE_UVS, bpy_link, mesh_object, part, pixels, snapshot, square
 
 #: Pixels of a render, and of the blocks whose means are compared.
 _WIDTH, _BLOCK = 48, 8
@@ -212,6 +212,65 @@ def test_preview_looks_like_the_original(stage, tmp_path, surface):
         stage.world = None
     difference = preview_differs(stage, tmp_path)
     assert difference < 0.006
+
+
+def by_collections(source, places):
+    """Let empties show a collection with an object that is nowhere else."""
+    import bpy
+
+    collection = bpy.data.collections.new("Sources")
+    bpy.context.scene.collection.objects.unlink(source)
+    collection.objects.link(source)
+    for place in places:
+        empty = bpy_link(bpy.data.objects.new("Empty", None))
+        empty.instance_type, empty.instance_collection, empty.location = "COLLECTION", collection, place
+
+
+def by_vertices(source, places):
+    """Let the vertices of an object show another one."""
+    parent = mesh_object("Points", places, [])
+    source.parent, parent.instance_type = parent, "VERTS"
+
+
+def by_nodes(source, places):
+    """Let Geometry Nodes show an object on points; it is shown itself, too."""
+    import bpy
+
+    tree = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    info, scatter = tree.nodes.new("GeometryNodeObjectInfo"), tree.nodes.new("GeometryNodeInstanceOnPoints")
+    info.inputs["Object"].default_value, info.inputs["As Instance"].default_value = source, True
+    scatter.inputs["Scale"].default_value = source.scale
+    tree.links.new(tree.nodes.new("NodeGroupInput").outputs[0], scatter.inputs["Points"])
+    tree.links.new(info.outputs["Geometry"], scatter.inputs["Instance"])
+    tree.links.new(scatter.outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
+    mesh_object("Points", places, []).modifiers.new("Scatter", "NODES").node_group = tree
+    source.location = (0.3, 0.92, 0)
+
+
+@pytest.mark.parametrize("show", [by_collections, by_vertices, by_nodes])
+def test_preview_of_instances_looks_like_the_original(stage, tmp_path, show):
+    """Some are in a shadow, some are not."""
+    import bpy
+
+    source = shown_square(procedural(), "Source")
+    source.scale = (0.4, 0.4, 1)
+    places = [(0.45 * x, 0.5 * y, 0) for x in (0, 1, 2) for y in (0, 1)]
+    show(source, places)
+    stage.hemibake.resolution, bpy.data.lights["Sun"].angle = 128, 1.0
+    nodes = Nodes("Black")
+    roof = square("Roof", uvs=None, surface=nodes.done(nodes.add("BsdfDiffuse", Color=(0, 0, 0, 1))))
+    roof.location, roof.hemibake.role, roof.visible_camera = (0.2, -0.8, 0.4), "OCCLUDER", False
+    assert preview_differs(stage, tmp_path, samples=256) < 0.02
+    before = snapshot()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+    (table,) = [image for image in bpy.data.images if image.name == "Source (places)"]
+    assert pixels(table).tobytes() == before["images"]["Source (places)"]
+    assert bpy.ops.hemibake.preview() == {"FINISHED"}
+    assert not [image for image in bpy.data.images if "places" in image.name]
+    assert not [material for material in bpy.data.materials if "lightmap" in material.name]
 
 
 def test_preview_of_every_kind_of_slot_looks_like_the_original(stage, tmp_path):

@@ -44,11 +44,11 @@ def scene_items(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> I
             continue
         number = tuple(instance.persistent_id) if parent is not None else ()
         matrix = np.array(instance.matrix_world, np.float64)
-        bits = _name_hash(source.name) if parent is None else instance.random_id & 0xFFFFFFFF
+        bits = name_hash(source.name) if parent is None else instance.random_id & 0xFFFFFFFF
         yield SceneItem(instance.object, source, matrix, parent, number, bits / 0xFFFFFFFF)
 
 
-def _name_hash(name: str) -> int:
+def name_hash(name: str) -> int:
     """Return the 32 bits that Cycles makes of an object's name: a polynomial in 37, mixed with 0.
 
     Jenkins 2006, lookup3, final mix of two words (Cycles, util/hash.h).

@@ -1,0 +1,121 @@
+"""Where the charts of each instance are, as a table that a shader reads.
+
+All instances of an object wear its materials; what tells them apart is the random number of each, which the
+Object Info node gives. A perfect hash of two levels finds an instance by its number (Fredman, Komlós and
+Szemerédi 1984): of B buckets, number r is in bucket floor(r B); a bucket has m slots, of which frac(r B) m is
+that of r. B and all m are powers of two, so that the arithmetic is exact in float32. In one image lie
+
+    B texels   (first slot, m) of each bucket
+    then       slots: (offset u, offset v, scale, index of the lightmap), zeros where a slot is empty
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from ..scene.objects.items import name_hash
+
+#: Width of a table, texels, and the most slots of a bucket: numbers have 24 bits.
+_WIDTH = 256
+_MOST_SLOTS = 1 << 16
+
+
+@dataclass(frozen=True)
+class InstancePlace:
+    """Where the charts of an instance are: lightmap uv = uv of the mesh * scale + offset.
+
+    bits  the random number of the instance x (2^32 - 1)
+    """
+
+    bits: int
+    image: bpy.types.Image
+    scale: float
+    offset: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class PlaceTable:
+    """The table of all instances of an object: (rows, _WIDTH, 4) float32, and the number of buckets."""
+
+    texels: np.ndarray
+    buckets: int
+
+
+def instance_places(
+    scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph
+) -> dict[bpy.types.Object, list[InstancePlace]]:
+    """Return the places of the baked instances of each object, and that of the object itself."""
+    baked = {
+        (obj, entry["object"], tuple(entry["persistent_id"])): entry
+        for obj in scene.objects
+        if obj.hemibake.instances
+        for entry in json.loads(obj.hemibake.instances)
+    }
+    places: dict[bpy.types.Object, list[InstancePlace]] = {}
+    for instance in depsgraph.object_instances if baked else ():
+        if not instance.is_instance:
+            continue
+        source = instance.object.original
+        entry = baked.get((instance.parent.original, source.name, tuple(instance.persistent_id)))
+        image = entry and bpy.data.images.get(entry["image"])
+        if image:
+            bits = instance.random_id & 0xFFFFFFFF
+            place = InstancePlace(bits, image, entry["scale"], tuple(entry["offset"]))
+            places.setdefault(source, []).append(place)
+    for source, others in places.items():
+        own = source.hemibake
+        if own.image is not None:
+            place = InstancePlace(name_hash(source.name), own.image, own.uv_scale, tuple(own.uv_offset))
+            others.append(place)
+    return places
+
+
+def place_table(places: Sequence[InstancePlace], images: Sequence[bpy.types.Image]) -> PlaceTable:
+    """Return the table of places, one for each number."""
+    numbers = shader_numbers([place.bits for place in places])
+    buckets = 1 << max(len(places) - 1, 0).bit_length()
+    bucket, rest = _split(numbers, buckets)
+    heads, slots, first = np.zeros((buckets, 4), np.float32), [], buckets
+    for index in range(buckets):
+        members = np.flatnonzero(bucket == index)
+        count = _slot_count(rest[members])
+        block = np.zeros((count, 4), np.float32)
+        for member in members:
+            place = places[member]
+            slot = min(int(rest[member] * count), count - 1)
+            block[slot] = (*place.offset, place.scale, images.index(place.image))
+        heads[index, :2] = first, count
+        slots.append(block)
+        first += count
+    texels = np.concatenate([heads, *slots])
+    rows = -(-len(texels) // _WIDTH)
+    padded = np.zeros((rows * _WIDTH, 4), np.float32)
+    padded[: len(texels)] = texels
+    return PlaceTable(padded.reshape(rows, _WIDTH, 4), buckets)
+
+
+def shader_numbers(bits: Sequence[int]) -> np.ndarray:
+    """Return the numbers in [0, 1) that shaders see, float32; 1 itself is made the largest below it."""
+    numbers = np.array(bits, np.uint32).astype(np.float32) * np.float32(1 / 0xFFFFFFFF)
+    return np.minimum(numbers, np.float32(1 - 2**-24))
+
+
+def _split(numbers: np.ndarray, buckets: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the bucket of each number, and where in it the number is, in [0, 1)."""
+    scaled = numbers * np.float32(buckets)
+    bucket = np.floor(scaled)
+    return bucket.astype(int), scaled - bucket
+
+
+def _slot_count(rest: np.ndarray) -> int:
+    """Return the smallest power of two of slots that tells numbers apart; equal ones share a slot."""
+    rest = np.unique(rest)
+    count = 1
+    while count < _MOST_SLOTS and len(np.unique(np.floor(rest * count))) < len(rest):
+        count *= 2
+    return count

@@ -1,0 +1,43 @@
+"""Shader nodes made in one call."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import bpy
+
+#: What an input is fed with: an output, another input, of which it takes the link or the value, or a value.
+Feed = bpy.types.NodeSocket | float | Sequence[float]
+
+
+def make_node(
+    tree: bpy.types.NodeTree, kind: str, location: tuple[float, float], *inputs: Feed, **settings: object
+) -> bpy.types.NodeSocket:
+    """Return the first output of a new node whose first inputs are fed."""
+    node = tree.nodes.new(kind)
+    node.location = location
+    for name, value in settings.items():
+        setattr(node, name, value)
+    for socket, source in zip(node.inputs, inputs, strict=False):
+        feed(tree, socket, source)
+    return node.outputs[0]
+
+
+def feed(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, source: Feed) -> None:
+    """Feed an input, whatever has fed it before."""
+    for link in list(socket.links):
+        tree.links.remove(link)
+    if not isinstance(source, bpy.types.NodeSocket):
+        socket.default_value = source
+        return
+    output = source if source.is_output else feeding_output(source)
+    if output is not None:
+        tree.links.new(output, socket)
+    else:
+        value = source.default_value
+        socket.default_value = value[:3] if socket.type == "VECTOR" else value
+
+
+def feeding_output(socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket | None:
+    """Return the output that is linked to an input, None if the input's own value counts."""
+    return next((link.from_socket for link in socket.links if not link.is_muted), None)

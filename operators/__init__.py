@@ -37,6 +37,7 @@ def _classes() -> tuple[type, ...]:
         bake,
         cancel,
         last_bake,
+        lightmaps,
         preferences,
         presets,
         preview,
@@ -46,5 +47,8 @@ def _classes() -> tuple[type, ...]:
         unwrap,
     )
 
-    modules = (properties, presets, bake, cancel, unwrap, preview, select, last_bake, preferences, self_test)
+    modules = (
+        properties, presets, bake, cancel, unwrap, lightmaps, preview, select, last_bake, preferences,
+        self_test,
+    )  # fmt: skip
     return tuple(cls for module in modules for cls in module.CLASSES)

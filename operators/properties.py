@@ -9,6 +9,7 @@ from bpy.props import (
     EnumProperty,
     FloatProperty,
     FloatVectorProperty,
+    IntProperty,
     PointerProperty,
     StringProperty,
 )
@@ -26,6 +27,13 @@ class HemibakeLightmapProperties(bpy.types.PropertyGroup):
 
     name: StringProperty(name="Atlas")
     image: PointerProperty(type=bpy.types.Image, name="Image")
+    used: FloatProperty(
+        name="Used",
+        description="Part of the lightmap that the charts of its objects cover, as they were baked last",
+        subtype="PERCENTAGE",
+        min=0,
+        max=100,
+    )
 
 
 class HemibakeSceneProperties(bpy.types.PropertyGroup):
@@ -60,6 +68,9 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
     lightmaps: CollectionProperty(
         type=HemibakeLightmapProperties,
         description="Image of each atlas that has been baked in the scene",
+    )
+    active_lightmap: IntProperty(
+        name="Active Lightmap", description="Lightmap that is chosen in the list", options={"HIDDEN"}
     )
     report: StringProperty(
         name="Report",
@@ -106,6 +117,15 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
         name="UV Layer",
         description="UV layer with the lightmap UVs of this object; empty for that of the scene",
         search=lambda self, context, text: offered_layers([self.id_data]),
+    )
+    lightmap_scale: FloatProperty(
+        name="Scale in Lightmap",
+        description="Factor on the texels per metre of the object; used when its lightmap UVs are made, "
+        "repacked or moved",
+        default=1.0,
+        min=0.001,
+        soft_min=0.1,
+        soft_max=10.0,
     )
     image: PointerProperty(
         type=bpy.types.Image,

@@ -188,6 +188,7 @@ class Run:
         targets = [find(bpy.data.images, uid) for uid in self._images]
         files = self._store(targets, pixels)
         self._keep_images()
+        self._remember_use(lightmap)
         lost = self._lost_uvs()
         self._remember_images(targets, lost)
         self._seconds["store"] = time.perf_counter() - start
@@ -225,6 +226,14 @@ class Run:
             image = find(bpy.data.images, uid)
             if scene is not None and image is not None:
                 images.remember(scene, name, image)
+
+    def _remember_use(self, lightmap: Lightmap) -> None:
+        """Write on the scene how much of each atlas has patches, where all of its objects were baked."""
+        known = self._context.scene.hemibake.lightmaps
+        kept = {atlas for atlas, _ in self._kept.objects()}
+        for atlas, has_patch in zip(lightmap.atlases, lightmap.has_patch, strict=True):
+            if atlas in known and atlas not in kept:
+                known[atlas].used = 100 * float(has_patch.mean())
 
     def _lost_uvs(self) -> dict[int, str]:
         """Return session uid and name of the objects that lost their lightmap UVs, as an undo makes them."""

@@ -2,10 +2,10 @@
 
 import bpy
 
-from . import active_object, advanced, bake, last_bake, outputs, preferences, presets
+from . import active_object, advanced, bake, last_bake, lightmaps, outputs, preferences, presets
 
 #: In the order of the sidebar.
-_PANELS = (bake, outputs, advanced, active_object, last_bake)
+_PANELS = (bake, lightmaps, active_object, outputs, advanced, last_bake)
 
 #: Every class that Blender has to know.
 CLASSES = tuple(cls for module in (preferences, presets, *_PANELS) for cls in module.CLASSES)

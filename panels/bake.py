@@ -27,11 +27,9 @@ class HEMIBAKE_PT_bake(Sidebar, bpy.types.Panel):
         button = layout.row()
         button.scale_y = 1.6
         draw_bake_button(button)
-        row = layout.row(align=True)
-        row.operator("hemibake.unwrap", text="Unwrap", icon="UV")
         shown = shows_preview(context.scene)
         text = "Hide Preview" if shown else "Preview"
-        row.operator("hemibake.preview", text=text, depress=shown, icon="SHADING_TEXTURE")
+        layout.operator("hemibake.preview", text=text, depress=shown, icon="SHADING_TEXTURE")
 
 
 CLASSES = (HEMIBAKE_PT_bake,)

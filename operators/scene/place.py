@@ -60,12 +60,12 @@ class ChartBox:
 
 
 def chart_box(reading: Reading) -> ChartBox:
-    """Return the box around a reading's charts, and how dense they are in the world."""
+    """Return the box around a reading's charts, and how dense they are for its scale in lightmaps."""
     uvs = reading.shape.corners.uvs.astype(np.float64)
     low = uvs.min(axis=(0, 1))
     high = np.maximum(uvs.max(axis=(0, 1)), low + _SMALLEST_BOX)
     flat = max(_flat_area(uvs), _LEAST_FILLED * float(np.prod(high - low)))
-    area = _world_area(reading)
+    area = _world_area(reading) * reading.scale**2
     return ChartBox(low, high, float(np.sqrt(flat / area)) if area > 0 else 1.0)
 
 

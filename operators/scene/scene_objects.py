@@ -44,6 +44,7 @@ class Reading:
     atlas          name of the atlas its charts go to, None for an occluder
     uvs            session uid of what its UVs come from, see `uv_source`
     matrix         (4, 4) float64, object space to world space
+    scale          factor on its texels per metre
     """
 
     name: str
@@ -54,6 +55,7 @@ class Reading:
     atlas: str | None
     matrix: np.ndarray
     shape: Shape
+    scale: float
 
     @property
     def box(self) -> np.ndarray:
@@ -106,6 +108,7 @@ class ItemReader:
                 atlas=None if trouble else atlas,
                 matrix=item.matrix,
                 shape=shape,
+                scale=item.source.hemibake.lightmap_scale,
             )
         )
 

@@ -32,6 +32,18 @@ class Layout:
         self.shown.append(name)
         return self._part()
 
+    def prop_search(self, owner, name, collection, items, **options):
+        assert items in collection.bl_rna.properties
+        self.prop(owner, name)
+
+    def template_list(self, kind, number, owner, items, active_owner, active, **options):
+        import bpy
+
+        panel_list = getattr(bpy.types, kind)
+        assert active in active_owner.bl_rna.properties
+        for item in getattr(owner, items):
+            panel_list.draw_item(None, bpy.context, self, owner, item, 0, active_owner, active)
+
     def menu(self, name, **options):
         import bpy
 

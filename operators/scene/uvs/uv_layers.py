@@ -35,6 +35,23 @@ def remove_layer(obj: bpy.types.Object, name: str) -> None:
     obj.data.update()
 
 
+def set_layer_aside(obj: bpy.types.Object, name: str, changes: Changes) -> None:
+    """Remove a UV layer, if there is one of that name, such that it can be brought back."""
+    if name not in obj.data.uv_layers:
+        return
+    obj.update_from_editmode()
+    uvs = np.empty((len(obj.data.loops), 2), np.float32)
+    obj.data.uv_layers[name].uv.foreach_get("vector", uvs.reshape(-1))
+    changes.add(lambda uid=obj.session_uid: _bring_back(uid, name, uvs))
+    remove_layer(obj, name)
+
+
+def _bring_back(uid: int, name: str, uvs: np.ndarray) -> None:
+    obj = find(bpy.data.objects, uid)
+    if obj is not None:
+        (_add_edited if obj.data.is_editmode else _add_stored)(obj, name, uvs)
+
+
 def _remove_from(uid: int, name: str) -> None:
     obj = find(bpy.data.objects, uid)
     if obj is not None:

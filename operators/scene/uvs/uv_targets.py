@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import bpy
@@ -41,13 +41,18 @@ class Target:
 
     @cached_property
     def charts(self) -> Charts:
-        """Its charts, made once."""
-        return make_charts(self.mesh)
+        """Its charts, made once, larger than the mesh by the object's scale in lightmaps."""
+        charts = make_charts(self.mesh)
+        return replace(charts, uvs=charts.uvs * self._scale)
 
     @cached_property
     def area(self) -> float:
-        """The surface, m^2."""
-        return self.mesh.area
+        """The surface of its charts, m^2."""
+        return self.mesh.area * self._scale**2
+
+    @property
+    def _scale(self) -> float:
+        return self.objects[0].hemibake.lightmap_scale
 
     @property
     def atlas(self) -> str:

@@ -1,0 +1,69 @@
+"""The lightmaps of the scene, and the objects that each holds."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..operators.lightmaps import active_lightmap, members, unlisted
+from .sidebar import SubPanel
+
+
+class HEMIBAKE_UL_lightmaps(bpy.types.UIList):
+    """Lightmaps: name, width, objects, and how much of each is used."""
+
+    def draw_item(
+        self,
+        context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        data: bpy.types.PropertyGroup,
+        item: bpy.types.PropertyGroup,
+        icon: int,
+        active_data: bpy.types.PropertyGroup,
+        active_property: str,
+        index: int = 0,
+        flags: int = 0,
+    ) -> None:
+        row = layout.row(align=True)
+        row.label(text=item.name, icon="IMAGE_DATA" if item.image else "BLANK1")
+        facts = row.row(align=True)
+        facts.alignment = "RIGHT"
+        facts.label(text=_facts(context.scene, item))
+
+
+class HEMIBAKE_PT_lightmaps(SubPanel, bpy.types.Panel):
+    """List of the lightmaps, with what assigns objects to them."""
+
+    bl_label = "Lightmaps"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, scene = self.layout, context.scene
+        row = layout.row()
+        kept = scene.hemibake
+        row.template_list("HEMIBAKE_UL_lightmaps", "", kept, "lightmaps", kept, "active_lightmap", rows=3)
+        buttons = row.column(align=True)
+        buttons.operator("hemibake.lightmap_add", text="", icon="ADD")
+        buttons.operator("hemibake.lightmap_remove", text="", icon="REMOVE")
+        for name in unlisted(scene):
+            layout.label(text=f"{name}: {_counted(len(members(scene, name)))}, not baked yet", icon="BLANK1")
+        entry = active_lightmap(scene)
+        if entry is not None and entry.image is not None:
+            layout.label(text=entry.image.name, icon="IMAGE_DATA")
+        row = layout.row(align=True)
+        row.operator("hemibake.lightmap_assign", text="Assign")
+        row.operator("hemibake.lightmap_select", text="Select")
+        row.operator("hemibake.lightmap_repack", text="Repack")
+        layout.operator("hemibake.unwrap", icon="UV")
+
+
+def _facts(scene: bpy.types.Scene, entry: bpy.types.PropertyGroup) -> str:
+    """Return width, objects and used part of a lightmap, as far as they are known."""
+    parts = [f"{entry.image.size[0]} px"] if entry.image else []
+    parts.append(_counted(len(members(scene, entry.name))))
+    return ", ".join([*parts, f"{entry.used:.0f}%"] if entry.image and entry.used else parts)
+
+
+def _counted(objects: int) -> str:
+    return f"{objects} object{'' if objects == 1 else 's'}"
+
+
+CLASSES = (HEMIBAKE_UL_lightmaps, HEMIBAKE_PT_lightmaps)

@@ -12,6 +12,7 @@ from ..engine.naming import naming
 from ..engine.progress import finished
 from .bake_settings import read_settings
 from .changes import Changes
+from .lightmap_size import chosen_width
 from .scene import SceneContext
 from .scene.uvs.unwrap import unwrap_missing
 from .scene.uvs.uv_layers import set_layer_aside
@@ -156,9 +157,10 @@ class HEMIBAKE_OT_lightmap_repack(_OfActiveLightmap, bpy.types.Operator):
 def _unwrap_anew(context: bpy.types.Context, objects: list[bpy.types.Object], changes: Changes) -> list[str]:
     """Replace the lightmap UVs of objects; raises EngineError if one of them cannot have new ones."""
     settings = context.scene.hemibake
-    resolution = read_settings(settings).resolution
+    read_settings(settings)
     if not objects:
         raise EngineError("The lightmap holds no objects. Assign some to it.")
+    resolution = chosen_width(SceneContext(context), objects, settings)
     chosen = [obj.name for obj in objects if obj.hemibake.own_uv_layer]
     if chosen:
         sentence = "The UV layers chosen for {} stay as they are. Clear their UV Layer to repack them."

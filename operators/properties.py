@@ -17,6 +17,7 @@ from bpy.props import (
 from ..engine.quality import QUALITIES
 from ..engine.settings import Settings, kept_with_scene
 from .compat import PATH_OPTIONS
+from .lightmap_size import size_properties
 from .quality_property import follow_hemicube, quality_property
 from .scene.uvs.lightmap_layer import offered_layers
 from .setting_properties import setting_properties
@@ -86,6 +87,7 @@ HemibakeSceneProperties.__annotations__.update(
     setting_properties(kept_with_scene(), _NEW, {"hemicube": follow_hemicube})
 )
 HemibakeSceneProperties.__annotations__["quality"] = quality_property()
+HemibakeSceneProperties.__annotations__.update(size_properties())
 
 
 class HemibakeSlotProperties(bpy.types.PropertyGroup):

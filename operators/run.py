@@ -21,6 +21,7 @@ from ..engine.scene.model import Scene
 from ..engine.settings import Settings
 from .bake_settings import read_settings
 from .changes import Changes
+from .lightmap_size import chosen_width, width_for
 from .lookup import find
 from .result import images
 from .result.contents import lightmap_contents
@@ -87,8 +88,9 @@ class Run:
         scene = self._context.scene
         self._settings = replace(read_settings(scene.hemibake), intermediates=self._watched)
         self._uv_layer = scene.hemibake.uv_layer
-        resolution, targets = self._settings.resolution, target_uids(self._context, scene.hemibake.target)
+        targets = target_uids(self._context, scene.hemibake.target)
         wanted = [obj for obj in visible_meshes(self._context) if obj.session_uid in targets]
+        resolution = chosen_width(self._context, visible_meshes(self._context), scene.hemibake)
         made = yield from self._stages.include(
             self._stages.unwrapping,
             unwrap_missing(self._context, wanted, self._uv_layer, resolution, self._changes),
@@ -110,6 +112,8 @@ class Run:
             self._stages.reading,
             read_scene(self._context, usable, self._uv_layer, resolution, made.notes),
         )
+        width = width_for(self._read.scene, self._context.scene.hemibake, resolution, bool(made.objects))
+        self._settings = replace(self._settings, resolution=width)
         self._read = only_targets(self._read, targets, self._context.scene)
         self._seconds = {"read": time.perf_counter() - self._start}
         self._choose_destination()

@@ -8,6 +8,7 @@ from ..engine.errors import EngineError
 from ..engine.progress import finished
 from .bake_settings import read_settings
 from .changes import Changes
+from .lightmap_size import chosen_width
 from .scene import SceneContext, visible_meshes
 from .scene.uvs.unwrap import unwrap_missing
 from .telling import tell
@@ -26,8 +27,10 @@ class HEMIBAKE_OT_unwrap(bpy.types.Operator):
         visible = visible_meshes(context)
         objects = [obj for obj in visible if obj.select_get()] or visible
         try:
-            resolution = read_settings(properties).resolution
-            work = unwrap_missing(SceneContext(context), objects, properties.uv_layer, resolution, changes)
+            read_settings(properties)
+            where = SceneContext(context)
+            resolution = chosen_width(where, objects, properties)
+            work = unwrap_missing(where, objects, properties.uv_layer, resolution, changes)
             made = finished(work)
         except EngineError as error:
             changes.take_back()

@@ -21,15 +21,25 @@ class HEMIBAKE_PT_bake(Sidebar, bpy.types.Panel):
         draw_presets(layout, settings)
         split_properties(layout)
         layout.row().prop(settings, "target", expand=True)
-        column = layout.column()
-        for name in (*shown_in("bake"), "quality"):
-            column.prop(settings, name)
+        _draw_size(layout.column(), settings)
+        layout.prop(settings, "quality")
         button = layout.row()
         button.scale_y = 1.6
         draw_bake_button(button)
         shown = shows_preview(context.scene)
         text = "Hide Preview" if shown else "Preview"
         layout.operator("hemibake.preview", text=text, depress=shown, icon="SHADING_TEXTURE")
+
+
+def _draw_size(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
+    """Show the width of lightmaps, or the density that decides it and what that comes to."""
+    layout.row().prop(settings, "size_mode", expand=True)
+    if settings.size_mode == "SIZE":
+        for name in shown_in("bake"):
+            layout.prop(settings, name)
+        return
+    layout.prop(settings, "texels_per_metre")
+    layout.label(text=f"About {settings.planned_width:,} x {settings.planned_width:,} texels", icon="BLANK1")
 
 
 CLASSES = (HEMIBAKE_PT_bake,)

@@ -173,7 +173,11 @@ def apply_settings(options: argparse.Namespace) -> None:
     scene = bpy.context.scene.hemibake
     scene.directory = str(options.out.resolve())
     given = {name: value for name, value in vars(options).items() if value is not None}
-    for name in [name for name in ("quality", *kept_with_scene(), *OWN) if name in given]:
+    if "resolution" in given:
+        scene.size_mode = "SIZE"
+    if "texels_per_metre" in given:
+        scene.size_mode = "DENSITY"
+    for name in [name for name in ("quality", "texels_per_metre", *kept_with_scene(), *OWN) if name in given]:
         _apply(scene, name, given[name])
     for name in given.keys() & set(shown_in(PREFERENCES)):
         _apply(_preferences(), name, given[name])

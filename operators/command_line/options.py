@@ -33,6 +33,7 @@ def parser(program: str, description: str) -> Parser:
     made = Parser(prog=program, description=description, allow_abbrev=False)
     made.add_argument("--out", type=Path, required=True, help="folder for the lightmaps")
     _add_settings(made)
+    made.add_argument("--texels-per-metre", type=float, metavar="N", help="instead of a resolution")
     made.add_argument("--quality", choices=[*QUALITIES], help="sets hemicube, samples and light samples")
     for name, text in OWN.items():
         made.add_argument(f"--{name.replace('_', '-')}", help=text)

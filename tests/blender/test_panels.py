@@ -82,7 +82,7 @@ def test_panels_show_every_setting_once(devices):
     settings = [name for name in shown if any(name in group.bl_rna.properties for group in groups)]
     people = {name for name, known in part("engine.settings").descriptions().items() if known.panel}
     hidden = {"ao_samples", "ao_distance"}
-    assert set(settings) == (people | {"uv_layer", "directory", "quality", "target"}) - hidden
+    assert set(settings) == (people | {"uv_layer", "directory", "quality", "target", "size_mode"}) - hidden
     assert len(settings) == len(set(settings))
 
 

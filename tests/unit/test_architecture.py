@@ -17,8 +17,9 @@ ORDERS = {
         "lightmap", "naming", "progress", "errors",
     ],
     "operators/scene": [
-        "__init__", "overlaps", "targets", "read", "faults", "world_mesh", "places", "crowds", "place",
-        "tiles", "scene_objects", "light", "materials", "uvs", "objects", "messages", "scene_context",
+        "__init__", "overlaps", "targets", "density", "read", "faults", "world_mesh", "places", "crowds",
+        "place", "tiles", "scene_objects", "light", "materials", "uvs", "objects", "messages",
+        "scene_context",
     ],
 }  # fmt: skip
 

@@ -1,0 +1,101 @@
+"""Lightmaps whose width is chosen by the texels per metre."""
+
+import numpy as np
+import pytest
+
+from tests.blender.test_panels import draw
+from tests.blender.things import furnace, loop_uvs, part, report, square
+
+
+@pytest.fixture
+def settings():
+    import bpy
+
+    settings = bpy.context.scene.hemibake
+    settings.size_mode, settings.quality = "DENSITY", "draft"
+    return settings
+
+
+def bake():
+    import bpy
+
+    assert bpy.ops.hemibake.bake() == {"FINISHED"}
+    return {image.name: image.size[0] for image in bpy.data.images if image.get("hemibake_atlas")}
+
+
+def density(obj, width):
+    """Return the texels per metre of an object of 6 square metres, whose quads keep their corners."""
+    uvs = loop_uvs(obj).reshape(-1, 4, 2).astype(float) * width
+    x, y = np.moveaxis(uvs, 2, 0)
+    area = np.abs((x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1) / 2).sum()
+    return np.sqrt(area / len(uvs))
+
+
+@pytest.mark.parametrize("wanted", [7.0, 23.0])
+def test_new_charts_get_at_least_the_density(settings, wanted):
+    settings.texels_per_metre = wanted
+    room = furnace()
+    (width,) = bake().values()
+    assert wanted <= density(room, width) < 2 * wanted and width % 16 == 0
+
+
+def test_charts_that_are_there_decide(settings):
+    settings.texels_per_metre = 50.0
+    square(uvs=[(0, 0), (0.25, 0), (0.25, 0.25), (0, 0.25)])
+    assert bake() == {"Lightmap": 208}
+
+
+def test_the_atlas_that_needs_most_decides(settings):
+    settings.texels_per_metre = 50.0
+    square("One", uvs=[(0, 0), (0.5, 0), (0.5, 0.5), (0, 0.5)])
+    square("Two", uvs=[(0, 0), (0.25, 0), (0.25, 0.25), (0, 0.25)]).hemibake.atlas = "Other"
+    assert bake() == {"Lightmap": 208, "Other": 208}
+
+
+def test_objects_placed_side_by_side_get_it_too(settings):
+    import bpy
+
+    settings.texels_per_metre = 30.0
+    objects = [square(f"Square {number}") for number in range(5)]
+    for number, obj in enumerate(objects):
+        obj.location.x = 2 * number
+    bpy.context.view_layer.update()
+    (width,) = bake().values()
+    for obj in objects:
+        assert 0.8 * width * obj.hemibake.uv_scale >= 30
+
+
+def test_too_dense_lightmaps_are_refused_with_the_limit(settings):
+    settings.texels_per_metre = 1e5
+    furnace()
+    with pytest.raises(RuntimeError, match=r"100000 texels per metre need .* 16,384 are the most"):
+        bake()
+
+
+def test_panel_shows_what_it_comes_to(settings):
+    square(uvs=[(0, 0), (0.25, 0), (0.25, 0.25), (0, 0.25)])
+    settings.texels_per_metre = 50.0
+    shown = draw("HEMIBAKE_PT_bake")
+    assert "About 208 x 208 texels" in shown and "texels_per_metre" in shown and "resolution" not in shown
+
+
+def test_selected_objects_keep_the_width_of_their_lightmap(settings):
+    settings.texels_per_metre = 50.0
+    one = square("One", uvs=[(0, 0), (0.25, 0), (0.25, 0.25), (0, 0.25)])
+    two = square("Two", uvs=[(0.5, 0), (0.75, 0), (0.75, 0.25), (0.5, 0.25)])
+    two.location.x = 2
+    bake()
+    settings.target = "SELECTED"
+    one.select_set(True)
+    assert bake() == {"Lightmap": 208} and report()["objects"] == 1
+
+
+def test_command_line_chooses_a_size_or_a_density(settings):
+    import argparse
+    from pathlib import Path
+
+    command = part("operators.command_line.command")
+    command.apply_settings(argparse.Namespace(out=Path("/tmp"), resolution=64))
+    assert (settings.size_mode, settings.resolution) == ("SIZE", 64)
+    command.apply_settings(argparse.Namespace(out=Path("/tmp"), texels_per_metre=3.5))
+    assert (settings.size_mode, settings.texels_per_metre) == ("DENSITY", 3.5)

@@ -8,11 +8,12 @@ def register() -> None:
     """Register the properties, the operators and the command."""
     import bpy
 
-    from . import command_line, properties
+    from . import command_line, properties, translations
 
     for cls in _classes():
         bpy.utils.register_class(cls)
     properties.bind()
+    translations.bind()
     command_line.register()
 
 
@@ -20,13 +21,14 @@ def unregister() -> None:
     """Stop all that bakes, then unregister the command, the operators and the properties."""
     import bpy
 
-    from . import command_line, properties
+    from . import command_line, properties, translations
     from .devices import finder
     from .worker_owner import owner
 
     finder.stop()
     owner.stop()
     command_line.unregister()
+    translations.unbind()
     properties.unbind()
     for cls in reversed(_classes()):
         bpy.utils.unregister_class(cls)

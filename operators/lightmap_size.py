@@ -12,6 +12,7 @@ from ..engine.scene.model import Scene
 from ..engine.settings import descriptions
 from .scene import SceneContext, visible_meshes
 from .scene.density import width_before, width_of
+from .translations import CONTEXT
 
 
 def size_properties() -> dict:
@@ -20,6 +21,7 @@ def size_properties() -> dict:
         "size_mode": EnumProperty(
             name="Size",
             description="How the width of the lightmaps is chosen",
+            translation_context=CONTEXT,
             items=[
                 ("SIZE", "Resolution", "Every lightmap has this width and height, in texels"),
                 ("DENSITY", "Density", "As many texels as give a number of them per metre of surface"),

@@ -17,10 +17,12 @@ from bpy.props import (
 from ..engine.quality import QUALITIES
 from ..engine.settings import Settings, kept_with_scene
 from .compat import PATH_OPTIONS
+from .lightmap_list import unlisted
 from .lightmap_size import size_properties
 from .quality_property import follow_hemicube, quality_property
 from .scene.uvs.lightmap_layer import offered_layers
 from .setting_properties import setting_properties
+from .translations import CONTEXT
 
 
 class HemibakeLightmapProperties(bpy.types.PropertyGroup):
@@ -50,6 +52,7 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
     target: EnumProperty(
         name="Target",
         description="Which objects are baked",
+        translation_context=CONTEXT,
         items=[
             ("ALL", "All", "Every object with a lightmap that viewport and renders show"),
             (
@@ -97,12 +100,18 @@ class HemibakeSlotProperties(bpy.types.PropertyGroup):
     material: PointerProperty(type=bpy.types.Material, description="Material linked to the object")
 
 
+def _known_atlases(owner: bpy.types.bpy_struct, context: bpy.types.Context, text: str) -> list[str]:
+    """Return the lightmaps that a field offers: Blender itself looks which of them fit the text."""
+    return [*(entry.name for entry in context.scene.hemibake.lightmaps), *unlisted(context.scene)]
+
+
 class HemibakeObjectProperties(bpy.types.PropertyGroup):
     """What a bake does with an object, and which lightmap it belongs to."""
 
     role: EnumProperty(
         name="Role",
         description="What a bake does with the object",
+        translation_context=CONTEXT,
         items=[
             ("BAKED", "Baked", "The object gets a place in a lightmap"),
             ("OCCLUDER", "Occluder", "The object stops, reflects and emits light, but gets no lightmap"),
@@ -113,6 +122,8 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
     atlas: StringProperty(
         name="Atlas",
         description="Lightmap that holds the object's charts; objects with the same name here are in one",
+        search=_known_atlases,
+        search_options={"SUGGESTION"},
         default="Lightmap",
     )
     own_uv_layer: StringProperty(

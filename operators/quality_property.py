@@ -9,6 +9,7 @@ from bpy.props import EnumProperty
 
 from ..engine.quality import QUALITIES, QUALITY_SETTINGS, quality_of
 from .setting_properties import setting_values
+from .translations import CONTEXT
 
 _NAMES = (*QUALITIES, "custom")
 
@@ -32,6 +33,7 @@ def quality_property() -> Any:
         name="Quality",
         description="How exact the light is, and how long a bake takes: the largest error of a lightmap as "
         "a fraction of its mean",
+        translation_context=CONTEXT,
         items=_items,
         get=_get,
         set=_set,

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import math
+import textwrap
 
 import bpy
 
 from ..engine.naming import first_line
 from ..engine.progress import Progress, format_seconds_left
+
+#: Mean width of a letter and of a window whose width is unknown, pixels of an unscaled interface; part of the
+#: window's width that a pop-up takes, and letters of its shortest line.
+_LETTER, _UNKNOWN, _SHARE, _SHORTEST = 6.5, 1200, 0.5, 40
 
 
 def tell(operator: bpy.types.Operator, kind: str, message: str) -> None:
@@ -20,7 +25,8 @@ def tell(operator: bpy.types.Operator, kind: str, message: str) -> None:
         return
     for line in message.strip().splitlines()[1:]:
         operator.report({"INFO"}, line)
-    operator.report({kind}, first_line(message))
+    short = first_line(message)
+    operator.report({kind}, _wrapped(short) if kind == "ERROR" else short)
 
 
 def progress_line(progress: Progress) -> str:
@@ -29,6 +35,13 @@ def progress_line(progress: Progress) -> str:
     if math.isfinite(progress.residual):
         parts.append(f"remaining error {progress.residual:.2%}")
     return "Hemibake: " + ", ".join(filter(None, (*parts, format_seconds_left(progress.seconds_left))))
+
+
+def _wrapped(line: str) -> str:
+    """Return a line in as many as fit the window: Blender shows errors in a pop-up that does not wrap."""
+    window = bpy.context.window
+    width = _UNKNOWN if window is None else window.width / bpy.context.preferences.system.ui_scale
+    return "\n".join(textwrap.wrap(line, max(_SHORTEST, int(_SHARE * width / _LETTER))))
 
 
 def _without_window() -> bool:

@@ -2,24 +2,24 @@
 
 import bpy
 
-from . import active_object, advanced, bake, last_bake, lightmaps, outputs, preferences, presets
+from . import active_object, advanced, bake, last_bake, lightmaps, menus, outputs, preferences, presets
 
 #: In the order of the sidebar.
 _PANELS = (bake, lightmaps, active_object, outputs, advanced, last_bake)
 
 #: Every class that Blender has to know.
-CLASSES = tuple(cls for module in (preferences, presets, *_PANELS) for cls in module.CLASSES)
+CLASSES = tuple(cls for module in (preferences, presets, menus, *_PANELS) for cls in module.CLASSES)
 
 
 def register() -> None:
-    """Register the preferences and the panels."""
+    """Register the preferences, the menus and the panels."""
     for cls in CLASSES:
         bpy.utils.register_class(cls)
-    preferences.bind()
+    menus.bind()
 
 
 def unregister() -> None:
-    """Unregister the panels and the preferences."""
-    preferences.unbind()
+    """Unregister the panels, the menus and the preferences."""
+    menus.unbind()
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

@@ -24,8 +24,8 @@ class HEMIBAKE_PT_object(SubPanel, bpy.types.Panel):
         split_properties(layout)
         layout.prop(obj.hemibake, "role")
         if obj.type == "MESH" and obj.hemibake.role == "BAKED":
-            layout.prop_search(obj.hemibake, "atlas", context.scene.hemibake, "lightmaps", icon="IMAGE_DATA")
-            layout.prop(obj.hemibake, "lightmap_scale")
+            layout.prop(obj.hemibake, "atlas")
+            layout.prop(obj.hemibake, "lightmap_scale", text="Scale")
             layout.prop(obj.hemibake, "own_uv_layer", placeholder=context.scene.hemibake.uv_layer)
         if obj.hemibake.image is not None:
             layout.label(text=f"Baked into '{obj.hemibake.image.name}'", icon="IMAGE_DATA")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..operators.lightmaps import active_lightmap, members, unlisted
+from ..operators.lightmap_list import active_lightmap, members, unlisted
 from .sidebar import SubPanel
 
 
@@ -34,6 +34,7 @@ class HEMIBAKE_PT_lightmaps(SubPanel, bpy.types.Panel):
     """List of the lightmaps, with what assigns objects to them."""
 
     bl_label = "Lightmaps"
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene

@@ -1,4 +1,4 @@
-"""Hemibake in Blender's preferences: devices, self-test, files; and its entry in the Help menu."""
+"""Hemibake in Blender's preferences: devices, self-test, files."""
 
 from __future__ import annotations
 
@@ -84,19 +84,4 @@ def _draw_path(layout: bpy.types.UILayout, name: str, path: object) -> None:
     button.operator("wm.path_open", text="Open", icon="TEXT").filepath = str(path)
 
 
-def _draw_help(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
-    """Add the self-test to a menu, where the search finds it."""
-    menu.layout.operator("hemibake.self_test")
-
-
 CLASSES = (HEMIBAKE_AP_preferences,)
-
-
-def bind() -> None:
-    """Add the entry of the Help menu."""
-    bpy.types.TOPBAR_MT_help.append(_draw_help)
-
-
-def unbind() -> None:
-    """Remove it."""
-    bpy.types.TOPBAR_MT_help.remove(_draw_help)

@@ -50,6 +50,9 @@ class Layout:
         assert hasattr(bpy.types, name)
         self.shown.append(options.get("text", name))
 
+    def separator(self):
+        pass
+
     def label(self, text="", icon="NONE"):
         import bpy
 
@@ -154,14 +157,45 @@ def test_preferences_show_what_the_last_test_told(devices, monkeypatch, right):
     assert shown.index("First.") + 1 == shown.index("Second.")
 
 
-def test_help_menu_has_the_self_test():
+def in_menu(menu):
+    """Return what Hemibake adds to a menu of Blender."""
     import bpy
 
-    drawn = bpy.types.TOPBAR_MT_help.draw._draw_funcs
+    drawn = getattr(bpy.types, menu).draw._draw_funcs
     (entry,) = [function for function in drawn if function.__module__.startswith(MODULE)]
     shown = []
     entry(type("Menu", (), {"layout": Layout(shown)}), bpy.context)
-    assert shown == ["hemibake.self_test"]
+    return shown
+
+
+def test_every_operator_that_needs_no_argument_is_in_a_menu_for_the_search():
+    import bpy
+
+    assert in_menu("TOPBAR_MT_help") == ["hemibake.self_test"]
+    assert in_menu("VIEW3D_MT_object") == ["HEMIBAKE_MT_lightmaps"]
+    shown = {*draw("HEMIBAKE_MT_lightmaps"), "hemibake.self_test"}
+    operators = {f"hemibake.{name}" for name in dir(bpy.ops.hemibake)}
+    internal = {name for name in operators if "INTERNAL" in getattr(rna(name), "bl_options", ())}
+    assert operators - internal == shown
+
+
+def rna(operator):
+    """Return the class of an operator."""
+    import bpy
+
+    kind = operator.replace(".", "_OT_").replace("hemibake", "HEMIBAKE")
+    return bpy.types.Operator.bl_rna_get_subclass_py(kind)
+
+
+def test_tooltips_read_as_those_of_blender():
+    import bpy
+
+    groups = [bpy.context.scene.hemibake, square().hemibake]
+    texts = [prop.description for group in groups for prop in group.bl_rna.properties if not prop.is_hidden]
+    texts += [rna(f"hemibake.{name}").bl_rna.description for name in dir(bpy.ops.hemibake)]
+    assert len(texts) > 40
+    for text in texts:
+        assert text == text.strip() and not text.endswith(".") and (not text or text[0].isupper()), text
 
 
 def test_ambient_occlusion_shows_its_settings():

@@ -41,6 +41,18 @@ def test_a_window_gets_the_first_line_and_the_info_editor_all(monkeypatch, backg
     assert told.reports == (whole if background else parts)
 
 
+def test_an_error_is_wrapped_for_the_pop_up_of_a_window(monkeypatch):
+    telling = part("operators.telling")
+    monkeypatch.setattr(telling, "_without_window", lambda: False)
+    told = Told()
+    sentence = " ".join(["A long sentence about much."] * 20)
+    telling.tell(told, "ERROR", sentence)
+    telling.tell(told, "WARNING", sentence)
+    (_, error), (_, warning) = told.reports
+    assert warning == sentence == error.replace("\n", " ")
+    assert max(map(len, error.splitlines())) < 100 and len(error.splitlines()) > 4
+
+
 def test_a_terminal_is_told_the_percentage_once_in_a_while(monkeypatch, capfd):
     import bpy
 

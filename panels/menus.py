@@ -1,0 +1,59 @@
+"""Hemibake's operators in Blender's menus, where the search finds them."""
+
+from __future__ import annotations
+
+import bpy
+
+
+class HEMIBAKE_MT_lightmaps(bpy.types.Menu):
+    """What can be done with the lightmaps of the scene."""
+
+    bl_label = "Lightmaps"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        for group in _GROUPS:
+            for name in group:
+                self.layout.operator(name)
+            self.layout.separator()
+
+
+#: Operators of the menu, with a line between two groups.
+_GROUPS = (
+    ("hemibake.bake", "hemibake.cancel", "hemibake.preview"),
+    ("hemibake.unwrap", "hemibake.lightmap_repack"),
+    (
+        "hemibake.lightmap_add",
+        "hemibake.lightmap_remove",
+        "hemibake.lightmap_assign",
+        "hemibake.lightmap_select",
+    ),
+    ("hemibake.copy_report",),
+)
+
+
+def _draw_object_menu(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
+    """Add the lightmaps to the Object menu of the 3D view."""
+    menu.layout.separator()
+    menu.layout.menu("HEMIBAKE_MT_lightmaps")
+
+
+def _draw_help_menu(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
+    """Add the self-test to the Help menu."""
+    menu.layout.operator("hemibake.self_test")
+
+
+CLASSES = (HEMIBAKE_MT_lightmaps,)
+
+_ENTRIES = (("VIEW3D_MT_object", _draw_object_menu), ("TOPBAR_MT_help", _draw_help_menu))
+
+
+def bind() -> None:
+    """Add the entries to Blender's menus."""
+    for menu, entry in _ENTRIES:
+        getattr(bpy.types, menu).append(entry)
+
+
+def unbind() -> None:
+    """Remove them."""
+    for menu, entry in _ENTRIES:
+        getattr(bpy.types, menu).remove(entry)

@@ -39,8 +39,8 @@ def progress_line(progress: Progress) -> str:
 
 def _wrapped(line: str) -> str:
     """Return a line in as many as fit the window: Blender shows errors in a pop-up that does not wrap."""
-    window = bpy.context.window
-    width = _UNKNOWN if window is None else window.width / bpy.context.preferences.system.ui_scale
+    scale = bpy.context.preferences.system.ui_scale
+    width = bpy.context.window.width / scale if bpy.context.window and scale else _UNKNOWN
     return "\n".join(textwrap.wrap(line, max(_SHORTEST, int(_SHARE * width / _LETTER))))
 
 

@@ -13,7 +13,7 @@ from benchmarks.rooms import cornell_box
 from benchmarks.solving import solving
 from engine.device.compute import Compute
 from engine.device.kernel import Kernel
-from engine.visibility.identity import sample_bytes
+from engine.visibility.samples import sample_bytes
 
 #: Name of the kernel that sums what patches see.
 _KERNEL = "gather"

@@ -24,6 +24,7 @@ class Report:
     devices     the GL renderer under "gl", the CL device under "cl" if there is one
     warnings    sentences for the user
     integrator  what summed the hemicubes: "opencl", or "glsl" for OpenGL's compute shaders
+    paces       seconds that a unit of each stage took, in this bake or earlier ones, see `BakeStages`
     """
 
     patches: int
@@ -39,6 +40,7 @@ class Report:
     devices: dict[str, str]
     warnings: tuple[str, ...] = ()
     integrator: str = "opencl"
+    paces: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,13 @@ OpenGL and OpenCL are imported by the first bake: a process that leaves baking t
 from __future__ import annotations
 
 from collections.abc import Generator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from .device.found import DeviceSurvey
 from .device.packages import require_packages
 from .lightmap import Lightmap
-from .plan.stages import BakeStages
+from .plan.stages import BakeStages, Extent
 from .progress import Progress
 from .scene.checks import check_scene
 from .scene.model import Scene
@@ -35,7 +36,7 @@ class Session:
         require_packages()
         from .algorithm import bake
 
-        stages = BakeStages(scene, settings, self._paces)
+        stages = BakeStages(Extent.of(scene), settings, self._paces)
         devices = self._take(settings)
         stages.opened(devices.on_card)
         try:
@@ -44,6 +45,7 @@ class Session:
             devices.release()
             raise
         stages.learn()
+        lightmap = replace(lightmap, report=replace(lightmap.report, paces=dict(self._paces)))
         devices.clear()
         self._devices = devices
         return lightmap

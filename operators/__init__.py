@@ -38,6 +38,7 @@ def _classes() -> tuple[type, ...]:
     from . import (
         bake,
         cancel,
+        checks,
         last_bake,
         lightmaps,
         preferences,
@@ -50,7 +51,7 @@ def _classes() -> tuple[type, ...]:
     )
 
     modules = (
-        properties, presets, bake, cancel, unwrap, lightmaps, preview, select, last_bake, preferences,
+        properties, presets, bake, cancel, checks, unwrap, lightmaps, preview, select, last_bake, preferences,
         self_test,
     )  # fmt: skip
     return tuple(cls for module in modules for cls in module.CLASSES)

@@ -81,6 +81,11 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
         description="Report of the last bake, as JSON",
         options={"HIDDEN"},
     )
+    findings: StringProperty(
+        name="Findings",
+        description="What the last check has found, as JSON",
+        options={"HIDDEN"},
+    )
 
 
 #: Settings of a new scene: the first lightmap comes soon.

@@ -21,6 +21,7 @@ from ..engine.scene.model import Scene
 from ..engine.settings import Settings
 from .bake_settings import read_settings
 from .changes import Changes
+from .checks import IdleCheck
 from .lightmap_size import chosen_width, width_for
 from .lookup import find
 from .result import images
@@ -62,6 +63,7 @@ class Run:
         self._watched, self._made_uvs = watched, made_uvs
         self._changes = Changes()
         self._images: list[int] = []
+        self._check: IdleCheck | None = None
         self.failure: str | None = None
         self._start = time.perf_counter()
         self._stages = RunStages(owner.paces)
@@ -73,7 +75,10 @@ class Run:
         The progress is that of the whole run. None: nothing more can be done before the window has drawn, or
         before the worker has.
         """
-        return next(self._work)
+        progress = next(self._work)
+        if progress is None and self._check is not None:
+            self._check.step()
+        return progress
 
     def _all_work(self) -> Bake:
         """Unwrap, read, bake, and say that saving is next: None after that lets a window show it."""
@@ -127,7 +132,11 @@ class Run:
         self._kept = KeptTexels(self._context, self._read, self._names, self._settings)
 
     def _bake_without_overlaps(self) -> Bake:
-        """Bake; start again without the objects whose charts lie on others'."""
+        """Bake; start again without the objects whose charts lie on others'.
+
+        In a window the scene is checked while the worker works.
+        """
+        self._check = IdleCheck(self._context) if self._watched else None
         while True:
             work = self._showing(self._bake(self._read.scene, self._settings))
             try:
@@ -197,6 +206,7 @@ class Run:
         self._remember_images(targets, lost)
         self._seconds["store"] = time.perf_counter() - start
         self._stages.has_saved()
+        owner.paces.update(lightmap.report.paces)
         report = self._report(lightmap, [image.name for image in targets], files, lost)
         scene = find(bpy.data.scenes, self._context.scene_uid)
         if scene is not None:

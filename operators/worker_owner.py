@@ -33,7 +33,7 @@ class WorkerOwner:
     """Starts a worker when one is needed and none is alive; ends all that bakes with the add-on.
 
     running  the bake that a window follows
-    paces    what `RunStages` learns from one bake for the next
+    paces    what `RunStages` and the engine learn from one bake for the next
     """
 
     def __init__(self) -> None:

@@ -2,10 +2,21 @@
 
 import bpy
 
-from . import active_object, advanced, bake, last_bake, lightmaps, menus, outputs, preferences, presets
+from . import (
+    active_object,
+    advanced,
+    bake,
+    check,
+    last_bake,
+    lightmaps,
+    menus,
+    outputs,
+    preferences,
+    presets,
+)  # fmt: skip
 
 #: In the order of the sidebar.
-_PANELS = (bake, lightmaps, active_object, outputs, advanced, last_bake)
+_PANELS = (bake, check, lightmaps, active_object, outputs, advanced, last_bake)
 
 #: Every class that Blender has to know.
 CLASSES = tuple(cls for module in (preferences, presets, menus, *_PANELS) for cls in module.CLASSES)

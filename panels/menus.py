@@ -19,7 +19,7 @@ class HEMIBAKE_MT_lightmaps(bpy.types.Menu):
 
 #: Operators of the menu, with a line between two groups.
 _GROUPS = (
-    ("hemibake.bake", "hemibake.cancel", "hemibake.preview"),
+    ("hemibake.check", "hemibake.bake", "hemibake.cancel", "hemibake.preview"),
     ("hemibake.unwrap", "hemibake.lightmap_repack"),
     (
         "hemibake.lightmap_add",

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from ..settings import Settings
-from ..visibility.identity import Identity, sample_bytes
-from ..visibility.rays.identity import ray_count
+from ..visibility.identity import Identity
+from ..visibility.samples import most_samples, sample_bytes
 from .solve_job import SolveJob
 
 #: Width of the squares of patches that are solved as one where memory is short, texels.
@@ -34,7 +33,7 @@ def group_width(job: SolveJob) -> tuple[int, tuple[str, ...]]:
         return 1, ()
     if settings.patch_groups:
         return settings.patch_groups, ("The settings ask for groups of patches.",)
-    needed = _most_samples(settings) * count * sample_bytes(count)
+    needed = most_samples(settings) * count * sample_bytes(count)
     if settings.method != "auto" or needed <= memory_budget(job):
         return 1, ()
     reason = (
@@ -47,10 +46,3 @@ def memory_clause(job: SolveJob, needed: int) -> str:
     """Return a clause on the memory that samples need, bytes, and what they may take."""
     budget = memory_budget(job)
     return f"what patches see takes {needed / 2**20:,.0f} MiB, {budget / 2**20:,.0f} MiB may be used"
-
-
-def _most_samples(settings: Settings) -> int:
-    """Return how many samples a patch may have, whichever way is taken to find what it sees."""
-    hemicube, rays = 3 * settings.hemicube**2, ray_count(settings)
-    cast = hemicube if settings.directions == "hemicube" else rays
-    return {"raster": hemicube, "rays": cast, "auto": max(hemicube, cast)}[settings.visibility]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from ..progress import Progress, Schedule, Stage
 from ..scene.model import Scene, shining_lights
 from ..settings import MOST_LIGHTS, Settings
+from ..visibility.samples import expected_samples
 from .sweeps import sweeps_left
 
 if TYPE_CHECKING:
@@ -33,8 +35,26 @@ _LOOK_UP = 0.02
 #: Patches among the texels of a lightmap, and their mean reflectance, before they are known.
 _COVERAGE, _REFLECTANCE = 0.6, 0.6
 
+#: What the pace of finding what patches see is called.
+_FINDING = ("Visibility rays", "Visibility raster")
+
 #: A stage that was shorter than this tells nothing about a longer one, s.
 _SHORTEST = 0.02
+
+
+@dataclass(frozen=True)
+class Extent:
+    """How large a scene is: numbers of lightmaps, triangles, and lamps that shine."""
+
+    atlases: int
+    triangles: int
+    lamps: int
+
+    @classmethod
+    def of(cls, scene: Scene) -> Extent:
+        """Return the extent of a scene."""
+        triangles = sum(len(mesh.positions) for mesh in scene.meshes)
+        return cls(len(scene.atlases), triangles, len(shining_lights(scene)))
 
 
 class BakeStages(Schedule):
@@ -49,17 +69,16 @@ class BakeStages(Schedule):
     paces  seconds that a unit of each stage took in earlier bakes, by its name; `learn` adds to them
     """
 
-    def __init__(self, scene: Scene, settings: Settings, paces: dict[str, float]) -> None:
+    def __init__(self, extent: Extent, settings: Settings, paces: dict[str, float]) -> None:
         self._settings, self._paces = settings, paces
-        self._lamps = len(shining_lights(scene))
+        self._lamps = extent.lamps
         self._residuals: list[float] = []
         self._reflectance = _REFLECTANCE
         self._names: dict[Stage, str] = {}
         self._samples_of_sweep, self._kept, self._name = 0, False, ""
-        texels = settings.resolution**2 * len(scene.atlases)
-        triangles = sum(len(mesh.positions) for mesh in scene.meshes)
+        texels = settings.resolution**2 * extent.atlases
         self.starting = self._stage("Starting", 1, _OPENING)
-        self.patches = self._stage("Patches", texels + _TRIANGLE * triangles, _TEXEL)
+        self.patches = self._stage("Patches", texels + _TRIANGLE * extent.triangles, _TEXEL)
         self.direct = self._stage("Direct light", 0, _RAY)
         self.choosing = self._stage("Choosing a method", 1, _CHOOSING)
         self.visibility = self._stage("Visibility", 0, _RAY)
@@ -90,6 +109,18 @@ class BakeStages(Schedule):
             if card and not stage.measured:
                 stage.pace /= _CARD
         self.end()
+
+    def foretell(self, patches: int) -> float:
+        """Return the seconds that a bake of so many patches is expected to take, before it starts."""
+        found = [name for name in _FINDING if name in self._paces]
+        for name in sorted(found, key=self._paces.__getitem__)[:1]:
+            self._foresee(self.visibility, name, _RAY)
+            self._foresee(
+                self.bounces, name.replace("Visibility", "Bounces cached"), self.visibility.pace * _LOOK_UP
+            )
+        self._kept = True
+        self._size(patches)
+        return sum(stage.seconds_left for stage in self._names)
 
     def listed(self, reflectance: np.ndarray) -> Progress:
         """Learn how many patches there are, and what they reflect, (n, 3), the last step of listing them."""
@@ -150,7 +181,7 @@ class BakeStages(Schedule):
         """Set the work of what is done for each patch."""
         settings = self._settings
         self.direct.amount = patches * settings.light_samples * min(self._lamps + 1, MOST_LIGHTS)
-        self.visibility.amount = patches * 3 * settings.hemicube**2
+        self.visibility.amount = patches * expected_samples(settings)
         self._samples_of_sweep = int(self.visibility.amount)
         rays = settings.ao_samples * ("ambient_occlusion" in settings.outputs)
         rays += settings.light_samples * self._lamps * ("shadow_mask" in settings.outputs)

@@ -12,14 +12,6 @@ import pyopencl as cl
 from ..device.buffers import upload_float4
 from ..device.compute import Compute
 
-#: Most patches whose number plus 1 fits into 16 bits.
-_NARROW = (1 << 16) - 1
-
-
-def sample_bytes(sources: int) -> int:
-    """Return the bytes of a kept sample, 2 or 4: 0, or the number of one of `sources` patches plus 1."""
-    return 2 if sources <= _NARROW else 4
-
 
 def sample_options(size: int) -> tuple[str, ...]:
     """Return the build options of kernels that read or write samples of `size` bytes."""

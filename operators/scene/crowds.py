@@ -18,8 +18,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .place import ChartBox, Place, chart_box
-from .scene_objects import Reading
+from .place import ChartBox, Charted, Place, chart_box
 from .tiles import GAP, Box, largest_free_box, pack_tiles
 from .uvs.footprint import LARGEST_GRID, Footprint, crowded, make_footprint
 from .uvs.uv_faults import is_inside
@@ -77,17 +76,16 @@ class _Group:
 
 
 def place_apart(
-    members: Sequence[Reading], atlas: str, resolution: int
-) -> Generator[None, None, list[Place | None]]:
+    members: Sequence[Charted], footprints: Sequence[Footprint | None], atlas: str, resolution: int
+) -> list[Place | None]:
     """Return the place of each object of an atlas, such that none lies on another.
 
-    None for those that move and have no room. Yields after every few milliseconds of work.
+    They are None for those that move and have no room.
+
+    footprints  of the objects, see `make_footprints`
     """
     places: list[Place | None] = [Place(atlas)] * len(members)
-    if len(members) == 1 and is_inside(members[0].shape.corners.uvs):
-        return places
     grid = min(resolution, LARGEST_GRID)
-    footprints = yield from _footprints(members, grid)
     moving = _moving(footprints, grid)
     if not any(moving):
         return places
@@ -100,12 +98,18 @@ def place_apart(
     return places
 
 
-def _footprints(members: Sequence[Reading], grid: int) -> Generator[None, None, list[Footprint | None]]:
-    """Return the footprint of each object, None for one that reaches out of the atlas."""
+def make_footprints(
+    members: Sequence[Charted], resolution: int
+) -> Generator[None, None, list[Footprint | None]]:
+    """Return the footprint of each object, None for one that reaches out of the atlas.
+
+    Yields after every few milliseconds of work.
+    """
     footprints: list[Footprint | None] = []
     for member in members:
-        uvs = member.shape.corners.uvs
-        footprints.append((yield from make_footprint(uvs, grid)) if is_inside(uvs) else None)
+        inside = is_inside(member.uvs)
+        grid = min(resolution, LARGEST_GRID)
+        footprints.append((yield from make_footprint(member.uvs, grid)) if inside else None)
         yield
     return footprints
 
@@ -117,7 +121,7 @@ def _moving(footprints: Sequence[Footprint | None], grid: int) -> list[bool]:
 
 
 def _group(
-    members: Sequence[Reading], footprints: Sequence[Footprint | None], moving: Sequence[int], grid: int
+    members: Sequence[Charted], footprints: Sequence[Footprint | None], moving: Sequence[int], grid: int
 ) -> list[_Group]:
     """Return the moving objects, by index, in groups that keep their layout.
 

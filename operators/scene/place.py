@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -59,24 +60,46 @@ class ChartBox:
         return Place(atlas, float(factor), (float(x), float(y)))
 
 
-def chart_box(reading: Reading) -> ChartBox:
-    """Return the box around a reading's charts, and how dense they are for its scale in lightmaps."""
-    uvs = reading.shape.corners.uvs.astype(np.float64)
-    low = uvs.min(axis=(0, 1))
-    high = np.maximum(uvs.max(axis=(0, 1)), low + _SMALLEST_BOX)
-    flat = max(_flat_area(uvs), _LEAST_FILLED * float(np.prod(high - low)))
-    area = _world_area(reading) * reading.scale**2
+@dataclass(frozen=True, eq=False)
+class Charted:
+    """The charts of an object, and what they show.
+
+    uvs        (t, 3, 2) float32
+    positions  (t, 3, 3) float32, object space
+    matrix     (4, 4) float64, object space to world space
+    scale      its scale in lightmaps
+    """
+
+    uvs: np.ndarray
+    positions: np.ndarray
+    matrix: np.ndarray
+    scale: float
+
+    @classmethod
+    def of(cls, reading: Reading) -> Charted:
+        """Return the charts of a reading that has lightmap UVs."""
+        corners = reading.shape.corners
+        return cls(corners.uvs, corners.positions, reading.matrix, reading.scale)
+
+    @cached_property
+    def flat_area(self) -> float:
+        """The area of the charts, in UV space."""
+        (u1, v1), (u2, v2) = ((self.uvs[:, k] - self.uvs[:, 0]).T for k in (1, 2))
+        return float(np.abs(u1 * v2 - u2 * v1).sum(dtype=np.float64)) / 2
+
+    @cached_property
+    def surface(self) -> float:
+        """The surface in the world, m^2."""
+        turn = self.matrix[:3, :3].T
+        first, second = ((self.positions[:, k] - self.positions[:, 0]) @ turn for k in (1, 2))
+        return float(np.linalg.norm(np.cross(first, second), axis=1).sum()) / 2
+
+
+def chart_box(charted: Charted) -> ChartBox:
+    """Return the box around an object's charts, and how dense they are for its scale in lightmaps."""
+    columns = [charted.uvs[..., axis] for axis in range(2)]
+    low = np.array([column.min() for column in columns], np.float64)
+    high = np.maximum([column.max() for column in columns], low + _SMALLEST_BOX)
+    flat = max(charted.flat_area, _LEAST_FILLED * float(np.prod(high - low)))
+    area = charted.surface * charted.scale**2
     return ChartBox(low, high, float(np.sqrt(flat / area)) if area > 0 else 1.0)
-
-
-def _flat_area(uvs: np.ndarray) -> float:
-    """Return the area of triangles in UV space, (t, 3, 2)."""
-    (u1, v1), (u2, v2) = (np.moveaxis(uvs[:, k] - uvs[:, 0], 1, 0) for k in (1, 2))
-    return float(np.abs(u1 * v2 - u2 * v1).sum()) / 2
-
-
-def _world_area(reading: Reading) -> float:
-    """Return the surface of a reading, m^2."""
-    positions = reading.shape.corners.positions @ reading.matrix[:3, :3].T
-    sides = np.cross(positions[:, 1] - positions[:, 0], positions[:, 2] - positions[:, 0])
-    return float(np.linalg.norm(sides, axis=1).sum()) / 2

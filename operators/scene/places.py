@@ -11,11 +11,12 @@ from collections.abc import Generator, Iterable, Sequence
 
 import numpy as np
 
-from .crowds import place_apart
+from .crowds import make_footprints, place_apart
 from .messages import NO_TILE, Troubles
-from .place import Place, chart_box
+from .place import Charted, Place, chart_box
 from .scene_objects import Reading
 from .tiles import GAP, Box, pack_tiles
+from .uvs.uv_faults import is_inside
 
 #: Largest number of atlases with tiles for one atlas name; tiles shrink until they fit.
 _MOST_PAGES = 64
@@ -40,8 +41,12 @@ def choose_places(
     tiled = _tiled(readings, several)
     places: list[Place | None] = [None] * len(readings)
     for atlas, members in _by_atlas(readings, np.flatnonzero(~tiled)).items():
-        apart = yield from place_apart([readings[index] for index in members], atlas, resolution)
-        _set(places, members, apart)
+        charted = [Charted.of(readings[index]) for index in members]
+        if len(charted) > 1 or not is_inside(charted[0].uvs):
+            footprints = yield from make_footprints(charted, resolution)
+            _set(places, members, place_apart(charted, footprints, atlas, resolution))
+        else:
+            _set(places, members, [Place(atlas)])
     own = list(dict.fromkeys(place.atlas for place in places if place is not None))
     for atlas, members in _by_atlas(readings, np.flatnonzero(tiled)).items():
         alone = [reading for reading, place in zip(readings, places, strict=True) if place == Place(atlas)]
@@ -93,7 +98,7 @@ def _place_tiles(
 
     They are None if not all of them fit.
     """
-    boxes = [chart_box(member) for member in members]
+    boxes = [chart_box(Charted.of(member)) for member in members]
     fitting = _fit([box.size for box in boxes], _mean_density(alone) * resolution, resolution)
     if fitting is None:
         return [None] * len(members)
@@ -138,4 +143,8 @@ def _fit(
 
 def _mean_density(readings: Sequence[Reading]) -> float:
     """Return the median density of objects, 0 without any."""
-    return float(np.median([chart_box(reading).density for reading in readings])) if readings else 0.0
+    return (
+        float(np.median([chart_box(Charted.of(reading)).density for reading in readings]))
+        if readings
+        else 0.0
+    )

@@ -13,7 +13,7 @@ from engine.device.graphics import Graphics
 from engine.gather.glsl_cached import GlslCachedIntegrator
 from engine.patches.subdivision import subdivide
 from engine.plan import choose, trial
-from engine.visibility import identity as identities
+from engine.visibility import samples
 from engine.visibility.identity import SeenBuffers, surroundings
 from engine.visibility.raster.identity import RasterIdentity
 from engine.visibility.raster.targets import IdentityTarget
@@ -150,7 +150,7 @@ def test_ten_accelerated_sweeps_light_a_closed_room(visibility):
 def test_numbers_of_many_patches_take_more_bits(monkeypatch, visibility):
     settings = dataclasses.replace(SETTINGS, visibility=visibility, samples=256)
     few = drive(nine_quad_room(), settings)
-    monkeypatch.setattr(identities, "_NARROW", 0)
+    monkeypatch.setattr(samples, "_NARROW", 0)
     many = drive(nine_quad_room(), settings)
     assert (few.image == many.image).all()
     taken = [re.search(r"see takes ([\d,]+) MiB", each.report.reasons[-1])[1] for each in (few, many)]
@@ -158,7 +158,7 @@ def test_numbers_of_many_patches_take_more_bits(monkeypatch, visibility):
 
 
 def test_65535_patches_have_numbers_of_16_bits():
-    assert (identities.sample_bytes(65535), identities.sample_bytes(65536)) == (2, 4)
+    assert (samples.sample_bytes(65535), samples.sample_bytes(65536)) == (2, 4)
 
 
 def test_rays_and_drawing_find_the_same_patches(graphics, compute):

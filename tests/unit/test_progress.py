@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from engine import progress
-from engine.plan.stages import BakeStages
+from engine.plan.stages import BakeStages, Extent
 from engine.plan.sweeps import sweeps_left
 from engine.progress import Schedule, Stage, finished, format_seconds_left
 from engine.settings import Settings
@@ -150,7 +150,7 @@ def test_sweeps_are_foretold_from_the_fall_of_the_residual(residuals, settings, 
 def test_paces_of_a_bake_serve_the_next_one(clock):
     paces = {}
     for measured in (False, True):
-        stages = BakeStages(furnace(0.5, 1.0), Settings(resolution=48), paces)
+        stages = BakeStages(Extent.of(furnace(0.5, 1.0)), Settings(resolution=48), paces)
         assert stages.patches.measured == measured
         stages.begin(stages.patches)
         clock.now += 3

@@ -13,7 +13,8 @@ from ...device.graphics import Graphics
 from ...device.share import HostCopy
 from ...patches.subdivision import Subdivision
 from ...settings import Settings
-from ..identity import SeenBuffers, Surroundings, sample_bytes, sample_options
+from ..identity import SeenBuffers, Surroundings, sample_options
+from ..samples import sample_bytes
 from ..views.hemicube import multiplier_map
 from ..views.hemicubes import Hemicubes
 from ..views.viewpoints import FRAME, frame_records

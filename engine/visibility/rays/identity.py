@@ -13,7 +13,8 @@ from ...device.kernel import Kernel
 from ...device.slices import sliced
 from ...patches.subdivision import Subdivision
 from ...settings import Settings
-from ..identity import SeenBuffers, Surroundings, sample_bytes, sample_options
+from ..identity import SeenBuffers, Surroundings, sample_options
+from ..samples import ray_count, sample_bytes
 from ..views.directions import r2_sequence
 from ..views.hemicube import multiplier_map, rotation_salt
 from .ray_scene import RayScene
@@ -85,9 +86,3 @@ class RayIdentity:
 
         for end in sliced(self._queue, first, last, launch):
             yield (end - first) / (last - first)
-
-
-def ray_count(settings: Settings) -> int:
-    """Return the rays of a patch, a multiple of 4: those set, or as many as give a hemicube's error."""
-    wanted = settings.samples or 2 * settings.hemicube**2
-    return -(-wanted // 4) * 4

@@ -46,6 +46,24 @@ def read_array(collection, attribute: str, width: int, dtype) -> np.ndarray:
     return values.reshape(-1, width)
 
 
+def read_topology(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return vertex and edge of each loop of a mesh, (l,), and the vertices of each edge, (e, 2), all int32.
+
+    Attributes are copied as they are, which takes a hundredth of what reading the loops one by one does.
+    """
+    attributes = mesh.attributes
+    return (
+        read_array(attributes[".corner_vert"].data, "value", 1, np.int32)[:, 0],
+        read_array(attributes[".corner_edge"].data, "value", 1, np.int32)[:, 0],
+        read_array(attributes[".edge_verts"].data, "value", 2, np.int32),
+    )
+
+
+def read_positions(mesh: bpy.types.Mesh) -> np.ndarray:
+    """Return the vertices of a mesh, (v, 3) float32, object space."""
+    return read_array(mesh.attributes["position"].data, "vector", 3, np.float32)
+
+
 def read_corners(mesh: bpy.types.Mesh, uv_layer: str | None, uv_maps: Mapping[str, str]) -> Corners:
     """Return the corners of an evaluated mesh, with its lightmap UVs from a layer, if that is named.
 
@@ -58,7 +76,7 @@ def read_corners(mesh: bpy.types.Mesh, uv_layer: str | None, uv_maps: Mapping[st
     vertices = read_array(triangles, "vertices", 3, np.int32)
     polygons = read_array(triangles, "polygon_index", 1, np.int32)[:, 0]
     positions = read_array(mesh.vertices, "co", 3, np.float32)[vertices]
-    keep = ~_zero_area(positions)
+    keep = ~is_degenerate(positions)
     loops, polygon = loops[keep], polygons[keep]
     return Corners(
         positions=positions[keep],
@@ -93,8 +111,8 @@ def subfaces(face: np.ndarray) -> np.ndarray:
     return index - np.maximum.accumulate(np.where(starts, index, 0)).astype(np.int32)
 
 
-def _zero_area(positions: np.ndarray) -> np.ndarray:
-    """Return which triangles have no area, (t,) bool; False where a coordinate is not a number."""
+def is_degenerate(positions: np.ndarray) -> np.ndarray:
+    """Return which triangles, (t, 3, 3), have no area, (t,) bool; not those whose coordinates are none."""
     edges = (positions - np.roll(positions, 1, axis=1)).astype(np.float64)
     longest = np.max(np.sum(edges**2, axis=2), axis=1)
     doubled = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)

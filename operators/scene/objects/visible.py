@@ -9,13 +9,17 @@ import bpy
 
 def visible_objects(context: bpy.types.Context) -> list[bpy.types.Object]:
     """Return the objects that both the viewport and renders show, in the view layer's order."""
-    layer = context.view_layer
-    rendered = {obj.session_uid for obj in _rendered(layer.layer_collection)}
+    layer, rendered = context.view_layer, in_rendered_collections(context)
     return [
         obj
         for obj in layer.objects
         if not obj.hide_render and obj.visible_get(view_layer=layer) and obj.session_uid in rendered
     ]
+
+
+def in_rendered_collections(context: bpy.types.Context) -> set[int]:
+    """Return the session uids of the objects in collections that renders do not hide."""
+    return {obj.session_uid for obj in _rendered(context.view_layer.layer_collection)}
 
 
 def visible_meshes(context: bpy.types.Context) -> list[bpy.types.Object]:

@@ -23,11 +23,18 @@ class Footprint:
 
     row, column  of the first cell
     covered      (h, w) bool, from that cell on
+    doubled      number of cells that several triangles cover
     """
 
     row: int
     column: int
     covered: np.ndarray
+    doubled: int
+
+    @property
+    def overlaps(self) -> bool:
+        """Whether the charts lie on each other, but for roundings."""
+        return self.doubled > max(_ALLOWED_SHARE * int(self.covered.sum()), _ALLOWED)
 
     @property
     def window(self) -> tuple[slice, slice]:
@@ -45,10 +52,13 @@ class Footprint:
 def make_footprint(uvs: np.ndarray, grid: int) -> Generator[None, None, Footprint]:
     """Return the cells under triangles, (t, 3, 2) within 0-1; yields after every few milliseconds of work."""
     corners = np.clip(uvs.astype(np.float64), 0, 1) * grid
-    low = np.clip(np.floor(corners.min(axis=(0, 1))), 0, grid - 1)
-    width, height = (np.clip(np.ceil(corners.max(axis=(0, 1))), low + 1, grid) - low).astype(int)
+    columns = [corners[..., axis] for axis in range(2)]
+    low = np.clip(np.floor([column.min() for column in columns]), 0, grid - 1)
+    high = np.clip(np.ceil([column.max() for column in columns]), low + 1, grid)
+    width, height = (high - low).astype(int)
+    yield
     count = yield from count_covers(corners - low, width, height)
-    return Footprint(int(low[1]), int(low[0]), count > 0)
+    return Footprint(int(low[1]), int(low[0]), count > 0, int((count > 1).sum()))
 
 
 def crowded(footprints: Sequence[Footprint], grid: int) -> list[bool]:

@@ -1,0 +1,106 @@
+"""All checks of a scene, one after the other, in slices."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from dataclasses import replace
+
+from ...engine.device.found import DeviceSurvey
+from ...engine.errors import EngineError
+from ...engine.plan.estimate import Estimate, estimate
+from ...engine.plan.stages import Extent
+from ...engine.settings import Settings
+from ..bake_settings import read_settings
+from ..devices import finder
+from ..lightmap_size import chosen_width
+from ..scene import SceneContext, visible_meshes
+from ..scene.objects.visible import visible_objects
+from ..worker_owner import owner
+from .faces import centres_of, check_normals, check_zero_area
+from .finding import ERROR, INFO, WARNING, Checked, Finding
+from .meshes import CheckedMesh, read_meshes
+from .surroundings import check_hidden, check_images, check_light
+from .uvs import ChartsOf, check_missing, check_overlaps, check_places, check_widths, find_charts
+
+#: The worst first.
+_ORDER = (ERROR, WARNING, INFO)
+
+#: Texels of a lightmap that new lightmap UVs cover: what packing reaches for ordinary meshes.
+_COVERAGE = 0.6
+
+
+def check_scene(context: SceneContext) -> Generator[None, None, Checked]:
+    """Check a scene without changing anything; yields after every few milliseconds.
+
+    Raises SceneError if the scene goes away in between.
+    """
+    try:
+        width = chosen_width(context, visible_meshes(context), context.scene.hemibake)
+        settings = replace(read_settings(context.scene.hemibake), resolution=width)
+    except EngineError as error:
+        return Checked((Finding(ERROR, str(error)),), None)
+    findings = [*check_hidden(context)]
+    shown = visible_objects(context)
+    lamps = sum(obj.type == "LIGHT" for obj in shown)
+    findings += check_light(shown, context.scene.world)
+    findings += check_images(shown, context.scene.world)
+    yield
+    meshes = yield from read_meshes(context, visible_meshes(context))
+    if not meshes:
+        findings.append(
+            Finding(ERROR, "There is no mesh with faces to bake. Add one, or set its role to Baked.")
+        )
+    centres = centres_of(visible_objects(context))
+    yield
+    findings += check_missing(meshes)
+    charts = yield from find_charts(meshes, settings.resolution)
+    findings += yield from check_overlaps(charts)
+    findings += check_places(charts)
+    findings += yield from check_widths(charts, settings.resolution)
+    findings += yield from check_normals(meshes, centres)
+    findings += yield from check_zero_area(meshes)
+    expected = _expect(meshes, charts, settings, lamps)
+    findings += _check_memory(expected, settings, finder.found)
+    ordered = sorted(findings, key=lambda finding: _ORDER.index(finding.severity))
+    return Checked(tuple(ordered), expected)
+
+
+def _expect(
+    meshes: Sequence[CheckedMesh], charts: Sequence[ChartsOf], settings: Settings, lamps: int
+) -> Estimate:
+    """Return what a bake of these meshes is expected to take; the few patches of occluders do not count."""
+    texels = settings.resolution**2
+    placed = [(one.mesh, one.place) for one in charts if one.place is not None]
+    patches = sum(mesh.charted.flat_area * place.scale**2 for mesh, place in placed) * texels
+
+    # Of those without a place yet, new ones fill an atlas for each name; tiles are as dense as the others.
+    new = {mesh.atlas for mesh in meshes if mesh.uvs is None}
+    tiled = [mesh for mesh in meshes if mesh.uvs is not None and mesh.several]
+    surface = sum(mesh.charted.surface for mesh, _ in placed)
+    if surface > 0:
+        patches += patches / surface * sum(mesh.charted.surface for mesh in tiled)
+    elif tiled:
+        patches += _COVERAGE * texels
+    patches += len(new) * _COVERAGE * texels
+    atlases = len({mesh.atlas for mesh, _ in placed}) + len(new) + bool(tiled)
+    extent = Extent(atlases, sum(len(mesh.triangles) for mesh in meshes), lamps)
+    return estimate(extent, round(patches), settings, owner.paces)
+
+
+def _check_memory(expected: Estimate, settings: Settings, survey: DeviceSurvey | None) -> list[Finding]:
+    """Return a finding if what patches see is more than the device may hold, as far as that is known."""
+    budget = settings.memory_budget or (_device_memory(survey) // 2)
+    if not budget or expected.sample_bytes <= budget:
+        return []
+    text = (
+        f"What patches see would take {expected.sample_bytes / 2**30:.1f} GiB, and {budget / 2**30:.1f} GiB "
+        "may be used: the bake works in coarser groups of patches, or finds it anew in every iteration. "
+        "Lower the resolution or the quality, or raise the memory budget in the preferences."
+    )
+    return [Finding(WARNING, text)]
+
+
+def _device_memory(survey: DeviceSurvey | None) -> int:
+    """Return the memory of the OpenCL device that bakes, bytes; 0 while that is unknown."""
+    devices = survey.devices if survey else ()
+    return max((device.memory for device in devices if device.api == "OpenCL" and device.use), default=0)

@@ -1,0 +1,112 @@
+"""Faces that show their backs, or nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+
+import bpy
+import numpy as np
+
+from ..scene.objects.meshes import is_degenerate
+from .finding import WARNING, Finding, found
+from .meshes import CheckedMesh
+
+#: Triangles that are looked at without a pause.
+_CHUNK = 1 << 14
+
+#: Things that make a closed mesh around them a room, seen from inside.
+_CONTENTS = {"MESH", "LIGHT", "CAMERA", "CURVE", "FONT", "SURFACE", "META"}
+
+Steps = Generator[None, None, list[Finding]]
+
+
+def check_normals(meshes: Sequence[CheckedMesh], centres: dict[str, np.ndarray]) -> Steps:
+    """Return closed meshes whose faces look the wrong way; a room, with something in it, looks inwards.
+
+    centres  of all things, see `centres_of`
+    """
+    turned, mixed = [], []
+    for mesh in meshes:
+        if _is_closed(mesh):
+            if not _is_even(mesh):
+                mixed.append(mesh.name)
+            elif (yield from _looks_inwards(mesh)) and not contains_things(mesh, centres):
+                turned.append(mesh.name)
+        yield
+    return [
+        *found(
+            WARNING,
+            "The faces of {} look inwards, and nothing is in it: light falls on their backs, which are baked "
+            "black. Recalculate its normals.",
+            turned,
+            "normals",
+        ),
+        *found(
+            WARNING,
+            "Some faces of {} look inwards, others outwards: backs are baked black. Recalculate its normals.",
+            mixed,
+            "normals",
+        ),
+    ]
+
+
+def check_zero_area(meshes: Sequence[CheckedMesh]) -> Steps:
+    """Return meshes with triangles that have no area."""
+    flat: dict[str, bool] = {}
+    for mesh in meshes:
+        flat[mesh.name] = yield from _any_degenerate(mesh)
+    names = [name for name, degenerate in flat.items() if degenerate]
+    return found(WARNING, "Faces without an area, which are left out: {}.", names)
+
+
+def _any_degenerate(mesh: CheckedMesh) -> Generator[None, None, bool]:
+    """Return whether a triangle of a mesh has no area."""
+    for first in range(0, len(mesh.corners), _CHUNK):
+        if is_degenerate(mesh.corners[first : first + _CHUNK]).any():
+            return True
+        yield
+    return False
+
+
+def contains_things(mesh: CheckedMesh, centres: dict[str, np.ndarray]) -> bool:
+    """Return whether the centre of another thing, (3,) by name, is in the box around a mesh."""
+    low, high = mesh.box
+    others = [centre for name, centre in centres.items() if name != mesh.name]
+    return bool(others) and bool(((np.array(others) > low) & (np.array(others) < high)).all(axis=1).any())
+
+
+def centres_of(objects: Sequence[bpy.types.Object]) -> dict[str, np.ndarray]:
+    """Return the middle of each thing in world space, (3,), by name."""
+    middles = {}
+    for obj in objects:
+        if obj.type in _CONTENTS:
+            box = np.array([corner[:] for corner in obj.bound_box], np.float64)
+            middle = box.mean(axis=0) if obj.type != "LIGHT" and obj.type != "CAMERA" else np.zeros(3)
+            matrix = np.array(obj.matrix_world, np.float64)
+            middles[obj.name] = matrix[:3, :3] @ middle + matrix[:3, 3]
+    return middles
+
+
+def _is_closed(mesh: CheckedMesh) -> bool:
+    """Return whether every edge has two faces."""
+    users = np.bincount(mesh.edge, minlength=len(mesh.edges))
+    return bool((users[users > 0] == 2).all())
+
+
+def _is_even(mesh: CheckedMesh) -> bool:
+    """Return whether the two faces of each edge go along it in opposite directions."""
+    forward = mesh.vertex == mesh.edges[mesh.edge, 0]
+    return bool((np.bincount(mesh.edge, forward, len(mesh.edges))[mesh.edge] == 1).all())
+
+
+def _looks_inwards(mesh: CheckedMesh) -> Generator[None, None, bool]:
+    """Return whether the volume that a closed mesh's triangles span with its middle is negative.
+
+    A mirrored object looks where its mesh does: Blender turns its faces back.
+    """
+    middle, volume = mesh.positions.mean(axis=0), 0.0
+    for first in range(0, len(mesh.corners), _CHUNK):
+        a, b, c = (mesh.corners[first : first + _CHUNK] - middle).transpose(1, 0, 2)
+        volume += float((a * np.cross(b, c)).sum(dtype=np.float64))
+        yield
+    return volume < 0

@@ -1,0 +1,90 @@
+"""What mends findings: each fix changes the objects of one finding, and can be undone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import bmesh
+import bpy
+
+from ...engine.errors import SceneError
+from ...engine.progress import finished
+from ..changes import Changes
+from ..lightmap_size import chosen_width
+from ..lookup import find
+from ..scene import SceneContext
+from ..scene.uvs.lightmap_layer import lightmap_layer
+from ..scene.uvs.unwrap import unwrap_missing
+
+Fix = Callable[[bpy.types.Context, Sequence[bpy.types.Object], int, Changes], None]
+
+
+def unwrap(
+    context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Changes
+) -> None:
+    """Make lightmap UVs where they are missing."""
+    settings = context.scene.hemibake
+    where = SceneContext(context)
+    resolution = chosen_width(where, objects, settings)
+    made = finished(unwrap_missing(where, objects, settings.uv_layer, resolution, changes))
+    if made.skipped:
+        raise SceneError("\n".join(made.notes))
+
+
+def unwrap_anew(
+    context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Changes
+) -> None:
+    """Make lightmap UVs in another layer, which the objects then use; the one that is of no use stays."""
+    for obj in objects:
+        before = obj.hemibake.own_uv_layer
+        changes.add(lambda uid=obj.session_uid, name=before: _choose_layer(uid, name))
+        obj.hemibake.own_uv_layer = _free_layer(obj, context.scene.hemibake.uv_layer)
+    unwrap(context, objects, value, changes)
+
+
+def set_resolution(
+    context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Changes
+) -> None:
+    """Make the lightmaps as large as their charts need."""
+    settings = context.scene.hemibake
+    settings.size_mode, settings.resolution = "SIZE", value
+
+
+def recalculate_normals(
+    context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Changes
+) -> None:
+    """Let the faces of closed meshes look outwards."""
+    for mesh in dict.fromkeys(obj.data for obj in objects if obj.data.is_editable):
+        edited = bmesh.from_edit_mesh(mesh) if mesh.is_editmode else bmesh.new()
+        if not mesh.is_editmode:
+            edited.from_mesh(mesh)
+        bmesh.ops.recalc_face_normals(edited, faces=edited.faces)
+        if mesh.is_editmode:
+            bmesh.update_edit_mesh(mesh)
+        else:
+            edited.to_mesh(mesh)
+            edited.free()
+            mesh.update()
+
+
+#: By the name that a finding has, with what its button says.
+FIXES: dict[str, tuple[str, Fix]] = {
+    "unwrap": ("Unwrap", unwrap),
+    "unwrap_anew": ("Unwrap Anew", unwrap_anew),
+    "resolution": ("Set Resolution", set_resolution),
+    "normals": ("Recalculate Normals", recalculate_normals),
+}
+
+
+def _free_layer(obj: bpy.types.Object, uv_layer: str) -> str:
+    """Return a name that no UV layer or attribute of an object's mesh has."""
+    base = lightmap_layer(obj, uv_layer)
+    names = {base, *obj.data.uv_layers.keys(), *obj.data.attributes.keys()}
+    numbered = (f"{base}.{number:03d}" for number in range(1, len(names) + 2))
+    return next(name for name in ("Lightmap", *numbered) if name not in names)
+
+
+def _choose_layer(uid: int, name: str) -> None:
+    obj = find(bpy.data.objects, uid)
+    if obj is not None:
+        obj.hemibake.own_uv_layer = name

@@ -1,0 +1,127 @@
+"""The meshes that a bake sees, as arrays: what is checked on them can be done in slices."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import bpy
+import numpy as np
+
+from ..lookup import find_all
+from ..scene import SceneContext
+from ..scene.objects.meshes import read_array, read_positions, read_topology
+from ..scene.place import Charted
+from ..scene.uvs.lightmap_layer import lightmap_layer
+from ..scene.uvs.multi_user import multi_user_sources
+from ..scene.uvs.uv_modifier import uv_modifier, uv_source
+from ..scene.uvs.uv_targets import evaluated_mesh
+
+#: Longest time that meshes are read without a pause, s.
+_SLICE = 0.015
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedMesh:
+    """A mesh object as its modifiers make it.
+
+    several    whether several objects or instances may show its UVs
+    editable   whether its mesh can get another UV layer
+    copies     whether modifiers make other faces than the mesh has, and no modifier keeps UVs of these
+    matrix     (4, 4) float64, object space to world space
+    scale      its scale in lightmaps
+    positions  (v, 3) float32, object space
+    vertex     (l,) int32, of each loop
+    edge       (l,) int32, from each loop to the next one of its polygon
+    edges      (e, 2) int32, vertices
+    starts     (p,) int32, first loop of each polygon
+    triangles  (t, 3) int32, loops
+    uvs        (l, 2) float32, lightmap UVs, None without
+    """
+
+    name: str
+    uid: int
+    atlas: str
+    several: bool
+    editable: bool
+    copies: bool
+    matrix: np.ndarray
+    scale: float
+    positions: np.ndarray
+    vertex: np.ndarray
+    edge: np.ndarray
+    edges: np.ndarray
+    starts: np.ndarray
+    triangles: np.ndarray
+    uvs: np.ndarray | None
+
+    @cached_property
+    def corners(self) -> np.ndarray:
+        """The corners of the triangles, (t, 3, 3) float32, object space."""
+        return self.positions[self.vertex[self.triangles]]
+
+    @cached_property
+    def charted(self) -> Charted:
+        """Its charts; for meshes with lightmap UVs."""
+        return Charted(self.uvs[self.triangles], self.corners, self.matrix, self.scale)
+
+    @property
+    def box(self) -> np.ndarray:
+        """The low and the high corner of the box around it, (2, 3), world space."""
+        positions = self.positions @ self.matrix[:3, :3].T + self.matrix[:3, 3]
+        return np.stack([positions.min(axis=0), positions.max(axis=0)])
+
+
+def read_meshes(
+    context: SceneContext, objects: Sequence[bpy.types.Object]
+) -> Generator[None, None, list[CheckedMesh]]:
+    """Return the meshes of objects that have faces; yields after every few milliseconds."""
+    waiting = [obj.session_uid for obj in objects]
+    uv_layer = context.scene.hemibake.uv_layer
+    several = multi_user_sources(uv_layer)
+    meshes: list[CheckedMesh] = []
+    while waiting:
+        depsgraph, limit = context.evaluated_depsgraph_get(), time.perf_counter() + _SLICE
+        present = find_all(bpy.data.objects, waiting)
+        done = 0
+        for obj in present:
+            mesh = _read(obj, depsgraph, uv_layer, several)
+            meshes += [mesh] if mesh is not None else []
+            done += 1
+            if time.perf_counter() > limit:
+                break
+        waiting = [obj.session_uid for obj in present[done:]]
+        yield
+    return meshes
+
+
+def _read(
+    obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph, uv_layer: str, several: set[int]
+) -> CheckedMesh | None:
+    layer = lightmap_layer(obj, uv_layer)
+    with evaluated_mesh(obj, depsgraph) as mesh:
+        if mesh is None or not len(mesh.polygons):
+            return None
+        mesh.calc_loop_triangles()
+        changed = (len(mesh.polygons), len(mesh.loops)) != (len(obj.data.polygons), len(obj.data.loops))
+        uvs = mesh.uv_layers.get(layer)
+        vertex, edge, edges = read_topology(mesh)
+        return CheckedMesh(
+            name=obj.name,
+            uid=obj.session_uid,
+            atlas=obj.hemibake.atlas,
+            several=uv_source(obj, uv_layer) in several,
+            editable=bool(obj.data.is_editable),
+            copies=changed and not obj.data.is_editmode and uv_modifier(obj, uv_layer) is None,
+            matrix=np.array(obj.matrix_world, np.float64),
+            scale=obj.hemibake.lightmap_scale,
+            positions=read_positions(mesh),
+            vertex=vertex,
+            edge=edge,
+            edges=edges,
+            starts=read_array(mesh.polygons, "loop_start", 1, np.int32)[:, 0],
+            triangles=read_array(mesh.loop_triangles, "loops", 3, np.int32),
+            uvs=None if uvs is None else read_array(uvs.uv, "vector", 2, np.float32),
+        )

@@ -1,0 +1,153 @@
+"""What is hidden, missing or dark around the meshes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+
+import bpy
+
+from ..compat import light_power, node_input, node_tree
+from ..scene.objects.visible import in_rendered_collections
+from .finding import ERROR, WARNING, Finding, found
+
+#: Objects that make a difference to a bake.
+_SEEN = {"MESH", "CURVE", "FONT", "SURFACE", "META", "LIGHT"}
+
+#: Shaders that may emit: their inputs of colour and strength.
+_EMITTERS = {
+    "ShaderNodeEmission": ("Color", "Strength"),
+    "ShaderNodeBackground": ("Color", "Strength"),
+    "ShaderNodeBsdfPrincipled": ("Emission Color", "Emission Strength"),
+}
+
+
+def check_hidden(context) -> list[Finding]:
+    """Return objects that either the viewport or renders hide: these are not baked."""
+    layer = context.view_layer
+    rendered = in_rendered_collections(context)
+    only_rendered, only_shown = [], []
+    for obj in layer.objects:
+        if obj.type not in _SEEN or obj.hemibake.role == "IGNORED":
+            continue
+        in_render = not obj.hide_render and obj.session_uid in rendered
+        in_viewport = obj.visible_get(view_layer=layer)
+        if in_viewport != in_render:
+            (only_shown if in_viewport else only_rendered).append(obj.name)
+    return [
+        *found(
+            WARNING,
+            "Renders hide what the viewport shows: {} is not baked. Enable it in renders, or ignore it.",
+            only_shown,
+        ),
+        *found(
+            WARNING,
+            "The viewport hides what renders show: {} is not baked. Show it in the viewport, or disable it "
+            "in renders.",
+            only_rendered,
+        ),
+    ]
+
+
+def check_images(objects: Sequence[bpy.types.Object], world: bpy.types.World | None) -> list[Finding]:
+    """Return objects whose materials use images that are not there."""
+    users: dict[str, set[str]] = {}
+    for obj in objects:
+        for material in _materials(obj):
+            for image in _images(node_tree(material)):
+                if is_missing(image):
+                    users.setdefault(image.name, set()).add(obj.name)
+    lost = [image.name for image in _images(world and node_tree(world)) if is_missing(image)]
+    findings = []
+    for image, names in users.items():
+        sentence = (
+            f"The file of image '{image}' is missing: magenta is baked on {{}}. "
+            "Find it (File > External Data), or choose another one."
+        )
+        findings += found(WARNING, sentence, list(names))
+    findings += [
+        Finding(
+            WARNING, f"The file of the world's image '{name}' is missing. Find it (File > External Data)."
+        )
+        for name in lost
+    ]
+    return findings
+
+
+def check_light(objects: Sequence[bpy.types.Object], world: bpy.types.World | None) -> list[Finding]:
+    """Return a finding if nothing emits light, as far as nodes tell without being evaluated."""
+    if _may_shine(world) or any(_is_source(obj) for obj in objects):
+        return []
+    text = "Nothing emits light: the lightmaps would be black. Add a light, an emissive material or a world."
+    return [Finding(ERROR, text)]
+
+
+def is_missing(image: bpy.types.Image) -> bool:
+    """Return whether the file of an image is not where it was."""
+    if image.source not in {"FILE", "SEQUENCE", "MOVIE", "TILED"} or image.packed_file:
+        return False
+    path = bpy.path.abspath(image.filepath, library=image.library)
+    if image.source == "TILED" and len(image.tiles):
+        path = path.replace("<UDIM>", str(image.tiles[0].number))
+    return not os.path.isfile(path)
+
+
+def _is_source(obj: bpy.types.Object) -> bool:
+    """Return whether an object may emit light."""
+    if obj.hemibake.role == "IGNORED":
+        return False
+    if obj.type == "LIGHT":
+        return light_power(obj.data) > 0 and any(obj.data.color)
+    return any(_may_shine(material) for material in _materials(obj))
+
+
+def _may_shine(owner: bpy.types.Material | bpy.types.World | None) -> bool:
+    """Return whether a material or world may emit light."""
+    tree = owner and node_tree(owner)
+    if not tree:
+        return isinstance(owner, bpy.types.World) and any(owner.color)
+    return any(_emits(node) for node in _nodes(tree))
+
+
+def _emits(node: bpy.types.Node) -> bool:
+    """Return whether no input of a shader says that it emits nothing."""
+    names = _EMITTERS.get(node.bl_idname)
+    return names is not None and all(_not_black(node_input(node, name)) for name in names)
+
+
+def _not_black(socket: bpy.types.NodeSocket | None) -> bool:
+    if socket is None:
+        return False
+    value = socket.default_value
+    return socket.is_linked or (any(value[:3]) if hasattr(value, "__len__") else value > 0)
+
+
+def _materials(obj: bpy.types.Object) -> Iterator[bpy.types.Material]:
+    """Yield the materials of an object's slots, while it shows its lightmap those that it had before."""
+    own = getattr(obj.data, "materials", ())
+    for index, slot in enumerate(obj.hemibake.slots or obj.material_slots):
+        of_data = own[index] if index < len(own) else None
+        material = slot.material if slot.link == "OBJECT" else of_data
+        if material is not None:
+            yield material
+
+
+def _images(tree: bpy.types.NodeTree | None) -> Iterator[bpy.types.Image]:
+    for node in _nodes(tree) if tree else ():
+        image = getattr(node, "image", None)
+        if image is not None:
+            yield image
+
+
+def _nodes(tree: bpy.types.NodeTree) -> Iterator[bpy.types.Node]:
+    """Yield the nodes of a tree and of the groups in it."""
+    waiting, known = [tree], set()
+    while waiting:
+        one = waiting.pop()
+        if one.name_full in known:
+            continue
+        known.add(one.name_full)
+        for node in one.nodes:
+            yield node
+            if getattr(node, "node_tree", None) is not None:
+                waiting.append(node.node_tree)

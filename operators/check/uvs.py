@@ -1,0 +1,173 @@
+"""Lightmap UVs that hold no light, or too little room for it."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..scene.crowds import make_footprints, place_apart
+from ..scene.place import Place
+from ..scene.uvs.footprint import LARGEST_GRID, Footprint, make_footprint
+from ..scene.uvs.uv_faults import is_finite
+from .finding import ERROR, INFO, WARNING, Finding, found
+from .meshes import CheckedMesh
+
+#: Mean width of charts, texels, below which their light cannot be told apart, and largest lightmap that is
+#: advised.
+_NARROWEST, _LARGEST = 1.0, 16384
+
+#: UVs at both ends of an edge are the same if they differ by less than this.
+_SAME_UV = 1e-5
+
+Steps = Generator[None, None, list[Finding]]
+
+
+@dataclass(frozen=True)
+class ChartsOf:
+    """The charts of a mesh.
+
+    footprint  in the atlas, None for charts outside 0-1
+    place      in the atlas, None without room; not known of meshes with several users, which have tiles
+    """
+
+    mesh: CheckedMesh
+    footprint: Footprint | None
+    place: Place | None
+
+
+def check_missing(meshes: Sequence[CheckedMesh]) -> list[Finding]:
+    """Return meshes without lightmap UVs, or whose UVs are no numbers."""
+    missing = [mesh for mesh in meshes if mesh.uvs is None]
+    spoilt = [mesh.name for mesh in meshes if mesh.uvs is not None and not is_finite(mesh.uvs)]
+    return [
+        *found(
+            ERROR, "NaN or infinite lightmap UVs: {} would get no lightmap. Unwrap it.", spoilt, "unwrap_anew"
+        ),
+        *found(
+            ERROR,
+            "Linked from another file and without lightmap UVs: {}. Make the mesh local, or unwrap it in "
+            "that file.",
+            [mesh.name for mesh in missing if not mesh.editable],
+        ),
+        *found(
+            INFO,
+            "No lightmap UVs yet: {}. The bake makes them.",
+            [mesh.name for mesh in missing if mesh.editable],
+            fix="unwrap",
+        ),
+    ]
+
+
+def check_overlaps(charts: Sequence[ChartsOf]) -> Steps:
+    """Return meshes whose charts lie on each other, as far as a grid as fine as the lightmap tells."""
+    folded, copied = [], []
+    for one in charts:
+        footprint = one.footprint or (yield from _footprint_outside(one.mesh))
+        if footprint.overlaps:
+            (copied if one.mesh.copies else folded).append(one.mesh.name)
+    return [
+        *found(
+            ERROR,
+            "Lightmap UVs that lie on each other: {} would get no lightmap. Unwrap it into another UV layer.",
+            folded,
+            "unwrap_anew",
+        ),
+        *found(
+            INFO,
+            "Modifiers copy faces, and their lightmap UVs with them: {}. The bake adds a last modifier with "
+            "UVs of what they make.",
+            copied,
+            "unwrap",
+        ),
+    ]
+
+
+def _footprint_outside(mesh: CheckedMesh) -> Generator[None, None, Footprint]:
+    """Return the footprint of charts outside 0-1 once they are moved inside."""
+    uvs = mesh.charted.uvs
+    low, high = uvs.min(axis=(0, 1)), uvs.max(axis=(0, 1))
+    return (yield from make_footprint((uvs - low) / max(float((high - low).max()), 1e-30), LARGEST_GRID))
+
+
+def find_charts(meshes: Sequence[CheckedMesh], resolution: int) -> Generator[None, None, list[ChartsOf]]:
+    """Return the charts of all meshes with lightmap UVs that are numbers, each in its place."""
+    atlases: dict[tuple[str, bool], list[CheckedMesh]] = {}
+    for mesh in meshes:
+        if mesh.uvs is not None and is_finite(mesh.uvs):
+            atlases.setdefault((mesh.atlas, mesh.several), []).append(mesh)
+    charts: list[ChartsOf] = []
+    for (atlas, several), members in atlases.items():
+        charted = [mesh.charted for mesh in members]
+        footprints = yield from make_footprints(charted, resolution)
+        places = [None] * len(members) if several else place_apart(charted, footprints, atlas, resolution)
+        charts += map(ChartsOf, members, footprints, places)
+        yield
+    return charts
+
+
+def check_places(charts: Sequence[ChartsOf]) -> list[Finding]:
+    """Return meshes that will be placed side by side, and those that have no room."""
+    alone = [one for one in charts if not one.mesh.several]
+    moved = [one.mesh.name for one in alone if one.place not in (None, Place(one.mesh.atlas))]
+    return [
+        *found(
+            ERROR,
+            "No room beside the others in the lightmap: {} would get none. Raise the resolution, or give it "
+            "another atlas.",
+            [one.mesh.name for one in alone if one.place is None],
+        ),
+        *found(
+            INFO,
+            "Lightmap UVs that lie on those of others, or outside 0-1: {}. They are placed side by side; the "
+            "UV layers stay as they are.",
+            moved,
+        ),
+    ]
+
+
+def check_widths(charts: Sequence[ChartsOf], resolution: int) -> Steps:
+    """Return meshes whose charts are too narrow for the lightmap, with the resolution that fits."""
+    narrow: dict[str, float] = {}
+    for one in charts:
+        if one.place is not None:
+            width = (yield from chart_width(one.mesh)) * one.place.scale * resolution
+            if 0 < width < _NARROWEST:
+                narrow[one.mesh.name] = width
+    if not narrow:
+        return []
+    fitting = resolution
+    while fitting * min(narrow.values()) < _NARROWEST * resolution and fitting < _LARGEST:
+        fitting *= 2
+    sentence = (
+        f"The lightmap is too small for the charts of {{}}: they are {min(narrow.values()):.1f} texels wide "
+        f"on average. {fitting} texels would do."
+    )
+    return found(WARNING, sentence, list(narrow), "resolution", fitting)
+
+
+def chart_width(mesh: CheckedMesh) -> Generator[None, None, float]:
+    """Return the mean width of a mesh's charts in UVs: of long strips exactly, of squares half of it.
+
+    It is twice the area of the charts over the length of their borders: edges of a single loop, or whose two
+    loops have other UVs.
+    """
+    after = np.arange(1, len(mesh.vertex) + 1)
+    after[np.r_[mesh.starts[1:], len(after)] - 1] = mesh.starts
+    step = mesh.uvs[after] - mesh.uvs
+    length = np.hypot(step[:, 0], step[:, 1])
+    yield
+
+    # Both loops of an edge name its ends in the same order; their UVs are the same if none deviates.
+    forward = mesh.vertex == mesh.edges[mesh.edge, 0]
+    users = np.bincount(mesh.edge, minlength=len(mesh.edges))
+    border = users != 2
+    for first in (forward, ~forward):
+        ends = np.where(first[:, None], mesh.uvs, mesh.uvs[after])
+        for values in ends.T:
+            yield
+            mean = np.bincount(mesh.edge, values, len(mesh.edges)) / np.maximum(users, 1)
+            border[mesh.edge[np.abs(values - mean[mesh.edge]) > _SAME_UV]] = True
+    around = float(length[border[mesh.edge]].sum())
+    return 2 * mesh.charted.flat_area / around if around > 0 else 0.0

@@ -1,0 +1,109 @@
+"""The Check operator, and the one that mends what it has found."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Generator
+
+import bpy
+
+from ..engine.errors import EngineError
+from ..engine.progress import finished
+from .changes import Changes
+from .check import Checked, check_scene
+from .check.fixes import FIXES
+from .scene import SceneContext
+from .telling import tell
+from .worker_owner import poll_idle
+
+
+def last_check(scene: bpy.types.Scene) -> Checked | None:
+    """Return what the last check of a scene has found; None if it has never been checked."""
+    return Checked.from_json(scene.hemibake.findings)
+
+
+def keep_check(scene: bpy.types.Scene, checked: Checked) -> None:
+    """Keep what a check has found with its scene."""
+    scene.hemibake.findings = checked.to_json()
+
+
+class IdleCheck:
+    """A check of a scene that is done in the pauses of other work."""
+
+    def __init__(self, context: SceneContext) -> None:
+        self._context = context
+        self._steps: Generator[None, None, Checked] | None = check_scene(context)
+
+    def step(self) -> None:
+        """Do a slice of it, and in the end keep what it has found; nothing after that."""
+        if self._steps is None:
+            return
+        try:
+            next(self._steps)
+        except StopIteration as end:
+            self._steps = None
+            keep_check(self._context.scene, end.value)
+
+
+class HEMIBAKE_OT_check(bpy.types.Operator):
+    """Look for what stands in the way of a good bake, and estimate what it will take; changes nothing"""
+
+    bl_idname = "hemibake.check"
+    bl_label = "Check Scene for Baking"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return poll_idle(cls)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        checked = finished(check_scene(SceneContext(context)))
+        keep_check(context.scene, checked)
+        counts = dict.fromkeys(("ERROR", "WARNING", "INFO"), 0)
+        for finding in checked.findings:
+            counts[finding.severity] += 1
+        errors, warnings, notes = counts.values()
+        self.report(
+            {"INFO"}, f"{errors} errors, {warnings} warnings, {notes} notes: see Check in the sidebar"
+        )
+        return {"FINISHED"}
+
+
+class HEMIBAKE_OT_fix(bpy.types.Operator):
+    """Mend what the check has found"""
+
+    bl_idname = "hemibake.fix"
+    bl_label = "Fix Finding"
+    bl_options = {"REGISTER", "UNDO", "INTERNAL"}
+
+    fix: bpy.props.StringProperty(name="Fix", description="Name of the fix", options={"SKIP_SAVE"})
+    names: bpy.props.StringProperty(
+        name="Names", description="Names of the objects, as a JSON list", default="[]", options={"SKIP_SAVE"}
+    )
+    value: bpy.props.IntProperty(
+        name="Value", description="A number that the fix takes", options={"SKIP_SAVE"}
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return poll_idle(cls)
+
+    @classmethod
+    def description(cls, context: bpy.types.Context, properties) -> str:
+        """Return what a fix does, without its full stop, as Blender shows it."""
+        known = FIXES.get(properties.fix)
+        return known[1].__doc__.rstrip(".") if known else cls.__doc__
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        scene_objects, changes = context.scene.objects, Changes()
+        objects = [scene_objects[name] for name in json.loads(self.names) if name in scene_objects]
+        try:
+            FIXES[self.fix][1](context, objects, self.value, changes)
+        except EngineError as error:
+            changes.take_back()
+            tell(self, "ERROR", str(error))
+            return {"CANCELLED"}
+        keep_check(context.scene, finished(check_scene(SceneContext(context))))
+        return {"FINISHED"}
+
+
+CLASSES = (HEMIBAKE_OT_check, HEMIBAKE_OT_fix)

@@ -1,0 +1,72 @@
+"""What the last check has found, and what the bake is expected to take."""
+
+from __future__ import annotations
+
+import json
+
+import bpy
+
+from ..engine.plan.estimate import Estimate
+from ..operators.check import Finding
+from ..operators.check.fixes import FIXES
+from ..operators.checks import last_check
+from .sidebar import SubPanel
+from .wrapped_text import draw_text, line_width
+
+_ICONS = {"ERROR": "CANCEL", "WARNING": "ERROR", "INFO": "INFO"}
+
+
+class HEMIBAKE_PT_check(SubPanel, bpy.types.Panel):
+    """Findings, each with buttons that select its objects and mend it, and the estimate."""
+
+    bl_label = "Check"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, width = self.layout, line_width(context)
+        layout.operator("hemibake.check", text="Check", icon="VIEWZOOM")
+        checked = last_check(context.scene)
+        if checked is None:
+            return
+        for finding in checked.findings:
+            _draw_finding(layout.box(), finding, context, width)
+        if not checked.findings:
+            layout.label(text="Nothing found", icon="CHECKMARK")
+        if checked.estimate is not None:
+            draw_text(layout, estimate_text(checked.estimate), width)
+
+
+def estimate_text(expected: Estimate) -> str:
+    """Return what a bake is expected to take, in one line."""
+    about = f"about {_duration(expected.seconds)}"
+    known = about if expected.measured else f"{about} on a processor, less on a graphics card"
+    return (
+        f"{expected.patches:,} patches, {expected.sample_bytes / 2**20:,.0f} MiB for what they see, {known}"
+    )
+
+
+def _duration(seconds: float) -> str:
+    return (
+        f"{seconds:.1f} s"
+        if seconds < 10
+        else f"{seconds:.0f} s"
+        if seconds < 120
+        else f"{seconds / 60:.0f} min"
+    )
+
+
+def _draw_finding(
+    layout: bpy.types.UILayout, finding: Finding, context: bpy.types.Context, width: float
+) -> None:
+    """Show a finding, with its buttons."""
+    draw_text(layout, finding.text.partition("\n")[0], width, _ICONS[finding.severity])
+    names = [name for name in finding.objects if name in context.view_layer.objects]
+    row = layout.row(align=True)
+    if names:
+        button = row.operator("hemibake.select_objects", text="Select", icon="RESTRICT_SELECT_OFF")
+        button.names = json.dumps(names)
+    if finding.fix:
+        button = row.operator("hemibake.fix", text=FIXES[finding.fix][0], icon="TOOL_SETTINGS")
+        button.fix, button.names, button.value = finding.fix, json.dumps(finding.objects), finding.value
+
+
+CLASSES = (HEMIBAKE_PT_check,)

@@ -1,0 +1,339 @@
+"""The check names what stands in the way of a good bake, mends what it can, and changes nothing by itself."""
+
+import json
+
+import numpy as np
+import pytest
+
+from tests.blender.things import (
+    CUBE,
+    INWARD,
+    SQUARE,
+    SQUARE_UVS,
+    furnace,
+    loop_uvs,
+    material,
+    mesh_object,
+    part,
+    report,
+    snapshot,
+    square,
+)
+
+WHOLE = [(0, 0), (1, 0), (1, 1), (0, 1)]
+FOLDED = [(0.1, 0.1), (0.9, 0.1), (0.1, 0.2), (0.9, 0.2)]
+OUTWARD = [face[::-1] for face in INWARD]
+
+
+def check():
+    """Check the scene; return the findings that are kept with it."""
+    import bpy
+
+    before = snapshot()
+    assert bpy.ops.hemibake.check() == {"FINISHED"}
+    assert snapshot() == before
+    return part("operators.checks").last_check(bpy.context.scene)
+
+
+def finding(word):
+    """Return the only finding with a word in it; None without one."""
+    found = [one for one in check().findings if word in one.text]
+    assert len(found) < 2
+    return found[0] if found else None
+
+
+def fix(found):
+    """Press the button of a finding."""
+    import bpy
+
+    names = json.dumps(found.objects)
+    return bpy.ops.hemibake.fix(fix=found.fix, names=names, value=found.value)
+
+
+@pytest.fixture(autouse=True)
+def light(monkeypatch):
+    """Something that emits light, so that a scene in order has no findings, and no bake so far."""
+    import bpy
+
+    monkeypatch.setattr(part("operators.worker_owner").owner, "paces", {})
+    lamp = bpy.data.lights.new("Lamp", "POINT")
+    obj = bpy.data.objects.new("Lamp", lamp)
+    obj.location.z = 3
+    bpy.context.scene.collection.objects.link(obj)
+    return obj
+
+
+def test_scene_that_is_in_order_has_no_findings():
+    square(surface=material())
+    checked = check()
+    assert checked.findings == ()
+    assert checked.estimate.patches == pytest.approx(0.64 * 32**2, rel=0.1)
+    assert checked.estimate.seconds > 0 and not checked.estimate.measured
+
+
+def test_findings_survive_text():
+    square("Folded", FOLDED)
+    square("New", uvs=None)
+    module = part("operators.check")
+    checked = check()
+    assert len(checked.findings) == 2 and module.Checked.from_json(checked.to_json()) == checked
+    assert [one.severity for one in checked.findings] == ["ERROR", "INFO"]
+
+
+def test_empty_scene_is_told():
+    assert finding("no mesh with faces").severity == "ERROR"
+
+
+def test_missing_uvs_are_made():
+    obj = square("New", uvs=None)
+    found = finding("No lightmap UVs")
+    assert (found.severity, found.objects) == ("INFO", ("New",))
+    assert fix(found) == {"FINISHED"}
+    assert "Lightmap" in obj.data.uv_layers and finding("lightmap UVs") is None
+
+
+@pytest.mark.parametrize(
+    "uvs", [FOLDED, [(0, 0)] + [(np.nan, 1)] * 3, np.array(FOLDED) * 7 - 3], ids=["folded", "NaN", "outside"]
+)
+def test_useless_uvs_are_replaced_by_a_layer_of_its_own(uvs):
+    import bpy
+
+    obj, other = square("Folded", uvs), square("Other", np.array(SQUARE_UVS) * 0.01)
+    found = next(one for one in check().findings if one.fix)
+    assert found.severity == "ERROR" and found.objects == ("Folded",)
+    before = loop_uvs(obj)
+    assert fix(found) == {"FINISHED"}
+    assert [layer.name for layer in obj.data.uv_layers] == ["Lightmap", "Lightmap.001"]
+    assert obj.hemibake.own_uv_layer == "Lightmap.001" and other.hemibake.own_uv_layer == ""
+    np.testing.assert_array_equal(loop_uvs(obj), before)
+    assert not [one for one in check().findings if one.severity == "ERROR"]
+    assert bpy.ops.hemibake.bake() == {"FINISHED"}
+    assert report()["objects"] == 2
+
+
+def test_objects_that_are_placed_side_by_side_are_named():
+    square("First", WHOLE)
+    square("Second", WHOLE)
+    square("Alone", WHOLE).hemibake.atlas = "Other"
+    found = finding("side by side")
+    assert (found.severity, found.objects, found.fix) == ("INFO", ("First", "Second"), "")
+
+
+def test_too_many_for_the_lightmap_are_named():
+    import bpy
+
+    bpy.context.scene.hemibake.resolution = 8
+    for number in range(40):
+        square(f"Square {number:02d}", WHOLE)
+    found = finding("No room")
+    assert found.severity == "ERROR" and len(found.objects) == 40
+
+
+def strips(name, count):
+    """Return a square of so many strips, each a chart that fills 0.8 of a column of the lightmap."""
+    left = np.arange(count) / count
+    points = [(x + dx / count, y, 0) for x in left for dx, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    uvs = [(x + dx / count, y) for x in left for dx, y in ((0.1, 0), (0.9, 0), (0.9, 1), (0.1, 1))]
+    return mesh_object(name, points, np.arange(4 * count).reshape(-1, 4).tolist(), uvs)
+
+
+@pytest.mark.parametrize(("count", "fitting"), [(20, None), (40, 64), (211, 512)])
+def test_lightmap_that_is_too_small_for_the_charts_is_enlarged(count, fitting):
+    import bpy
+
+    strips("Blinds", count)
+    found = finding("too small")
+    if fitting is None:
+        assert found is None
+        return
+    assert (found.severity, found.objects, found.value) == ("WARNING", ("Blinds",), fitting)
+    assert fix(found) == {"FINISHED"} and bpy.context.scene.hemibake.resolution == fitting
+    assert finding("too small") is None
+
+
+def test_width_of_charts():
+    """Of a square of n x n faces in one chart: half its side, however many faces it has."""
+    import bpy
+
+    uvs = part("operators.check.uvs")
+    meshes = part("operators.check.meshes")
+    context = part("operators.scene").SceneContext(bpy.context)
+    finished = part("engine.progress").finished
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=7, y_subdivisions=13)
+    grid = bpy.context.object
+    grid.data.uv_layers[0].name = "Lightmap"
+    (mesh,) = finished(meshes.read_meshes(context, [grid]))
+    assert finished(uvs.chart_width(mesh)) == pytest.approx(0.5, rel=1e-4)
+    apart = strips("Apart", 10)
+    (mesh,) = finished(meshes.read_meshes(context, [apart]))
+    assert finished(uvs.chart_width(mesh)) == pytest.approx(0.08 / 1.08, rel=1e-3)
+
+
+def test_modifiers_that_copy_faces_are_told():
+    obj = square("Row", [(0.1, 0.1), (0.2, 0.1), (0.2, 0.2), (0.1, 0.2)])
+    obj.modifiers.new("Array", "ARRAY")
+    found = finding("Modifiers copy")
+    assert (found.severity, found.objects) == ("INFO", ("Row",))
+    assert fix(found) == {"FINISHED"} and finding("Modifiers copy") is None
+    assert [modifier.name for modifier in obj.modifiers] == ["Array", "Lightmap UVs"]
+
+
+def test_faces_that_look_inwards_are_turned():
+    obj = mesh_object("Crate", CUBE, INWARD, np.zeros((24, 2)))
+    obj.scale.x = -1
+    mesh_object("Box", CUBE, OUTWARD, np.zeros((24, 2)))
+    found = finding("look inwards, and nothing is in it")
+    assert (found.severity, found.objects) == ("WARNING", ("Crate",))
+    assert fix(found) == {"FINISHED"}
+    normal, centre = obj.data.polygons[0].normal, obj.data.polygons[0].center
+    assert normal.dot(centre) > 0 or normal.z < 0
+    assert finding("look inwards") is None and loop_uvs(obj).shape == (24, 2)
+
+
+def test_some_faces_turned():
+    mesh_object("Crate", CUBE, [*OUTWARD[:5], INWARD[5]], np.zeros((24, 2)))
+    found = finding("others outwards")
+    assert found.objects == ("Crate",)
+    fix(found)
+    assert finding("look inwards") is None
+
+
+@pytest.mark.parametrize("thing", ["LIGHT", "MESH"])
+def test_rooms_look_inwards(light, thing):
+    room = furnace("Room")
+    if thing == "LIGHT":
+        light.location = (0.5, 0.5, 0.5)
+    else:
+        square("Table").location = (0, 0, 0.5)
+    assert finding("look inwards") is None
+    room.location.x = 10
+    assert finding("look inwards").objects == ("Room",)
+
+
+def test_open_meshes_and_planes_may_look_anywhere():
+    mesh_object("Bowl", CUBE, INWARD[:5], np.zeros((20, 2)))
+    assert finding("inwards") is None
+
+
+def test_zero_area_faces_are_told():
+    sliver = [(2, 0, 0), (3, 0, 0), (4, 0, 0)]
+    mesh_object("Sliver", SQUARE + sliver, [(0, 1, 2, 3), (4, 5, 6)], [*SQUARE_UVS, *[(0, 0)] * 3])
+    assert finding("without an area").objects == ("Sliver",)
+
+
+def test_objects_hidden_from_one_of_viewport_and_renders_are_told():
+    square("Shown")
+    square("Only shown", np.array(SQUARE_UVS)).hide_render = True
+    square("Only rendered").hide_viewport = True
+    square("By eye").hide_set(True)
+    both = square("Hidden")
+    both.hide_viewport = both.hide_render = True
+    ignored = square("Ignored")
+    ignored.hide_render, ignored.hemibake.role = True, "IGNORED"
+    assert finding("Renders hide").objects == ("Only shown",)
+    assert finding("viewport hides").objects == ("By eye", "Only rendered")
+
+
+def image_material(name, path):
+    import bpy
+
+    surface = material(name)
+    node = surface.node_tree.nodes.new("ShaderNodeTexImage")
+    node.image = bpy.data.images.new(name, 4, 4)
+    node.image.filepath_raw, node.image.file_format = str(path), "PNG"
+    node.image.save()
+    node.image.source = "FILE"
+    surface.node_tree.links.new(node.outputs[0], surface.node_tree.nodes["Principled BSDF"].inputs[0])
+    return surface
+
+
+def test_missing_images_are_told(tmp_path):
+    there, gone = (image_material(name, tmp_path / f"{name}.png") for name in ("There", "Gone"))
+    square("First", surface=there)
+    second = square("Second", np.array(SQUARE_UVS) * 0.1, surface=gone)
+    assert finding("is missing") is None
+    (tmp_path / "Gone.png").unlink()
+    found = finding("is missing")
+    assert "'Gone'" in found.text and found.objects == (second.name,)
+    second.material_slots[0].material.node_tree.nodes["Image Texture"].image.source = "GENERATED"
+    assert finding("is missing") is None
+
+
+def set_world(colour):
+    import bpy
+
+    world = bpy.context.scene.world = bpy.data.worlds.new("Sky")
+    nodes = part("operators.compat").new_node_tree(world).nodes
+    next(node for node in nodes if node.type == "BACKGROUND").inputs["Color"].default_value = (*colour, 1)
+
+
+def test_darkness_is_told(light):
+    lit = square("Square", surface=material())
+    assert finding("emits light") is None
+    light.data.energy = 0
+    assert finding("emits light").severity == "ERROR"
+    set_world((0, 0, 0))
+    assert finding("emits light")
+    set_world((0, 0, 1))
+    assert finding("emits light") is None
+    set_world((0, 0, 0))
+    lit.data.materials[0] = material("Glow", emission=2)
+    assert finding("emits light") is None
+
+
+def test_memory_that_is_not_enough_is_told():
+    import bpy
+
+    square()
+    machine = part("operators.preferences").machine_properties()
+    machine.memory_budget = 1
+    try:
+        assert finding("may be used") is None
+        bpy.context.scene.hemibake.resolution = 256
+        assert finding("may be used").severity == "WARNING"
+    finally:
+        machine.property_unset("memory_budget")
+
+
+def test_earlier_bakes_make_the_estimate_a_measured_one():
+    import bpy
+
+    furnace()
+    assert bpy.ops.hemibake.bake() == {"FINISHED"}
+    told = check().estimate
+    assert told.measured and told.patches == pytest.approx(report()["patches"], rel=0.05)
+
+
+def test_fix_that_cannot_be_done_changes_nothing():
+    obj = square("Folded", FOLDED)
+    for number in range(7):
+        obj.data.uv_layers.new(name=f"Layer {number}")
+    found, before = finding("lie on each other"), snapshot()
+    with pytest.raises(RuntimeError, match="8 UV layers"):
+        fix(found)
+    assert snapshot() == before and obj.hemibake.own_uv_layer == ""
+
+
+def test_panel_shows_findings_with_their_buttons_and_the_estimate():
+    from tests.blender.test_panels import draw
+
+    assert draw("HEMIBAKE_PT_check") == ["hemibake.check"]
+    square("Folded", FOLDED)
+    check()
+    shown = draw("HEMIBAKE_PT_check")
+    assert shown.count("hemibake.select_objects") == shown.count("hemibake.fix") == 1
+    told = " ".join(shown)
+    assert "'Folded'" in told and "patches" in told and "on a processor" in told
+
+
+def test_bake_in_a_window_checks_the_scene_while_the_worker_works():
+    import bpy
+
+    furnace()
+    square("Folded", FOLDED).location.x = 5
+    worker = part("operators.worker_owner").owner.worker()
+    run = part("operators.run").Run(bpy.context, worker.bake)
+    run.finish(run.drain())
+    kept = part("operators.checks").last_check(bpy.context.scene).findings
+    assert [one.objects for one in kept if one.severity == "ERROR"] == [("Folded",)]
+    assert "Visibility" in " ".join(part("operators.worker_owner").owner.paces)

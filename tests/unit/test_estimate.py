@@ -1,0 +1,50 @@
+"""What a bake will take, told before it starts."""
+
+import pytest
+
+from engine.plan.estimate import estimate
+from engine.plan.stages import BakeStages, Extent
+from engine.settings import Settings
+from tests.analytic.scenes import furnace
+
+SETTINGS = Settings(resolution=97, hemicube=16, samples=256)
+EXTENT = Extent(atlases=3, triangles=10_007, lamps=2)
+
+
+def seconds(patches=9973, settings=SETTINGS, paces=()):
+    return estimate(EXTENT, patches, settings, dict(paces)).seconds
+
+
+def test_extent_is_that_of_the_scene():
+    scene = furnace(0.5, 1.0)
+    triangles = sum(len(mesh.positions) for mesh in scene.meshes)
+    assert Extent.of(scene) == Extent(len(scene.atlases), triangles, len(scene.lights))
+
+
+def test_more_work_takes_longer():
+    assert seconds(20_011) > seconds()
+    assert seconds(settings=Settings(resolution=97, hemicube=16, samples=1024)) > seconds()
+
+
+def test_paces_of_earlier_bakes_count():
+    slow = {"Visibility rays": 1e-3, "Visibility raster": 2e-3}
+    told = estimate(EXTENT, 9973, SETTINGS, slow)
+    assert told.measured and told.seconds > 9973 * 256 * 1e-3
+    assert not estimate(EXTENT, 9973, SETTINGS, {"Patches": 1e-9}).measured
+    assert slow == {"Visibility rays": 1e-3, "Visibility raster": 2e-3}
+
+
+@pytest.mark.parametrize(("patches", "size"), [(65_535, 2), (65_536, 4)])
+def test_memory_is_that_of_the_samples_and_more(patches, size):
+    told = estimate(EXTENT, patches, SETTINGS, {})
+    assert told.sample_bytes == patches * 3 * 16**2 * size
+
+
+def test_estimate_without_bounces_needs_no_samples():
+    direct = Settings(resolution=97, outputs=("direct",))
+    assert estimate(EXTENT, 9973, direct, {}).sample_bytes == 0
+
+
+def test_estimate_is_what_the_stages_of_a_bake_begin_with():
+    stages = BakeStages(EXTENT, SETTINGS, {})
+    assert stages.foretell(9973) == pytest.approx(seconds())

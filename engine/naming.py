@@ -47,6 +47,11 @@ def listing(sentence: str, names: Sequence[str]) -> str:
     return f"{sentence.replace('{}', few, 1)}\nAll {len(names)}: {_quoted(names)}."
 
 
+def counted(number: int, word: str, ending: str = "s") -> str:
+    """Return a number with what it counts, such as "1 object" or "1,021 patches"."""
+    return f"{number:,} {word}{'' if number == 1 else ending}"
+
+
 def first_line(message: str) -> str:
     """Return a message without the lines that have its details."""
     return message.strip().partition("\n")[0]

@@ -7,6 +7,8 @@ from typing import Any
 
 import bpy
 
+from ..engine.naming import counted
+
 #: Figures of a report that its copy leaves to the line that sums them up.
 _SUMMED_UP = ("warnings", "objects_of_warnings")
 
@@ -42,9 +44,9 @@ def last_report(scene: bpy.types.Scene) -> dict[str, Any] | None:
 def summary(report: dict[str, Any]) -> str:
     """Return what a bake did, in one line."""
     parts = [
-        _counted(report["objects"], "object"),
-        _counted(report["patches"], "patch", "es"),
-        _counted(report["iterations"], "bounce"),
+        counted(report["objects"], "object"),
+        counted(report["patches"], "patch", "es"),
+        counted(report["iterations"], "bounce"),
     ]
     if report["residual"] is not None:
         parts.append(f"remaining error {report['residual']:.2%}")
@@ -55,10 +57,6 @@ def warnings_with_objects(report: dict[str, Any]) -> list[tuple[str, list[str]]]
     """Return the warnings of a report, each with the names of the objects that it is about."""
     warnings = report["warnings"]
     return list(zip(warnings, report.get("objects_of_warnings", [[]] * len(warnings)), strict=True))
-
-
-def _counted(number: int, word: str, ending: str = "s") -> str:
-    return f"{number:,} {word}{'' if number == 1 else ending}"
 
 
 class HEMIBAKE_OT_copy_report(bpy.types.Operator):

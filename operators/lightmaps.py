@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import bpy
 
 from ..engine.errors import EngineError
-from ..engine.naming import naming
+from ..engine.naming import counted, naming
 from ..engine.progress import finished
 from .bake_settings import read_settings
 from .changes import Changes
@@ -90,7 +90,7 @@ class HEMIBAKE_OT_lightmap_assign(_OfActiveLightmap, bpy.types.Operator):
             return {"CANCELLED"}
         for obj in objects:
             obj.hemibake.atlas = name
-        self.report({"INFO"}, f"{len(objects)} objects belong to '{name}'")
+        self.report({"INFO"}, f"{counted(len(objects), 'object')} assigned to '{name}'")
         return {"FINISHED"}
 
 
@@ -124,7 +124,7 @@ class HEMIBAKE_OT_lightmap_repack(_OfActiveLightmap, bpy.types.Operator):
             return {"CANCELLED"}
         for note in notes:
             tell(self, "WARNING", note)
-        self.report({"INFO"}, f"{len(objects)} objects packed into '{entry.name}': bake them again")
+        self.report({"INFO"}, f"{counted(len(objects), 'object')} packed into '{entry.name}': bake again")
         return {"FINISHED"}
 
 

@@ -89,7 +89,11 @@ class HEMIBAKE_OT_preset_add(AddPresetBase, bpy.types.Operator):
     preset_menu = "HEMIBAKE_MT_presets"
     preset_subdir = _FOLDER
     preset_defines = ["settings = bpy.context.scene.hemibake"]
-    preset_values = [f"settings.{name}" for name in kept_with_scene() if name not in _APART]
+    preset_values = [
+        f"settings.{name}"
+        for name in (*kept_with_scene(), "size_mode", "texels_per_metre")
+        if name not in _APART
+    ]
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         removes = self.remove_name or self.remove_active

@@ -19,8 +19,9 @@ class HEMIBAKE_PT_bake(Sidebar, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, settings = self.layout, context.scene.hemibake
         draw_presets(layout, settings)
+        for name in ("target", "size_mode"):
+            layout.row().prop(settings, name, expand=True)
         split_properties(layout)
-        layout.row().prop(settings, "target", expand=True)
         _draw_size(layout.column(), settings)
         layout.prop(settings, "quality")
         button = layout.row()
@@ -33,7 +34,6 @@ class HEMIBAKE_PT_bake(Sidebar, bpy.types.Panel):
 
 def _draw_size(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
     """Show the width of lightmaps, or the density that decides it and what that comes to."""
-    layout.row().prop(settings, "size_mode", expand=True)
     if settings.size_mode == "SIZE":
         for name in shown_in("bake"):
             layout.prop(settings, name)

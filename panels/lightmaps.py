@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..engine.naming import counted
 from ..operators.lightmap_list import active_lightmap, members, unlisted
 from .sidebar import SubPanel
 
@@ -45,7 +46,8 @@ class HEMIBAKE_PT_lightmaps(SubPanel, bpy.types.Panel):
         buttons.operator("hemibake.lightmap_add", text="", icon="ADD")
         buttons.operator("hemibake.lightmap_remove", text="", icon="REMOVE")
         for name in unlisted(scene):
-            layout.label(text=f"{name}: {_counted(len(members(scene, name)))}, not baked yet", icon="BLANK1")
+            objects = counted(len(members(scene, name)), "object")
+            layout.label(text=f"{name}: {objects}, not baked yet", icon="BLANK1")
         entry = active_lightmap(scene)
         if entry is not None and entry.image is not None:
             layout.label(text=entry.image.name, icon="IMAGE_DATA")
@@ -59,12 +61,8 @@ class HEMIBAKE_PT_lightmaps(SubPanel, bpy.types.Panel):
 def _facts(scene: bpy.types.Scene, entry: bpy.types.PropertyGroup) -> str:
     """Return width, objects and used part of a lightmap, as far as they are known."""
     parts = [f"{entry.image.size[0]} px"] if entry.image else []
-    parts.append(_counted(len(members(scene, entry.name))))
+    parts.append(counted(len(members(scene, entry.name)), "object"))
     return ", ".join([*parts, f"{entry.used:.0f}%"] if entry.image and entry.used else parts)
-
-
-def _counted(objects: int) -> str:
-    return f"{objects} object{'' if objects == 1 else 's'}"
 
 
 CLASSES = (HEMIBAKE_UL_lightmaps, HEMIBAKE_PT_lightmaps)

@@ -12,7 +12,7 @@ _FONT = 0
 
 #: What tabs, margins and an icon take from the width of a region, and the least that is left for words; of
 #: one whose width is unknown. Pixels of an unscaled interface.
-_MARGIN, _LEAST, _UNKNOWN = 84, 80, 600
+_MARGIN, _LEAST, _UNKNOWN = 104, 80, 600
 
 
 def draw_text(layout: bpy.types.UILayout, text: str, width: float, icon: str = "NONE") -> None:

@@ -94,4 +94,5 @@ def test_presets_hold_nothing_that_belongs_to_one_scene(settings):
     add("Mine")
     (mine,) = (preset.path for preset in part("operators.presets").presets() if not preset.own)
     text = Path(mine).read_text()
-    assert "settings.samples = 256" in text and "seed" not in text and "patch_file" not in text
+    assert "settings.samples = 256" in text and "settings.size_mode = 'SIZE'" in text
+    assert "seed" not in text and "patch_file" not in text

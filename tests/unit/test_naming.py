@@ -1,6 +1,6 @@
 """Messages that name many objects: short in a window, complete in the report."""
 
-from engine.naming import Note, first_line, listing, naming, objects_of
+from engine.naming import Note, counted, first_line, listing, naming, objects_of
 from engine.worker.messages import Parcel, read
 
 NAMES = [f"Bob's chair.{number:03d}" for number in range(67)]
@@ -30,3 +30,11 @@ def test_sentence_keeps_its_objects_on_the_way_from_the_worker():
     parcel.write(memoryview(memory))
     arrived = read(memoryview(memory))["warnings"]
     assert arrived == notes and [objects_of(note) for note in arrived] == [("A",), ()]
+
+
+def test_what_is_counted_is_one_or_many():
+    assert (counted(1, "patch", "es"), counted(0, "object"), counted(1021, "patch", "es")) == (
+        "1 patch",
+        "0 objects",
+        "1,021 patches",
+    )

@@ -16,7 +16,7 @@ from ..engine.errors import EngineError, OverlapError
 from ..engine.finish.outputs import output_names
 from ..engine.lightmap import Lightmap
 from ..engine.naming import naming, objects_of
-from ..engine.progress import Progress
+from ..engine.progress import Progress, finished
 from ..engine.scene.model import Scene
 from ..engine.settings import Settings
 from .bake_settings import read_settings
@@ -29,13 +29,16 @@ from .result.contents import lightmap_contents
 from .result.destination import choose_destination
 from .result.kept_texels import KeptTexels
 from .run_stages import RunStages
-from .scene import SceneContext, read_scene, visible_meshes
+from .scene import SceneChangedError, SceneContext, read_scene, visible_meshes
 from .scene.overlaps import without_overlaps
 from .scene.targets import only_targets, target_uids
 from .scene.uvs.lightmap_layer import lightmap_layer
 from .scene.uvs.unwrap import unwrap_missing
 from .scene.uvs.uv_modifier import has_uvs, uv_source
 from .worker_owner import owner
+
+#: Readings of a scene that changes meanwhile, before it is read in one piece.
+_ATTEMPTS = 3
 
 Bake = Generator[Progress | None, None, Lightmap]
 Steps = Generator[Progress | None, None, None]
@@ -64,6 +67,7 @@ class Run:
         self._changes = Changes()
         self._images: list[int] = []
         self._check: IdleCheck | None = None
+        self._unwraps = False
         self.failure: str | None = None
         self._start = time.perf_counter()
         self._stages = RunStages(owner.paces)
@@ -89,39 +93,57 @@ class Run:
         return lightmap
 
     def _read_scene(self) -> Steps:
-        """Read the visible objects, with lightmap UVs made where they are missing."""
+        """Unwrap and read the scene; do so again if somebody changes it meanwhile."""
         scene = self._context.scene
         self._settings = replace(read_settings(scene.hemibake), intermediates=self._watched)
         self._uv_layer = scene.hemibake.uv_layer
         targets = target_uids(self._context, scene.hemibake.target)
-        wanted = [obj for obj in visible_meshes(self._context) if obj.session_uid in targets]
-        resolution = chosen_width(self._context, visible_meshes(self._context), scene.hemibake)
-        made = yield from self._stages.include(
-            self._stages.unwrapping,
-            unwrap_missing(self._context, wanted, self._uv_layer, resolution, self._changes),
-        )
-        if made.objects:
-            self._made_uvs()
-        skipped = {obj.session_uid for obj in made.skipped}
-        usable = [
-            obj
-            for obj in visible_meshes(self._context)
-            if obj.session_uid not in skipped and (obj.session_uid in targets or has_uvs(obj, self._uv_layer))
-        ]
-        self._unwrapped = {
-            obj.session_uid: (obj.name, uv_source(obj, self._uv_layer))
-            for obj in usable
-            if has_uvs(obj, self._uv_layer)
+        wanted = {
+            obj.session_uid: obj.name for obj in visible_meshes(self._context) if obj.session_uid in targets
         }
-        self._read = yield from self._stages.include(
-            self._stages.reading,
-            read_scene(self._context, usable, self._uv_layer, resolution, made.notes),
-        )
-        width = width_for(self._read.scene, self._context.scene.hemibake, resolution, bool(made.objects))
-        self._settings = replace(self._settings, resolution=width)
-        self._read = only_targets(self._read, targets, self._context.scene)
+        for _ in range(_ATTEMPTS):
+            try:
+                yield from self._unwrap_and_read(wanted)
+                break
+            except SceneChangedError:
+                yield None
+        else:
+            finished(self._unwrap_and_read(wanted, hurried=True))
         self._seconds = {"read": time.perf_counter() - self._start}
         self._choose_destination()
+
+    def _unwrap_and_read(self, wanted: dict[int, str], hurried: bool = False) -> Steps:
+        """Read the visible objects, with lightmap UVs made where they are missing.
+
+        wanted: session uids and names of those that get a lightmap
+        """
+        context, layer, properties = self._context, self._uv_layer, self._context.scene.hemibake
+        resolution = chosen_width(context, visible_meshes(context), properties)
+        objects = [obj for obj in visible_meshes(context) if obj.session_uid in wanted]
+        made = yield from self._stages.include(
+            self._stages.unwrapping, unwrap_missing(context, objects, layer, resolution, self._changes)
+        )
+        if made.objects:
+            self._unwraps = True
+            self._made_uvs()
+        skipped = {obj.session_uid for obj in made.skipped}
+        visible = {obj.session_uid: obj for obj in visible_meshes(context)}
+        usable = [
+            obj
+            for uid, obj in visible.items()
+            if uid not in skipped and (uid in wanted or has_uvs(obj, layer))
+        ]
+        self._unwrapped = {
+            obj.session_uid: (obj.name, uv_source(obj, layer)) for obj in usable if has_uvs(obj, layer)
+        }
+        notes = [*made.notes, *_missing([name for uid, name in wanted.items() if uid not in visible])]
+        self._read = yield from self._stages.include(
+            self._stages.reading,
+            read_scene(context, usable, layer, resolution, notes, owner.paces, hurried),
+        )
+        width = width_for(self._read.scene, context.scene.hemibake, resolution, self._unwraps)
+        self._settings = replace(self._settings, resolution=width)
+        self._read = only_targets(self._read, set(wanted), context.scene)
 
     def _choose_destination(self) -> None:
         """Decide where the lightmaps go, and see whether they can."""
@@ -316,6 +338,12 @@ class Run:
             "warnings": notes,
             "objects_of_warnings": [objects_of(note) for note in notes],
         }
+
+
+def _missing(names: list[str]) -> list[str]:
+    """Return a note about objects that were to be baked and are not there any more, if there are any."""
+    sentence = "Deleted or hidden while the scene was being read, so not baked: {}."
+    return [naming(sentence, names)] if names else []
 
 
 def _number(value: float) -> float | None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..scene.resampling import shrink
+from ..progress import finished
+from ..scene.resampling import shrink_in_slices
 
 #: Radiance above so many times the mean of the sky is sampled as a light.
 _BRIGHT = 3.0
@@ -63,7 +65,12 @@ def solid_angles(height: int, width: int) -> np.ndarray:
 
 def shrink_sky(world: np.ndarray, height: int, width: int) -> np.ndarray:
     """Return an equirectangular map averaged by solid angle, (h, w, 3) -> (height, width, 3) float32."""
-    return shrink(world, height, width, area=lambda rows: (1 - np.cos(np.pi * rows)) / 2)
+    return finished(shrink_sky_in_slices(world, height, width))
+
+
+def shrink_sky_in_slices(world: np.ndarray, height: int, width: int) -> Generator[float, None, np.ndarray]:
+    """Do as `shrink_sky` does; yield the fraction done after each row."""
+    return shrink_in_slices(world, height, width, area=lambda rows: (1 - np.cos(np.pi * rows)) / 2)
 
 
 def _shrunk(world: np.ndarray) -> np.ndarray:

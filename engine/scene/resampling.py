@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 
 import numpy as np
+
+from ..progress import finished
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,13 @@ def shrink(
     area  returns the fraction of the image's area below points along v, (n,) in [0, 1]: all rows cover the
           same by default
     """
+    return finished(shrink_in_slices(pixels, height, width, area))
+
+
+def shrink_in_slices(
+    pixels: np.ndarray, height: int, width: int, area: Callable[[np.ndarray], np.ndarray] = _even
+) -> Generator[float, None, np.ndarray]:
+    """Do as `shrink` does; yield the fraction done after each row."""
     rows, columns = _overlaps(len(pixels), height, area), _overlaps(pixels.shape[1], width)
     image = np.empty((height, width, pixels.shape[2]), np.float32)
     for row in range(height):
@@ -42,6 +51,7 @@ def shrink(
         line = np.einsum("r,rwc->wc", rows.weight[pieces], pixels[rows.source[pieces]])
         parts = line[columns.source] * columns.weight[:, None]
         np.add.reduceat(parts, columns.first[:-1], axis=0, out=image[row])
+        yield (row + 1) / height
     return image
 
 

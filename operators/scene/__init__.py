@@ -3,5 +3,6 @@
 from .objects.visible import visible_meshes
 from .read import ReadScene, read_scene
 from .scene_context import SceneContext
+from .scene_watch import SceneChangedError
 
-__all__ = ["ReadScene", "SceneContext", "read_scene", "visible_meshes"]
+__all__ = ["ReadScene", "SceneChangedError", "SceneContext", "read_scene", "visible_meshes"]

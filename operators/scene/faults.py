@@ -12,6 +12,7 @@ from ...engine.errors import SceneError
 from ...engine.naming import Note
 from ...engine.scene.checks import check_light, check_material, check_world
 from ...engine.scene.model import Light, Material, Scene
+from .slices import Slices
 
 Part = TypeVar("Part")
 
@@ -20,7 +21,7 @@ _GREY = np.full(3, 0.8, np.float32)
 _BLACK = np.zeros(3, np.float32)
 
 
-def without_faults(scene: Scene, notes: list[str]) -> Scene:
+def without_faults(scene: Scene, notes: list[str]) -> Slices[Scene]:
     """Return a scene whose materials are grey, whose lamps are gone and whose world is black where faulty.
 
     A sentence about each is appended to `notes`.
@@ -35,14 +36,13 @@ def without_faults(scene: Scene, notes: list[str]) -> Scene:
             return True
         return False
 
-    materials = tuple(
-        Material(material.name, _GREY, _BLACK)
-        if told(check_material, material, "Until then grey is baked.")
-        else material
-        for material in scene.materials
-    )
+    materials = []
+    for material in scene.materials:
+        faulty = told(check_material, material, "Until then grey is baked.")
+        materials.append(Material(material.name, _GREY, _BLACK) if faulty else material)
+        yield len(materials) / len(scene.materials)
     lights = tuple(
         light for light in scene.lights if not told(check_light, light, "Until then it is not baked.")
     )
     world = _BLACK if told(check_world, scene.world, "Until then a black one is baked.") else scene.world
-    return replace(scene, materials=materials, lights=lights, world=world)
+    return replace(scene, materials=tuple(materials), lights=lights, world=world)

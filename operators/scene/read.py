@@ -10,22 +10,24 @@ import numpy as np
 
 from ...engine.errors import SceneError
 from ...engine.naming import first_line, naming
-from ...engine.progress import Progress, finished
-from ...engine.scene.checks import check_scene
+from ...engine.progress import Progress
 from ...engine.scene.model import OCCLUDER, Mesh, Scene
-from ..lookup import find_all
 from .faults import without_faults
 from .light.lights import Lamps
 from .light.world import read_world
 from .materials.material_table import MaterialTable
+from .materials.pixels import PixelCache, UnreadError
 from .materials.shader_bake import Move
 from .messages import Troubles
 from .objects.items import scene_items
 from .objects.skipped import note_skipped
 from .place import Place, takes_textures
 from .places import choose_places
+from .read_stages import ReadStages
 from .scene_context import SceneContext
 from .scene_objects import ItemReader, Reading
+from .scene_watch import SceneWatch
+from .slices import Slice, Slices
 from .uvs.multi_user import multi_user_sources
 from .world_mesh import world_mesh
 
@@ -86,54 +88,124 @@ def read_scene(
     uv_layer: str,
     resolution: int,
     earlier_notes: Sequence[str] = (),
+    paces: dict[str, float] | None = None,
+    hurried: bool = False,
 ) -> Generator[Progress | None, None, ReadScene]:
-    """Read what the scene shows in slices, return it as an engine.Scene; raises SceneError.
+    """Read what the scene shows in slices, return it as an engine.Scene.
 
     objects  those that get a lightmap; every one with faces must have the UV layer. All other surfaces
              are occluders, unless they are to be ignored.
+    paces    seconds that a unit of each stage took in earlier readings, by its name; this one adds to them
+
+    hurried  True for a reading in one piece, of a scene that changes all the time
+
+    Raises SceneError, or SceneChangedError if the scene changes between two slices.
     """
-    notes = list(earlier_notes)
-    uids = [obj.session_uid for obj in objects]
-    yield Progress("Reading objects", 0.0)
-    yield None
-    objects = find_all(bpy.data.objects, uids)
     for obj in objects:
         obj.update_from_editmode()
-    depsgraph = context.evaluated_depsgraph_get()
-    several, troubles = multi_user_sources(uv_layer), Troubles()
-    table = MaterialTable(depsgraph, uv_layer, several, notes)
-    try:
+    with SceneWatch(context, hurried) as watch:
+        stages = ReadStages({} if paces is None else paces, watch.items)
         baked = {obj.session_uid for obj in objects}
-        reader = ItemReader(depsgraph, table, baked, uv_layer, notes, troubles)
-        lamps = Lamps(notes)
-        for item in scene_items(context, depsgraph):
-            if item.source.type == "LIGHT":
-                lamps.add(item)
-            elif item.object.type == "MESH":
-                reader.add(item)
-        readings, origin = reader.finish()
-        atlases, places = finished(choose_places(readings, several, resolution, troubles))
-        notes += troubles.tell()
-        if not any(places):
-            raise SceneError(_nothing_left({reading.name for reading in readings} - troubles.names, notes))
-        meshes = [
-            _mesh(reading, place, atlases, origin) for reading, place in zip(readings, places, strict=True)
-        ]
+        reading = _SceneReading(watch, baked, uv_layer, resolution, list(earlier_notes))
+        yield from stages.follow(stages.objects, reading.objects())
+        stages.expect(reading.evaluations, reading.triangles)
+        yield from stages.follow(stages.materials, reading.looks())
+    read = yield from stages.follow(stages.joining, reading.joined())
+    stages.learn()
+    return read
+
+
+class _SceneReading:
+    """Reads objects first, then what they and the surroundings look like, and joins all of it."""
+
+    def __init__(
+        self, watch: SceneWatch, baked: set[int], uv_layer: str, resolution: int, notes: list[str]
+    ) -> None:
+        self._watch, self._uv_layer, self._resolution, self._notes = watch, uv_layer, resolution, notes
+        self._cache, self._troubles = PixelCache(notes), Troubles()
+        self._several = multi_user_sources(uv_layer)
+        self._table = MaterialTable(watch, uv_layer, self._several, notes, self._cache)
+        self._reader = ItemReader(self._table, baked, uv_layer, notes, self._troubles)
+        self._lamps = Lamps(notes)
+        self._announced: set[int] = set()
+        self._next = 0
+
+    def objects(self) -> Slices[None]:
+        """Read all that the depsgraph shows, from one event to the next where the last one has ended."""
+        while self._next < self._watch.items:
+            try:
+                announcement = self._read_some()
+            except UnreadError as unread:
+                yield from unread.reading
+                continue
+            yield from self._reader.finish_meshes()
+            yield self._next / self._watch.items if announcement is None else announcement
+        self._readings, self._origin = self._reader.finish()
+        self._atlases, self._places = yield from choose_places(
+            self._readings, self._several, self._resolution, self._troubles
+        )
+        self._notes += self._troubles.tell()
+        if not any(self._places):
+            seen = {reading.name for reading in self._readings} - self._troubles.names
+            raise SceneError(_nothing_left(seen, self._notes))
+
+    def looks(self) -> Slices[None]:
+        """Read what only Cycles can evaluate of materials, then the world and the lamps' nodes."""
+        moves = _moves(self._readings, self._places)
+        self._materials = yield from self._table.finish(self._resolution, moves)
+        self._world = yield from read_world(self._watch, self._notes, self._cache)
+        self._lights = yield from self._lamps.finish(self._origin, self._watch)
+        self._watch.depsgraph()
+        self._skipped: list[str] = []
+        note_skipped(self._watch.context, self._skipped)
+
+    def joined(self) -> Slices[ReadScene]:
+        """Return all that was read; nothing of Blender is needed any more."""
+        meshes = []
+        for reading, place in zip(self._readings, self._places, strict=True):
+            meshes.append((yield from _mesh(reading, place, self._atlases, self._origin)))
         scene = Scene(
             meshes=tuple(meshes),
-            materials=table.finish(resolution, _moves(readings, places)),
-            atlases=tuple(atlases),
-            world=read_world(context.scene.world, notes),
-            origin=origin,
-            lights=lamps.finish(origin),
+            materials=self._materials,
+            atlases=tuple(self._atlases),
+            world=self._world,
+            origin=self._origin,
+            lights=self._lights,
         )
-    finally:
-        table.discard()
-    scene = without_faults(scene, notes)
-    check_scene(scene)
-    note_skipped(context, notes)
-    entries = tuple(_entry(reading, place) for reading, place in zip(readings, places, strict=True))
-    return ReadScene(scene, entries, tuple(notes))
+        scene = yield from without_faults(scene, self._notes)
+        entries = tuple(
+            _entry(reading, place) for reading, place in zip(self._readings, self._places, strict=True)
+        )
+        return ReadScene(scene, entries, (*self._notes, *self._skipped))
+
+    @property
+    def evaluations(self) -> int:
+        """How much Cycles has to evaluate."""
+        return self._table.evaluations
+
+    @property
+    def triangles(self) -> int:
+        """Number of triangles, instances included."""
+        return sum(len(reading.shape.slots) for reading in self._readings)
+
+    def _read_some(self) -> str | None:
+        """Read items for the length of a slice, or up to one that is to be announced: return that."""
+        time = Slice()
+        for item in scene_items(self._watch.depsgraph(), self._watch.visible, self._next):
+            self._next = item.index
+            uid = item.source.session_uid
+            if item.object.type == "MESH" and self._reader.is_large(item) and uid not in self._announced:
+                self._announced.add(uid)
+                return f"Reading object '{item.source.name}'"
+            if item.source.type == "LIGHT":
+                self._lamps.add(item)
+            elif item.object.type == "MESH":
+                self._reader.add(item)
+            if time.over:
+                self._next += 1
+                return None
+        self._next = self._watch.items
+        return None
 
 
 def _entry(reading: Reading, place: Place | None) -> Entry | None:
@@ -153,7 +225,7 @@ def _moves(readings: Sequence[Reading], places: Sequence[Place | None]) -> dict[
     }
 
 
-def _mesh(reading: Reading, place: Place | None, atlases: list[str], origin: np.ndarray) -> Mesh:
+def _mesh(reading: Reading, place: Place | None, atlases: list[str], origin: np.ndarray) -> Slices[Mesh]:
     """Return a reading in the world, with its charts in their place."""
     atlas = OCCLUDER if place is None else atlases.index(place.atlas)
     return world_mesh(reading, origin, atlas, place)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
@@ -12,8 +12,9 @@ from ...engine.naming import naming
 from .materials.material_table import MaterialTable
 from .messages import NO_FACES, NO_UVS, NORMALS_NOT_FINITE, NOT_FINITE, NOT_FINITE_UVS, Troubles
 from .objects.extent import middle_of, trouble_with
-from .objects.items import SceneItem
-from .objects.meshes import LIGHTMAP_UVS, Corners, read_corners
+from .objects.items import ItemKey, SceneItem
+from .objects.meshes import LIGHTMAP_UVS, Corners, MeshArrays, make_corners, read_mesh
+from .slices import Slices
 from .uvs.lightmap_layer import lightmap_layer
 from .uvs.uv_faults import is_finite
 from .uvs.uv_modifier import uv_source
@@ -45,6 +46,7 @@ class Reading:
     uvs            session uid of what its UVs come from, see `uv_source`
     matrix         (4, 4) float64, object space to world space
     scale          factor on its texels per metre
+    shape          its mesh; None until all meshes have been read
     """
 
     name: str
@@ -54,14 +56,32 @@ class Reading:
     persistent_id: tuple[int, ...]
     atlas: str | None
     matrix: np.ndarray
-    shape: Shape
     scale: float
+    shape: Shape | None
 
     @property
     def box(self) -> np.ndarray:
         """Corners of the bounding box in world space, (8, 3) float64."""
         with np.errstate(invalid="ignore", over="ignore"):
             return self.shape.box @ self.matrix[:3, :3].T + self.matrix[:3, 3]
+
+
+#: A mesh with more corners takes Blender long enough to be announced.
+_LARGE = 100_000
+
+#: Tells meshes apart: where the evaluated one is, its lightmap UV layer, the materials of its slots, and if
+#: it is an occluder's.
+_MeshKey = tuple[int, str, tuple[int, ...], bool]
+
+
+@dataclass(frozen=True)
+class _Unfinished:
+    """A mesh whose triangles have not been made yet; item is the first that shows it, called `name`."""
+
+    arrays: MeshArrays
+    slots: tuple[int, ...]
+    item: ItemKey
+    name: str
 
 
 class ItemReader:
@@ -71,46 +91,61 @@ class ItemReader:
     """
 
     def __init__(
-        self,
-        depsgraph: bpy.types.Depsgraph,
-        table: MaterialTable,
-        baked: set[int],
-        uv_layer: str,
-        notes: list[str],
-        troubles: Troubles,
+        self, table: MaterialTable, baked: set[int], uv_layer: str, notes: list[str], troubles: Troubles
     ) -> None:
-        self._depsgraph, self._table, self._baked = depsgraph, table, baked
+        self._table, self._baked = table, baked
         self._uv_layer, self._notes, self._troubles = uv_layer, notes, troubles
-        self._shapes: dict[tuple, Shape | str] = {}
-        self._readings: list[Reading] = []
+        self._unfinished: dict[_MeshKey, _Unfinished] = {}
+        self._shapes: dict[_MeshKey, Shape | str] = {}
+        self._uv_troubles: dict[_MeshKey, str | None] = {}
+        self._items: list[tuple[_MeshKey, Reading]] = []
         self._degenerate: dict[str, int] = {}
 
+    @staticmethod
+    def is_large(item: SceneItem) -> bool:
+        """Return whether reading an item's mesh takes long."""
+        return len(item.object.data.loops) > _LARGE
+
     def add(self, item: SceneItem) -> None:
-        """Read an object or instance with faces."""
+        """Read an object or instance with faces; `finish_meshes` must follow sometime before `finish`.
+
+        Raises UnreadError if an image has to be read first.
+        """
         if item.source.hemibake.role == "IGNORED" or self._instancer_ignored(item):
             return
         atlas = item.source.hemibake.atlas if self._gets_lightmap(item) else None
-        shape = self._shape(item, atlas)
-        if isinstance(shape, str):
-            self._troubles.add(shape, item.source.name)
-            return
-        trouble = None if atlas is None else _uv_trouble(shape.corners.uvs)
-        if trouble:
-            self._troubles.add(trouble, item.source.name)
+        slots = tuple(self._table.index(material, atlas, item) for material in _slot_materials(item))
+        layer = lightmap_layer(item.source, self._uv_layer)
+        key = (item.object.data.as_pointer(), layer, slots, atlas is None)
+        if key not in self._shapes and key not in self._unfinished:
+            arrays = self._read(item, layer, slots, atlas)
+            self._unfinished[key] = _Unfinished(arrays, slots, item.key, item.source.name)
         instancer = item.instancer
-        self._readings.append(
-            Reading(
-                name=item.source.name,
-                source=item.source.session_uid,
-                uvs=uv_source(item.source, self._uv_layer),
-                instancer=None if instancer is None else instancer.session_uid,
-                persistent_id=item.persistent_id,
-                atlas=None if trouble else atlas,
-                matrix=item.matrix,
-                shape=shape,
-                scale=item.source.hemibake.lightmap_scale,
-            )
+        reading = Reading(
+            name=item.source.name,
+            source=item.source.session_uid,
+            uvs=uv_source(item.source, self._uv_layer),
+            instancer=None if instancer is None else instancer.session_uid,
+            persistent_id=item.persistent_id,
+            atlas=atlas,
+            matrix=item.matrix,
+            scale=item.source.hemibake.lightmap_scale,
+            shape=None,
         )
+        self._items.append((key, reading))
+
+    def finish_meshes(self) -> Slices[None]:
+        """Make the triangles of the meshes that have been read."""
+        for key in list(self._unfinished):
+            mesh = self._unfinished.pop(key)
+            corners = yield from make_corners(mesh.arrays)
+            if corners.dropped:
+                self._degenerate[mesh.name] = corners.dropped
+            self._shapes[key] = _shape(corners, mesh.slots)
+            self._uv_troubles[key] = _uv_trouble(corners.uvs)
+            if not isinstance(self._shapes[key], str):
+                self._table.keep(mesh.item, mesh.slots)
+            yield 0.0
 
     def finish(self) -> tuple[list[Reading], np.ndarray]:
         """Return what was read, and the point that positions are relative to, (3,) float64, world space."""
@@ -118,15 +153,28 @@ class ItemReader:
             names, count = sorted(self._degenerate), sum(self._degenerate.values())
             sentence = f"{_objects(names)}: {count} zero-area triangles were left out."
             self._notes.append(naming(sentence, names))
-        middle = middle_of([reading.box for reading in self._readings])
+        readings = list(self._readings())
+        middle = middle_of([reading.box for reading in readings])
         near = []
-        for reading in self._readings:
+        for reading in readings:
             trouble = trouble_with(reading.box, middle)
             if trouble:
                 self._troubles.add(trouble, reading.name)
             else:
                 near.append(reading)
         return near, middle
+
+    def _readings(self) -> Iterator[Reading]:
+        """Yield all items with their shapes; those whose UVs are of no use become occluders."""
+        for key, reading in self._items:
+            shape = self._shapes[key]
+            if isinstance(shape, str):
+                self._troubles.add(shape, reading.name)
+                continue
+            trouble = None if reading.atlas is None else self._uv_troubles[key]
+            if trouble:
+                self._troubles.add(trouble, reading.name)
+            yield replace(reading, shape=shape, atlas=None if trouble else reading.atlas)
 
     def _instancer_ignored(self, item: SceneItem) -> bool:
         return item.instancer is not None and item.instancer.hemibake.role == "IGNORED"
@@ -137,45 +185,34 @@ class ItemReader:
             return False
         return item.instancer is None or item.instancer.hemibake.role == "BAKED"
 
-    def _shape(self, item: SceneItem, atlas: str | None) -> Shape | str:
-        """Return an item's mesh, or why it is left out."""
-        materials = _slot_materials(item)
-        slots = [self._table.index(material, atlas, item) for material in materials]
-        layer = lightmap_layer(item.source, self._uv_layer)
-        key = (item.object.data.as_pointer(), layer, tuple(slots), atlas is None)
-        if key not in self._shapes:
-            self._shapes[key] = self._read(item, slots, atlas)
-        return self._shapes[key]
-
-    def _read(self, item: SceneItem, slots: Sequence[int], atlas: str | None) -> Shape | str:
+    def _read(self, item: SceneItem, layer: str, slots: Sequence[int], atlas: str | None) -> MeshArrays:
         """Read an item's mesh; of one that is being edited Blender has to make it."""
         if item.source.type != "MESH" or not item.source.data.is_editmode:
-            return self._read_mesh(item, item.object.data, slots, atlas)
+            return self._read_mesh(item.object.data, layer, slots, atlas)
         try:
-            return self._read_mesh(item, item.object.to_mesh(), slots, atlas)
+            return self._read_mesh(item.object.to_mesh(), layer, slots, atlas)
         finally:
             item.object.to_mesh_clear()
 
     def _read_mesh(
-        self, item: SceneItem, mesh: bpy.types.Mesh, slots: Sequence[int], atlas: str | None
-    ) -> Shape | str:
-        lightmap = lightmap_layer(item.source, self._uv_layer)
-        layer = None if atlas is None or lightmap not in mesh.uv_layers else lightmap
+        self, mesh: bpy.types.Mesh, layer: str, slots: Sequence[int], atlas: str | None
+    ) -> MeshArrays:
         maps = {name: name for name in self._table.uv_maps(slots)}
         if LIGHTMAP_UVS in maps:
-            maps[LIGHTMAP_UVS] = lightmap
-        corners = read_corners(mesh, layer, maps)
-        if corners.dropped:
-            self._degenerate[item.source.name] = corners.dropped
-        if not len(corners.positions):
-            return NO_FACES
-        if not np.isfinite(corners.positions).all():
-            return NOT_FINITE
-        if not np.isfinite(corners.normals).all():
-            return NORMALS_NOT_FINITE
-        self._table.keep(item, slots)
-        index = np.clip(corners.slot, 0, len(slots) - 1)
-        return Shape(corners, np.asarray(slots, np.int32)[index], _box(corners.positions))
+            maps[LIGHTMAP_UVS] = layer
+        return read_mesh(mesh, None if atlas is None or layer not in mesh.uv_layers else layer, maps)
+
+
+def _shape(corners: Corners, slots: Sequence[int]) -> Shape | str:
+    """Return a mesh with its materials, or why it is left out."""
+    if not len(corners.positions):
+        return NO_FACES
+    if not np.isfinite(corners.positions).all():
+        return NOT_FINITE
+    if not np.isfinite(corners.normals).all():
+        return NORMALS_NOT_FINITE
+    index = np.clip(corners.slot, 0, len(slots) - 1)
+    return Shape(corners, np.asarray(slots, np.int32)[index], _box(corners.positions))
 
 
 def _uv_trouble(uvs: np.ndarray | None) -> str | None:

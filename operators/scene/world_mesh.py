@@ -8,9 +8,10 @@ from ...engine.scene.model import Mesh
 from .objects.meshes import LIGHTMAP_UVS
 from .place import Place, takes_textures
 from .scene_objects import Reading
+from .slices import Slices, row_slices
 
 
-def world_mesh(reading: Reading, origin: np.ndarray, atlas: int, place: Place | None) -> Mesh:
+def world_mesh(reading: Reading, origin: np.ndarray, atlas: int, place: Place | None) -> Slices[Mesh]:
     """Return a reading's corners along the world's axes.
 
     origin  (3,) float64, world space: what the positions are relative to
@@ -18,24 +19,32 @@ def world_mesh(reading: Reading, origin: np.ndarray, atlas: int, place: Place | 
     """
     corners, matrix = reading.shape.corners, reading.matrix
     linear, shift = matrix[:3, :3].T, matrix[:3, 3] - origin
-    positions = (corners.positions @ linear + shift).astype(np.float32)
-    normals = _unit(corners.normals @ _normal_matrix(matrix[:3, :3]).T.astype(np.float32))
-    uvs = np.zeros((len(positions), 3, 2), np.float32) if place is None else place.apply(corners.uvs)
-    texture_uvs = dict(corners.texture_uvs)
+    normal = _normal_matrix(matrix[:3, :3]).T.astype(np.float32)
+    order = [0, 2, 1] if np.linalg.det(matrix[:3, :3]) < 0 else [0, 1, 2]
+    positions, normals = np.empty_like(corners.positions), np.empty_like(corners.normals)
+    uvs = np.zeros((len(positions), 3, 2), np.float32)
+    for rows in row_slices(len(positions), 9):
+        positions[rows] = (corners.positions[rows] @ linear + shift)[:, order]
+        normals[rows] = _unit(corners.normals[rows] @ normal)[:, order]
+        if place is not None:
+            uvs[rows] = place.apply(corners.uvs[rows])[:, order]
+        yield rows.stop / len(positions)
+    turned, texture_uvs = order[1] == 2, dict(corners.texture_uvs)
     if LIGHTMAP_UVS in texture_uvs and place is not None and takes_textures(reading, place):
         texture_uvs[LIGHTMAP_UVS] = place.apply(texture_uvs[LIGHTMAP_UVS])
-    order = [0, 2, 1] if np.linalg.det(matrix[:3, :3]) < 0 else [0, 1, 2]
-    turned = (lambda array: np.ascontiguousarray(array[:, order])) if order[1] == 2 else (lambda array: array)
     return Mesh(
         name=reading.name,
-        positions=turned(positions),
-        normals=turned(normals),
-        uvs=turned(uvs),
+        positions=positions,
+        normals=normals,
+        uvs=uvs,
         face=corners.face,
         subface=corners.subface,
         material=reading.shape.slots,
         atlas=atlas,
-        texture_uvs={name: turned(values) for name, values in texture_uvs.items()},
+        texture_uvs={
+            name: np.ascontiguousarray(values[:, order]) if turned else values
+            for name, values in texture_uvs.items()
+        },
     )
 
 

@@ -110,7 +110,7 @@ def test_metal_and_glass_are_what_cycles_bakes():
     shape = baker.copy_shape(obj.evaluated_get(depsgraph), "Lightmap", np.eye(4), depsgraph, [surface])
     assert baker.lay_lightmap_uvs(shape.mesh, "Lightmap", None)
     try:
-        pixels = baker.bake_textures(surface, [shape], 512)["reflectance"]
+        pixels = baker.bake_pass("reflectance", surface, [shape], 512)
     finally:
         baker.remove_shapes([shape])
     assert pixels[256, 256] == pytest.approx(only_material().reflectance, rel=0.01)

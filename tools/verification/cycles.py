@@ -42,6 +42,7 @@ class RealisedScene:
 
     def __init__(self, context: bpy.types.Context, read, resolution: int) -> None:
         self._items = importlib.import_module(f"{MODULE}.operators.scene.objects.items")
+        self._visible = importlib.import_module(f"{MODULE}.operators.scene.objects.visible")
         self._evaluation = importlib.import_module(f"{MODULE}.operators.scene.materials.shader_bake")
         self._layers = importlib.import_module(f"{MODULE}.operators.scene.uvs.lightmap_layer")
         self._uv_layer = context.scene.hemibake.uv_layer
@@ -58,7 +59,8 @@ class RealisedScene:
         places = dict(read.objects)
         places |= {(uid, number): place for uid, _, number, place in read.instances}
         depsgraph = context.evaluated_depsgraph_get()
-        for item in self._items.scene_items(context, depsgraph):
+        visible = {obj.session_uid for obj in self._visible.visible_objects(context)}
+        for item in self._items.scene_items(depsgraph, visible):
             if item.object.type == "LIGHT":
                 self._add(item, item.object.data.original.copy())
             elif item.object.type == "MESH" and not _ignored(item):

@@ -10,8 +10,11 @@ import numpy as np
 from ....engine.naming import naming
 from ....engine.scene.model import Light
 from ...compat import light_nodes, light_power, light_temperature
+from ...lookup import find
 from ..materials.sockets import ComplexError
 from ..objects.items import SceneItem
+from ..scene_watch import SceneWatch
+from ..slices import Slices
 from .lamp_bake import bake_lamp
 from .lamp_nodes import LampNodes, LampReader, own_constants
 
@@ -30,7 +33,7 @@ class Lamps:
 
     def __init__(self, notes: list[str]) -> None:
         self._notes, self._reader = notes, LampReader(notes)
-        self._lights: list[tuple[Light, bpy.types.Light, np.ndarray]] = []
+        self._lights: list[tuple[Light, int, np.ndarray]] = []
         self._portals: list[str] = []
         self._linked: list[str] = []
         self._flat: list[str] = []
@@ -46,14 +49,18 @@ class Lamps:
             return
         if _is_linked(item.object):
             self._linked.append(name)
-        self._lights.append((_read_light(item), item.source.data, item.matrix))
+        self._lights.append((_read_light(item), item.source.data.session_uid, item.matrix))
 
-    def finish(self, origin: np.ndarray) -> tuple[Light, ...]:
+    def finish(self, origin: np.ndarray, watch: SceneWatch) -> Slices[tuple[Light, ...]]:
         """Read the nodes, return the lamps, and warn where a lamp is not exact.
 
         origin: (3,) float64, world space: positions are relative to it.
         """
-        lights = [_with_nodes(light, self._nodes(light.name, *where)) for light, *where in self._lights]
+        lights = []
+        for light, uid, matrix in self._lights:
+            nodes = yield from self._nodes(light.name, uid, matrix, watch)
+            lights.append(_with_nodes(light, nodes))
+            yield len(lights) / len(self._lights)
         if self._portals:
             sentence = "Portals give no light of their own and are not used: {}."
             self._notes.append(naming(sentence, self._portals))
@@ -64,16 +71,30 @@ class Lamps:
             self._notes.append(naming(sentence, self._linked))
         return tuple(replace(light, position=light.position - origin) for light in lights)
 
-    def _nodes(self, name: str, lamp: bpy.types.Light, matrix: np.ndarray) -> LampNodes:
+    def _nodes(self, name: str, uid: int, matrix: np.ndarray, watch: SceneWatch) -> Slices[LampNodes]:
         """Return what the nodes of a lamp do, read, evaluated by Cycles, or else guessed from constants."""
+        watch.depsgraph()
+        try:
+            return self._read_nodes(find(bpy.data.lights, uid), name)
+        except ComplexError:
+            yield f"Reading light '{name}' with Cycles"
+        watch.depsgraph()
+        try:
+            return self._bake_nodes(find(bpy.data.lights, uid), name, matrix)
+        finally:
+            watch.accept()
+
+    def _read_nodes(self, lamp: bpy.types.Light, name: str) -> LampNodes:
+        """Return what the nodes of a lamp do; raises ComplexError if only Cycles knows."""
         tree = light_nodes(lamp)
         if tree is None:
             return LampNodes()
-        try:
-            nodes = self._reader.read(tree, name)
-            return _along_axis(nodes) if lamp.type == "SUN" else nodes
-        except ComplexError:
-            pass
+        nodes = self._reader.read(tree, name)
+        return _along_axis(nodes) if lamp.type == "SUN" else nodes
+
+    def _bake_nodes(self, lamp: bpy.types.Light, name: str, matrix: np.ndarray) -> LampNodes:
+        """Return what the nodes of a lamp do as Cycles evaluates them."""
+        tree = light_nodes(lamp)
         try:
             nodes = bake_lamp(lamp, matrix)
         except RuntimeError as error:

@@ -2,27 +2,45 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import bpy
 import numpy as np
 
-from ....engine.direct.sky import shrink_sky
+from ....engine.direct.sky import shrink_sky_in_slices
 from ....engine.scene.color import srgb_to_linear
 from ...compat import node_input, node_tree
 from ..materials.materials import ShaderReader
-from ..materials.pixels import PixelCache, is_plain, is_srgb
+from ..materials.pixels import PixelCache, UnreadError, is_plain, is_srgb
 from ..materials.sockets import ComplexError, feeder
+from ..scene_watch import SceneWatch
+from ..slices import Slices, row_slices
 from .panorama import render_world
 
 #: Largest map of the surroundings, rows.
 _ROWS = 1024
 
 
-def read_world(world: bpy.types.World | None, notes: list[str]) -> np.ndarray:
-    """Return the radiance of a world, (3,) or equirectangular (h, w, 3) float32 as engine.Scene.world.
+def read_world(watch: SceneWatch, notes: list[str], cache: PixelCache) -> Slices[np.ndarray]:
+    """Return the radiance of the world, (3,) or equirectangular (h, w, 3) float32 as engine.Scene.world.
 
     A constant colour and an equirectangular image are read as they are; anything else is rendered by
     Blender. Sentences about what could not be taken over are appended to `notes`.
     """
+    while True:
+        watch.depsgraph()
+        try:
+            environment = _read(watch.context.scene.world, notes, cache)
+        except UnreadError as unread:
+            yield from unread.reading
+            continue
+        except ComplexError:
+            return (yield from _rendered(watch, notes))
+        return environment if isinstance(environment, np.ndarray) else (yield from environment.radiance())
+
+
+def _read(world: bpy.types.World | None, notes: list[str], cache: PixelCache) -> np.ndarray | _Environment:
+    """Return a colour or an image; raises ComplexError if only Blender can render the world."""
     if world is None:
         return np.zeros(3, np.float32)
     tree = node_tree(world)
@@ -31,24 +49,6 @@ def read_world(world: bpy.types.World | None, notes: list[str]) -> np.ndarray:
     output = tree.get_output_node("CYCLES")
     if output is None:
         return np.zeros(3, np.float32)
-    try:
-        return _background(world, output, notes)
-    except ComplexError:
-        return _rendered(world, notes)
-
-
-def _rendered(world: bpy.types.World, notes: list[str]) -> np.ndarray:
-    """Return what Blender makes of a world, black if it cannot."""
-    try:
-        return np.maximum(render_world(world), 0)
-    except RuntimeError as error:
-        reason = str(error).strip().splitlines()[-1]
-        notes.append(f"Blender could not render the world '{world.name}' ({reason}): it is baked black.")
-        return np.zeros(3, np.float32)
-
-
-def _background(world: bpy.types.World, output: bpy.types.Node, notes: list[str]) -> np.ndarray:
-    """Return a Background shader's colour or image times its strength, else raise ComplexError."""
     owner = f"World '{world.name}'"
     shader = feeder(output.inputs["Surface"])
     reader = ShaderReader(owner, notes)
@@ -56,20 +56,61 @@ def _background(world: bpy.types.World, output: bpy.types.Node, notes: list[str]
         colour = feeder(node_input(shader.node, "Color"))
         if colour.is_output and colour.node.bl_idname == "ShaderNodeTexEnvironment":
             strength = reader.number(shader.node, "Strength").number
-            return _environment(colour.node, owner, notes) * np.float32(max(strength, 0.0))
+            return _environment(colour.node, owner, cache, max(strength, 0.0))
     emission = reader.surface(output.inputs["Surface"]).emission
     return np.maximum(emission.constant, 0).astype(np.float32)
 
 
-def _environment(node: bpy.types.Node, owner: str, notes: list[str]) -> np.ndarray:
-    """Return an environment texture, turned by its Mapping node, (h, w, 3) float32."""
+def _rendered(watch: SceneWatch, notes: list[str]) -> Slices[np.ndarray]:
+    """Return what Blender makes of a world, black if it cannot."""
+    yield f"Rendering world '{watch.context.scene.world.name}'"
+    watch.depsgraph()
+    world = watch.context.scene.world
+    try:
+        return np.maximum(render_world(world), 0)
+    except RuntimeError as error:
+        reason = str(error).strip().splitlines()[-1]
+        notes.append(f"Blender could not render the world '{world.name}' ({reason}): it is baked black.")
+        return np.zeros(3, np.float32)
+    finally:
+        watch.accept()
+
+
+@dataclass(frozen=True)
+class _Environment:
+    """An environment texture.
+
+    pixels    (h, w, 4) float32
+    srgb      whether its colours are sRGB-encoded
+    turn      (3, 3) matrix that a Mapping node applies to directions, None for none
+    strength  of the Background shader
+    """
+
+    pixels: np.ndarray
+    srgb: bool
+    turn: np.ndarray | None
+    strength: float
+
+    def radiance(self) -> Slices[np.ndarray]:
+        """Return its radiance over directions, (h, w, 3) float32."""
+        height, width = self.pixels.shape[:2]
+        colours = np.empty((height, width, 3), np.float32)
+        for rows in row_slices(height, 4 * width):
+            linear = np.maximum(self.pixels[rows, :, :3], 0)
+            colours[rows] = (srgb_to_linear(linear) if self.srgb else linear) * np.float32(self.strength)
+            yield rows.stop / height
+        if height > _ROWS:
+            width = max(1, round(width * _ROWS / height))
+            colours = yield from shrink_sky_in_slices(colours, _ROWS, width)
+        return colours if self.turn is None else (yield from _turned(colours, self.turn))
+
+
+def _environment(node: bpy.types.Node, owner: str, cache: PixelCache, strength: float) -> _Environment:
+    """Return an environment texture, turned by its Mapping node."""
     if node.projection != "EQUIRECTANGULAR" or not is_plain(node.image):
         raise ComplexError
-    matrix = _rotation(node.inputs["Vector"])
-    pixels = np.maximum(PixelCache(notes).read(node.image, owner)[..., :3], 0)
-    pixels = srgb_to_linear(pixels) if is_srgb(node.image) else pixels
-    pixels = _shrunk(pixels)
-    return pixels if matrix is None else _turned(pixels, matrix)
+    turn = _rotation(node.inputs["Vector"])
+    return _Environment(cache.read(node.image, owner), is_srgb(node.image), turn, strength)
 
 
 def _rotation(socket: bpy.types.NodeSocket) -> np.ndarray | None:
@@ -95,25 +136,22 @@ def _rotation(socket: bpy.types.NodeSocket) -> np.ndarray | None:
     return matrix if inner is None else matrix @ inner
 
 
-def _shrunk(pixels: np.ndarray) -> np.ndarray:
-    """Return an image with at most _ROWS rows and pixels of the same shape."""
-    height, width = pixels.shape[:2]
-    if height <= _ROWS:
-        return pixels
-    return shrink_sky(pixels, _ROWS, max(1, round(width * _ROWS / height)))
-
-
-def _turned(pixels: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+def _turned(pixels: np.ndarray, matrix: np.ndarray) -> Slices[np.ndarray]:
     """Return a map that shows in each direction what the image shows in the turned direction."""
     height, width = pixels.shape[:2]
     phi = 2 * np.pi * (0.5 - (np.arange(width) + 0.5) / width)
     theta = np.pi * (1 - (np.arange(height) + 0.5) / height)[:, None]
-    x, y = np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi)
-    directions = np.stack([x, y, np.broadcast_to(np.cos(theta), x.shape)], axis=2) @ matrix.T
-    length = np.maximum(np.linalg.norm(directions, axis=2), 1e-30)
-    u = 0.5 - np.arctan2(directions[..., 1], directions[..., 0]) / (2 * np.pi)
-    v = 1 - np.arccos(np.clip(directions[..., 2] / length, -1, 1)) / np.pi
-    return _interpolated(pixels, u * width - 0.5, v * height - 0.5)
+    turned = np.empty_like(pixels)
+    for rows in row_slices(height, 20 * width):
+        x, y = np.sin(theta[rows]) * np.cos(phi), np.sin(theta[rows]) * np.sin(phi)
+        z = np.broadcast_to(np.cos(theta[rows]), x.shape)
+        directions = np.stack([x, y, z], axis=2) @ matrix.T
+        length = np.maximum(np.linalg.norm(directions, axis=2), 1e-30)
+        u = 0.5 - np.arctan2(directions[..., 1], directions[..., 0]) / (2 * np.pi)
+        v = 1 - np.arccos(np.clip(directions[..., 2] / length, -1, 1)) / np.pi
+        turned[rows] = _interpolated(pixels, u * width - 0.5, v * height - 0.5)
+        yield rows.stop / height
+    return turned
 
 
 def _interpolated(pixels: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:

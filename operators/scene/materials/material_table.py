@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
@@ -12,44 +13,73 @@ import numpy as np
 from ....engine.naming import listing
 from ....engine.scene.model import Material, Texture
 from ...compat import node_tree
-from ..objects.items import SceneItem
+from ...lookup import find
+from ..objects.items import ItemKey, SceneItem, scene_items
 from ..objects.meshes import LIGHTMAP_UVS
+from ..scene_watch import SceneWatch
+from ..slices import Slices
 from ..uvs.lightmap_layer import lightmap_layer
 from ..uvs.uv_modifier import uv_source
 from .materials import read_material
 from .object_nodes import Dependence, FrozenMaterial, Source, dependence, lost_attributes, object_values
 from .pixels import PixelCache
-from .shader_bake import Move, Shape, bake_textures, copy_shape, lay_lightmap_uvs, remove_shapes
+from .shader_bake import (
+    Move,
+    Shape,
+    bake_pass,
+    copy_shape,
+    finish_passes,
+    lay_lightmap_uvs,
+    passes_of,
+    remove_shapes,
+    texture_size,
+)
 from .sockets import ComplexError
 
 _ONES = np.ones(3, np.float32)
 
 
+@dataclass(frozen=True)
+class _Unevaluated:
+    """A material that only Cycles can evaluate.
+
+    uid     its session uid
+    values  of the object that shows it, see `object_nodes.object_values`
+    """
+
+    uid: int
+    values: dict[Source, tuple[float, ...]]
+
+
 class MaterialTable:
     """Collects the materials of all objects while they are read.
 
+    watch     the scene that is read
     uv_layer  name of the lightmap UV layer
     several   sources of lightmap UVs that may be shown several times, see `multi_user_sources`
     notes     sentences for the user are appended here
+    cache     the images of all materials
     """
 
     def __init__(
-        self, depsgraph: bpy.types.Depsgraph, uv_layer: str, several: set[int], notes: list[str]
+        self, watch: SceneWatch, uv_layer: str, several: set[int], notes: list[str], cache: PixelCache
     ) -> None:
-        self._depsgraph, self._uv_layer = depsgraph, uv_layer
-        self._several, self._notes = several, notes
-        self._cache = PixelCache(notes)
+        self._watch, self._uv_layer, self._several = watch, uv_layer, several
+        self._notes, self._cache = notes, cache
         self._index: dict[tuple, int] = {}
         self._materials: list[Material] = []
-        self._complex: dict[int, bpy.types.Material] = {}
+        self._complex: dict[int, _Unevaluated] = {}
         self._dependence: dict[int, Dependence] = {}
-        self._frozen: list[FrozenMaterial] = []
         self._lost: dict[str, dict[str, None]] = {}
-        self._shapes: list[tuple[Shape, frozenset[int]]] = []
+        self._wearers: dict[ItemKey, tuple[int, ...]] = {}
+        self._unmapped: set[int] = set()
         self._averaged: list[str] = []
 
     def index(self, material: bpy.types.Material | None, atlas: str | None, item: SceneItem) -> int:
-        """Return the index into `Scene.materials` of a material on an item of an atlas (None: occluders)."""
+        """Return the index into `Scene.materials` of a material on an item of an atlas (None: occluders).
+
+        Raises UnreadError if an image has to be read first.
+        """
         depends = self._depends(material)
         values = object_values(depends.sources, item)
         for name in lost_attributes(values, item):
@@ -67,7 +97,7 @@ class MaterialTable:
         except ComplexError:
             entry = Material(material.name, np.full(3, 0.8, np.float32), np.zeros(3, np.float32))
             self._index[complex_key] = number
-            self._complex[number] = self._freeze(material, values) if values else material
+            self._complex[number] = _Unevaluated(material.session_uid, values)
         self._materials.append(entry)
         return number
 
@@ -95,13 +125,6 @@ class MaterialTable:
             self._dependence[material.session_uid] = dependence(node_tree(material))
         return self._dependence[material.session_uid]
 
-    def _freeze(
-        self, material: bpy.types.Material, values: dict[Source, tuple[float, ...]]
-    ) -> bpy.types.Material:
-        """Return a material as it looks on objects with these values."""
-        self._frozen.append(FrozenMaterial(material, values))
-        return self._frozen[-1].material
-
     def uv_maps(self, indices: Iterable[int]) -> set[str]:
         """Return the UV maps that textures of these materials need; "" is the one that renders use."""
         maps: set[str] = set()
@@ -113,45 +136,35 @@ class MaterialTable:
                 maps.add(LIGHTMAP_UVS)
         return maps
 
-    def keep(self, item: SceneItem, indices: Sequence[int]) -> None:
-        """Keep a copy of an item if Blender has to evaluate the material of one of its slots."""
-        wanted = frozenset(index for index in indices if index in self._complex)
-        if wanted:
-            slots = [self._complex.get(index) for index in indices]
-            layer = lightmap_layer(item.source, self._uv_layer)
-            shape = copy_shape(item.object, layer, item.matrix, self._depsgraph, slots)
-            self._shapes.append((shape, wanted))
+    def keep(self, item: ItemKey, indices: Sequence[int]) -> None:
+        """Remember the materials in the slots of an item if Cycles has to evaluate one of them."""
+        if any(index in self._complex for index in indices):
+            self._wearers[item] = tuple(indices)
 
-    def discard(self) -> None:
-        """Remove the copies of meshes and materials."""
-        remove_shapes([shape for shape, _ in self._shapes])
-        self._shapes.clear()
-        for frozen in self._frozen:
-            frozen.remove()
-        self._frozen.clear()
+    @property
+    def evaluations(self) -> int:
+        """How many materials Cycles has to evaluate."""
+        return len(self._complex)
 
-    def finish(self, resolution: int, moves: Mapping[int, Move]) -> tuple[Material, ...]:
-        """Evaluate what is left to Blender at a resolution, and return all materials.
+    def finish(self, resolution: int, moves: Mapping[int, Move]) -> Slices[tuple[Material, ...]]:
+        """Evaluate what is left to Cycles at a resolution, and return all materials.
 
         moves: of objects by session uid, how their charts get to where they are put: textures go with them
         """
-        self._mapped = {
-            shape.mesh.session_uid
-            for shape, _ in self._shapes
-            if lay_lightmap_uvs(shape.mesh, shape.uv_layer, moves.get(shape.source))
-        }
+        self._moves = moves
         failed = []
         variants = Counter(self._materials[index].name for index in self._complex)
-        for index, material in self._complex.items():
+        for done, index in enumerate(self._complex):
             name = self._materials[index].name
-            shapes = [shape for shape, wanted in self._shapes if index in wanted]
-            if not shapes:  # only objects without faces have it
+            if not any(index in slots for slots in self._wearers.values()):  # only objects without faces
                 continue
             try:
-                self._materials[index] = self._evaluate(name, material, shapes, (resolution, variants[name]))
+                size = texture_size(resolution, variants[name])
+                self._materials[index] = yield from self._evaluate(index, name, size)
             except RuntimeError as error:
                 failed.append(name)
                 reason = str(error).strip().splitlines()[-1]
+            yield (done + 1) / len(self._complex)
         if failed:
             self._notes.append(
                 listing(
@@ -166,24 +179,57 @@ class MaterialTable:
             self._notes.append(listing(sentence, _once(self._averaged)))
         return tuple(self._materials)
 
-    def _evaluate(
-        self, name: str, material: bpy.types.Material, shapes: list[Shape], size: tuple[int, int]
-    ) -> Material:
-        """Return a material as textures over the lightmap UVs; as means where shapes have none.
-
-        size: resolution and variants of the material, see `bake_textures`.
-        """
-        mapped = [shape for shape in shapes if shape.mesh.session_uid in self._mapped]
-        chosen = mapped or shapes
-        if not mapped:
-            for shape in shapes:
-                shape.mesh.uv_layers.new(name=LIGHTMAP_UVS)
-        pixels = bake_textures(material, chosen, *size)
-        entry = Material(name, _ONES, np.zeros(3, np.float32), culled=material.use_backface_culling)
-        if mapped:
+    def _evaluate(self, index: int, name: str, size: int) -> Slices[Material]:
+        """Return a material as textures over the lightmap UVs; as means where those who wear it have none."""
+        announcement = f"Reading material '{name}' with Cycles"
+        yield announcement
+        with self._worn(index) as (material, shapes):
+            names, culled = passes_of(material), material.use_backface_culling
+            pixels = {names[0]: bake_pass(names[0], material, shapes, size)}
+        for each in names[1:]:
+            yield announcement
+            with self._worn(index) as (material, shapes):
+                pixels[each] = bake_pass(each, material, shapes, size)
+        yield from finish_passes(pixels)
+        entry = Material(name, _ONES, np.zeros(3, np.float32), culled=culled)
+        if index not in self._unmapped:
             return replace(entry, **self._maps(name, pixels))
         self._averaged.append(name)
         return replace(entry, **_means(pixels))
+
+    @contextmanager
+    def _worn(self, index: int) -> Iterator[tuple[bpy.types.Material, list[Shape]]]:
+        """Give a material, as it looks on what wears it, and copies of what does; remove all copies.
+
+        That is those with lightmap UVs, if there are any, else all of them with some UVs.
+        """
+        depsgraph, unevaluated = self._watch.depsgraph(), self._complex[index]
+        material = find(bpy.data.materials, unevaluated.uid)
+        frozen = FrozenMaterial(material, unevaluated.values) if unevaluated.values else None
+        worn = material if frozen is None else frozen.material
+        shapes: list[Shape] = []
+        try:
+            for item in scene_items(depsgraph, self._watch.visible):
+                slots = self._wearers.get(item.key, ())
+                if index in slots:
+                    wearing = [worn if slot == index else None for slot in slots]
+                    layer = lightmap_layer(item.source, self._uv_layer)
+                    shapes.append(copy_shape(item.object, layer, item.matrix, depsgraph, wearing))
+            mapped = [
+                shape
+                for shape in shapes
+                if lay_lightmap_uvs(shape.mesh, shape.uv_layer, self._moves.get(shape.source))
+            ]
+            if not mapped:
+                self._unmapped.add(index)
+                for shape in shapes:
+                    shape.mesh.uv_layers.new(name=LIGHTMAP_UVS)
+            yield worn, mapped or shapes
+        finally:
+            remove_shapes(shapes)
+            if frozen is not None:
+                frozen.remove()
+            self._watch.accept()
 
     def _maps(self, name: str, pixels: dict[str, np.ndarray]) -> dict:
         """Return the texture fields of a material."""

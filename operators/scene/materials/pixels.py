@@ -6,6 +6,8 @@ import bpy
 import numpy as np
 
 from ....engine.scene.color import srgb_to_linear
+from ...lookup import find
+from ..slices import Slices, row_slices
 
 #: Colour spaces whose pixels are scene-linear Rec.709 as they are, and the one that is converted.
 _LINEAR = {"Linear Rec.709", "Non-Color", "Raw", "Linear", "Generic Data"}
@@ -18,38 +20,82 @@ _LUMINANCE = np.array([[0.2126], [0.7152], [0.0722]], np.float32)
 MISSING = np.array([[[1.0, 0.0, 1.0, 1.0]]], np.float32)
 
 
+#: An image with more numbers takes Blender long enough to be announced.
+_LARGE = 1 << 22
+
+
+class UnreadError(Exception):
+    """Pixels are asked for that have not been read yet.
+
+    reading  reads them, so that asking again gets them
+    """
+
+    def __init__(self, reading: Slices[None]) -> None:
+        super().__init__()
+        self.reading = reading
+
+
 class PixelCache:
-    """The pixels of images, each read once."""
+    """The pixels of images, each read once.
+
+    notes  sentences for the user are appended here
+    """
 
     def __init__(self, notes: list[str]) -> None:
         self._notes = notes
         self._images: dict[int, np.ndarray] = {}
-        self._parts: dict[tuple[int | None, str], np.ndarray] = {}
+        self._parts: dict[tuple[int, str], np.ndarray] = {}
 
     def read_part(self, image: bpy.types.Image | None, owner: str, part: str) -> np.ndarray:
         """Return the "colour" of an image, (h, w, 3) float32 as `read`, or its "alpha" or "grey", (h, w, 1).
 
-        Grey is the luminance, linear. Everyone who asks for a part of an image gets the same array.
+        Grey is the luminance, linear. Everyone who asks for a part of an image gets the same array. Raises
+        UnreadError if it has to be read first.
         """
-        pixels = self.read(image, owner)
-        key = (None if image is None else image.session_uid, part)
+        if image is None:
+            return _part(self.read(image, owner), part, False)
+        key = (image.session_uid, part)
         if key not in self._parts:
-            self._parts[key] = np.ascontiguousarray(_part(pixels, part, is_srgb(image)))
+            raise UnreadError(self._read_part(key, owner, is_srgb(image)))
         return self._parts[key]
 
     def read(self, image: bpy.types.Image | None, owner: str) -> np.ndarray:
         """Return (h, w, 4) float32, colour (see `is_srgb`) and alpha, row 0 at v = 0.
 
         An image without pixels is magenta, as in Cycles, which is said in the notes; owner names who uses it.
+        Raises UnreadError if it has to be read first.
         """
         if image is None:
             self._note(f"{owner} has an image texture without an image: magenta is baked, as in Cycles.")
             return MISSING
         if image.session_uid not in self._images:
-            self._images[image.session_uid] = self._load(image, owner)
+            raise UnreadError(self._read(image.session_uid, owner))
         return self._images[image.session_uid]
 
+    def _read_part(self, key: tuple[int, str], owner: str, srgb: bool) -> Slices[None]:
+        uid, part = key
+        if uid not in self._images:
+            yield from self._read(uid, owner)
+        pixels = self._images[uid]
+        made = np.empty((*pixels.shape[:2], 3 if part == "colour" else 1), np.float32)
+        for rows in row_slices(len(pixels), pixels.shape[1] * 4):
+            made[rows] = _part(pixels[rows], part, srgb)
+            yield rows.stop / len(pixels)
+        self._parts[key] = made
+
+    def _read(self, uid: int, owner: str) -> Slices[None]:
+        image = find(bpy.data.images, uid)
+        if image.size[0] * image.size[1] * 4 > _LARGE:
+            yield f"Reading image '{image.name}'"
+            image = find(bpy.data.images, uid)
+        pixels = MISSING if image is None else self._load(image, owner)
+        for rows in row_slices(len(pixels), pixels.shape[1] * 4):
+            np.nan_to_num(pixels[rows], copy=False, posinf=0.0, neginf=0.0)
+            yield rows.stop / len(pixels)
+        self._images[uid] = pixels
+
     def _load(self, image: bpy.types.Image, owner: str) -> np.ndarray:
+        """Return the pixels of an image as Blender has them."""
         pixels = np.empty(0, np.float32)
         width, height = image.size
         if width and height:
@@ -63,9 +109,8 @@ class PixelCache:
                 f"Image '{image.name}', which {owner} uses, cannot be read: magenta is baked, as in Cycles. "
                 "Find the file again (File > External Data), or pack it."
             )
-            return MISSING
-        pixels = pixels.reshape(height, width, 4)
-        return np.nan_to_num(pixels, posinf=0.0, neginf=0.0)
+            return MISSING.copy()
+        return pixels.reshape(height, width, 4)
 
     def _note(self, note: str) -> None:
         if note not in self._notes:

@@ -12,6 +12,7 @@ from mathutils import Matrix
 
 from ...compat import new_node_tree, node_input
 from ..objects.meshes import LIGHTMAP_UVS, read_array
+from ..slices import Slices, row_slices
 from ..uvs.uv_layers import MOST_LAYERS
 from .sockets import feeder
 
@@ -31,6 +32,7 @@ _PASSES = {"reflectance": ("DIFFUSE", {"COLOR"}), "emission": ("EMIT", set()), "
 
 #: Inputs of the Principled BSDF that make it shine.
 _SHINY = ("Specular IOR Level", "Coat Weight", "Sheen Weight")
+
 
 #: From UVs of a mesh to lightmap UVs, (..., 2) float32.
 Move = Callable[[np.ndarray], np.ndarray]
@@ -94,32 +96,46 @@ def remove_shapes(shapes: Sequence[Shape]) -> None:
         bpy.data.meshes.remove(shape.mesh)
 
 
-def bake_textures(
-    material: bpy.types.Material,
-    shapes: Sequence[Shape],
-    resolution: int,
-    variants: int = 1,
-) -> dict[str, np.ndarray]:
-    """Return a material as textures over the UV map LIGHTMAP_UVS of shapes, float32.
+def passes_of(material: bpy.types.Material) -> list[str]:
+    """Return the passes that make up a material: "alpha" is missing where it is 1."""
+    return [name for name in _PASSES if name != "alpha" or _alpha_source(material.node_tree) is not None]
 
-    They are "reflectance" and "emission", (h, w, 3), and "alpha", (h, w, 1), which is missing where it is
-    1. There may be variants of a material for objects of one lightmap, each on a part of it. Raises
-    RuntimeError if Cycles cannot bake.
+
+def texture_size(resolution: int, variants: int) -> int:
+    """Return the width of textures over lightmap UVs, texels.
+
+    variants: how many there are of a material for objects of one lightmap, each on a part of it.
     """
     scale = np.sqrt(variants)
-    size = int(np.clip(resolution / scale, _SMALLEST / min(scale, _SHRINKING), _LARGEST))
+    return int(np.clip(resolution / scale, _SMALLEST / min(scale, _SHRINKING), _LARGEST))
+
+
+def bake_pass(name: str, material: bpy.types.Material, shapes: Sequence[Shape], size: int) -> np.ndarray:
+    """Return a pass of a material over the UV map LIGHTMAP_UVS of shapes, (size, size, 3) float32.
+
+    It is as Cycles gives it. Raises RuntimeError if Cycles cannot bake.
+    """
     with _stage(shapes, material) as stage:
-        textures = {}
-        for name in _PASSES:
-            pixels = stage.bake(name, size)
-            if pixels is not None:
-                textures[name] = pixels
-    if "alpha" in textures:
-        alpha = np.clip(textures["alpha"][..., :1], 0, 1)
-        textures["alpha"] = alpha
-        textures["reflectance"] = np.where(alpha > 1e-3, textures["reflectance"] / np.maximum(alpha, 1e-3), 0)
-    textures["reflectance"] = np.clip(textures["reflectance"], 0, 1).astype(np.float32)
-    return {name: np.nan_to_num(np.maximum(pixels, 0)) for name, pixels in textures.items()}
+        return stage.bake(name, size)
+
+
+def finish_passes(passes: dict[str, np.ndarray]) -> Slices[None]:
+    """Make of what Cycles gave, in place, what a material has.
+
+    They are "reflectance" and "emission", (h, w, 3), and "alpha", (h, w, 1) if it is there.
+    """
+    size = len(passes["reflectance"])
+    if "alpha" in passes:
+        passes["alpha"] = passes["alpha"][..., :1].copy()
+    for rows in row_slices(size, 7 * size):
+        for pixels in passes.values():
+            np.maximum(np.nan_to_num(pixels[rows]), 0, out=pixels[rows])
+        reflectance = passes["reflectance"][rows]
+        if "alpha" in passes:
+            alpha = np.minimum(passes["alpha"][rows], 1, out=passes["alpha"][rows])
+            reflectance[:] = np.where(alpha > 1e-3, reflectance / np.maximum(alpha, 1e-3), 0)
+        np.minimum(reflectance, 1, out=reflectance)
+        yield rows.stop / size
 
 
 class _Stage:
@@ -130,11 +146,11 @@ class _Stage:
     ) -> None:
         self._scene, self._objects, self._worn = scene, objects, worn
 
-    def bake(self, name: str, size: int) -> np.ndarray | None:
-        """Return one pass, (size, size, 3) float32; None for the alpha of an opaque material."""
+    def bake(self, name: str, size: int) -> np.ndarray:
+        """Return one pass, (size, size, 3) float32."""
         tree = self._worn.node_tree
-        if name == "alpha" and not _show_alpha(tree):
-            return None
+        if name == "alpha":
+            _show_alpha(tree)
         image = bpy.data.images.new("hemibake", size, size, alpha=True, float_buffer=True, is_data=True)
         node = tree.nodes.new("ShaderNodeTexImage")
         try:
@@ -226,15 +242,20 @@ def _set_up(scene: bpy.types.Scene) -> None:
     scene.view_layers[0].update()
 
 
-def _show_alpha(tree: bpy.types.NodeTree) -> bool:
-    """Let a material emit its alpha; False if nothing says that it differs from 1.
+def _show_alpha(tree: bpy.types.NodeTree) -> None:
+    """Let a material emit its alpha."""
+    _emit(tree, tree.get_output_node("CYCLES"), *_alpha_source(tree))
+
+
+def _alpha_source(tree: bpy.types.NodeTree) -> tuple[bpy.types.NodeSocket, bool] | None:
+    """Return the input that holds a material's alpha, and whether it is 1 minus that; None for a 1.
 
     Known are the Alpha of a Principled BSDF, and the factor of a Mix Shader with a Transparent BSDF.
     """
     output = tree.get_output_node("CYCLES")
     shader = feeder(output.inputs["Surface"]) if output else None
     if shader is None or not shader.is_output:
-        return False
+        return None
     node = shader.node
     inverted, source = False, None
     if node.bl_idname == "ShaderNodeBsdfPrincipled":
@@ -243,9 +264,8 @@ def _show_alpha(tree: bpy.types.NodeTree) -> bool:
         holes = [_is_transparent(socket) for socket in node.inputs[1:3]]
         source, inverted = (node.inputs[0], holes[1]) if any(holes) else (None, False)
     if source is None or (not source.is_linked and source.default_value == (0.0 if inverted else 1.0)):
-        return False
-    _emit(tree, output, source, inverted)
-    return True
+        return None
+    return source, inverted
 
 
 def _is_transparent(socket: bpy.types.NodeSocket) -> bool:

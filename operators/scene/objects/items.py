@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from dataclasses import dataclass
+from itertools import islice
 
 import bpy
 import numpy as np
 
-from .visible import visible_objects
+#: Tells items apart: session uids of the object that is shown and of what makes the instance, if it is one,
+#: and Blender's number of the instance.
+ItemKey = tuple[int, int | None, tuple[int, ...]]
 
 
 @dataclass(frozen=True)
 class SceneItem:
     """An object or instance; valid until the iteration over `scene_items` goes on.
 
+    index          place among all that the depsgraph shows
     object         evaluated
     source         the original object that is shown
     matrix         (4, 4) float64, object space to world space
@@ -23,6 +27,7 @@ class SceneItem:
     random         Cycles' random number of it, in [0, 1]
     """
 
+    index: int
     object: bpy.types.Object
     source: bpy.types.Object
     matrix: np.ndarray
@@ -30,11 +35,20 @@ class SceneItem:
     persistent_id: tuple[int, ...]
     random: float
 
+    @property
+    def key(self) -> ItemKey:
+        """What tells it apart from others."""
+        instancer = None if self.instancer is None else self.instancer.session_uid
+        return self.source.session_uid, instancer, self.persistent_id
 
-def scene_items(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> Iterator[SceneItem]:
-    """Yield what both the viewport and renders show of a view layer, instances included."""
-    visible = {obj.session_uid for obj in visible_objects(context)}
-    for instance in depsgraph.object_instances:
+
+def scene_items(depsgraph: bpy.types.Depsgraph, visible: Set[int], start: int = 0) -> Iterator[SceneItem]:
+    """Yield what both the viewport and renders show of a view layer, instances included.
+
+    visible  session uids of the objects that are shown
+    start    index of the first one
+    """
+    for index, instance in enumerate(islice(depsgraph.object_instances, start, None), start):
         parent = instance.parent.original if instance.is_instance else None
         source = instance.object.original
         shown = parent if parent is not None else source
@@ -45,7 +59,7 @@ def scene_items(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> I
         number = tuple(instance.persistent_id) if parent is not None else ()
         matrix = np.array(instance.matrix_world, np.float64)
         bits = name_hash(source.name) if parent is None else instance.random_id & 0xFFFFFFFF
-        yield SceneItem(instance.object, source, matrix, parent, number, bits / 0xFFFFFFFF)
+        yield SceneItem(index, instance.object, source, matrix, parent, number, bits / 0xFFFFFFFF)
 
 
 def name_hash(name: str) -> int:

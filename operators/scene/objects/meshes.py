@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import bpy
 import numpy as np
+
+from ....engine.progress import finished
+from ..slices import Slices, row_slices
 
 #: UV map of textures that were made over lightmap UVs, whichever layer of an object holds these.
 LIGHTMAP_UVS = "Hemibake lightmap UVs"
@@ -64,30 +67,111 @@ def read_positions(mesh: bpy.types.Mesh) -> np.ndarray:
     return read_array(mesh.attributes["position"].data, "vector", 3, np.float32)
 
 
-def read_corners(mesh: bpy.types.Mesh, uv_layer: str | None, uv_maps: Mapping[str, str]) -> Corners:
-    """Return the corners of an evaluated mesh, with its lightmap UVs from a layer, if that is named.
+@dataclass(frozen=True)
+class MeshArrays:
+    """The arrays of a Blender mesh as they are, in object space.
 
-    uv_maps  the layer of each UV map that textures need; "" is the one that renders use. One that the mesh
-             does not have is 0 everywhere, as in Cycles
+    positions  (v, 3) float32            loops     (t, 3) int32, of each triangle
+    corners    (l,) int32, vertices      sizes     (p,) int32, corners of each polygon
+    normals    (l, 3) float32            slot      (p,) int32, material slot of each polygon
+    uvs        (l, 2) float32, the lightmap UVs; None if there are none
+    maps       (l, 2) float32 of each UV map that textures need; None for one that the mesh does not have
+    """
+
+    positions: np.ndarray
+    corners: np.ndarray
+    normals: np.ndarray
+    loops: np.ndarray
+    sizes: np.ndarray
+    slot: np.ndarray
+    uvs: np.ndarray | None
+    maps: dict[str, np.ndarray | None]
+
+
+def read_mesh(mesh: bpy.types.Mesh, uv_layer: str | None, uv_maps: Mapping[str, str]) -> MeshArrays:
+    """Read an evaluated mesh, with its lightmap UVs from a layer, if that is named.
+
+    uv_maps  the layer of each UV map that textures need; "" is the one that renders use
     """
     mesh.calc_loop_triangles()
-    triangles = mesh.loop_triangles
-    loops = read_array(triangles, "loops", 3, np.int32)
-    vertices = read_array(triangles, "vertices", 3, np.int32)
-    polygons = read_array(triangles, "polygon_index", 1, np.int32)[:, 0]
-    positions = read_array(mesh.vertices, "co", 3, np.float32)[vertices]
+    starts = read_array(mesh.polygons, "loop_start", 1, np.int32)[:, 0]
+    return MeshArrays(
+        positions=read_positions(mesh),
+        corners=read_array(mesh.attributes[".corner_vert"].data, "value", 1, np.int32)[:, 0],
+        normals=read_array(mesh.corner_normals, "vector", 3, np.float32),
+        loops=read_array(mesh.loop_triangles, "loops", 3, np.int32),
+        sizes=np.diff(np.r_[starts, len(mesh.loops)]).astype(np.int32),
+        slot=_slots(mesh),
+        uvs=None if uv_layer is None else _uvs(mesh.uv_layers.get(uv_layer)),
+        maps={name: _uvs(_layer(mesh, layer)) for name, layer in uv_maps.items()},
+    )
+
+
+def read_corners(mesh: bpy.types.Mesh, uv_layer: str | None, uv_maps: Mapping[str, str]) -> Corners:
+    """Return the corners of an evaluated mesh, with its lightmap UVs from a layer, if that is named."""
+    return finished(make_corners(read_mesh(mesh, uv_layer, uv_maps)))
+
+
+def make_corners(mesh: MeshArrays) -> Slices[Corners]:
+    """Return the triangle corners of a mesh. A UV map that it does not have is 0 everywhere, as in Cycles."""
+    face = np.repeat(np.arange(len(mesh.sizes), dtype=np.int32), np.maximum(mesh.sizes - 2, 0))
+    subface, parts = subfaces(face), []
+    for rows in row_slices(len(mesh.loops), 27):
+        parts.append(_part(mesh, mesh.loops[rows], face[rows], subface[rows]))
+        yield rows.stop / len(mesh.loops)
+    return _joined(parts) if parts else _part(mesh, mesh.loops, face, subface)
+
+
+def _part(mesh: MeshArrays, loops: np.ndarray, face: np.ndarray, subface: np.ndarray) -> Corners:
+    """Return the corners of some triangles."""
+    positions = mesh.positions[mesh.corners[loops]]
     keep = ~is_degenerate(positions)
-    loops, polygon = loops[keep], polygons[keep]
+    if not keep.all():
+        loops, positions, face, subface = loops[keep], positions[keep], face[keep], subface[keep]
     return Corners(
-        positions=positions[keep],
-        normals=read_array(mesh.corner_normals, "vector", 3, np.float32)[loops],
-        uvs=None if uv_layer is None else _uvs(mesh.uv_layers.get(uv_layer), loops),
-        texture_uvs={name: _uvs(_layer(mesh, layer), loops) for name, layer in uv_maps.items()},
-        face=polygon,
-        subface=subfaces(polygons)[keep],
-        slot=read_array(mesh.polygons, "material_index", 1, np.int32)[polygon, 0],
+        positions=positions,
+        normals=mesh.normals[loops],
+        uvs=None if mesh.uvs is None else mesh.uvs[loops],
+        texture_uvs={
+            name: np.zeros((*loops.shape, 2), np.float32) if uvs is None else uvs[loops]
+            for name, uvs in mesh.maps.items()
+        },
+        face=face,
+        subface=subface,
+        slot=mesh.slot[face],
         dropped=int(np.sum(~keep)),
     )
+
+
+def _joined(parts: Sequence[Corners]) -> Corners:
+    """Return parts of a mesh as one."""
+    if len(parts) == 1:
+        return parts[0]
+    first = parts[0]
+
+    def joined(name: str) -> np.ndarray:
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    return Corners(
+        positions=joined("positions"),
+        normals=joined("normals"),
+        uvs=None if first.uvs is None else joined("uvs"),
+        texture_uvs={
+            name: np.concatenate([part.texture_uvs[name] for part in parts]) for name in first.texture_uvs
+        },
+        face=joined("face"),
+        subface=joined("subface"),
+        slot=joined("slot"),
+        dropped=sum(part.dropped for part in parts),
+    )
+
+
+def _slots(mesh: bpy.types.Mesh) -> np.ndarray:
+    """Return the material slot of each polygon, (p,) int32; without the attribute it is the first one."""
+    attribute = mesh.attributes.get("material_index")
+    if attribute is None:
+        return np.zeros(len(mesh.polygons), np.int32)
+    return read_array(attribute.data, "value", 1, np.int32)[:, 0]
 
 
 def _layer(mesh: bpy.types.Mesh, name: str) -> bpy.types.MeshUVLoopLayer | None:
@@ -97,11 +181,9 @@ def _layer(mesh: bpy.types.Mesh, name: str) -> bpy.types.MeshUVLoopLayer | None:
     return next((layer for layer in mesh.uv_layers if layer.active_render), None)
 
 
-def _uvs(layer: bpy.types.MeshUVLoopLayer | None, loops: np.ndarray) -> np.ndarray:
-    """Return a UV map at the triangles' corners, (t, 3, 2) float32."""
-    if layer is None:
-        return np.zeros((*loops.shape, 2), np.float32)
-    return read_array(layer.uv, "vector", 2, np.float32)[loops]
+def _uvs(layer: bpy.types.MeshUVLoopLayer | None) -> np.ndarray | None:
+    """Return a UV map of all loops, (l, 2) float32."""
+    return None if layer is None else read_array(layer.uv, "vector", 2, np.float32)
 
 
 def subfaces(face: np.ndarray) -> np.ndarray:

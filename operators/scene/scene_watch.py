@@ -1,0 +1,90 @@
+"""Notices that a scene changes while it is being read."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Self
+
+import bpy
+
+from .objects.visible import visible_objects
+from .scene_context import SceneContext
+
+#: Changes of their members and settings only: what is shown tells whether that matters.
+_HOLDERS = (bpy.types.Scene, bpy.types.Collection)
+
+#: What a surface or light looks like. Objects are tagged, too, whenever there is any new datablock.
+_LOOKS = (bpy.types.Material, bpy.types.World, bpy.types.Light, bpy.types.Image, bpy.types.Texture)
+
+
+class SceneChangedError(Exception):
+    """What was read of the scene is no longer what it shows: it has to be read again."""
+
+
+class SceneWatch:
+    """Watches a scene inside `with`.
+
+    context  of the scene
+    visible  session uids of the objects that are shown
+    items    number of objects and instances in the depsgraph
+    """
+
+    def __init__(self, context: SceneContext, tolerant: bool = False) -> None:
+        """Watch the scene of a context; tolerant: take all changes as they come."""
+        self.context, self._tolerant = context, tolerant
+        self._changed = self._doubtful = False
+        self._handlers = {
+            "depsgraph_update_post": self._note_update,
+            "undo_post": self._note_undo,
+            "redo_post": self._note_undo,
+        }
+        self.visible, self.items = frozenset[int](), 0
+
+    def __enter__(self) -> Self:
+        self.accept()
+        self.visible, self.items = self._census()
+        for name, handler in self._handlers.items():
+            getattr(bpy.app.handlers, name).append(handler)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        # Another file takes all handlers along.
+        for name, handler in self._handlers.items():
+            handlers = getattr(bpy.app.handlers, name)
+            if handler in handlers:
+                handlers.remove(handler)
+
+    def depsgraph(self) -> bpy.types.Depsgraph:
+        """Return the evaluated depsgraph; raises SceneChangedError if it is not as it was."""
+        depsgraph = self.context.evaluated_depsgraph_get()
+        if self._doubtful:
+            self._changed |= self._census() != (self.visible, self.items)
+            self._doubtful = False
+        if self._changed and not self._tolerant:
+            raise SceneChangedError
+        return depsgraph
+
+    def accept(self) -> None:
+        """Take the scene as it is after changes of Hemibake's own."""
+        self.context.evaluated_depsgraph_get()
+        self._changed = self._doubtful = False
+
+    def _census(self) -> tuple[frozenset[int], int]:
+        """Return which objects are shown, and how many objects and instances there are."""
+        shown = frozenset(obj.session_uid for obj in visible_objects(self.context))
+        return shown, len(self.context.view_layer.depsgraph.object_instances)
+
+    def _note_update(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+        if scene.session_uid != self.context.scene_uid:
+            return
+        for update in depsgraph.updates:
+            moved = update.is_updated_geometry or update.is_updated_transform
+            if isinstance(update.id, _HOLDERS):
+                self._doubtful = True
+            elif moved or (update.is_updated_shading and isinstance(update.id, _LOOKS)):
+                self._changed = True
+
+    def _note_undo(self, *_: object) -> None:
+        self._changed = True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Generator
 
 import bpy
@@ -15,6 +16,9 @@ from .check.fixes import FIXES
 from .scene import SceneContext
 from .telling import tell
 from .worker_owner import poll_idle
+
+#: How long a check goes on in a pause of other work, s.
+_SLICE = 0.01
 
 
 def last_check(scene: bpy.types.Scene) -> Checked | None:
@@ -35,14 +39,14 @@ class IdleCheck:
         self._steps: Generator[None, None, Checked] | None = check_scene(context)
 
     def step(self) -> None:
-        """Do a slice of it, and in the end keep what it has found; nothing after that."""
-        if self._steps is None:
-            return
-        try:
-            next(self._steps)
-        except StopIteration as end:
-            self._steps = None
-            keep_check(self._context.scene, end.value)
+        """Go on with it for a short time, and in the end keep what it has found; nothing after that."""
+        limit = time.perf_counter() + _SLICE
+        while self._steps is not None and time.perf_counter() < limit:
+            try:
+                next(self._steps)
+            except StopIteration as end:
+                self._steps = None
+                keep_check(self._context.scene, end.value)
 
 
 class HEMIBAKE_OT_check(bpy.types.Operator):
@@ -73,7 +77,7 @@ class HEMIBAKE_OT_fix(bpy.types.Operator):
 
     bl_idname = "hemibake.fix"
     bl_label = "Fix Finding"
-    bl_options = {"REGISTER", "UNDO", "INTERNAL"}
+    bl_options = {"UNDO", "INTERNAL"}
 
     fix: bpy.props.StringProperty(name="Fix", description="Name of the fix", options={"SKIP_SAVE"})
     names: bpy.props.StringProperty(

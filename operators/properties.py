@@ -39,6 +39,20 @@ class HemibakeLightmapProperties(bpy.types.PropertyGroup):
     )
 
 
+def _layers_of_scene(
+    scene: bpy.types.PropertyGroup, context: bpy.types.Context, text: str
+) -> list[tuple[str, str]]:
+    """Return the UV layers that are offered for a scene."""
+    return offered_layers(scene.id_data.objects)
+
+
+def _layers_of_object(
+    obj: bpy.types.PropertyGroup, context: bpy.types.Context, text: str
+) -> list[tuple[str, str]]:
+    """Return the UV layers that are offered for an object."""
+    return offered_layers([obj.id_data])
+
+
 class HemibakeSceneProperties(bpy.types.PropertyGroup):
     """How the scene is baked, with the engine's settings that are the scene's; the last bake's report."""
 
@@ -47,7 +61,7 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
         description="UV layer with the lightmap UVs; made where an object has none. The list shows those "
         "that exist, the likeliest lightmap UVs first",
         default="Lightmap",
-        search=lambda self, context, text: offered_layers(context.scene.objects),
+        search=_layers_of_scene,
     )
     target: EnumProperty(
         name="Target",
@@ -134,7 +148,7 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
     own_uv_layer: StringProperty(
         name="UV Layer",
         description="UV layer with the lightmap UVs of this object; empty for that of the scene",
-        search=lambda self, context, text: offered_layers([self.id_data]),
+        search=_layers_of_object,
     )
     lightmap_scale: FloatProperty(
         name="Scale in Lightmap",

@@ -27,12 +27,12 @@ class HEMIBAKE_PT_check(SubPanel, bpy.types.Panel):
         checked = last_check(context.scene)
         if checked is None:
             return
+        if checked.estimate is not None:
+            draw_text(layout, estimate_text(checked.estimate), width)
         for finding in checked.findings:
             _draw_finding(layout.box(), finding, context, width)
         if not checked.findings:
             layout.label(text="Nothing found", icon="CHECKMARK")
-        if checked.estimate is not None:
-            draw_text(layout, estimate_text(checked.estimate), width)
 
 
 def estimate_text(expected: Estimate) -> str:

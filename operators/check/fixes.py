@@ -72,7 +72,7 @@ FIXES: dict[str, tuple[str, Fix]] = {
     "unwrap": ("Unwrap", unwrap),
     "unwrap_anew": ("Unwrap Anew", unwrap_anew),
     "resolution": ("Set Resolution", set_resolution),
-    "normals": ("Recalculate Normals", recalculate_normals),
+    "normals": ("Recalculate", recalculate_normals),
 }
 
 

@@ -10,10 +10,10 @@ import bpy
 from ..engine.errors import EngineError
 from ..engine.progress import Progress, finished
 from ..engine.self_test import Verdict, run_self_test
+from ..engine.unwrap.segmentation import has_xatlas
 from .bake_settings import machine_defaults
 from .log import log
 from .scene.messages import WITHOUT_XATLAS
-from .scene.uvs.charts import has_xatlas
 from .telling import tell
 from .window_bake import WindowBake
 from .worker_owner import owner, poll_idle

@@ -23,23 +23,30 @@ from ..progress import Progress
 from ..scene.model import Light, Material, Mesh, Scene, Texture
 from ..scene.profile import Profile
 from ..settings import Settings
+from ..unwrap.polygon_mesh import Charts, PolygonMesh
+from ..unwrap.unwrapping import FilledSquare, Square, Unwrapped
 
 #: The dataclasses that may travel, by name.
 RECORDS: dict[str, type] = {
     record.__name__: record
     for record in (
+        Charts,
         DeviceSurvey,
+        FilledSquare,
         FoundDevice,
         Light,
         Lightmap,
         Material,
         Mesh,
+        PolygonMesh,
         Profile,
         Progress,
         Report,
         Scene,
         Settings,
+        Square,
         Texture,
+        Unwrapped,
     )
 }
 

@@ -121,16 +121,6 @@ def test_charts_keep_four_empty_texels_between_them():
             assert gap.max() >= 4 or np.allclose(gap.max(), 0, atol=1e-3)
 
 
-def test_torn_polygon_is_laid_flat_without_folding():
-    charts = part("operators.scene.uvs.charts")
-    points = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0.9, 0.05, 0.8)], np.float64)
-    triangles = np.array([(0, 1, 2), (0, 2, 3)])
-    flat = charts._flatten(points, triangles)
-    areas = charts.signed_areas(flat[triangles])
-    assert (areas > 0).all()
-    assert areas.sum() == pytest.approx(charts.areas(points[triangles]).sum())
-
-
 def test_other_layers_selection_and_mode_stay():
     import bpy
 
@@ -261,28 +251,6 @@ def test_object_that_cannot_have_uvs_is_named_and_the_others_have_some(case):
     assert "Lightmap" not in bpy.data.objects["Odd"].data.uv_layers
 
 
-def test_long_thin_mesh_is_laid_out_without_an_immense_page():
-    """Its charts are 1e7 texels long at the density that its area would have."""
-    charts = part("operators.scene.uvs.charts")
-    strip = [(x, y, 0) for y in (0, 1e-3) for x in (0, 3e4, 1e5)]
-    obj = mesh_object("Wire", strip, [(0, 1, 4, 3), (1, 2, 5, 4)])
-    sizes = []
-    pack_at = charts._pack_at
-
-    def watch(meshes, flat, scale):
-        texels, size = pack_at(meshes, flat, scale)
-        sizes.append(size)
-        return texels, size
-
-    charts._pack_at = watch
-    try:
-        unwrap()
-    finally:
-        charts._pack_at = pack_at
-    assert max(sizes, default=0) < 4 * RESOLUTION
-    assert "Lightmap" not in obj.data.uv_layers or np.ptp(loop_uvs(obj), axis=0).max() > 0.9
-
-
 def test_charts_that_do_not_fit_one_lightmap_go_to_several():
     import bpy
 
@@ -329,54 +297,3 @@ def test_doubled_faces_get_charts_of_their_own():
     uvs = loop_uvs(obj).reshape(2, 4, 2)
     low, high = uvs.min(axis=1), uvs.max(axis=1)
     assert (high[0] < low[1]).any() or (high[1] < low[0]).any()
-
-
-def torn_quads(count):
-    """Return quads apart from each other, and what xatlas is to say of them: no triangle has a chart."""
-    charts = part("operators.scene.uvs.charts")
-    corner = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]) + np.arange(count)[:, None, None] * 2.0
-    quad = np.arange(count, dtype=np.int32)
-    mesh = charts.PolygonMesh(
-        name="Quads",
-        positions=corner.reshape(-1, 3),
-        corners=np.arange(4 * count, dtype=np.int32),
-        starts=np.arange(0, 4 * count + 1, 4, dtype=np.int32),
-        triangles=(4 * quad[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]]))
-        .reshape(-1, 3)
-        .astype(np.int32),
-        polygon=np.repeat(quad, 2),
-    )
-    return mesh, (np.zeros((2 * count, 3, 2)), np.full(2 * count, -1))
-
-
-def test_many_torn_polygons_take_their_time_each_and_are_numbered_without_gaps(monkeypatch):
-    charts, seconds = part("operators.scene.uvs.charts"), []
-    for count in (1000, 16000):
-        mesh, said = torn_quads(count)
-        monkeypatch.setattr(charts, "_segment", lambda mesh, said=said: said)
-        began = time.process_time()
-        made = charts.make_charts(mesh)
-        seconds.append(time.process_time() - began)
-        assert (made.chart == np.repeat(np.arange(count), 2)).all()
-        assert made.uvs[-4:] == pytest.approx(made.uvs[:4], abs=1e-6)
-    assert seconds[1] < 3 * 16 * seconds[0]
-
-
-def test_an_atlas_is_destroyed_only_after_its_threads_have_rested():
-    """Destroyed at once, an Atlas of xatlas waits for ever now and then."""
-    resting, rests = part("operators.scene.uvs.resting_atlases"), []
-
-    class Atlas:
-        def __del__(self):
-            rests.append(time.monotonic() - self.worked)
-
-    atlases = resting.RestingAtlases(Atlas)
-    for pause in (0, 0, resting.REST / 2, 2 * resting.REST, 0):
-        time.sleep(pause)
-        with atlases.atlas() as atlas:
-            atlas.worked = time.monotonic()
-        del atlas
-    assert len(rests) == 3
-    atlases.destroy()
-    assert len(rests) == 5
-    assert min(rests) >= resting.REST

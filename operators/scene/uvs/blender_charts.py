@@ -1,4 +1,4 @@
-"""Charts and packing by Blender's own operators, for machines without xatlas.
+"""Charts by Blender's own operators, for machines without xatlas.
 
 They run on a mesh of their own in a scene of its own: nothing that the user sees is selected, edited or
 left.
@@ -6,15 +6,15 @@ left.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from math import radians
 
 import bpy
 import numpy as np
 
+from ....engine.unwrap.polygon_mesh import PolygonMesh, areas, signed_areas
 from ..objects.meshes import read_array
-from .polygon_mesh import Charts, PolygonMesh, areas, signed_areas
 from .uv_faults import covered_texels
 
 #: Largest angle between the faces of a chart and the direction along which they are projected.
@@ -45,53 +45,9 @@ def segment(mesh: PolygonMesh) -> tuple[np.ndarray, np.ndarray]:
     return _checked(mesh, uvs[mesh.triangles].astype(np.float64), chart)
 
 
-def pack(
-    meshes: Sequence[PolygonMesh], charts: Sequence[Charts], resolution: int, padding: int
-) -> list[np.ndarray] | None:
-    """Return UVs of each mesh's loops, (l, 2) float64, in the unit square, as large as they fit.
-
-    Each chart lies in a box of its own, which begins on borders of texels and keeps `padding` texels to the
-    others. None if they do not fit.
-    """
-    corner, size = _boxes(meshes, charts)
-    low = np.concatenate([np.zeros((0, 2)), corner])
-    rectangle = size[:, None] * np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
-    loops = np.arange(4 * len(size), dtype=np.int32)
-    starts = np.arange(0, 4 * len(size) + 1, 4, dtype=np.int32)
-    flat = np.concatenate([rectangle, np.zeros((*rectangle.shape[:2], 1))], axis=2).reshape(-1, 3)
-    packed = _edited_uvs(
-        flat, loops, starts, lambda: _pack((padding + 1) / resolution), rectangle.reshape(-1, 2)
-    )
-    if packed is None:
-        return None
-    packed = packed.astype(np.float64).reshape(-1, 4, 2)
-    start = packed.min(axis=1, keepdims=True)
-    packed += np.floor(start * resolution) / resolution - start
-
-    # Each chart is moved as its box was.
-    axes = (packed[:, [1, 3]] - packed[:, :1]) / size[:, :, None]
-    first, placed = 0, []
-    for mesh, made in zip(meshes, charts, strict=True):
-        numbers, chart = np.unique(made.chart, return_inverse=True)
-        of_loop = np.zeros(len(mesh.corners), np.int64)
-        of_loop[mesh.triangles] = first + chart[:, None]
-        inside = made.uvs - low[of_loop]
-        placed.append(packed[of_loop, 0] + np.einsum("li,lij->lj", inside, axes[of_loop]))
-        first += len(numbers)
-    return placed
-
-
 def _project() -> None:
     bpy.ops.mesh.select_all(action="SELECT")
     bpy.ops.uv.smart_project(angle_limit=_ANGLE, margin_method="FRACTION", island_margin=0.0)
-
-
-def _pack(gap: float) -> None:
-    bpy.ops.mesh.select_all(action="SELECT")
-    bpy.ops.uv.select_all(action="SELECT")
-    bpy.ops.uv.pack_islands(
-        margin_method="FRACTION", margin=gap / 2, shape_method="AABB", rotate=True, rotate_method="CARDINAL"
-    )
 
 
 def _edited_uvs(
@@ -99,12 +55,10 @@ def _edited_uvs(
     corners: np.ndarray,
     starts: np.ndarray,
     edit: Callable[[], None],
-    uvs: np.ndarray | None = None,
 ) -> np.ndarray | None:
     """Return the UVs of the loops, (l, 2) float32, after an edit; None if Blender drops faces there.
 
     positions  (v, 3), vertices; corners (l,) and starts (p + 1,) as in `PolygonMesh`
-    uvs        (l, 2) before the edit
     """
     size = np.ptp(positions, axis=0).max(initial=1e-30)
     mesh = bpy.data.meshes.new(_NAME)
@@ -116,9 +70,7 @@ def _edited_uvs(
         mesh.polygons.add(len(starts) - 1)
         mesh.polygons.foreach_set("loop_start", starts[:-1].astype(np.int32))
         mesh.update(calc_edges=True)
-        layer = mesh.uv_layers.new(name="UVMap")
-        if uvs is not None:
-            layer.uv.foreach_set("vector", (uvs / size).astype(np.float32).reshape(-1))
+        mesh.uv_layers.new(name="UVMap")
         with _edit_mode(mesh):
             edit()
         if not np.array_equal(read_array(mesh.loops, "vertex_index", 1, np.int32)[:, 0], corners):
@@ -198,18 +150,3 @@ def _bent_charts(corners: np.ndarray, chart: np.ndarray) -> np.ndarray:
     mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-30)
     cosine = (normal * mean[chart]).sum(axis=1)
     return np.unique(chart[cosine < _FLAT * np.linalg.norm(normal, axis=1)])
-
-
-def _boxes(meshes: Sequence[PolygonMesh], charts: Sequence[Charts]) -> tuple[np.ndarray, np.ndarray]:
-    """Return lower left corner and size of each chart's box, (c, 2) metres; one without a width gets some."""
-    corner, size = [], []
-    for mesh, made in zip(meshes, charts, strict=True):
-        numbers, chart = np.unique(made.chart, return_inverse=True)
-        low, high = np.full((2, len(numbers), 2), np.inf)
-        corners = made.uvs[mesh.triangles]
-        np.minimum.at(low, chart.reshape(-1), corners.min(axis=1))
-        np.minimum.at(high, chart.reshape(-1), -corners.max(axis=1))
-        corner.append(low)
-        size.append(-high - low)
-    widths = np.concatenate(size)
-    return np.concatenate(corner), np.maximum(widths, 1e-5 * widths.max(initial=1e-30))

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import bpy
 import numpy as np
 
 from ....engine.errors import SceneError
 from ....engine.naming import naming
-from ....engine.progress import Progress
+from ....engine.progress import Progress, finished
+from ....engine.unwrap.segmentation import has_xatlas
+from ....engine.unwrap.unwrapping import Square
 from ...changes import Changes
 from ...lookup import find, find_all
 from ..messages import NO_ROOM, WITHOUT_XATLAS, Troubles
 from ..scene_context import SceneContext
-from .charts import destroy_atlases, has_xatlas, pack_charts
 from .multi_user import instanced_objects, multi_user_sources
-from .uv_layers import add_layer, remove_layer
+from .unwrap_process import unwrap_apart
+from .uv_layers import add_layer
 from .uv_modifier import (
     NAME,
     add_uv_modifier,
@@ -28,6 +30,9 @@ from .uv_modifier import (
     uv_modifier,
 )
 from .uv_targets import Target, evaluated_mesh, evaluated_targets, own_targets
+
+#: Unwrappings of meshes that change meanwhile, before it is done in one piece.
+_ATTEMPTS = 3
 
 
 @dataclass
@@ -67,13 +72,16 @@ def unwrap_missing(
     uids = [obj.session_uid for obj in objects]
     yield Progress("Unwrapping", 0.0)
     yield None
-    unwrapping = _Unwrapping(context, uv_layer, resolution, changes)
-    present = find_all(bpy.data.objects, uids)
-    unwrapping.prepare(present)
-    try:
-        return unwrapping.unwrap(present)
-    finally:
-        destroy_atlases()
+    for _ in range(_ATTEMPTS):
+        try:
+            return (yield from _Unwrapping(context, uv_layer, resolution, changes).unwrap(uids))
+        except _MeshChangedError:
+            yield None
+    return finished(_Unwrapping(context, uv_layer, resolution, changes).unwrap(uids))
+
+
+class _MeshChangedError(Exception):
+    """An object is gone, or its faces are others, since its mesh was read."""
 
 
 class _Unwrapping:
@@ -83,94 +91,139 @@ class _Unwrapping:
         self._context, self._uv_layer = context, uv_layer
         self._resolution, self._changes = resolution, changes
         self._made, self._troubles = Made(), Troubles()
+        self._left: list[int] = []
+        self._objects: dict[int, bpy.types.Object] = {}
 
-    def prepare(self, objects: Sequence[bpy.types.Object]) -> None:
-        """Take edited meshes as they are, and drop modifiers whose UVs fit no longer."""
+    def unwrap(self, uids: Sequence[int]) -> Generator[Progress | None, None, Made]:
+        """Make all UVs that are missing; warn where they cannot be as usual."""
+        # Nothing of the scene is changed before a yield, or all is taken back.
+        trial = Changes()
+        objects = self._prepare(uids, trial)
+        own = own_targets(objects, self._uv_layer, self._leave)
+        trial.take_back()
+        pages = yield from self._pack(own)
+
+        # What modifiers make is known only once the objects' own meshes have their layer.
+        trial = Changes()
+        objects = self._prepare(uids, trial)
+        self._store(pages, trial)
+        evaluated = self._evaluated_targets(objects, own)
+        if evaluated:
+            trial.take_back()
+            stored = [target for page in pages for target in page.targets]
+            pages = yield from self._pack([*_without(stored, evaluated), *evaluated])
+            trial = Changes()
+            self._prepare(uids, trial)
+            self._store(pages, trial)
+        self._changes.add(trial.take_back)
+        self._leave_atlases(pages)
+        self._finish(pages)
+        return self._made
+
+    def _prepare(self, uids: Sequence[int], changes: Changes) -> list[bpy.types.Object]:
+        """Return the objects, edited meshes as they are, without modifiers whose UVs fit no longer."""
         remove_unused_uvs()
         self._context.view_layer.update()
+        objects = find_all(bpy.data.objects, uids)
         for obj in objects:
             obj.update_from_editmode()
         kept = [(obj, modifier) for obj in objects if (modifier := uv_modifier(obj, self._uv_layer))]
         depsgraph = self._context.evaluated_depsgraph_get()
         outdated = [obj for obj, modifier in kept if obj.is_editable and _outdated(obj, modifier, depsgraph)]
         for obj in outdated:
-            drop_uv_modifier(obj, self._uv_layer, self._changes)
+            drop_uv_modifier(obj, self._uv_layer, changes)
+        self._objects = {obj.session_uid: obj for obj in objects}
+        return objects
 
-    def unwrap(self, objects: Sequence[bpy.types.Object]) -> Made:
-        """Make all UVs that are missing; warn where they cannot be as usual."""
-        own = own_targets(objects, self._uv_layer, self._leave)
-        pages = self._store(own)
-        made = {obj.data.session_uid for target in own for obj in target.objects}
-        left = {obj.session_uid for obj in self._made.skipped}
-        rest = [obj for obj in objects if obj.session_uid not in left]
+    def _evaluated_targets(self, objects: Sequence[bpy.types.Object], own: Sequence[Target]) -> list[Target]:
+        """Return what modifiers make such that it needs UVs of its own."""
+        made = {self._objects[uid].data.session_uid for target in own for uid in target.uids}
+        rest = [obj for obj in objects if obj.session_uid not in self._left]
         depsgraph = self._context.evaluated_depsgraph_get()
-        evaluated = evaluated_targets(rest, self._uv_layer, made, depsgraph, self._leave)
-        if evaluated:
-            stored = [target for page in pages for target in page.targets]
-            for target in stored:
-                remove_layer(target.objects[0], target.layer)
-            pages = self._store([*_without(stored, evaluated), *evaluated])
-        self._leave_atlases(pages)
-        self._finish(pages)
-        return self._made
+        return evaluated_targets(rest, self._uv_layer, made, depsgraph, self._leave)
 
     def _leave(self, obj: bpy.types.Object, trouble: str) -> None:
         """Let an object go without lightmap UVs."""
-        self._made.skipped.append(obj)
+        self._left.append(obj.session_uid)
         self._troubles.add(trouble, obj.name)
 
-    def _store(self, targets: Sequence[Target]) -> list[_Page]:
-        """Pack the charts of each atlas and store the UVs; return what lies together."""
-        multi_user, instanced = multi_user_sources(self._uv_layer), instanced_objects()
-        pages = []
-        for atlas, members in _by_atlas(targets).items():
-            tiled = [target for target in members if _is_multi_user(target, multi_user, instanced)]
-            alone = [target for target in members if not _is_multi_user(target, multi_user, instanced)]
-            area = sum(target.area for target in members)
-            pages += self._pack(alone, atlas, self._resolution)
-            for target in tiled:
-                width = _tile_width(target.area, area, self._resolution)
-                pages += self._pack([target], None, width)
-        return pages
-
-    def _pack(self, targets: Sequence[Target], atlas: str | None, resolution: int) -> list[_Page]:
-        """Store UVs such that targets lie side by side, on several pages if one has no room for all."""
+    def _pack(self, targets: Sequence[Target]) -> Generator[Progress | None, None, list[_Page]]:
+        """Lay the charts of each atlas, and of each mesh that several show, side by side."""
         if not targets:
             return []
+        squares, atlases = self._squares(targets)
         meshes, charts = zip(*((target.mesh, target.charts) for target in targets), strict=True)
-        packed = pack_charts(meshes, charts, resolution)
-        if packed is not None:
-            for target, uvs in zip(targets, packed, strict=True):
-                self._keep(target, uvs)
-            return [_Page(list(targets), atlas)]
-        if len(targets) == 1:
-            for obj in targets[0].objects:
-                self._leave(obj, NO_ROOM)
-            return []
-        ordered = sorted(targets, key=lambda target: -target.area)
-        half = len(ordered) // 2
-        return [
-            page for part in (ordered[:half], ordered[half:]) for page in self._pack(part, atlas, resolution)
+        unwrapped = yield from unwrap_apart(meshes, charts, squares)
+        cut = [replace(target, charts=made) for target, made in zip(targets, unwrapped.charts, strict=True)]
+        self._look_up(cut)
+        pages = [
+            _Page([cut[index] for index in filled.meshes], list(filled.uvs), atlases[filled.square])
+            for filled in unwrapped.squares
         ]
+        placed = {index for filled in unwrapped.squares for index in filled.meshes}
+        for index, target in enumerate(cut):
+            if index not in placed:
+                for uid in target.uids:
+                    self._leave(self._objects[uid], NO_ROOM)
+        return pages
 
-    def _keep(self, target: Target, uvs: np.ndarray) -> None:
-        """Store the UVs of a target's loops, (l, 2)."""
+    def _squares(self, targets: Sequence[Target]) -> tuple[list[Square], list[str | None]]:
+        """Return what has to lie side by side, and the atlas of each; None for a square of its own."""
+        multi_user, instanced = multi_user_sources(self._uv_layer), instanced_objects()
+        squares: list[Square] = []
+        atlases: list[str | None] = []
+        for atlas, members in _by_atlas(targets).items():
+            tiled = [index for index in members if self._is_multi_user(targets[index], multi_user, instanced)]
+            alone = tuple(index for index in members if index not in tiled)
+            area = sum(targets[index].area for index in members)
+            if alone:
+                squares.append(Square(alone, self._resolution))
+                atlases.append(atlas)
+            for index in tiled:
+                squares.append(Square((index,), _tile_width(targets[index].area, area, self._resolution)))
+                atlases.append(None)
+        return squares, atlases
+
+    def _is_multi_user(self, target: Target, multi_user: set[int], instanced: set[int]) -> bool:
+        """Return whether several objects, or instances, may show a mesh, which gets a square to itself."""
+        first = self._objects[target.uids[0]]
         if target.topology is None:
-            add_layer(target.objects[0], target.layer, uvs, self._changes)
-        else:
-            add_uv_modifier(target.objects, uvs, target.topology, target.layer, self._changes)
+            return first.data.session_uid in multi_user
+        return len(target.uids) > 1 or first.session_uid in instanced
+
+    def _look_up(self, targets: Sequence[Target]) -> None:
+        """Find the objects of targets again; raise _MeshChangedError if their meshes are others."""
+        self._objects = {obj.session_uid: obj for obj in bpy.data.objects}
+        for target in targets:
+            objects = [self._objects.get(uid) for uid in target.uids]
+            if None in objects:
+                raise _MeshChangedError
+            if target.topology is None:
+                objects[0].update_from_editmode()
+                if len(objects[0].data.loops) != len(target.mesh.corners):
+                    raise _MeshChangedError
+
+    def _store(self, pages: Sequence[_Page], changes: Changes) -> None:
+        """Store the UVs of all pages."""
+        for page in pages:
+            for target, uvs in zip(page.targets, page.uvs, strict=True):
+                objects = [self._objects[uid] for uid in target.uids]
+                if target.topology is None:
+                    add_layer(objects[0], target.layer, uvs, changes)
+                else:
+                    add_uv_modifier(objects, uvs, target.topology, target.layer, changes)
 
     def _leave_atlases(self, pages: Sequence[_Page]) -> None:
         """Let newly unwrapped objects leave an atlas that holds other ones."""
         taken = {obj.hemibake.atlas for obj in bpy.data.objects}
-        full = self._atlases_of_others({obj.session_uid for page in pages for obj in page.objects})
+        full = self._atlases_of_others({uid for page in pages for uid in page.uids})
         for page in pages:
             if page.atlas in full:
                 fresh = next(
                     name for number in range(1, 10**6) if (name := f"{page.atlas}.{number:03d}") not in taken
                 )
                 taken.add(fresh)
-                self._move(page.objects, page.atlas, fresh)
+                self._move([self._objects[uid] for uid in page.uids], page.atlas, fresh)
             elif page.atlas is not None:
                 full.add(page.atlas)
 
@@ -194,10 +247,11 @@ class _Unwrapping:
     def _finish(self, pages: Sequence[_Page]) -> None:
         """Say who has got UVs, and who has none."""
         targets = [target for page in pages for target in page.targets]
-        self._made.objects = list(dict.fromkeys(obj for target in targets for obj in target.objects))
+        self._made.objects = [self._objects[uid] for uid in dict.fromkeys(u for t in targets for u in t.uids)]
+        self._made.skipped = [self._objects[uid] for uid in self._left]
         if targets and not has_xatlas():
             self._made.notes.append(WITHOUT_XATLAS)
-        kept = sorted(obj.name for target in targets if target.topology for obj in target.objects)
+        kept = sorted(self._objects[uid].name for target in targets if target.topology for uid in target.uids)
         if kept:
             sentence = (
                 f"Modifiers of {{}} copy or make faces: a last modifier '{NAME}' keeps lightmap UVs of these."
@@ -208,14 +262,16 @@ class _Unwrapping:
 
 @dataclass(frozen=True)
 class _Page:
-    """Targets whose charts lie side by side, in an atlas; None for a square of their own."""
+    """Targets whose charts lie side by side, the UVs of each, and the atlas; None for no atlas yet."""
 
     targets: list[Target]
+    uvs: list[np.ndarray]
     atlas: str | None
 
     @property
-    def objects(self) -> list[bpy.types.Object]:
-        return [obj for target in self.targets for obj in target.objects]
+    def uids(self) -> list[int]:
+        """The session uids of the objects."""
+        return [uid for target in self.targets for uid in target.uids]
 
 
 def _outdated(obj: bpy.types.Object, modifier: bpy.types.Modifier, depsgraph: bpy.types.Depsgraph) -> bool:
@@ -224,25 +280,17 @@ def _outdated(obj: bpy.types.Object, modifier: bpy.types.Modifier, depsgraph: bp
         return mesh is not None and not fits(modifier, mesh)
 
 
-def _by_atlas(targets: Sequence[Target]) -> dict[str, list[Target]]:
-    groups: dict[str, list[Target]] = {}
-    for target in targets:
-        groups.setdefault(target.atlas, []).append(target)
+def _by_atlas(targets: Sequence[Target]) -> dict[str, list[int]]:
+    groups: dict[str, list[int]] = {}
+    for index, target in enumerate(targets):
+        groups.setdefault(target.atlas, []).append(index)
     return groups
 
 
 def _without(targets: Sequence[Target], replaced: Sequence[Target]) -> list[Target]:
     """Return the targets that have an object which no other target has replaced."""
-    gone = {obj.session_uid for target in replaced for obj in target.objects}
-    return [target for target in targets if any(obj.session_uid not in gone for obj in target.objects)]
-
-
-def _is_multi_user(target: Target, multi_user: set[int], instanced: set[int]) -> bool:
-    """Return whether several objects, or instances, may show a mesh, which then gets a square to itself."""
-    first = target.objects[0]
-    if target.topology is None:
-        return first.data.session_uid in multi_user
-    return len(target.objects) > 1 or first.session_uid in instanced
+    gone = {uid for target in replaced for uid in target.uids}
+    return [target for target in targets if any(uid not in gone for uid in target.uids)]
 
 
 def _tile_width(area: float, total: float, resolution: int) -> int:

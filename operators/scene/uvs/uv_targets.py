@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import bpy
 import numpy as np
 
+from ....engine.unwrap.polygon_mesh import Charts, PolygonMesh
 from ..messages import LINKED, MANY_LAYERS, attribute_in_the_way
 from ..objects.extent import trouble_with
 from ..objects.meshes import read_array, read_corners
-from .charts import make_charts
 from .lightmap_layer import lightmap_layer
-from .polygon_mesh import Charts, PolygonMesh
 from .uv_faults import cover, is_finite, is_inside, overlap
 from .uv_layers import MOST_LAYERS
 from .uv_modifier import has_uvs, topology, uv_modifier
@@ -28,36 +27,25 @@ Leave = Callable[[bpy.types.Object, str], None]
 class Target:
     """A mesh to unwrap.
 
-    objects   all that show it
+    uids      session uids of all objects that show it
+    atlas     name of the atlas that they belong to
     layer     its lightmap UV layer
-    mesh      in world space, as the first of them shows it
+    mesh      in world space, as the first of them shows it, times its scale in lightmaps
     topology  of a mesh that modifiers make; None for the objects' own mesh
+    charts    once they are known
     """
 
-    objects: tuple[bpy.types.Object, ...]
+    uids: tuple[int, ...]
+    atlas: str
     layer: str
     mesh: PolygonMesh
     topology: str | None = None
-
-    @cached_property
-    def charts(self) -> Charts:
-        """Its charts, made once, larger than the mesh by the object's scale in lightmaps."""
-        charts = make_charts(self.mesh)
-        return replace(charts, uvs=charts.uvs * self._scale)
+    charts: Charts | None = None
 
     @cached_property
     def area(self) -> float:
         """The surface of its charts, m^2."""
-        return self.mesh.area * self._scale**2
-
-    @property
-    def _scale(self) -> float:
-        return self.objects[0].hemibake.lightmap_scale
-
-    @property
-    def atlas(self) -> str:
-        """Name of the atlas that its objects belong to."""
-        return self.objects[0].hemibake.atlas
+        return self.mesh.area
 
 
 @contextmanager
@@ -82,7 +70,7 @@ def own_targets(objects: Sequence[bpy.types.Object], uv_layer: str, leave: Leave
         if obj.data.is_editable and not has_uvs(obj, uv_layer):
             users.setdefault((obj.data.session_uid, lightmap_layer(obj, uv_layer)), []).append(obj)
     return [
-        Target(tuple(members), layer, mesh)
+        Target(_uids(members), members[0].hemibake.atlas, layer, mesh)
         for (_, layer), members in users.items()
         if (mesh := _read(members, members[0].data, layer, leave)) is not None
     ]
@@ -115,8 +103,14 @@ def evaluated_targets(
                 meshes[key] = _read([obj], mesh, layer, leave)
             users.setdefault(key, []).append(obj)
     return [
-        Target(tuple(users[key]), key[1], mesh, key[3]) for key, mesh in meshes.items() if mesh is not None
+        Target(_uids(users[key]), key[2], key[1], mesh, key[3])
+        for key, mesh in meshes.items()
+        if mesh is not None
     ]
+
+
+def _uids(objects: Sequence[bpy.types.Object]) -> tuple[int, ...]:
+    return tuple(obj.session_uid for obj in objects)
 
 
 def _lacks_uvs(obj: bpy.types.Object, mesh: bpy.types.Mesh, uv_layer: str, made: set[int]) -> bool:
@@ -154,7 +148,7 @@ def _read(
     starts = read_array(mesh.polygons, "loop_start", 1, np.int32)[:, 0]
     return PolygonMesh(
         name=objects[0].name,
-        positions=_world_positions(objects[0], mesh),
+        positions=_world_positions(objects[0], mesh) * objects[0].hemibake.lightmap_scale,
         corners=read_array(mesh.loops, "vertex_index", 1, np.int32)[:, 0],
         starts=np.r_[starts, len(mesh.loops)],
         triangles=read_array(mesh.loop_triangles, "loops", 3, np.int32),

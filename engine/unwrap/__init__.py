@@ -1,0 +1,1 @@
+"""Lightmap UVs for polygon meshes: charts, and where they lie on a page."""

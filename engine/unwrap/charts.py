@@ -1,0 +1,112 @@
+"""Charts in which every polygon corner has one UV.
+
+Segmentation works on triangles and may cut a polygon along its diagonals, where Blender can store only one
+UV per polygon corner. Polygons that came out torn become charts of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from .polygon_mesh import Charts, PolygonMesh, areas, signed_areas
+
+#: Corners are the same if they agree to this many parts of the mesh's size.
+_DOUBLED_STEPS = 1 << 18
+
+
+def make_charts(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> Charts:
+    """Return a mesh's charts such that every loop has one UV.
+
+    uvs    (t, 3, 2) float64 metres, of each triangle corner
+    chart  (t,) int64, of each triangle, -1 for none
+    """
+    torn = np.union1d(_torn_polygons(mesh, uvs, chart), _doubled_polygons(mesh))
+    loop_uvs = np.zeros((len(mesh.corners), 2))
+    loop_uvs[mesh.triangles.reshape(-1)] = uvs.reshape(-1, 2)
+
+    # Triangles in the order of their polygons: those of each torn one follow each other.
+    order = np.argsort(mesh.polygon, kind="stable")
+    first, last = (np.searchsorted(mesh.polygon[order], torn, side) for side in ("left", "right"))
+    loops, triangles = np.diff(mesh.starts)[torn], last - first
+    unused = chart.max(initial=-1) + 1
+    chart = chart.copy()
+
+    # Polygons with as many corners are laid flat together.
+    for sides in np.unique(np.stack([loops, triangles], axis=1), axis=0):
+        number = np.flatnonzero((loops == sides[0]) & (triangles == sides[1]))
+        start = mesh.starts[torn[number]][:, None]
+        of_polygon = order[first[number, None] + np.arange(sides[1])]
+        corners = start + np.arange(sides[0])
+        local = mesh.triangles[of_polygon] - start[:, :, None]
+        loop_uvs[corners] = flatten(mesh.positions[mesh.corners[corners]], local)
+        chart[of_polygon] = unused + number[:, None]
+    return Charts(loop_uvs, chart)
+
+
+def _torn_polygons(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> np.ndarray:
+    """Return the polygons of several charts, with a loop that has two UVs, or a triangle that has none."""
+    loops = mesh.triangles.reshape(-1)
+    values = np.concatenate([uvs.reshape(-1, 2), np.repeat(chart, 3)[:, None]], axis=1)
+    low = np.full((len(mesh.corners), 3), np.inf)
+    high = -low
+    np.minimum.at(low, loops, values)
+    np.maximum.at(high, loops, values)
+    bad = (low != high).any(axis=1)[mesh.triangles].any(axis=1) | (chart < 0)
+    return np.unique(mesh.polygon[bad])
+
+
+def _doubled_polygons(mesh: PolygonMesh) -> np.ndarray:
+    """Return the polygons that lie on an earlier one with the same corners, in any order.
+
+    Such a pair, as models have it to be seen from both sides, comes out of xatlas as one spot of a chart.
+    """
+    corners = mesh.positions[mesh.corners]
+    size = np.ptp(mesh.positions, axis=0).max()
+    steps = np.round((corners - mesh.positions.min(axis=0)) / max(size, 1e-30) * _DOUBLED_STEPS)
+    starts = mesh.starts[:-1]
+    keys = np.concatenate(
+        [np.add.reduceat(steps, starts), np.add.reduceat(steps**2, starts), np.diff(mesh.starts)[:, None]],
+        axis=1,
+    )
+    _, first = np.unique(keys, axis=0, return_index=True)
+    return np.setdiff1d(np.arange(len(starts)), first)
+
+
+def flatten(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Return polygons' corners, (p, n, 3), in a plane, (p, n, 2), without overlap and with their area.
+
+    triangles  (p, t, 3) int, corners of each polygon's triangles
+
+    A polygon is projected along its mean normal; one that folds over itself there is laid on a circle
+    instead, where any triangulation of it stays flat.
+    """
+    centred = points - points.mean(axis=1, keepdims=True)
+    normal = np.cross(centred, np.roll(centred, -1, axis=1)).sum(axis=1, keepdims=True)
+    squared = np.maximum((normal**2).sum(axis=2, keepdims=True), 1e-30)
+    along = (centred * normal).sum(axis=2, keepdims=True)
+    axis = np.linalg.svd(centred - along * normal / squared, full_matrices=False)[2][:, :1]
+    other = np.cross(normal / np.sqrt(squared), axis)
+    flat = np.stack([(centred * axis).sum(axis=2), (centred * other).sum(axis=2)], axis=2)
+    folded = (_each(signed_areas, flat, triangles) < 0).any(axis=1)
+    flat[folded] = _on_circle(points[folded])
+    area = _each(areas, points, triangles).sum(axis=1)
+    covered = np.abs(_each(signed_areas, flat, triangles)).sum(axis=1)
+    return flat * np.sqrt(area / np.maximum(covered, 1e-30))[:, None, None]
+
+
+def _each(
+    measure: Callable[[np.ndarray], np.ndarray], points: np.ndarray, triangles: np.ndarray
+) -> np.ndarray:
+    """Return a measure of each polygon's triangles, (p, t)."""
+    corners = np.take_along_axis(points[:, None], triangles[..., None], axis=2)
+    return measure(corners.reshape(-1, 3, points.shape[2])).reshape(triangles.shape[:2])
+
+
+def _on_circle(points: np.ndarray) -> np.ndarray:
+    """Return points on the unit circle, (p, n, 2), with arcs in proportion to the polygons' edges."""
+    edges = np.linalg.norm(np.roll(points, -1, axis=1) - points, axis=2)
+    before = np.cumsum(edges, axis=1) - edges
+    angle = 2 * np.pi * before / np.maximum(edges.sum(axis=1, keepdims=True), 1e-30)
+    return np.stack([np.cos(angle), np.sin(angle)], axis=2)

@@ -1,0 +1,175 @@
+"""Charts by xatlas, which cuts meshes where they bend and lays the pieces flat.
+
+An Atlas of xatlas 0.0.11 is never destroyed here but goes with the process: it starts a thread for each core,
+and to end them its destructor sets a flag without the threads' mutex, so that now and then one misses it
+and the destructor waits for ever (seen once in 20,000).
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Generator, Sequence
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+
+from .polygon_mesh import PolygonMesh, areas, signed_areas
+
+#: UV of each triangle corner, (t, 3, 2) float64 metres, and chart of each triangle, (t,) int64, -1 for none.
+Segments = tuple[np.ndarray, np.ndarray]
+
+#: Square root of the texels that charts are laid out on before they are packed, and longest mesh there.
+_DRAFT = 887
+_LONGEST_DRAFT = 1 << 13
+
+#: Triangles of meshes that are cut at a time, and at most so many times.
+_BATCH = 1 << 13
+_MOST_BATCHES = 64
+
+_UNPACKED = 0xFFFFFFFF
+
+
+def has_xatlas() -> bool:
+    """Return whether xatlas is there, without importing it: no wheel of it fits every Python."""
+    return find_spec("xatlas") is not None
+
+
+def segment(meshes: Sequence[PolygonMesh]) -> Generator[float, None, list[Segments]]:
+    """Yield the part of the work that is done; return each mesh's segments. Coordinates have to be finite."""
+    segments: list[Segments] = []
+    for batch in _batches(meshes):
+        yield len(segments) / len(meshes)
+        segments += _segment_batch(batch)
+    return segments
+
+
+def _batches(meshes: Sequence[PolygonMesh]) -> list[list[PolygonMesh]]:
+    """Return consecutive meshes of enough triangles together; a long thin one, with a coarse draft, alone."""
+    enough = max(_BATCH, sum(len(mesh.triangles) for mesh in meshes) // _MOST_BATCHES)
+    batches: list[list[PolygonMesh]] = []
+    triangles, alone = enough, True
+    for mesh in meshes:
+        is_long = _longest(mesh) * _DRAFT > _LONGEST_DRAFT
+        if triangles >= enough or alone or is_long:
+            batches.append([])
+            triangles = 0
+        batches[-1].append(mesh)
+        triangles, alone = triangles + len(mesh.triangles), is_long
+    return batches
+
+
+def _longest(mesh: PolygonMesh) -> float:
+    """Return the extent of a mesh in units of its draft."""
+    return float(np.ptp(mesh.positions, axis=0).max() * _unit_area_scale(mesh))
+
+
+def _segment_batch(meshes: Sequence[PolygonMesh]) -> list[Segments]:
+    """Return the segments of meshes that are laid out on one page."""
+    xatlas = import_module("xatlas")
+
+    # xatlas takes arrays at one address for instances of a mesh, so all have to live until it is done.
+    scales = [_unit_area_scale(mesh) for mesh in meshes]
+    inputs = [_input(mesh, scale) for mesh, scale in zip(meshes, scales, strict=True)]
+    atlas = _immortal(xatlas.Atlas())
+    for positions, vertices in inputs:
+        atlas.add_mesh(positions, vertices)
+    atlas.generate(pack_options=_drafting(meshes, scales))
+    pairs = zip(meshes, scales, strict=True)
+    return [_segments(atlas, index, mesh, scale) for index, (mesh, scale) in enumerate(pairs)]
+
+
+def _immortal(value: Any) -> Any:
+    """Return a value that is never freed."""
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(value))
+    return value
+
+
+def _input(mesh: PolygonMesh, scale: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return positions, (v, 3) float32, around the origin, and the vertices of triangles, (t, 3) uint32."""
+    centre = (mesh.positions.min(axis=0) + mesh.positions.max(axis=0)) / 2
+    vertices = mesh.corners[mesh.triangles].astype(np.uint32)
+    return ((mesh.positions - centre) * scale).astype(np.float32), vertices
+
+
+def _unit_area_scale(mesh: PolygonMesh) -> float:
+    """Return the factor that gives triangles a mean area of 1: xatlas drops those below 1e-7."""
+    mean = mesh.area / max(len(mesh.triangles), 1)
+    return float(1 / np.sqrt(mean)) if mean > 0 else 1.0
+
+
+def _drafting(meshes: Sequence[PolygonMesh], scales: Sequence[float]) -> Any:
+    """Return options for a layout that only shows the charts of meshes with triangles of a mean area of 1.
+
+    xatlas would choose a density by the area alone, and lay out a long thin mesh on an immense page.
+    """
+    options = import_module("xatlas").PackOptions()
+    triangles = sum(len(mesh.triangles) for mesh in meshes)
+    longest = max(
+        float(np.ptp(mesh.positions, axis=0).max()) * scale
+        for mesh, scale in zip(meshes, scales, strict=True)
+    )
+    options.texels_per_unit = min(_DRAFT / np.sqrt(triangles), _LONGEST_DRAFT / max(longest, 1e-30))
+    options.rotate_charts = options.rotate_charts_to_axis = False
+    return options
+
+
+def _segments(atlas: Any, index: int, mesh: PolygonMesh, scale: float) -> Segments:
+    """Return the segments of one mesh of a draft, of which it was given times `scale`."""
+    _, indices, uvs = atlas.get_mesh(index)
+    _, charts = atlas.get_mesh_vertex_assignment(index)
+    texels = (uvs.astype(np.float64) * [atlas.width, atlas.height])[indices]
+    of_corner = charts[indices].astype(np.int64)
+    of_corner[of_corner == _UNPACKED] = -1
+    known, chart = np.unique(of_corner.min(axis=1), return_inverse=True)
+    chart = chart.reshape(-1) - int(known[0] < 0)
+    draft = 1 / max(atlas.texels_per_unit * scale, 1e-30)
+    return texels * _metres_per_texel(mesh, texels, chart, draft), chart
+
+
+def _metres_per_texel(mesh: PolygonMesh, texels: np.ndarray, chart: np.ndarray, draft: float) -> np.ndarray:
+    """Return how large a texel of a draft is in each triangle's chart, (t, 1, 2).
+
+    texels  (t, 3, 2), of each triangle corner; chart (t,), -1 for none
+    draft   metres per texel before xatlas stretched each chart to a whole number of texels, on both axes
+
+    The stretched chart has a known area. Of the texel sizes (a, b) that may be, those are taken whose edges
+    (a u, b v) fit those in space best, by least squares in a^2 and b^2 for the squares of the lengths: on
+    the longer axis as the fit says, on the other one, which may be less than a texel, by the area.
+    """
+    known = np.flatnonzero(chart >= 0)
+    number, count = chart[known], chart.max(initial=-1) + 1
+    corners = mesh.positions[mesh.corners[mesh.triangles[known]]]
+    u, v = np.moveaxis(_edges(texels[known]) ** 2, 2, 0)
+    length = (_edges(corners) ** 2).sum(axis=2)
+
+    def total(values: np.ndarray) -> np.ndarray:
+        return np.bincount(number, values.reshape(len(number), -1).sum(axis=1), count)
+
+    uu, uv, vv, ul, vl = total(u * u), total(u * v), total(v * v), total(u * length), total(v * length)
+    determinant = uu * vv - uv * uv
+    solvable = determinant > 1e-6 * uu * vv
+    safe = np.where(solvable, determinant, 1.0)
+    squares = np.stack([vv * ul - uv * vl, uu * vl - uv * ul], axis=1) / safe[:, None]
+    fit = np.where(solvable[:, None], np.sqrt(np.maximum(squares, 0)), draft)
+
+    # The stretch is less than a texel of the chart's extent.
+    low, high = np.full((2, count, 2), np.inf)
+    np.minimum.at(low, number, texels[known].min(axis=1))
+    np.minimum.at(high, number, -texels[known].max(axis=1))
+    extent = np.maximum(-high - low, 1.0)
+    size = np.clip(fit, draft * (1 - 1 / extent), draft * (1 + 1 / extent))
+    flat = total(np.abs(signed_areas(texels[known])))
+    ratio = total(areas(corners)) / np.where(flat > 0, flat, np.inf)
+    longer, chosen = (size * extent).argmax(axis=1), np.arange(count)
+    size[chosen, 1 - longer] = ratio / size[chosen, longer]
+
+    of_triangle = np.zeros((len(chart), 2))
+    of_triangle[known] = size[number]
+    return of_triangle[:, None]
+
+
+def _edges(corners: np.ndarray) -> np.ndarray:
+    """Return the edges of triangles, (t, 3, d)."""
+    return np.roll(corners, -1, axis=1) - corners

@@ -1,0 +1,63 @@
+"""Work in a process of its own that is killed where another is asked to end: nothing is lost with it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Generator
+from contextlib import closing
+from typing import Any
+
+from ..errors import WorkerError
+from ..progress import Progress
+from .worker import Worker
+
+#: Processes that are started for one piece of work.
+_ATTEMPTS = 2
+
+
+def run_apart(
+    make_worker: Callable[[], Worker], arguments: tuple[object, ...], patience: float
+) -> Generator[Progress | None, None, Any]:
+    """Yield the newest progress, or None; return what a worker's generator returns for some arguments.
+
+    The process ends with the work. One that dies, or says nothing for `patience` s, is replaced once; then
+    a WorkerError is raised. Closing the generator kills it at once, in the middle of whatever it does.
+    """
+    for attempt in range(1, _ATTEMPTS + 1):
+        worker = make_worker()
+        try:
+            with closing(worker.run(*arguments)) as work:
+                try:
+                    return (yield from _watched(work, patience))
+                finally:
+                    _kill(worker)
+        except WorkerError:
+            if attempt == _ATTEMPTS:
+                raise
+        finally:
+            worker.stop()
+
+
+def _watched(
+    work: Generator[Progress | None, None, Any], patience: float
+) -> Generator[Progress | None, None, Any]:
+    """Yield what work yields; raise a WorkerError once it has been silent for too long."""
+    heard = time.monotonic()
+    while True:
+        try:
+            progress = next(work)
+        except StopIteration as stop:
+            return stop.value
+        if progress is not None:
+            heard = time.monotonic()
+        elif time.monotonic() - heard > patience:
+            raise WorkerError(
+                f"The process hung: it said nothing for {patience:.0f} s. Your scene is untouched. Try "
+                "again; if it happens again, report it together with the mesh."
+            )
+        yield progress
+
+
+def _kill(worker: Worker) -> None:
+    if worker.process is not None:
+        worker.process.kill()

@@ -1,0 +1,259 @@
+"""Charts and their packing, from arrays to arrays; what xatlas is to say is made up, or its own."""
+
+import time
+
+import numpy as np
+import pytest
+
+from engine.errors import WorkerError
+from engine.progress import finished
+from engine.unwrap import packing, page
+from engine.unwrap.charts import flatten, make_charts
+from engine.unwrap.packing import PADDING, pack_charts
+from engine.unwrap.polygon_mesh import Charts, PolygonMesh, areas, signed_areas
+from engine.unwrap.row_spans import row_spans
+from engine.unwrap.segmentation import has_xatlas
+from engine.unwrap.unwrapping import Square, unwrap
+from engine.worker.disposable import run_apart
+from engine.worker.worker import Worker
+
+needs_xatlas = pytest.mark.skipif(not has_xatlas(), reason="no xatlas for this Python")
+
+
+def polygons(corners, sides=4):
+    """Return a mesh of separate polygons, (p, sides, 3), as fans of triangles."""
+    corners = np.asarray(corners, np.float64)
+    count = len(corners)
+    fan = np.array([(0, k, k + 1) for k in range(1, sides - 1)])
+    triangles = (np.arange(count)[:, None, None] * sides + fan).reshape(-1, 3)
+    return PolygonMesh(
+        name="Polygons",
+        positions=corners.reshape(-1, 3),
+        corners=np.arange(sides * count, dtype=np.int32),
+        starts=np.arange(0, sides * count + 1, sides, dtype=np.int32),
+        triangles=triangles.astype(np.int32),
+        polygon=np.repeat(np.arange(count, dtype=np.int32), sides - 2),
+    )
+
+
+def flat_charts(mesh):
+    """Return each polygon of a mesh in the plane z = 0 as a chart."""
+    return Charts(mesh.positions[mesh.corners][:, :2].copy(), mesh.polygon.astype(np.int64))
+
+
+def rectangles(sizes, seed=0):
+    """Return rectangles of sizes, (p, 2), turned by any angle."""
+    unit = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+    flat = unit * np.asarray(sizes, np.float64)[:, None]
+    angle = np.random.default_rng(seed).uniform(0, 7, len(flat))
+    turn = np.stack([np.cos(angle), np.sin(angle), -np.sin(angle), np.cos(angle)], axis=1).reshape(-1, 2, 2)
+    return polygons(np.concatenate([flat @ turn, np.zeros((len(flat), 4, 1))], axis=2))
+
+
+def pieces(count, seed):
+    """Return triangles and thin slivers of sizes that differ by orders of magnitude."""
+    random = np.random.default_rng(seed)
+    corners = random.normal(size=(count, 3, 3)) * np.exp(random.normal(size=(count, 1, 1)))
+    corners[..., 2] = 0
+    corners[::5, :, 1] *= 1e-3
+    return polygons(corners, 3)
+
+
+def touched(mesh, charts, uvs, resolution):
+    """Return which chart touches each texel, -1 for none; two on one texel fail."""
+    owner = np.full((resolution, resolution), -1)
+    corners = uvs[mesh.triangles].astype(np.float64) * resolution
+    rise = np.full((len(np.unique(charts.chart)), 2), resolution)
+    for chart, row, first, end in zip(*row_spans(corners, charts.chart, rise), strict=True):
+        texels = owner[row, first:end]
+        assert ((texels == -1) | (texels == chart)).all()
+        texels[:] = chart
+    return owner
+
+
+def least_gap(owner):
+    """Return the least number of free texels between two charts, along an axis or a diagonal, up to 9."""
+    size = len(owner)
+    for gap in range(1, 10):
+        for dy in range(-gap, gap + 1):
+            for dx in range(gap + 1):
+                here = owner[max(0, -dy) : size - max(0, dy), : size - dx]
+                there = owner[max(0, dy) : size - max(0, -dy), dx:]
+                if ((here >= 0) & (there >= 0) & (here != there)).any():
+                    return gap - 1
+    return 9
+
+
+CASES = {
+    "one triangle": lambda: polygons([[(0, 0, 0), (1, 0, 0), (0.2, 0.7, 0)]], 3),
+    "rectangles": lambda: rectangles(np.random.default_rng(1).uniform(0.1, 3, (57, 2))),
+    "one long, many small": lambda: rectangles([(40, 1), *[(0.5, 0.3)] * 90]),
+    "pieces": lambda: pieces(301, 2),
+    "a line and a point": lambda: polygons(
+        [[(0, 0, 0), (1, 1, 0), (2, 2, 0)], [(1, 1, 0)] * 3, [(0, 0, 0), (3, 0, 0), (0, 2, 0)]], 3
+    ),
+}
+
+
+@pytest.mark.parametrize("resolution", [127, 256])
+@pytest.mark.parametrize("case", CASES)
+def test_charts_keep_their_distance(case, resolution):
+    mesh = CASES[case]()
+    charts = flat_charts(mesh)
+    (uvs,) = finished(pack_charts([mesh], [charts], resolution))
+    assert uvs.min() > 0 and uvs.max() < 1
+    assert least_gap(touched(mesh, charts, uvs, resolution)) >= PADDING
+
+
+def test_charts_are_in_proportion_to_their_size_and_fill_the_page():
+    mesh = rectangles(np.random.default_rng(3).uniform(0.5, 3, (31, 2)))
+    (uvs,) = finished(pack_charts([mesh], [flat_charts(mesh)], 509))
+    covered = np.abs(signed_areas(uvs[mesh.triangles].astype(np.float64)))
+    ratio = covered / areas(mesh.positions[mesh.corners[mesh.triangles]])
+    assert ratio.max() < 1.1 * ratio.min()
+    assert covered.sum() > 0.65
+
+
+def test_rectangles_lie_on_borders_of_texels():
+    mesh = rectangles([(2, 1.1), (0.3, 0.4), (1e-4, 2)])
+    (uvs,) = finished(pack_charts([mesh], [flat_charts(mesh)], 97))
+    texels = uvs.astype(np.float64) * 97
+    assert texels[:8] == pytest.approx(np.round(texels[:8]), abs=1e-3)
+    assert np.ptp(texels.reshape(3, 4, 2), axis=1).min() >= 1 - 1e-3
+
+
+def test_thousands_of_charts_are_packed_soon():
+    random = np.random.default_rng(4)
+    meshes = [rectangles(random.uniform(0.1, 2, (600, 2)), seed) for seed in range(5)]
+    charts, began = [flat_charts(mesh) for mesh in meshes], time.process_time()
+    packed = finished(pack_charts(meshes, charts, 1024))
+    assert time.process_time() - began < 10
+    corners = [uvs[mesh.triangles].astype(np.float64) for mesh, uvs in zip(meshes, packed, strict=True)]
+    assert np.abs(signed_areas(np.concatenate(corners))).sum() > 0.4
+
+
+def test_packing_is_the_same_each_time():
+    mesh = pieces(101, 5)
+    first, second = (finished(pack_charts([mesh], [flat_charts(mesh)], 211))[0] for _ in range(2))
+    assert (first == second).all()
+
+
+def test_charts_that_do_not_fit_are_refused():
+    mesh = rectangles(np.ones((400, 2)))
+    assert finished(pack_charts([mesh], [flat_charts(mesh)], 64)) is None
+    assert finished(pack_charts([mesh], [flat_charts(mesh)], 1)) is None
+
+
+def test_long_charts_do_not_make_an_immense_page(monkeypatch):
+    mesh, heights = rectangles([(1e5, 1e-3), (3e4, 1e-3)]), []
+    monkeypatch.setattr(packing, "Page", lambda *args: heights.append(page.Page(*args)) or heights[-1])
+    finished(pack_charts([mesh], [flat_charts(mesh)], 127))
+    assert max((made.height for made in heights), default=0) < 4 * 127
+
+
+def test_surfaces_without_area_have_uvs():
+    mesh = polygons(np.zeros((3, 4, 3)))
+    (uvs,) = finished(pack_charts([mesh], [flat_charts(mesh)], 64))
+    assert uvs.shape == (12, 2) and np.isfinite(uvs).all()
+
+
+def test_meshes_that_do_not_fit_one_square_go_to_several():
+    meshes = [rectangles(np.full((9, 2), 0.5 + index)) for index in range(11)]
+    charts = [flat_charts(mesh) for mesh in meshes]
+    squares = [Square((0, 1), 256), Square(tuple(range(2, 11)), 40)]
+    unwrapped = finished(unwrap(meshes, charts, squares))
+    first, *rest = unwrapped.squares
+    assert (first.square, first.meshes) == (0, (0, 1))
+    assert len(rest) > 1 and all(filled.square == 1 for filled in rest)
+    assert sorted(index for filled in rest for index in filled.meshes) == list(range(2, 11))
+
+
+def test_torn_polygon_is_laid_flat_without_folding():
+    points = np.array([[(0, 0, 0), (1, 0, 0), (1, 1, 0), (0.9, 0.05, 0.8)]], np.float64)
+    triangles = np.array([[(0, 1, 2), (0, 2, 3)]])
+    (flat,) = flatten(points, triangles)
+    covered = signed_areas(flat[triangles[0]])
+    assert (covered > 0).all()
+    assert covered.sum() == pytest.approx(areas(points[0][triangles[0]]).sum())
+
+
+def test_torn_polygons_of_all_sizes_are_numbered_without_gaps_and_keep_their_area():
+    square = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
+    mesh = polygons(square + np.arange(4001)[:, None, None] * (2.0, 0, 0))
+    began = time.process_time()
+    nothing = np.zeros((len(mesh.triangles), 3, 2)), np.full(len(mesh.triangles), -1)
+    made = make_charts(mesh, *nothing)
+    assert time.process_time() - began < 1
+    assert (made.chart == np.repeat(np.arange(4001), 2)).all()
+    assert np.abs(signed_areas(made.uvs[mesh.triangles])) == pytest.approx(0.5)
+
+
+def test_polygon_of_two_charts_is_torn():
+    mesh = polygons([[(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0)]])
+    made = make_charts(mesh, mesh.positions[mesh.triangles][..., :2], np.array([0, 1]))
+    assert made.chart[0] == made.chart[1]
+
+
+def test_doubled_polygons_have_charts_of_their_own():
+    square = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+    mesh = polygons([square, square[::-1]])
+    made = make_charts(mesh, mesh.positions[mesh.triangles][..., :2], np.zeros(4, np.int64))
+    assert (made.chart == [0, 0, 1, 1]).all()
+
+
+@needs_xatlas
+def test_worker_cuts_and_packs_what_xatlas_would_lay_on_an_immense_page():
+    """Meshes of very different size, one of them long and thin, through the process that unwraps."""
+    random = np.random.default_rng(6)
+    corners = random.normal(size=(40, 3, 3))
+    long_one = polygons([[(0, 0, 0), (1e7, 1, 1), (0, 1, 0)], [(0, 0, 0), (0, 1, 0), (0, 0, 1)]], 3)
+    meshes = (polygons(corners, 3), polygons(1e-4 * corners, 3), long_one)
+    squares = (Square((0,), 256), Square((1,), 131), Square((2,), 64))
+    worker = lambda: Worker(bake="engine.unwrap.unwrapping:unwrap")  # noqa: E731
+    unwrapped = finished(run_apart(worker, (meshes, (None,) * 3, squares), 60))
+    for filled in unwrapped.squares[:2]:
+        (index,), (uvs,) = filled.meshes, filled.uvs
+        mesh = meshes[index]
+        covered = np.abs(signed_areas(uvs[mesh.triangles].astype(np.float64)))
+        space = areas(mesh.positions[mesh.corners[mesh.triangles]])
+        assert covered == pytest.approx(space * covered.sum() / space.sum(), rel=0.25)
+        assert least_gap(touched(mesh, unwrapped.charts[index], uvs, squares[index].resolution)) >= PADDING
+
+
+def _workers(work, made):
+    def make():
+        made.append(Worker(bake=f"worker_bakes:{work}"))
+        return made[-1]
+
+    return make
+
+
+@pytest.fixture
+def bakes(monkeypatch):
+    monkeypatch.syspath_prepend(str(__import__("pathlib").Path(__file__).parent))
+
+
+def test_process_that_hangs_is_killed_and_tried_once_more(bakes):
+    made, began = [], time.monotonic()
+    with pytest.raises(WorkerError, match="hung: it said nothing for"):
+        finished(run_apart(_workers("deaf", made), (None, None), 0.5))
+    assert len(made) == 2 and time.monotonic() - began < 30
+    assert not any(worker.alive for worker in made)
+
+
+def test_process_that_dies_is_replaced_once(bakes):
+    made = []
+    with pytest.raises(WorkerError, match="exit status 3"):
+        finished(run_apart(_workers("crash", made), (None, None), 60))
+    assert len(made) == 2
+
+
+def test_cancel_kills_in_the_middle_of_one_long_call(bakes):
+    made = []
+    work = run_apart(_workers("deaf", made), (np.zeros(1000), None), 60)
+    while next(work) is None:
+        pass
+    process, began = made[0].process, time.monotonic()
+    work.close()
+    assert time.monotonic() - began < 1
+    assert process.poll() is not None and len(made) == 1

@@ -7,10 +7,14 @@ import bpy
 from ..engine.naming import counted
 from ..operators.lightmap_list import active_lightmap, members, unlisted
 from .sidebar import SubPanel
+from .wrapped_text import draw_text, line_width
+
+#: Part of a row that the name of a lightmap takes.
+_NAME = 0.5
 
 
 class HEMIBAKE_UL_lightmaps(bpy.types.UIList):
-    """Lightmaps: name, width, objects, and how much of each is used."""
+    """Lightmaps: name, width in texels, objects, and how much of each is used."""
 
     def draw_item(
         self,
@@ -24,11 +28,11 @@ class HEMIBAKE_UL_lightmaps(bpy.types.UIList):
         index: int = 0,
         flags: int = 0,
     ) -> None:
-        row = layout.row(align=True)
+        row = layout.split(factor=_NAME)
         row.label(text=item.name, icon="IMAGE_DATA" if item.image else "BLANK1")
         facts = row.row(align=True)
-        facts.alignment = "RIGHT"
-        facts.label(text=_facts(context.scene, item))
+        for text in _figures(context.scene, item):
+            facts.label(text=text)
 
 
 class HEMIBAKE_PT_lightmaps(SubPanel, bpy.types.Panel):
@@ -49,8 +53,8 @@ class HEMIBAKE_PT_lightmaps(SubPanel, bpy.types.Panel):
             objects = counted(len(members(scene, name)), "object")
             layout.label(text=f"{name}: {objects}, not baked yet", icon="BLANK1")
         entry = active_lightmap(scene)
-        if entry is not None and entry.image is not None:
-            layout.label(text=entry.image.name, icon="IMAGE_DATA")
+        if entry is not None:
+            draw_text(layout, _facts(entry, len(members(scene, entry.name))), line_width(context))
         row = layout.row(align=True)
         row.operator("hemibake.lightmap_assign", text="Assign")
         row.operator("hemibake.lightmap_select", text="Select")
@@ -58,11 +62,19 @@ class HEMIBAKE_PT_lightmaps(SubPanel, bpy.types.Panel):
         layout.operator("hemibake.unwrap", icon="UV")
 
 
-def _facts(scene: bpy.types.Scene, entry: bpy.types.PropertyGroup) -> str:
-    """Return width, objects and used part of a lightmap, as far as they are known."""
-    parts = [f"{entry.image.size[0]} px"] if entry.image else []
-    parts.append(counted(len(members(scene, entry.name)), "object"))
-    return ", ".join([*parts, f"{entry.used:.0f}%"] if entry.image and entry.used else parts)
+def _figures(scene: bpy.types.Scene, entry: bpy.types.PropertyGroup) -> tuple[str, str, str]:
+    """Return width, objects and used part of a lightmap, as a row of the list has them."""
+    width = str(entry.image.size[0]) if entry.image else "–"
+    return width, str(len(members(scene, entry.name))), f"{entry.used:.0f}%" if entry.image else "–"
+
+
+def _facts(entry: bpy.types.PropertyGroup, objects: int) -> str:
+    """Return the same in words, with the image."""
+    known = counted(objects, "object")
+    if entry.image is None:
+        return f"{known}, not baked yet"
+    width, height = entry.image.size
+    return f"'{entry.image.name}': {width} x {height} texels, {known}, {entry.used:.0f}% used"
 
 
 CLASSES = (HEMIBAKE_UL_lightmaps, HEMIBAKE_PT_lightmaps)

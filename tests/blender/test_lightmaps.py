@@ -92,7 +92,11 @@ def test_list_shows_what_was_baked():
     entry = settings().lightmaps["Lightmap"]
     share = 100 * report()["patches"] / 32**2
     assert entry.used == pytest.approx(share) and 10 < share < 100
-    assert f"32 px, 1 object, {share:.0f}%" in draw("HEMIBAKE_PT_lightmaps")
+    shown = draw("HEMIBAKE_PT_lightmaps")
+    assert shown[:4] == ["Lightmap", "32", "1", f"{share:.0f}%"]
+    assert f"'Lightmap': 32 x 32 texels, 1 object, {share:.0f}% used" in " ".join(shown)
+    call("add")
+    assert draw("HEMIBAKE_PT_lightmaps")[4:8] == ["Lightmap.001", "–", "0", "–"]
 
 
 def test_assigned_objects_find_room_in_the_next_bake():

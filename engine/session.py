@@ -5,8 +5,9 @@ OpenGL and OpenCL are imported by the first bake: a process that leaves baking t
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from dataclasses import replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from .device.found import DeviceSurvey
@@ -22,6 +23,10 @@ if TYPE_CHECKING:
     from .device.devices import Devices
 
 
+#: Nothing was measured before.
+_NONE: Mapping[str, float] = MappingProxyType({})
+
+
 class Session:
     """Bakes one scene after the other; `close` frees the devices."""
 
@@ -29,8 +34,14 @@ class Session:
         self._devices: Devices | None = None
         self._paces: dict[str, float] = {}
 
-    def bake(self, scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap]:
-        """Bake; see `engine.bake`. After an error or a cancel the next bake gets new devices."""
+    def bake(
+        self, scene: Scene, settings: Settings, paces: Mapping[str, float]
+    ) -> Generator[Progress, None, Lightmap]:
+        """Bake; see `engine.bake`. After an error or a cancel the next bake gets new devices.
+
+        paces: those of another session, for what this one has not done yet; see `BakeStages`
+        """
+        self._paces = {**paces, **self._paces}
         check_settings(settings)
         check_scene(scene)
         require_packages()
@@ -72,9 +83,11 @@ class Session:
 _session = Session()
 
 
-def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap]:
-    """Bake in the one session of this process: what the worker process runs."""
-    return (yield from _session.bake(scene, settings))
+def bake(
+    scene: Scene, settings: Settings, paces: Mapping[str, float] = _NONE
+) -> Generator[Progress, None, Lightmap]:
+    """Bake in the one session of this process: what the worker process runs; see `Session.bake`."""
+    return (yield from _session.bake(scene, settings, paces))
 
 
 def find_devices(opencl_device: str | None) -> Generator[Progress, None, DeviceSurvey]:

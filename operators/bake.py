@@ -54,7 +54,7 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Start a run that bakes in the worker process; `modal` follows it."""
         last_failure.forget()
-        run = Run(context, owner.worker().bake, made_uvs=lambda: _push_undo("Make Lightmap UVs"))
+        run = Run(context, owner.bake_in_worker(), made_uvs=lambda: _push_undo("Make Lightmap UVs"))
         self._bake = WindowBake(context, run)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
@@ -84,6 +84,7 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
 
     def _follow(self, context: bpy.types.Context) -> set[str]:
         """Work, or take what the worker has to say, for a short time."""
+        self._bake.wake()
         limit = time.perf_counter() + _SLICE
         while time.perf_counter() < limit:
             try:

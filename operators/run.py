@@ -35,6 +35,7 @@ from .scene.targets import only_targets, target_uids
 from .scene.uvs.lightmap_layer import lightmap_layer
 from .scene.uvs.unwrap import unwrap_missing
 from .scene.uvs.uv_modifier import has_uvs, uv_source
+from .user_files import keep_paces
 from .worker_owner import owner
 
 #: Readings of a scene that changes meanwhile, before it is read in one piece.
@@ -150,7 +151,7 @@ class Run:
         scene = self._context.scene
         self._names = _image_names(self._read.scene, self._settings)
         self._destination = choose_destination(scene, self._names, scene.hemibake.directory, self._changes)
-        self._stages.expect_texels(len(self._names) * self._settings.resolution**2)
+        self._stages.expect(self._read.scene, self._settings, len(self._names))
         self._kept = KeptTexels(self._context, self._read, self._names, self._settings)
 
     def _bake_without_overlaps(self) -> Bake:
@@ -229,6 +230,7 @@ class Run:
         self._seconds["store"] = time.perf_counter() - start
         self._stages.has_saved()
         owner.paces.update(lightmap.report.paces)
+        keep_paces(owner.paces)
         report = self._report(lightmap, [image.name for image in targets], files, lost)
         scene = find(bpy.data.scenes, self._context.scene_uid)
         if scene is not None:

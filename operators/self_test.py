@@ -109,6 +109,7 @@ class HEMIBAKE_OT_self_test(bpy.types.Operator):
 
     def _follow(self, context: bpy.types.Context) -> set[str]:
         """Take what the worker has to say for a short time."""
+        self._window.wake()
         limit, test = time.perf_counter() + _SLICE, self._window.run
         while time.perf_counter() < limit:
             try:

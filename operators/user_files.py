@@ -1,8 +1,14 @@
-"""What Hemibake writes into Blender's user folder: compiled kernels and a log; uninstalling removes it."""
+"""What Hemibake writes into Blender's user folder; uninstalling removes it.
+
+That is compiled kernels, a log, and how fast this machine is.
+"""
 
 from __future__ import annotations
 
+import json
+import math
 import shutil
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
@@ -56,6 +62,27 @@ def append_to_log(text: str) -> None:
             path.replace(path.with_suffix(".old.log"))
         with path.open("a", encoding="utf-8") as file:
             file.write(text)
+
+
+def read_paces() -> dict[str, float]:
+    """Return the paces of earlier bakes by the names of their stages; none if there is no file of them."""
+    path = _paces_file()
+    with suppress(OSError, ValueError, AttributeError):
+        known = json.loads(path.read_text(encoding="utf-8"))
+        return {str(name): float(pace) for name, pace in known.items() if 0 < float(pace) < math.inf}
+    return {}
+
+
+def keep_paces(paces: Mapping[str, float]) -> None:
+    """Keep paces for the next start of Blender; a file that cannot be written stops nothing."""
+    path = _paces_file()
+    with suppress(OSError, AttributeError):
+        path.write_text(json.dumps(dict(paces), indent=1), encoding="utf-8")
+
+
+def _paces_file() -> Path | None:
+    folder = _folder("paces")
+    return None if folder is None else folder / "paces.json"
 
 
 def _folder(name: str) -> Path | None:

@@ -12,8 +12,13 @@ from .run import Run
 from .telling import progress_line
 from .worker_owner import owner
 
-#: Time between two redraws of the status bar and the sidebars, s: each redraw is one of the whole region.
-_PERIOD = 0.2
+#: Time between two events, s.
+_INTERVAL = 0.05
+
+#: Least and longest time between two redraws, s, and how many times as long as the last one it is: in a large
+#: window, without a graphics card, a redraw takes longer than all else that happens there.
+_PERIODS = 0.2, 2.0
+_RARITY = 10
 
 _HOW_TO_CANCEL = "Esc over the 3D view cancels"
 
@@ -30,10 +35,11 @@ class WindowBake:
         self.run = run
         self.progress, self.unwanted = Progress("Starting", 0.0), False
         self._manager = context.window_manager
-        self._timer = self._manager.event_timer_add(0.05, window=context.window)
+        self._timer = self._manager.event_timer_add(_INTERVAL, window=context.window)
         self._manager.progress_begin(0, 100)
         self._told: set[int] = set()
-        self._shown, self._last = ("", 0), 0.0
+        self._shown, self._redrawn = "", time.perf_counter()
+        self._period, self._is_drawing, self._has_new_pixels = _PERIODS[0], True, False
         self._tell_status(context)
         owner.running = self
 
@@ -45,17 +51,24 @@ class WindowBake:
         pressed = event.type == "ESC" and event.value == "PRESS"
         return self.unwanted or (pressed and _editor_below(context, event) == "VIEW_3D")
 
+    def wake(self) -> None:
+        """Begin to work on an event: the time since the last one tells how long a redraw took."""
+        if self._is_drawing:
+            cost = time.perf_counter() - self._redrawn - _INTERVAL
+            self._period = min(max(_PERIODS[0], _RARITY * cost), _PERIODS[1])
+            self._is_drawing = False
+
     def show(self, context: bpy.types.Context, progress: Progress) -> None:
-        """Show progress in the window, seldom unless another stage begins, and an intermediate lightmap."""
+        """Show progress in the window: from time to time, and whenever another kind of work begins."""
         self.progress = progress
-        now, shown = time.perf_counter(), (progress.stage, int(100 * progress.overall))
-        if shown[0] != self._shown[0] or (shown != self._shown and now - self._last > _PERIOD):
-            self._shown, self._last = shown, now
+        self._has_new_pixels |= progress.intermediate is not None
+        work = progress.stage.rstrip("0123456789 ")
+        if work != self._shown or time.perf_counter() - self._redrawn > self._period:
+            self._shown = work
             self._tell_status(context)
             self._manager.progress_update(100 * progress.overall)
-            _redraw(self._manager, {"UI"})
-        if progress.intermediate is not None:
-            _redraw(self._manager)
+            _redraw(self._manager, None if self._has_new_pixels else {"UI"})
+            self._redrawn, self._is_drawing, self._has_new_pixels = time.perf_counter(), True, False
 
     def leave(self) -> None:
         """Give the window back."""

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import bpy
 
 from ..engine import session
+from .user_files import read_paces
 
 if TYPE_CHECKING:
     from ..engine.progress import Progress
@@ -33,22 +35,31 @@ class WorkerOwner:
     """Starts a worker when one is needed and none is alive; ends all that bakes with the add-on.
 
     running  the bake that a window follows
-    paces    what `RunStages` and the engine learn from one bake for the next
     """
 
     def __init__(self) -> None:
         self._worker: Worker | None = None
         self.running: RunningBake | None = None
-        self.paces: dict[str, float] = {}
 
     @property
     def busy(self) -> bool:
         """True while a window follows a bake."""
         return self.running is not None
 
+    @cached_property
+    def paces(self) -> dict[str, float]:
+        """What `RunStages` and the engine learn from one bake for the next, also for that of another day."""
+        return read_paces()
+
     def bake(self) -> Callable:
         """Return the `engine.bake` to use: in a window that of the worker, which keeps crashes out of it."""
-        return session.bake if bpy.app.background else self.worker().bake
+        if bpy.app.background:
+            return lambda scene, settings: session.bake(scene, settings, self.paces)
+        return self.bake_in_worker()
+
+    def bake_in_worker(self) -> Callable:
+        """Return an `engine.bake` that the worker does."""
+        return lambda scene, settings: self.worker().run(scene, settings, dict(self.paces))
 
     def worker(self) -> Worker:
         """Return the worker; it starts its process, anew if that has died, with the next bake."""

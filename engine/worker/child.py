@@ -34,6 +34,9 @@ from ..progress import Progress
 from . import messages
 from .shared_block import BorrowedBlock
 
+#: How much less urgent than the parent the work here is.
+_NICENESS = 5
+
 if sys.platform == "win32":
     from multiprocessing.connection import PipeConnection
 
@@ -132,6 +135,12 @@ def _inherited(handle: int) -> Connection[Any, Any]:
     return Connection(handle)
 
 
+def _yield_to_the_window() -> None:
+    """Let Blender's window have the processor first; on Windows the parent asks for it."""
+    if sys.platform != "win32":
+        os.nice(_NICENESS)
+
+
 def main() -> None:
     """Serve one parent until it closes the connection or dies."""
     parser = argparse.ArgumentParser(prog="engine.worker.child", description=__doc__)
@@ -144,6 +153,7 @@ def main() -> None:
     # Ctrl-C in a terminal is for the parent, which then says what to do here.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     faulthandler.enable()
+    _yield_to_the_window()
 
     connection = _inherited(arguments.handle)
     module, function = arguments.bake.split(":")

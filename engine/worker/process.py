@@ -199,7 +199,8 @@ def _inheritance(handle: int) -> dict[str, Any]:
     if sys.platform == "win32":
         os.set_handle_inheritable(handle, True)
         startup = subprocess.STARTUPINFO(lpAttributeList={"handle_list": [handle]})
-        return {"startupinfo": startup, "creationflags": subprocess.CREATE_NO_WINDOW}
+        flags = subprocess.CREATE_NO_WINDOW | subprocess.BELOW_NORMAL_PRIORITY_CLASS
+        return {"startupinfo": startup, "creationflags": flags}
     return {"pass_fds": (handle,)}
 
 

@@ -4,6 +4,7 @@ Blender as a module has no windows, so the operator's own functions run on a sta
 and for the context; all else, the worker process too, is real.
 """
 
+import itertools
 from types import SimpleNamespace
 
 import pytest
@@ -77,6 +78,7 @@ def window(monkeypatch):
     monkeypatch.setattr(
         part("operators.window_bake"), "find", lambda collection, uid: find(result.workspaces, uid)
     )
+    monkeypatch.setattr(part("operators.window_bake"), "_PERIODS", (0.0, 0.0))
     return result
 
 
@@ -149,6 +151,29 @@ def test_escape_leaves_nothing_behind(operator, context, window):
     assert operator.modal(context, ESCAPE) == {"CANCELLED"}
     assert window.is_as_before()
     assert snapshot() == before
+
+
+def test_window_that_draws_slowly_is_redrawn_seldom(operator, context, window, monkeypatch):
+    window_bake = part("operators.window_bake")
+    monkeypatch.setattr(window_bake, "_PERIODS", (0.2, 2.0))
+    clock = SimpleNamespace(now=10.0, perf_counter=lambda: clock.now)
+    monkeypatch.setattr(window_bake, "time", clock)
+    progress = part("engine.progress").Progress
+    bake = window_bake.WindowBake(context, SimpleNamespace(cancel=lambda keep_images: False))
+    texts, drawn = window.workspaces[0].texts, []
+    try:
+        for index in range(200):
+            bake.wake()
+            before = len(texts)
+            bake.show(context, progress("Bounce 3" if index < 100 else "Bounce 4", 0.5, index / 200))
+            drawn += [index] if len(texts) > before else []
+            clock.now += 0.05 + 0.15 * (len(texts) > before)
+        steps = [later - earlier for earlier, later in itertools.pairwise(drawn)]
+        assert steps and all(27 <= step <= 33 for step in steps)
+        bake.show(context, progress("Saving", 0.0, 0.99))
+        assert "Saving" in texts[-1] and "99%" in texts[-1]
+    finally:
+        bake.leave()
 
 
 def test_escape_over_another_editor_is_for_that_editor(operator, context, window):

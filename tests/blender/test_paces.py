@@ -1,0 +1,54 @@
+"""How fast a machine is outlives Blender, and makes the first percentage of another day even."""
+
+import contextlib
+import json
+import math
+
+from tests.blender.things import furnace, part
+
+
+def paces_file():
+    return part("operators.user_files")._paces_file()
+
+
+def test_paces_of_a_bake_are_there_on_another_day():
+    import bpy
+
+    furnace()
+    bpy.ops.hemibake.bake()
+    known = json.loads(paces_file().read_text())
+    assert known["Saving"] > 0 and known == part("operators.worker_owner").owner.paces
+    assert part("operators.user_files").read_paces() == known
+    assert part("operators.worker_owner").WorkerOwner().paces == known
+
+
+def test_file_of_paces_that_is_broken_is_as_none():
+    files = part("operators.user_files")
+    for text in ("", "{", "[]", '{"Direct light": "fast"}', "\x00"):
+        paces_file().write_text(text)
+        assert files.read_paces() == {}
+    paces_file().write_text('{"Direct light": 2e-7, "Bounces": -1, "Visibility": NaN}')
+    assert files.read_paces() == {"Direct light": 2e-7}
+    paces_file().unlink()
+    assert files.read_paces() == {}
+
+
+def test_session_takes_the_paces_of_another_one_where_it_has_none():
+    session = part("engine.session").Session()
+    session._paces = {"Visibility rays": 1.0}
+    work = session.bake(None, None, {"Visibility rays": 2.0, "Direct light": 3.0})
+    with contextlib.suppress(AttributeError):
+        next(work)
+    assert session._paces == {"Visibility rays": 1.0, "Direct light": 3.0}
+
+
+def test_guess_of_a_whole_bake_follows_its_size():
+    stages, model = part("operators.run_stages"), part("engine.scene.model")
+    engine = part("engine.settings")
+    scene = model.Scene((), (), ("A",), None)
+    seconds = []
+    for resolution in (256, 1024):
+        run = stages.RunStages({})
+        run.expect(scene, engine.Settings(resolution=resolution), 1)
+        seconds.append(run.baking.pace)
+    assert all(map(math.isfinite, seconds)) and seconds[1] > 5 * seconds[0] > 0

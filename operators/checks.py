@@ -8,7 +8,7 @@ from collections.abc import Generator
 
 import bpy
 
-from ..engine.errors import EngineError
+from ..engine.errors import EngineError, SceneError
 from ..engine.progress import finished
 from .changes import Changes
 from .check import Checked, check_scene
@@ -39,7 +39,16 @@ class IdleCheck:
         self._steps: Generator[None, None, Checked] | None = check_scene(context)
 
     def step(self) -> None:
-        """Go on with it for a short time, and in the end keep what it has found; nothing after that."""
+        """Go on with it for a short time, and in the end keep what it has found; nothing after that.
+
+        It ends, too, if the scene goes away: what needs it tells that.
+        """
+        try:
+            self._go_on()
+        except SceneError:
+            self._steps = None
+
+    def _go_on(self) -> None:
         limit = time.perf_counter() + _SLICE
         while self._steps is not None and time.perf_counter() < limit:
             try:

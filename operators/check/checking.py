@@ -6,7 +6,7 @@ from collections.abc import Generator, Sequence
 from dataclasses import replace
 
 from ...engine.device.found import DeviceSurvey
-from ...engine.errors import EngineError
+from ...engine.errors import SettingsError
 from ...engine.plan.estimate import Estimate, estimate
 from ...engine.plan.stages import Extent
 from ...engine.settings import Settings
@@ -16,7 +16,7 @@ from ..lightmap_size import chosen_width
 from ..scene import SceneContext, visible_meshes
 from ..scene.objects.visible import visible_objects
 from ..worker_owner import owner
-from .faces import centres_of, check_normals, check_zero_area
+from .faces import centres_of, check_coordinates, check_normals, check_zero_area
 from .finding import ERROR, INFO, WARNING, Checked, Finding
 from .meshes import CheckedMesh, read_meshes
 from .surroundings import check_hidden, check_images, check_light
@@ -37,7 +37,7 @@ def check_scene(context: SceneContext) -> Generator[None, None, Checked]:
     try:
         width = chosen_width(context, visible_meshes(context), context.scene.hemibake)
         settings = replace(read_settings(context.scene.hemibake), resolution=width)
-    except EngineError as error:
+    except SettingsError as error:
         return Checked((Finding(ERROR, str(error)),), None)
     findings = [*check_hidden(context)]
     shown = visible_objects(context)
@@ -51,6 +51,8 @@ def check_scene(context: SceneContext) -> Generator[None, None, Checked]:
             Finding(ERROR, "There is no mesh with faces to bake. Add one, or set its role to Baked.")
         )
     centres = centres_of(visible_objects(context))
+    meshes, broken = check_coordinates(meshes)
+    findings += broken
     yield
     findings += check_missing(meshes)
     charts = yield from find_charts(meshes, settings.resolution)

@@ -7,8 +7,9 @@ from collections.abc import Generator, Sequence
 import bpy
 import numpy as np
 
+from ..scene.objects.extent import middle_of, trouble_with
 from ..scene.objects.meshes import is_degenerate
-from .finding import WARNING, Finding, found
+from .finding import ERROR, WARNING, Finding, found
 from .meshes import CheckedMesh
 
 #: Triangles that are looked at without a pause.
@@ -18,6 +19,17 @@ _CHUNK = 1 << 14
 _CONTENTS = {"MESH", "LIGHT", "CAMERA", "CURVE", "FONT", "SURFACE", "META"}
 
 Steps = Generator[None, None, list[Finding]]
+
+
+def check_coordinates(meshes: Sequence[CheckedMesh]) -> tuple[list[CheckedMesh], list[Finding]]:
+    """Return the meshes whose coordinates can be baked, and findings about the others."""
+    middle = middle_of([mesh.box for mesh in meshes])
+    troubles = [trouble_with(mesh.box, middle) for mesh in meshes]
+    findings = []
+    for trouble in dict.fromkeys(filter(None, troubles)):
+        names = [mesh.name for mesh, its in zip(meshes, troubles, strict=True) if its == trouble]
+        findings += found(ERROR, f"{{}}: {trouble}", names)
+    return [mesh for mesh, its in zip(meshes, troubles, strict=True) if its is None], findings
 
 
 def check_normals(meshes: Sequence[CheckedMesh], centres: dict[str, np.ndarray]) -> Steps:

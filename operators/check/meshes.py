@@ -70,7 +70,8 @@ class CheckedMesh:
     @property
     def box(self) -> np.ndarray:
         """The low and the high corner of the box around it, (2, 3), world space."""
-        positions = self.positions @ self.matrix[:3, :3].T + self.matrix[:3, 3]
+        with np.errstate(invalid="ignore", over="ignore"):
+            positions = self.positions @ self.matrix[:3, :3].T + self.matrix[:3, 3]
         return np.stack([positions.min(axis=0), positions.max(axis=0)])
 
 

@@ -337,3 +337,47 @@ def test_bake_in_a_window_checks_the_scene_while_the_worker_works():
     kept = part("operators.checks").last_check(bpy.context.scene).findings
     assert [one.objects for one in kept if one.severity == "ERROR"] == [("Folded",)]
     assert "Visibility" in " ".join(part("operators.worker_owner").owner.paces)
+
+
+def test_nasty_scenes_are_checked():
+    """NaN and infinite coordinates, flat and huge objects, edit mode, instances, meshes without faces."""
+    import bpy
+
+    mesh_object("NaN", [(0, 0, 0), (1, 0, 0), (np.nan, 1, 0)], [(0, 1, 2)], SQUARE_UVS[:3])
+    square("Huge").scale = (1e30, 1e30, 1e30)
+    square("Infinite", WHOLE).location.x = np.inf
+    square("Flat", WHOLE).scale = (0, 0, 0)
+    square("Mirrored", WHOLE).scale = (-1, 1, 1)
+    square("Point", [(0.5, 0.5)] * 4)
+    mesh_object("Edges", SQUARE, [])
+    mesh_object("Empty", [], [])
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Axes", None))
+    chairs = bpy.data.collections.new("Chairs")
+    chair = square("Chair", WHOLE)
+    bpy.context.scene.collection.objects.unlink(chair)
+    chairs.objects.link(chair)
+    instance = bpy.data.objects.new("Instance", None)
+    instance.instance_type, instance.instance_collection = "COLLECTION", chairs
+    bpy.context.scene.collection.objects.link(instance)
+    bpy.context.view_layer.objects.active = edited = square("Edited", WHOLE)
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.primitive_cube_add()
+    checked = check()
+    assert bpy.context.mode == "EDIT_MESH" and edited.data.is_editmode
+    broken = {name for one in checked.findings if one.severity == "ERROR" for name in one.objects}
+    assert {"NaN", "Huge", "Infinite"} <= broken and not {"Flat", "Mirrored", "Chair", "Point"} & broken
+    assert checked.estimate.patches > 0
+
+
+def test_check_in_slices_ends_with_its_scene():
+    import bpy
+
+    for number in range(5):
+        square(f"Square {number}", WHOLE)
+    context = part("operators.scene").SceneContext(bpy.context)
+    idle = part("operators.checks").IdleCheck(context)
+    bpy.context.window.scene = bpy.data.scenes.new("Other")
+    bpy.data.scenes.remove(bpy.data.scenes["Scene"])
+    for _ in range(100):
+        idle.step()
+    assert bpy.context.scene.hemibake.findings == ""

@@ -1,17 +1,62 @@
-"""The Unwrap operator: lightmap UVs on request."""
+"""The Unwrap operator: lightmap UVs on request, modal in a window, blocking elsewhere."""
 
 from __future__ import annotations
+
+import time
 
 import bpy
 
 from ..engine.errors import EngineError
-from ..engine.progress import finished
+from ..engine.progress import Progress
 from .bake_settings import read_settings
 from .changes import Changes
 from .lightmap_size import chosen_width
 from .scene import SceneContext, visible_meshes
-from .scene.uvs.unwrap import unwrap_missing
+from .scene.uvs.unwrap import Made, unwrap_missing
 from .telling import tell
+from .window_bake import WindowBake
+from .worker_owner import poll_idle
+
+#: Longest time one timer event may take from the window, s.
+_SLICE = 0.03
+
+
+class _Unwrapping:
+    """An unwrapping of the selected objects, or of all visible ones; it can be taken back until it ends.
+
+    Raises EngineError, with nothing changed, if a setting is out of its range.
+
+    count  objects that are looked at
+    """
+
+    def __init__(self, context: bpy.types.Context) -> None:
+        properties, where = context.scene.hemibake, SceneContext(context)
+        visible = visible_meshes(where)
+        objects = [obj for obj in visible if obj.select_get()] or visible
+        read_settings(properties)
+        resolution = chosen_width(where, objects, properties)
+        self.count, self._changes = len(objects), Changes()
+        self._work = unwrap_missing(where, objects, properties.uv_layer, resolution, self._changes)
+
+    def step(self) -> Progress | None:
+        """Do a slice of work; raises StopIteration(Made) at the end."""
+        return next(self._work)
+
+    def drain(self) -> Made:
+        """Do all the work and return what was done."""
+        while True:
+            try:
+                self.step()
+            except StopIteration as end:
+                return end.value
+
+    def cancel(self, keep_images: bool = False) -> bool:
+        """Stop it and leave everything as it was; there is nothing to keep."""
+        try:
+            self._work.close()
+        finally:
+            self._changes.take_back()
+        return False
 
 
 class HEMIBAKE_OT_unwrap(bpy.types.Operator):
@@ -21,24 +66,77 @@ class HEMIBAKE_OT_unwrap(bpy.types.Operator):
     bl_label = "Unwrap Lightmap UVs"
     bl_options = {"REGISTER", "UNDO"}
 
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return poll_idle(cls)
+
     def execute(self, context: bpy.types.Context) -> set[str]:
-        changes = Changes()
-        properties = context.scene.hemibake
-        visible = visible_meshes(context)
-        objects = [obj for obj in visible if obj.select_get()] or visible
+        """Unwrap and return when it is done."""
         try:
-            read_settings(properties)
-            where = SceneContext(context)
-            resolution = chosen_width(where, objects, properties)
-            work = unwrap_missing(where, objects, properties.uv_layer, resolution, changes)
-            made = finished(work)
+            run = _Unwrapping(context)
         except EngineError as error:
-            changes.take_back()
-            tell(self, "ERROR", str(error))
+            return self._refuse(error)
+        try:
+            return self._tell(run.drain(), run.count)
+        except EngineError as error:
+            run.cancel()
+            return self._refuse(error)
+        except BaseException:
+            run.cancel()
+            raise
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Start unwrapping; `modal` follows it."""
+        try:
+            self._window = WindowBake(context, _Unwrapping(context))
+        except EngineError as error:
+            return self._refuse(error)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if self._window.wants_to_cancel(context, event):
+            self.cancel(context)
+            self.report({"INFO"}, "Unwrapping cancelled")
             return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        try:
+            return self._follow(context)
+        except EngineError as error:
+            self.cancel(context)
+            return self._refuse(error)
+        except BaseException:
+            self.cancel(context)
+            raise
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Leave everything as it was; Blender calls this when a window closes."""
+        self._window.cancel()
+
+    def _follow(self, context: bpy.types.Context) -> set[str]:
+        """Work for a short time."""
+        limit, run = time.perf_counter() + _SLICE, self._window.run
+        while time.perf_counter() < limit:
+            try:
+                progress = run.step()
+            except StopIteration as end:
+                self._window.leave()
+                return self._tell(end.value, run.count)
+            if progress is None:
+                break
+            self._window.show(context, progress)
+        return {"PASS_THROUGH"}
+
+    def _refuse(self, error: EngineError) -> set[str]:
+        tell(self, "ERROR", str(error))
+        return {"CANCELLED"}
+
+    def _tell(self, made: Made, count: int) -> set[str]:
+        """Report what was done."""
         for note in made.notes:
             tell(self, "ERROR" if made.skipped and not made.objects else "WARNING", note)
-        kept = len(objects) - len(made.objects) - len(made.skipped)
+        kept = count - len(made.objects) - len(made.skipped)
         self.report({"INFO"}, f"{len(made.objects)} objects unwrapped, {kept} had lightmap UVs or no faces")
         return {"FINISHED"} if made.objects else {"CANCELLED"}
 

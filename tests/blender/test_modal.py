@@ -104,7 +104,15 @@ def context(window):
 
 @pytest.fixture
 def operator():
-    operator_class = part("operators.bake").HEMIBAKE_OT_bake
+    return stand_in_for(part("operators.bake").HEMIBAKE_OT_bake)
+
+
+@pytest.fixture
+def unwrap_operator():
+    return stand_in_for(part("operators.unwrap").HEMIBAKE_OT_unwrap)
+
+
+def stand_in_for(operator_class):
     functions = {name: value for name, value in vars(operator_class).items() if callable(value)}
     stand_in = type("StandIn", (), functions)()
     stand_in.reports = []
@@ -353,3 +361,53 @@ def test_scene_that_cannot_be_baked_gives_the_window_back(operator, context, win
     assert drive(operator, context) == {"CANCELLED"}
     assert operator.reports[0][0] == {"ERROR"} and window.is_as_before()
     assert not part("operators.worker_owner").owner.busy
+
+
+def test_unwrap_runs_to_its_end_between_events(unwrap_operator, context, window):
+    obj = furnace()
+    assert unwrap_operator.invoke(context, None) == {"RUNNING_MODAL"}
+    assert part("operators.worker_owner").owner.busy
+    assert drive(unwrap_operator, context) == {"FINISHED"}
+    assert window.is_as_before() and "Lightmap" in obj.data.uv_layers
+    assert any("Unwrapping" in text for text in window.workspaces[0].texts if text)
+    assert unwrap_operator.reports[-1][1].startswith("1 objects unwrapped")
+
+
+@pytest.mark.parametrize("events", [1, 3, 20])
+def test_escape_while_unwrapping_leaves_nothing_behind(unwrap_operator, context, window, events):
+    for number in range(7):
+        furnace(f"Room {number}").modifiers.new("Array", "ARRAY")
+    before = snapshot()
+    unwrap_operator.invoke(context, None)
+    for _ in range(events):
+        assert unwrap_operator.modal(context, TIMER) == {"PASS_THROUGH"}
+    assert unwrap_operator.modal(context, ESCAPE) == {"CANCELLED"}
+    assert window.is_as_before() and snapshot() == before
+    assert not part("operators.worker_owner").owner.busy
+
+
+def test_object_that_is_deleted_or_edited_while_it_is_unwrapped(unwrap_operator, context, window):
+    import bpy
+
+    gone, edited, kept = furnace("Gone"), furnace("Edited"), furnace("Kept")
+    unwrap_operator.invoke(context, None)
+    for _ in range(3):
+        unwrap_operator.modal(context, TIMER)
+    bpy.data.objects.remove(gone)
+    edited.data.clear_geometry()
+    edited.data.from_pydata([(4, 0, 0), (5, 0, 0), (4, 1, 0)], [], [(0, 1, 2)])
+    assert drive(unwrap_operator, context) == {"FINISHED"}
+    assert "Lightmap" in kept.data.uv_layers and "Lightmap" in edited.data.uv_layers
+
+
+def test_process_that_unwraps_dies_and_is_replaced(unwrap_operator, context, monkeypatch):
+    """The first of two is killed; the object has its UVs nevertheless."""
+    unwrap_process, made = part("operators.scene.uvs.unwrap_process"), []
+    new_worker = unwrap_process.new_worker
+    monkeypatch.setattr(unwrap_process, "new_worker", lambda work: made.append(new_worker(work)) or made[-1])
+    obj = furnace()
+    unwrap_operator.invoke(context, None)
+    drive(unwrap_operator, context, until=lambda: bool(made and made[0].process))
+    made[0].process.kill()
+    assert drive(unwrap_operator, context) == {"FINISHED"}
+    assert len(made) == 2 and "Lightmap" in obj.data.uv_layers

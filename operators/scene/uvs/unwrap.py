@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -29,7 +30,10 @@ from .uv_modifier import (
     remove_unused_uvs,
     uv_modifier,
 )
-from .uv_targets import Target, evaluated_mesh, evaluated_targets, own_targets
+from .uv_targets import Target, Users, evaluated_mesh, evaluated_targets, own_target, users_of_meshes
+
+#: Longest time that meshes are read before a window has its turn, s.
+_SLICE = 0.015
 
 #: Unwrappings of meshes that change meanwhile, before it is done in one piece.
 _ATTEMPTS = 3
@@ -98,9 +102,9 @@ class _Unwrapping:
         """Make all UVs that are missing; warn where they cannot be as usual."""
         # Nothing of the scene is changed before a yield, or all is taken back.
         trial = Changes()
-        objects = self._prepare(uids, trial)
-        own = own_targets(objects, self._uv_layer, self._leave)
+        users = users_of_meshes(self._prepare(uids, trial), self._uv_layer)
         trial.take_back()
+        own = yield from self._read(users)
         pages = yield from self._pack(own)
 
         # What modifiers make is known only once the objects' own meshes have their layer.
@@ -134,6 +138,21 @@ class _Unwrapping:
             drop_uv_modifier(obj, self._uv_layer, changes)
         self._objects = {obj.session_uid: obj for obj in objects}
         return objects
+
+    def _read(self, users: Sequence[Users]) -> Generator[Progress | None, None, list[Target]]:
+        """Read the meshes that lack UVs, a few at a time."""
+        targets, began = [], time.perf_counter()
+        for mesh in users:
+            if time.perf_counter() - began > _SLICE:
+                yield None
+                began = time.perf_counter()
+                self._objects = {obj.session_uid: obj for obj in bpy.data.objects}
+            if not self._objects.keys() >= set(mesh.uids):
+                raise _MeshChangedError
+            target = own_target([self._objects[uid] for uid in mesh.uids], mesh.layer, self._leave)
+            if target is not None:
+                targets.append(target)
+        return targets
 
     def _evaluated_targets(self, objects: Sequence[bpy.types.Object], own: Sequence[Target]) -> list[Target]:
         """Return what modifiers make such that it needs UVs of its own."""

@@ -63,17 +63,28 @@ def evaluated_mesh(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Ite
         yield evaluated.data
 
 
-def own_targets(objects: Sequence[bpy.types.Object], uv_layer: str, leave: Leave) -> list[Target]:
-    """Return the meshes of objects that lack the layer and can have one of their own."""
-    users: dict[tuple[int, str], list[bpy.types.Object]] = {}
+@dataclass(frozen=True)
+class Users:
+    """Objects that show one mesh, which lacks a lightmap UV layer: their session uids, and the layer."""
+
+    uids: tuple[int, ...]
+    layer: str
+
+
+def users_of_meshes(objects: Sequence[bpy.types.Object], uv_layer: str) -> list[Users]:
+    """Return the users of each mesh that lacks the layer and can have one of its own."""
+    users: dict[tuple[int, str], list[int]] = {}
     for obj in objects:
         if obj.data.is_editable and not has_uvs(obj, uv_layer):
-            users.setdefault((obj.data.session_uid, lightmap_layer(obj, uv_layer)), []).append(obj)
-    return [
-        Target(_uids(members), members[0].hemibake.atlas, layer, mesh)
-        for (_, layer), members in users.items()
-        if (mesh := _read(members, members[0].data, layer, leave)) is not None
-    ]
+            key = (obj.data.session_uid, lightmap_layer(obj, uv_layer))
+            users.setdefault(key, []).append(obj.session_uid)
+    return [Users(tuple(uids), layer) for (_, layer), uids in users.items()]
+
+
+def own_target(objects: Sequence[bpy.types.Object], layer: str, leave: Leave) -> Target | None:
+    """Return the mesh of objects that show one; None if it can have no layer."""
+    mesh = _read(objects, objects[0].data, layer, leave)
+    return None if mesh is None else Target(_uids(objects), objects[0].hemibake.atlas, layer, mesh)
 
 
 def evaluated_targets(
@@ -92,6 +103,8 @@ def evaluated_targets(
     meshes: dict[tuple[int, str, str, str], PolygonMesh | None] = {}
     for obj in objects:
         layer = lightmap_layer(obj, uv_layer)
+        if not obj.modifiers and layer in obj.data.uv_layers:
+            continue
         with evaluated_mesh(obj, depsgraph) as mesh:
             if mesh is None or not _lacks_uvs(obj, mesh, layer, made):
                 continue

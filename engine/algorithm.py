@@ -67,12 +67,17 @@ def _bake(
     lighting = DirectLighting(scene, parts, rays, settings)
     sampled = yield from stages.run(stages.direct, lighting.gather())
 
+    # The room appears in direct light, while it is still to be found what patches see of each other.
+    outputs = Outputs(scene, settings, lighting)
+    if outputs.begin_with_direct and sampled.any():
+        yield stages.lit(store.display(sampled))
+
     # All other light is gathered: through hemicubes drawn in every iteration (IV.B), or what is kept of them.
     yield stages.begin(stages.choosing)
     emission, sky, area = lighting.emission_left, lighting.sky_left, parts.geometry.area
     job = SolveJob(graphics, compute, parts, rays, emission, sky, sampled, area, settings)
     solution, choice = choose_solver(job)
-    outputs, in_contact = Outputs(scene, settings, lighting), lighting.in_contact()
+    in_contact = lighting.in_contact()
     yield stages.chosen(choice)
 
     # Every patch gathers what all others send out, until the light has settled (III.B, IV.C). The first

@@ -37,8 +37,8 @@ class Progress:
     iteration     iterations completed
     residual      estimated remaining error, relative to each patch's light, on average; NaN while unknown
     energy        radiant flux that the last completed iteration added, W, sum of the channels
-    intermediate  the lightmaps so far, dilated, (atlases, h, w, 3) float32, E/pi; only after an
-                  iteration, else None
+    intermediate  the lightmaps so far, dilated, (atlases, h, w, 3) float32, E/pi; only after
+                  direct light and after an iteration, else None
     """
 
     stage: str

@@ -44,6 +44,12 @@ class Outputs:
     def __init__(self, scene: Scene, settings: Settings, lighting: DirectLighting) -> None:
         self._names, self._settings, self._lighting = output_names(scene, settings), settings, lighting
 
+    @property
+    def begin_with_direct(self) -> bool:
+        """True if intermediate lightmaps are shown, and direct light is the first of what they show."""
+        first = self._settings.light_outputs[:1]
+        return self._settings.intermediates and first in (("combined",), ("direct",))
+
     def done(self, solution: Solution) -> bool:
         """True once a solution is good enough for the outputs.
 

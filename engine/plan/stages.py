@@ -128,6 +128,10 @@ class BakeStages(Schedule):
         self._size(len(reflectance))
         return self.end()
 
+    def lit(self, image: np.ndarray) -> Progress:
+        """Return the progress after direct light, with lightmaps that hold nothing else yet."""
+        return self.progress(1.0, self.direct.name, intermediate=image)
+
     def chosen(self, choice: Choice) -> Progress:
         """Learn how patches gather, as the last step of choosing it."""
         self._kept = choice.method == "cached"

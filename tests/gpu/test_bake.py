@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine import PatchFileError, SceneError, Settings, SettingsError, bake
+from engine import Light, PatchFileError, SceneError, Settings, SettingsError, bake
 from tests.analytic.drive import drive
 from tests.analytic.scenes import furnace, quads, rectangle, room_walls
 
@@ -45,6 +45,28 @@ def test_progress_reports_stages_energy_and_intermediate_lightmaps():
     assert energies[1] == pytest.approx(energies[0] / 2, rel=1e-3)
     fractions = [step.fraction for step in steps if step.stage.startswith(("Visibility", "Bounce"))]
     assert all(0 <= fraction <= 1 for fraction in fractions) and len(fractions) >= 3
+
+
+@pytest.mark.parametrize("first", ["combined", "direct", "indirect", "shadow_mask"])
+def test_the_room_appears_in_direct_light_first(first):
+    """Unless an output without it is shown."""
+    settings = replace(QUICK, outputs=(first, "direct") if first != "direct" else (first,))
+    lamp = Light("Lamp", "point", (0.3, 0.6, 0.7), np.eye(3), strength=np.array([3.0, 2, 1], np.float32))
+    lit = replace(furnace(0.5, 0.0), lights=(lamp,))
+    steps, lightmap = [], None
+    work = bake(lit, settings)
+    while lightmap is None:
+        try:
+            steps.append(next(work))
+        except StopIteration as end:
+            lightmap = end.value
+    first_shown = next(step for step in steps if step.intermediate is not None)
+    if first == "indirect":
+        assert first_shown.iteration == 1
+    else:
+        assert first_shown.iteration == 0 and first_shown.stage == "Direct light"
+        shown = first_shown.intermediate[lightmap.has_patch]
+        np.testing.assert_array_equal(shown, lightmap.passes["direct"][lightmap.has_patch])
 
 
 def test_closing_the_generator_cancels_and_the_next_bake_works():

@@ -570,9 +570,17 @@ def _again(case: Case) -> st.SearchStrategy[Case]:
     for name in ("samples", "outputs", "memory_budget", "patch_groups", "half_radiance", "array_size"):
         fixed.pop(name, None)
 
-    # Far from the middle float32 has few digits, which each way spends differently.
-    shapes = tuple(replace(shape, position=tuple(np.clip(shape.position, -10, 10))) for shape in case.shapes)
-    near = replace(case, shapes=shapes, away=min(case.away, 3.0))
+    # Far from the middle float32 has few digits, which each way spends differently; a point of no extent on
+    # an edge, and a texture read on the border of two texels, see one side as well as the other.
+    shapes = tuple(
+        replace(shape, position=tuple(np.clip(shape.position, -10, 10)), size=max(shape.size, 0.1))
+        for shape in case.shapes
+    )
+    surfaces = tuple(
+        replace(surface, alpha_map=surface.alpha_map and replace(surface.alpha_map, smooth=True))
+        for surface in case.surfaces
+    )
+    near = replace(case, shapes=shapes, surfaces=surfaces, away=min(case.away, 3.0))
     return st.lists(st.sampled_from(ways), min_size=2, max_size=2, unique_by=str).map(
         lambda pair: replace(near, settings={**fixed, **pair[0]}, other={**fixed, **pair[1]})
     )

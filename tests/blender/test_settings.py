@@ -129,3 +129,13 @@ def test_rays_follow_a_hemicube_that_is_chosen():
 def test_high_quality_is_what_the_engine_does_by_itself():
     settings = part("engine.settings").Settings()
     assert part("engine.quality").quality_of(asdict(settings)) == "high"
+
+
+def test_command_line_takes_a_quality_and_settings_of_it_that_differ(tmp_path):
+    options, command = part("operators.command_line.options"), part("operators.command_line.command")
+    words = ["--out", str(tmp_path), "--light-samples", "5", "--quality", "very_high", "--samples", "12"]
+    command.apply_settings(options.parse(options.parser("bake", "Bakes."), words))
+    settings = read()
+    assert (settings.hemicube, settings.samples, settings.light_samples) == (64, 12, 5)
+    with pytest.raises(options.CommandError, match="invalid choice: 'best'"):
+        options.parse(options.parser("bake", "Bakes."), ["--out", "x", "--quality", "best"])

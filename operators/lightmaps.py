@@ -19,6 +19,7 @@ from .scene.uvs.unwrap import unwrap_missing
 from .scene.uvs.uv_layers import set_layer_aside
 from .scene.uvs.uv_modifier import drop_uv_modifier, uv_modifier
 from .telling import tell
+from .worker_owner import poll_idle
 
 #: Name of a new lightmap.
 _NAME = "Lightmap"
@@ -34,7 +35,7 @@ class _OfActiveLightmap:
         chosen = active_lightmap(context.scene) is not None
         if not chosen:
             cls.poll_message_set("There is no lightmap in the list: add one, or bake")
-        return chosen
+        return chosen and poll_idle(cls)
 
 
 class HEMIBAKE_OT_lightmap_add(bpy.types.Operator):
@@ -43,6 +44,10 @@ class HEMIBAKE_OT_lightmap_add(bpy.types.Operator):
     bl_idname = "hemibake.lightmap_add"
     bl_label = "Add Lightmap"
     bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return poll_idle(cls)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         settings = context.scene.hemibake

@@ -7,6 +7,7 @@ import time
 import bpy
 
 from ..engine.errors import EngineError
+from ..engine.naming import counted
 from ..engine.progress import Progress
 from .bake_settings import read_settings
 from .changes import Changes
@@ -137,7 +138,8 @@ class HEMIBAKE_OT_unwrap(bpy.types.Operator):
         for note in made.notes:
             tell(self, "ERROR" if made.skipped and not made.objects else "WARNING", note)
         kept = count - len(made.objects) - len(made.skipped)
-        self.report({"INFO"}, f"{len(made.objects)} objects unwrapped, {kept} had lightmap UVs or no faces")
+        done = counted(len(made.objects), "object")
+        self.report({"INFO"}, f"{done} unwrapped, {kept} had lightmap UVs or no faces")
         return {"FINISHED"} if made.objects else {"CANCELLED"}
 
 

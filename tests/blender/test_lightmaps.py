@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.blender.test_panels import draw
-from tests.blender.things import furnace, loop_uvs, report, snapshot, square
+from tests.blender.things import furnace, loop_uvs, part, report, snapshot, square
 
 
 def settings():
@@ -180,3 +180,11 @@ def test_repacking_leaves_everything_if_an_object_has_no_room():
     with pytest.raises(RuntimeError, match="reaching more than"):
         call("repack")
     assert snapshot() == after
+
+
+def test_lightmaps_stay_as_they_are_while_a_bake_runs(monkeypatch):
+    square()
+    call("add")
+    assert poll("add") and poll("assign") and poll("repack")
+    monkeypatch.setattr(part("operators.worker_owner").owner, "running", object())
+    assert not any(poll(name) for name in ("add", "remove", "assign", "select", "repack"))

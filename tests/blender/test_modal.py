@@ -370,7 +370,7 @@ def test_unwrap_runs_to_its_end_between_events(unwrap_operator, context, window)
     assert drive(unwrap_operator, context) == {"FINISHED"}
     assert window.is_as_before() and "Lightmap" in obj.data.uv_layers
     assert any("Unwrapping" in text for text in window.workspaces[0].texts if text)
-    assert unwrap_operator.reports[-1][1].startswith("1 objects unwrapped")
+    assert unwrap_operator.reports[-1][1].startswith("1 object unwrapped")
 
 
 @pytest.mark.parametrize("events", [1, 3, 20])

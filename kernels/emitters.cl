@@ -1,4 +1,4 @@
-// Emitters of direct light: samples of lamps, emissive triangles and bright sky.
+// Emitters of direct light: samples of lamps, emissive triangles and bright sky, and how much each may bring.
 
 // Kinds of emitters (engine/direct/emitters.py).
 #define POINT 0
@@ -322,4 +322,61 @@ bool is_far(__global const Emitter *e, const Receiver *r)
     const float radius = sqrt(fmax(dot(edge1, edge1), dot(edge2, edge2)));
     const float distance = fmax(fabs(dot(normal, a)) / fmax(length(normal), 1e-20f), length(middle) - radius);
     return r->size < 0.05f * distance;
+}
+
+// Least square of a distance; light nearer than this fraction of a texel's width is spread over the texel.
+#define LEAST 1e-36f
+#define SPREAD 0.1f
+
+// How strong a point or spot is in a direction: some of its mean, too, since the texel sees it from others.
+float own_strength(__global const Emitter *e, const Modulations *modulations, const float3 away, const float distance)
+{
+    if (e->modulation == 0)
+        return e->luminance;
+    const float3 factor = modulation(modulations, e->modulation, away, distance);
+    return luminance(vload3(0, e->strength) * factor) + 0.05f * e->luminance;
+}
+
+// About how much light an emitter brings without shadow; 0 only if it brings none.
+float emitter_weight(__global const Emitter *e, const Receiver *r, const Modulations *modulations,
+                     const float sky_total)
+{
+    const int kind = e->kind;
+    if (kind == SKY_MAP)
+        return sky_total * M_1_PI_F;
+    if (kind == SUN)
+        return dot(r->normal, -vload3(0, e->direction)) > -e->radius ? e->luminance : 0.0f;
+    if (kind == POINT) {
+        const float3 to = vload3(0, e->position) - r->at;
+        const float d2 = dot(to, to), d = sqrt(d2), reach = e->radius + r->size;
+        if (dot(r->normal, to) < -reach || dot(r->horizon, to) < -reach)
+            return 0.0f;
+
+        // A spot's cone is wider by what the texel spans.
+        const float widest = e->cos_half_angle - 0.05f - r->size / fmax(d, 1e-20f);
+        const float spot = e->cos_half_angle >= -1.0f && e->radius == 0.0f && widest > -1.0f
+            ? in_cone(e, -to / fmax(d, 1e-20f), widest, 1.0f) + 1e-4f : 1.0f;
+        const float cosine = d < reach ? 1.0f : fmax(dot(r->normal, to) / fmax(d, 1e-20f), 0.05f);
+        const float near = fmax(e->radius, SPREAD * r->size);
+        const float towards = own_strength(e, modulations, -to / fmax(d, 1e-20f), d);
+        return towards * spot * cosine / fmax(fmax(d2, near * near), LEAST);
+    }
+    const float3 edge1 = vload3(0, e->edge1), edge2 = vload3(0, e->edge2), normal = cross(edge1, edge2);
+    const float3 a = vload3(0, e->position) - r->at, b = a + edge1, c = a + edge2;
+    const float3 horizon = horizon_of(r, !shows_front(r, a, normal));
+    const float top = fmax(fmax(dot(a, horizon), dot(b, horizon)), dot(c, horizon));
+    if (top <= fmax(1e-5f * length(a), r->height))
+        return 0.0f;
+    const float facing = -dot(normal, a), twice = length(normal);
+    if ((e->triangle < 0 || e->one_sided) && facing <= -r->size * twice)
+        return 0.0f;
+    const float3 middle = (a + b + c) / 3.0f;
+    const float d2 = dot(middle, middle), d = sqrt(d2);
+    const float angle = fmin(0.5f * twice * fmax(fabs(facing) / (twice * d), 0.02f) / d2, 6.2831853f);
+    const float about = e->luminance * angle * fmax(dot(middle, r->normal) / d, 0.1f);
+    if (!e->uniform)
+        return about;
+
+    // Of one radiance: exactly, but what the middle of the texel does not see may be seen beside it.
+    return fmax(luminance(open_light(e, r->at, r)), 0.02f * about);
 }

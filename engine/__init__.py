@@ -48,6 +48,6 @@ def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap
     """
     session = Session()
     try:
-        return (yield from session.bake(scene, settings, {}))
+        return (yield from session.bake(scene, settings))
     finally:
         session.close()

@@ -35,7 +35,7 @@ class Session:
         self._paces: dict[str, float] = {}
 
     def bake(
-        self, scene: Scene, settings: Settings, paces: Mapping[str, float]
+        self, scene: Scene, settings: Settings, paces: Mapping[str, float] = _NONE
     ) -> Generator[Progress, None, Lightmap]:
         """Bake; see `engine.bake`. After an error or a cancel the next bake gets new devices.
 

@@ -54,17 +54,29 @@ def read_topology(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndar
 
     Attributes are copied as they are, which takes a hundredth of what reading the loops one by one does.
     """
-    attributes = mesh.attributes
     return (
-        read_array(attributes[".corner_vert"].data, "value", 1, np.int32)[:, 0],
-        read_array(attributes[".corner_edge"].data, "value", 1, np.int32)[:, 0],
-        read_array(attributes[".edge_verts"].data, "value", 2, np.int32),
+        read_corner_vertices(mesh),
+        _read_attribute(mesh, ".corner_edge", "value", 1, np.int32)[:, 0],
+        _read_attribute(mesh, ".edge_verts", "value", 2, np.int32),
     )
+
+
+def read_corner_vertices(mesh: bpy.types.Mesh) -> np.ndarray:
+    """Return the vertex of each loop of a mesh, (l,) int32."""
+    return _read_attribute(mesh, ".corner_vert", "value", 1, np.int32)[:, 0]
 
 
 def read_positions(mesh: bpy.types.Mesh) -> np.ndarray:
     """Return the vertices of a mesh, (v, 3) float32, object space."""
-    return read_array(mesh.attributes["position"].data, "vector", 3, np.float32)
+    return _read_attribute(mesh, "position", "vector", 3, np.float32)
+
+
+def _read_attribute(mesh: bpy.types.Mesh, name: str, field: str, width: int, dtype) -> np.ndarray:
+    """Return an attribute of a mesh, (n, width); one that has no elements need not be there."""
+    attribute = mesh.attributes.get(name)
+    return (
+        np.empty((0, width), dtype) if attribute is None else read_array(attribute.data, field, width, dtype)
+    )
 
 
 @dataclass(frozen=True)
@@ -97,7 +109,7 @@ def read_mesh(mesh: bpy.types.Mesh, uv_layer: str | None, uv_maps: Mapping[str, 
     starts = read_array(mesh.polygons, "loop_start", 1, np.int32)[:, 0]
     return MeshArrays(
         positions=read_positions(mesh),
-        corners=read_array(mesh.attributes[".corner_vert"].data, "value", 1, np.int32)[:, 0],
+        corners=read_corner_vertices(mesh),
         normals=read_array(mesh.corner_normals, "vector", 3, np.float32),
         loops=read_array(mesh.loop_triangles, "loops", 3, np.int32),
         sizes=np.diff(np.r_[starts, len(mesh.loops)]).astype(np.int32),

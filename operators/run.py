@@ -160,6 +160,7 @@ class Run:
         In a window the scene is checked while the worker works.
         """
         self._check = IdleCheck(self._context) if self._watched else None
+        yield self._stages.begin(self._stages.baking)
         while True:
             work = self._showing(self._bake(self._read.scene, self._settings))
             try:

@@ -27,7 +27,7 @@ class RunStages(Schedule):
         self._paces = paces
         self.unwrapping = Stage("Unwrapping", pace=_UNWRAPPING)
         self.reading = Stage("Reading the scene", pace=_READING)
-        self.baking = Stage("Baking", pace=_BAKING)
+        self.baking = Stage("Starting", pace=_BAKING)
         self.saving = Stage("Saving", 0, paces.get("Saving", _TEXEL), "Saving" in paces)
         super().__init__([self.unwrapping, self.reading, self.baking, self.saving])
 

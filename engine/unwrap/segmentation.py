@@ -145,7 +145,7 @@ def _metres_per_texel(mesh: PolygonMesh, texels: np.ndarray, chart: np.ndarray, 
     length = (_edges(corners) ** 2).sum(axis=2)
 
     def total(values: np.ndarray) -> np.ndarray:
-        return np.bincount(number, values.reshape(len(number), -1).sum(axis=1), count)
+        return np.bincount(number, values.sum(axis=tuple(range(1, values.ndim))), count)
 
     uu, uv, vv, ul, vl = total(u * u), total(u * v), total(v * v), total(u * length), total(v * length)
     determinant = uu * vv - uv * uv

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Generator, Sequence
+from dataclasses import replace
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
@@ -24,6 +25,9 @@ Segments = tuple[np.ndarray, np.ndarray]
 _DRAFT = 887
 _LONGEST_DRAFT = 1 << 13
 
+#: Most triangles of a piece of a mesh that are cut in one call.
+_PIECE = 1 << 14
+
 #: Triangles of meshes that are cut at a time, and at most so many times.
 _BATCH = 1 << 13
 _MOST_BATCHES = 64
@@ -38,11 +42,45 @@ def has_xatlas() -> bool:
 
 def segment(meshes: Sequence[PolygonMesh]) -> Generator[float, None, list[Segments]]:
     """Yield the part of the work that is done; return each mesh's segments. Coordinates have to be finite."""
+    halved = [_pieces(mesh, np.arange(len(mesh.starts) - 1)) for mesh in meshes]
+    pieces = [
+        replace(mesh, triangles=mesh.triangles[members], polygon=mesh.polygon[members])
+        for mesh, parts in zip(meshes, halved, strict=True)
+        for members in parts
+    ]
     segments: list[Segments] = []
-    for batch in _batches(meshes):
-        yield len(segments) / len(meshes)
+    for batch in _batches(pieces):
+        yield len(segments) / len(pieces)
         segments += _segment_batch(batch)
-    return segments
+    done = iter(segments)
+    return [_joined(parts, [next(done) for _ in parts]) for parts in halved]
+
+
+def _pieces(mesh: PolygonMesh, polygons: np.ndarray) -> list[np.ndarray]:
+    """Return the triangles of a mesh's polygons, of pieces that are small enough.
+
+    A piece is halved across its longest side: the time that xatlas takes grows faster than a piece.
+    """
+    chosen = np.zeros(len(mesh.starts) - 1, bool)
+    chosen[polygons] = True
+    triangles = np.flatnonzero(chosen[mesh.polygon])
+    if len(triangles) <= _PIECE or len(polygons) < 2:
+        return [triangles]
+    places = mesh.positions[mesh.corners[mesh.starts[polygons]]]
+    order = np.argsort(places[:, np.ptp(places, axis=0).argmax()], kind="stable")
+    half = len(order) // 2
+    return _pieces(mesh, polygons[order[:half]]) + _pieces(mesh, polygons[order[half:]])
+
+
+def _joined(pieces: Sequence[np.ndarray], segments: Sequence[Segments]) -> Segments:
+    """Return the segments of a mesh, those of its pieces numbered on."""
+    count = sum(len(members) for members in pieces)
+    uvs, chart, first = np.zeros((count, 3, 2)), np.full(count, -1), 0
+    for members, (corners, numbers) in zip(pieces, segments, strict=True):
+        uvs[members] = corners
+        chart[members] = np.where(numbers < 0, -1, numbers + first)
+        first += numbers.max(initial=-1) + 1
+    return uvs, chart
 
 
 def _batches(meshes: Sequence[PolygonMesh]) -> list[list[PolygonMesh]]:

@@ -7,7 +7,7 @@ import pytest
 
 from engine.errors import WorkerError
 from engine.progress import finished
-from engine.unwrap import packing, page
+from engine.unwrap import packing, page, segmentation
 from engine.unwrap.charts import flatten, make_charts
 from engine.unwrap.packing import PADDING, pack_charts
 from engine.unwrap.polygon_mesh import Charts, PolygonMesh, areas, signed_areas
@@ -218,6 +218,34 @@ def test_worker_cuts_and_packs_what_xatlas_would_lay_on_an_immense_page():
         space = areas(mesh.positions[mesh.corners[mesh.triangles]])
         assert covered == pytest.approx(space * covered.sum() / space.sum(), rel=0.25)
         assert least_gap(touched(mesh, unwrapped.charts[index], uvs, squares[index].resolution)) >= PADDING
+
+
+@needs_xatlas
+def test_large_mesh_is_cut_in_pieces_and_stays_whole_otherwise(monkeypatch):
+    """A bumpy grid of quads, in several pieces: polygons are in one piece each, charts numbered through."""
+    monkeypatch.setattr(segmentation, "_PIECE", 300)
+    monkeypatch.setattr(segmentation, "_BATCH", 1)
+    side, random = 23, np.random.default_rng(7)
+    height = random.uniform(-0.3, 0.3, (side + 1) ** 2)
+    place = np.arange((side + 1) ** 2)
+    quad = (np.arange(side)[:, None] * (side + 1) + np.arange(side)).reshape(-1)
+    loops = np.arange(0, 4 * side**2, 4)[:, None]
+    mesh = PolygonMesh(
+        name="Grid",
+        positions=np.stack([place % (side + 1), place // (side + 1), height], axis=1),
+        corners=np.stack([quad, quad + 1, quad + side + 2, quad + side + 1], axis=1).reshape(-1),
+        starts=np.arange(0, 4 * side**2 + 1, 4),
+        triangles=(loops[:, None] + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3),
+        polygon=np.repeat(np.arange(side**2), 2),
+    )
+    steps = segmentation.segment([mesh])
+    assert [next(steps) for _ in range(2)] == [0.0, 0.25]
+    ((uvs, chart),) = finished(segmentation.segment([mesh]))
+    assert set(np.unique(chart)) - {-1} == set(range(chart.max() + 1)) and chart.max() >= 3
+    assert (chart >= 0).mean() > 0.9
+    known = chart >= 0
+    space = areas(mesh.positions[mesh.corners[mesh.triangles[known]]])
+    assert np.median(np.abs(signed_areas(uvs[known])) / space) == pytest.approx(1, rel=0.1)
 
 
 def _workers(work, made):

@@ -40,6 +40,8 @@ def check_scene(context: SceneContext) -> Generator[None, None, Checked]:
     except SettingsError as error:
         return Checked((Finding(ERROR, str(error)),), None)
     findings = [*check_hidden(context)]
+    if not context.scene.hemibake.uv_layer:
+        findings.append(Finding(ERROR, "The lightmap UV layer has no name. Choose one under Advanced."))
     shown = visible_objects(context)
     lamps = sum(obj.type == "LIGHT" for obj in shown)
     findings += check_light(shown, context.scene.world)

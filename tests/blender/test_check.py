@@ -84,6 +84,14 @@ def test_empty_scene_is_told():
     assert finding("no mesh with faces").severity == "ERROR"
 
 
+def test_uv_layer_without_a_name_is_told():
+    import bpy
+
+    square()
+    bpy.context.scene.hemibake.uv_layer = ""
+    assert finding("has no name").severity == "ERROR"
+
+
 def test_missing_uvs_are_made():
     obj = square("New", uvs=None)
     found = finding("No lightmap UVs")

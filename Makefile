@@ -11,7 +11,7 @@ READY45 := .venv-bpy45/.ready
 WHEELS := out/wheels/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-4.5 test-long package test-package test-package-short fuzz-short fuzz verify bench bench-gpu lint setup locks clean
+.PHONY: help demo test test-4.5 test-long package test-package test-package-short test-gui gui-picture fuzz-short fuzz verify bench bench-gpu lint setup locks clean
 
 help: ## list the targets
 	@grep -E '^[a-z0-9.-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9.-]+):.*## /\1\t/' | expand -t 20
@@ -47,6 +47,12 @@ test-package: ## install the package into Blender 4.2 to 5.2, bake, upgrade, rem
 
 test-package-short: setup package ## the same in the Blenders that are there
 	.venv/bin/python -m pytest tests/packaging
+
+test-gui: setup $(WHEELS) ## bake, cancel, preview, undo and save in a real window of Debian's Blender; pictures in out/gui
+	.venv/bin/python -m pytest tests/gui
+
+gui-picture: package ## take the picture of Blender in README.md anew
+	.venv/bin/python -m tools.gui.docs_picture out/package/hemibake-*-linux_x64.zip docs/blender.png
 
 verify: $(READY50) ## bake a suite of scenes with Hemibake and Cycles; the table goes to docs/accuracy.md
 	@tools/system_packages.sh .venv/bin/python

@@ -12,6 +12,7 @@ import bpy
 import numpy as np
 
 from ..scene.objects.meshes import read_array
+from ..scene.uvs.lightmap_layer import lightmap_layer
 from .instance_places import InstancePlace, instance_places, place_table
 from .lightmap_nodes import ShownLightmap
 from .preview_material import MARK, preview_material, remove_unused_previews
@@ -118,4 +119,6 @@ def _shown_lightmap(
     image[MARK], image.alpha_mode = True, "CHANNEL_PACKED"
     image.pixels.foreach_set(table.texels.reshape(-1))
     image.pack()
-    return ShownLightmap(images, own.uv_layer or uv_layer, table=image, buckets=table.buckets)
+    return ShownLightmap(
+        images, own.uv_layer or lightmap_layer(obj, uv_layer), table=image, buckets=table.buckets
+    )

@@ -31,8 +31,8 @@ def previewed(scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
 
 
 def shows_preview(scene: bpy.types.Scene) -> bool:
-    """Return whether an object of a scene shows its lightmap."""
-    return any(True for _ in previewed(scene))
+    """Return whether an object of a scene shows its lightmap; quick without a preview, for panels."""
+    return any(MARK in material for material in bpy.data.materials) and any(True for _ in previewed(scene))
 
 
 def show_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> tuple[int, list[str]]:

@@ -20,7 +20,7 @@ _LUMINANCE = np.array([[0.2126], [0.7152], [0.0722]], np.float32)
 MISSING = np.array([[[1.0, 0.0, 1.0, 1.0]]], np.float32)
 
 
-#: An image with more numbers takes Blender long enough to be announced.
+#: An image with more numbers takes Blender long enough to be announced, as does one that is not loaded yet.
 _LARGE = 1 << 22
 
 
@@ -85,7 +85,7 @@ class PixelCache:
 
     def _read(self, uid: int, owner: str) -> Slices[None]:
         image = find(bpy.data.images, uid)
-        if image.size[0] * image.size[1] * 4 > _LARGE:
+        if not image.has_data or image.size[0] * image.size[1] * 4 > _LARGE:
             yield f"Reading image '{image.name}'"
             image = find(bpy.data.images, uid)
         pixels = MISSING if image is None else self._load(image, owner)

@@ -45,7 +45,7 @@ def check(case: Case) -> str:
     if case.room is not None:
         _check_room(lightmap, case.room)
     if case.other is not None:
-        _check_alike(lightmap, _bake(scene, Settings(**case.other)), _sample(scene, settings))
+        _check_alike(lightmap, _bake(scene, Settings(**case.other)), scene, settings)
     if case.damage is not None:
         _check_patch_file(scene, settings, case.damage, lightmap)
     return "baked"
@@ -148,14 +148,19 @@ def _sample(scene: Scene, settings: Settings) -> float:
     return max([*emissions, float(scene.world.max())]) / (2 * settings.hemicube**2)
 
 
-def _check_alike(one: Lightmap, other: Lightmap, sample: float) -> None:
-    """Check that two ways to bake give about the same: no more than a few texels may differ, at edges."""
+def _check_alike(one: Lightmap, other: Lightmap, scene: Scene, settings: Settings) -> None:
+    """Check that two ways to bake give about the same: no more than a few texels may differ, at edges.
+
+    What passes through a half-transparent surface is drawn by lot: light of n samples is off by sqrt(n).
+    """
     assert (one.has_patch == other.has_patch).all()
     first, second = one.image[one.has_patch], other.image[other.has_patch]
     if not len(first):
         return
-    mean = max(first.mean(), second.mean())
+    mean, sample = max(first.mean(), second.mean()), _sample(scene, settings)
+    by_lot = any(material.alpha < 1 or material.alpha_map for material in scene.materials)
+    noise = sample + (math.sqrt(mean * sample) if by_lot else 0)
     difference = np.abs(first - second).mean(axis=1)
-    assert np.median(difference) <= 0.05 * mean + sample, (
+    assert np.median(difference) <= 0.05 * mean + noise, (
         f"median difference {np.median(difference)} of {mean}"
     )

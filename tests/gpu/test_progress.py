@@ -71,6 +71,7 @@ def check(scene, settings, stages):
 @pytest.mark.parametrize("changes", [{"visibility": "rays", "samples": 8192}, {"method": "paper"}])
 def test_seconds_left_are_right_within_a_factor_of_three_at_half_time(changes):
     settings = replace(SETTINGS, iterations=50, tolerance=0.005, **changes)
+    timed(nine_quad_room(), settings)  # drivers compile what is needed
     took = 0.0
     while took < 1:
         steps, took = timed(nine_quad_room(), settings)

@@ -38,6 +38,9 @@ with bpy.context.temp_override(**view):
     bpy.ops.object.select_all(action="DESELECT")
 view["area"].spaces.active.region_3d.view_perspective = "CAMERA"
 view["area"].spaces.active.shading.type = "RENDERED"
+scene.render.resolution_y = scene.render.resolution_x
+overlay = view["area"].spaces.active.overlay
+overlay.show_floor = overlay.show_axis_x = overlay.show_axis_y = overlay.show_cursor = False
 area = next(area for area in view["screen"].areas if area.type == "PROPERTIES")
 area.type = "IMAGE_EDITOR"
 area.spaces.active.image = bpy.data.images["Lightmap"]

@@ -76,7 +76,7 @@ def find_machine() -> Machine:
     if missing:
         raise MissingError(
             f"A window of Blender needs {', '.join(missing)} here, or the rights to mount and to change the "
-            f"root folder: then Debian {_RELEASE} with all of it is made in {root} (about 1.5 GB)."
+            f"root folder: then Debian {_RELEASE} with all of it is made in {root} (about 2.2 GB)."
         )
     return Machine(Path("/"))
 
@@ -100,7 +100,7 @@ def _install(root: Path) -> None:
     unfinished = root.with_name(f"{root.name}.unfinished")
     shutil.rmtree(unfinished, ignore_errors=True)
     unfinished.parent.mkdir(parents=True, exist_ok=True)
-    print(f"Making Debian {_RELEASE} with Blender in {root}, about 1.5 GB.", flush=True)
+    print(f"Making Debian {_RELEASE} with Blender in {root}, about 2.2 GB.", flush=True)
     options = ("--variant=minbase", f"--include={','.join(_PACKAGES)}")
     command = ["debootstrap", *options, _RELEASE, str(unfinished)]
     for _ in range(_TRIES):

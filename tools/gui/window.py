@@ -44,6 +44,7 @@ class Window:
         self._environment = {
             "PATH": "/usr/local/bin:/usr/bin:/bin:/usr/sbin:/sbin",
             "HOME": str(self._folder),
+            "TMPDIR": str(self._folder),
             "LANG": "C.UTF-8",
             "XDG_RUNTIME_DIR": str(self._folder),
             "LIBGL_ALWAYS_SOFTWARE": "1",

@@ -72,10 +72,15 @@ def check(scene, settings, stages):
 def test_seconds_left_are_right_within_a_factor_of_three_at_half_time(changes):
     settings = replace(SETTINGS, iterations=50, tolerance=0.005, **changes)
     timed(nine_quad_room(), settings)  # drivers compile what is needed
-    took = 0.0
-    while took < 1:
-        steps, took = timed(nine_quad_room(), settings)
+    while timed(nine_quad_room(), settings)[1] < 1:
         settings = replace(settings, resolution=2 * settings.resolution + 1)
+    # Other work on the machine may slow one of the runs.
+    _, ratio, _ = sorted(told_over_true_at_half_time(settings) for _ in range(3))
+    assert 1 / 3 < ratio < 3
+
+
+def told_over_true_at_half_time(settings):
+    steps, took = timed(nine_quad_room(), settings)
     at, step = next((at, step) for at, step in steps if at > took / 2)
     assert math.isfinite(step.seconds_left)
-    assert (took - at) / 3 < step.seconds_left < 3 * (took - at)
+    return step.seconds_left / (took - at)

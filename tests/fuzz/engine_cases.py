@@ -298,6 +298,17 @@ def _world(sky: Sky) -> np.ndarray:
     return pixels
 
 
+def _extent(case: Case, meshes: list[Mesh], lights: tuple[Light, ...]) -> float:
+    """Return how far meshes and lamps reach from the middle of a case, along any axis."""
+    middle = case.away * case.scale
+    reach = [np.abs(mesh.positions - middle).max(initial=0) for mesh in meshes]
+    reach += [
+        np.abs(light.position - middle).max() + max(light.radius, *light.size) * max(1, light.stretch.max())
+        for light in lights
+    ]
+    return float(max(reach, default=0)) or case.scale
+
+
 def _known_room(case: Case, extent: float) -> tuple[Mesh, Material]:
     """Return a closed room of radiance 1 apart from all else."""
     resolution = Settings(**case.settings).resolution
@@ -316,11 +327,10 @@ def build(case: Case) -> tuple[Scene, Settings]:
         for i, (shape, seat) in enumerate(zip(case.shapes, seats, strict=True))
     ]
     materials = [_material(surface, f"Surface {i}") for i, surface in enumerate(case.surfaces)]
+    lights = tuple(_light(lamp, f"Lamp {i}", case) for i, lamp in enumerate(case.lamps))
     atlases = [f"Atlas {i}" for i in range(case.atlases)]
     if case.room is not None:
-        points = np.concatenate([mesh.positions.reshape(-1, 3) for mesh in meshes])
-        extent = float(np.abs(points - case.away * case.scale).max(initial=0)) or case.scale
-        mesh, surface = _known_room(case, extent)
+        mesh, surface = _known_room(case, _extent(case, meshes, lights))
         meshes.append(mesh)
         materials.append(surface)
         atlases.append("Known")
@@ -329,7 +339,7 @@ def build(case: Case) -> tuple[Scene, Settings]:
         materials=tuple(materials),
         atlases=tuple(atlases),
         world=_world(case.sky),
-        lights=tuple(_light(lamp, f"Lamp {i}", case) for i, lamp in enumerate(case.lamps)),
+        lights=lights,
     )
     settings = Settings(**case.settings)
     return (scene, settings) if case.spoil is None else SPOILS[case.spoil](scene, settings)
@@ -709,6 +719,12 @@ EXAMPLES: dict[str, Case] = {
         )
         for scale in (1e-12, 1e-10, 1e-8, 1e-5, 1e5, 1e8, 1e10, 1e15)
     },
+    "a lamp beside meshes that are small": Case(
+        (Shape("quad", size=0.1),),
+        lamps=(Lamp(position=(0.3, 0.3, 0.3), radius=0.1),),
+        room=0.2,
+        settings={**_SMALL, "iterations": 20, "tolerance": 0.0, "resolution": 13},
+    ),
     "radiance at the limit": Case(
         (Shape("room"),),
         (Surface((1.0, 1.0, 1.0), (1e30, 1e30, 1e30)),),

@@ -13,8 +13,9 @@ import numpy as np
 
 Made = TypeVar("Made")
 
-#: The expected pace of a stage counts as much as one that was measured for this time, s.
-_PRIOR = 0.5
+#: An expected pace counts as much as one that the stage itself shows for this time, s: one that was measured
+#: in earlier work, and a guess, which may be wrong by orders of magnitude.
+_PRIOR, _GUESS = 0.5, 0.02
 
 #: A first slice below this part of a stage is not measured: drivers compile what it needs.
 _STARTING = 0.2
@@ -89,7 +90,7 @@ class Stage:
     def seconds_left(self) -> float:
         """Seconds that the rest is expected to take: by its pace so far, at first by the expected one.
 
-        The mean of both is geometric: a guess may be wrong by orders of magnitude, either way.
+        The mean of both is geometric, since paces are wrong by factors, either way.
         """
         if not math.isnan(self.forecast):
             return self.forecast
@@ -97,7 +98,7 @@ class Stage:
         done, seconds = self.done - self._start[0], self.seconds - self._start[1]
         if done <= 0 or seconds <= 0 or self.pace <= 0:
             return left * self.pace
-        trust = seconds / (seconds + _PRIOR)
+        trust = seconds / (seconds + (_PRIOR if self.measured else _GUESS))
         return left * self.pace ** (1 - trust) * (seconds / done) ** trust
 
 

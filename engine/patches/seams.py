@@ -1,0 +1,61 @@
+"""Seams: where charts that lie apart on the lightmaps meet in the world on one smooth surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..scene.triangles import Triangles
+from .chart_edges import ChartEdges, chart_edges
+from .edge_pairs import EdgePairs, edge_pairs
+
+#: Points for a texel of a seam's length.
+_POINTS = 1.5
+
+#: Points that are nearer on the lightmap, in texels, are one.
+_ONE_POINT = 0.01
+
+
+@dataclass(frozen=True)
+class Seams:
+    """Pairs of points, one on each side of a seam: together in the world, apart on the lightmaps.
+
+    atlas   (p, 2) int32
+    texel   (p, 2, 2) float64, place on the lightmap, texels: the first one's centre is at (0.5, 0.5)
+    weight  (p,) float64, texels of the seam's length that the pair stands for
+    """
+
+    atlas: np.ndarray
+    texel: np.ndarray
+    weight: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.weight)
+
+
+def find_seams(triangles: Triangles, atlases: int, resolution: int) -> Seams:
+    """Return the seams between the charts of the first `atlases` lightmaps.
+
+    Charts meet where their edges lie on each other and the shading normals are alike: of one object or of
+    two, with the same corners or not. A hard edge is no seam.
+    """
+    edges = chart_edges(triangles, atlases, resolution)
+    return _points(edges, edge_pairs(edges))
+
+
+def _points(edges: ChartEdges, pairs: EdgePairs) -> Seams:
+    """Return points spread evenly over the common parts of pairs of edges."""
+    both = np.stack([pairs.first, pairs.second], axis=1)
+    length = (edges.texel_length[both] * np.abs(pairs.part[:, :, 1] - pairs.part[:, :, 0])).max(axis=1)
+    count = np.ceil(_POINTS * length).astype(np.int64)
+    pair = np.repeat(np.arange(len(count)), count)
+    number = np.arange(len(pair)) - np.repeat(np.cumsum(count) - count, count)
+    along = ((number + 0.5) / count[pair])[:, None]
+
+    start, end = pairs.part[pair, :, 0], pairs.part[pair, :, 1]
+    ends = edges.texels[both[pair]]
+    texel = ends[:, :, 0] + (start + along * (end - start))[..., None] * (ends[:, :, 1] - ends[:, :, 0])
+    atlas = edges.atlas[both[pair]]
+    apart = (np.abs(texel[:, 1] - texel[:, 0]).max(axis=1) > _ONE_POINT) | (atlas[:, 0] != atlas[:, 1])
+    return Seams(atlas[apart], texel[apart], (length / count)[pair[apart]])

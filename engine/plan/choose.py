@@ -150,5 +150,5 @@ def _stream(job: SolveJob, identity: Identity) -> Sweep:
     """Return how identities become light without being kept."""
     if isinstance(identity, RayIdentity):
         return RayStreamSweep(job.opencl, identity, job.count)
-    most = min(memory_budget(job), job.settings.batch_bytes)
-    return StreamSweep(job.opencl, identity, job.count, most // identity.row_bytes)
+    fitting = min(memory_budget(job), job.settings.batch_bytes) // identity.row_bytes
+    return StreamSweep(job.opencl, identity, job.count, max(fitting, identity.batch))

@@ -41,12 +41,14 @@ class Identity(Protocol):
     name        "raster" or "rays"
     samples     of each patch, a multiple of 4
     row_bytes   what they take in the cache, `sample_bytes` each
+    batch       patches that are found at once: fewer take as long
     multiplier  (samples,) float32, sum 1, or None if all weigh the same
     """
 
     name: str
     samples: int
     row_bytes: int
+    batch: int
     multiplier: np.ndarray | None
 
     def find(self, first: int, last: int, seen: SeenBuffers) -> Generator[float, None, None]:

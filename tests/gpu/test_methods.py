@@ -10,6 +10,7 @@ import pytest
 from engine import DeviceError, Light, Settings
 from engine.device import devices
 from engine.device.graphics import Graphics
+from engine.device.share import HostCopy
 from engine.gather.glsl_cached import GlslCachedIntegrator
 from engine.patches.subdivision import subdivide
 from engine.plan import choose, trial
@@ -25,7 +26,7 @@ from tests.analytic.scenes import furnace, nine_quad_room
 from tests.analytic.test_sky_and_cutouts import sky
 
 SETTINGS = Settings(
-    resolution=128, hemicube=8, iterations=4, tolerance=0, sample_emission=False,
+    resolution=67, hemicube=8, iterations=4, tolerance=0, sample_emission=False,
     accelerate=False, visibility="raster",
 )  # fmt: skip
 
@@ -79,12 +80,12 @@ def test_drawn_identities_give_the_papers_light(paper, method):
 def test_rays_through_hemicube_texels_give_the_papers_light(paper, method):
     """In total: which rays a half-transparent surface stops is chosen by another hash.
 
-    Of eight seeds the ratio of the totals deviates by 0.17 % (standard deviation), its mean by 0.03 %.
+    Of eight seeds the ratio of the totals deviates by 0.35 % (standard deviation), its mean by 0.03 %.
     """
     settings = dataclasses.replace(SETTINGS, method=method, visibility="rays", directions="hemicube")
     baked = drive(paper[0], settings)
     assert (baked.report.method, baked.report.visibility) == (method, "rays")
-    assert baked.image.sum() == pytest.approx(paper[1].image.sum(), rel=5e-3)
+    assert baked.image.sum() == pytest.approx(paper[1].image.sum(), rel=1e-2)
     assert np.median(np.abs(baked.image - paper[1].image)) < 0.1 * paper[1].image.mean()
 
 
@@ -97,9 +98,17 @@ def test_rays_that_follow_the_cosine_find_the_same_light(paper):
 
 @pytest.mark.parametrize("visibility", ["raster", "rays"])
 def test_what_does_not_fit_the_memory_is_streamed(paper, visibility):
-    settings = dataclasses.replace(SETTINGS, method="cached", visibility=visibility, memory_budget=1 << 20)
+    settings = dataclasses.replace(SETTINGS, method="cached", visibility=visibility, memory_budget=1 << 18)
     report = drive(paper[0], settings).report
-    assert report.method == "stream" and any("1 MiB may be used" in reason for reason in report.reasons)
+    assert report.method == "stream" and any("0 MiB may be used" in reason for reason in report.reasons)
+
+
+def test_hemicubes_are_drawn_in_whole_batches_however_little_memory_there_is(paper, monkeypatch):
+    copies = []
+    update = HostCopy.update
+    monkeypatch.setattr(HostCopy, "update", lambda self: copies.append(self) or update(self))
+    drive(paper[0], dataclasses.replace(SETTINGS, method="stream", memory_budget=1, iterations=3))
+    assert len(copies) == 3
 
 
 def test_the_faster_visibility_is_chosen_and_both_rates_are_told(paper, monkeypatch):

@@ -37,6 +37,7 @@ class RasterIdentity:
     ) -> None:
         self._compute, self._queue, self._surroundings = compute, compute.queue, surroundings
         self._tiles = plan_tiles(settings, len(parts.patches), IDENTITY_BYTES)
+        self.batch = self._tiles.capacity
         target = IdentityTarget(graphics, self._tiles)
         self._hemicubes = Hemicubes(graphics, parts, self._tiles, target, settings)
         self._copy = HostCopy(compute, target.texture)

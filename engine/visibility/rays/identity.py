@@ -46,6 +46,7 @@ class RayIdentity:
         pattern = r2_sequence(self.samples) if self.multiplier is None else self.multiplier
         size = sample_bytes(len(sources.patches))
         self.row_bytes = size * self.samples
+        self.batch = 1
         options = ("-DDITHERED", *sample_options(size), *(() if hemicube else ("-DCOSINE",)))
         source = (*RECEIVER_SOURCE, "hemicube.cl", "identity.cl", "look.cl")
         self._look, self._gather_rays = rays.kernels(source, "look", "gather_rays", options=options)

@@ -1,0 +1,40 @@
+"""What a bilinear look-up of a lightmap reads: the four texels around a point."""
+
+from __future__ import annotations
+
+import numpy as np
+
+#: A point this near to the centres of a row or column of texels, in texels, lies on them.
+_ON_CENTRE = 2.0**-9
+
+
+def footprints(atlas: np.ndarray, position: np.ndarray, resolution: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the texels that look-ups at some points read, and their weights.
+
+    atlas     (p,) int
+    position  (p, 2) float, texels; the centre of texel (x, y) is at x + 1/2, y + 1/2
+
+    Returns flat indices of texels, (p, 4) int64, lower left, lower right, upper left, upper right, and their
+    weights, (p, 4) float64, with sum 1. Beyond the border the outermost texels continue.
+    """
+    low = np.floor(position - 0.5)
+    fraction = np.asarray(position, np.float64) - 0.5 - low
+    fraction[fraction < _ON_CENTRE] = 0
+    fraction[fraction > 1 - _ON_CENTRE] = 1
+    near, far = (np.clip(low.astype(np.int64) + step, 0, resolution - 1) for step in (0, 1))
+    fraction[near == far] = 0
+    first = atlas.astype(np.int64) * resolution
+    rows = [(first + y) * resolution for y in (near[:, 1], far[:, 1])]
+    texels = np.stack([row + x for row in rows for x in (near[:, 0], far[:, 0])], axis=1)
+    right, up = fraction.T
+    weights = np.stack([v * u for v in (1 - up, up) for u in (1 - right, right)], axis=1)
+    return texels, weights
+
+
+def cell_sides(texels: np.ndarray) -> np.ndarray:
+    """Return the pairs of neighbours in footprints, (p, 4), each pair once: (s, 2) int64, the lower first."""
+    cells = np.unique(texels, axis=0)
+    sides = np.concatenate([cells[:, pair] for pair in ([0, 1], [2, 3], [0, 2], [1, 3])])
+    sides = np.unique(sides, axis=0)
+    different: np.ndarray = sides[sides[:, 0] != sides[:, 1]]
+    return different

@@ -1,0 +1,51 @@
+"""Points of lightmaps at which the light of a surface is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..patches.patch_list import PatchList
+from ..scene.triangles import Triangles
+
+#: A patch this near to the centre of its texel, in texels, lies there: barycentrics are rounded.
+_AT_CENTRE = 0.02
+
+
+@dataclass(frozen=True)
+class LightmapPoints:
+    """Points of lightmaps.
+
+    atlas     (s,) int
+    position  (s, 2) float, texels: the centre of texel (x, y) is at x + 1/2, y + 1/2
+    weight    (s,) float, positive: the part of a texel that the point stands for
+    """
+
+    atlas: np.ndarray
+    position: np.ndarray
+    weight: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.atlas)
+
+    def texels(self, resolution: int) -> np.ndarray:
+        """Return the flat index of the texel that each point lies in, (s,) int64."""
+        column, row = np.clip(np.floor(self.position), 0, resolution - 1).astype(np.int64).T
+        texel: np.ndarray = (self.atlas.astype(np.int64) * resolution + row) * resolution + column
+        return texel
+
+
+def patch_points(triangles: Triangles, patches: PatchList) -> LightmapPoints:
+    """Return the point of every patch, which stands for a whole texel.
+
+    Most patches are at the centre of their texels; those of thin surfaces are in the middle of what these
+    cover.
+    """
+    row, column = np.divmod(patches.texel, patches.resolution)
+    position = np.stack([column, row], axis=1) + 0.5
+    corners = triangles.uvs[patches.triangle].astype(np.float64) * patches.resolution
+    point = np.einsum("nk,nkd->nd", patches.barycentric, corners)
+    off = (np.abs(point - position) > _AT_CENTRE).any(axis=1)
+    position[off] = point[off]
+    return LightmapPoints(patches.atlas, position, np.ones(len(position)))

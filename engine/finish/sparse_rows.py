@@ -1,0 +1,67 @@
+"""Sparse linear equations with the same number of terms each."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+
+class SparseRows:
+    """A sparse matrix A whose rows have the same number of entries, and its normal equations A^T A.
+
+    columns  (m, k) int, the unknowns of each row; one may stand there several times
+    entries  (m, k) float64
+    count    number of unknowns
+    """
+
+    def __init__(self, columns: np.ndarray, entries: np.ndarray, count: int) -> None:
+        self._columns, self._entries, self._count = columns, entries, count
+
+    def times(self, values: np.ndarray) -> np.ndarray:
+        """Return A^T A times values of the unknowns, (n,) float64."""
+        product = np.einsum("mk,mk->m", self._entries, values[self._columns])
+        return self._sums(self._entries * product[:, None])
+
+    @property
+    def diagonal(self) -> np.ndarray:
+        """The diagonal of A^T A, (n,) float64."""
+        return self._sums(self._entries**2)
+
+    def widened(self, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return ranges of the unknowns, two (n,) float64 arrays, that hold those of all in the same rows."""
+        entry, start, unknown = self._by_column
+        if not len(entry):
+            return low, high
+        low, high, row = low.copy(), high.copy(), entry // self._columns.shape[1]
+        least, largest = low[self._columns].min(axis=1)[row], high[self._columns].max(axis=1)[row]
+        low[unknown] = np.minimum(low[unknown], np.minimum.reduceat(least, start))
+        high[unknown] = np.maximum(high[unknown], np.maximum.reduceat(largest, start))
+        return low, high
+
+    def carried(self, values: np.ndarray, known: np.ndarray) -> np.ndarray:
+        """Return values, (n,), where those that are not known have the mean of known ones in their rows."""
+        values, known = values * known, known.astype(np.float64)
+        while True:
+            weight = self._sums(self._of_rows(known))
+            reached = (known == 0) & (weight > 0)
+            if not reached.any():
+                return values
+            sums = self._sums(self._of_rows(values))
+            values[reached], known[reached] = sums[reached] / weight[reached], 1
+
+    def _of_rows(self, values: np.ndarray) -> np.ndarray:
+        """Return the sum of the unknowns' values in each row at all its entries, (m, k) float64."""
+        sums = values[self._columns].sum(axis=1, keepdims=True)
+        return np.broadcast_to(sums, self._columns.shape)
+
+    def _sums(self, terms: np.ndarray) -> np.ndarray:
+        """Return the sums of terms, (m, k), that stand in each column, (n,) float64."""
+        return np.bincount(self._columns.ravel(), terms.ravel(), self._count)
+
+    @cached_property
+    def _by_column(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Entries ordered by their columns, where each column starts, and which one it is."""
+        entry = np.argsort(self._columns, axis=None, kind="stable")
+        unknown, start = np.unique(self._columns.ravel()[entry], return_index=True)
+        return entry, start, unknown

@@ -246,4 +246,4 @@ _EXAMPLES: dict[str, Case] = {
 EXAMPLES = {name: replace(case, settings=_SMALL | case.settings) for name, case in _EXAMPLES.items()}
 
 #: Those that have to be refused.
-REFUSED = {"no outputs", "negative lamp"}
+REFUSED = {"no outputs"}

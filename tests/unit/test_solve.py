@@ -3,7 +3,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from engine.settings import Settings
+from engine.errors import SettingsError
+from engine.settings import Settings, check_settings
 from engine.solve.anderson import COLUMNS, Anderson
 from engine.solve.host_radiosity import HostRadiosity
 from engine.solve.solver import PLAIN_COLUMNS, Solver
@@ -177,8 +178,6 @@ def test_acceleration_needs_float32_only():
 
 
 def test_settings_name_what_is_wrong():
-    from engine.settings import check_settings
-
     for name in ("visibility", "directions"):
-        with pytest.raises(Exception, match=name):
+        with pytest.raises(SettingsError, match=name):
             check_settings(dataclasses.replace(Settings(), **{name: "magic"}))

@@ -89,16 +89,17 @@ def _bake(
         image = store.display(outputs.light(solution)) if settings.intermediates else None
         yield stages.iterated(solution, image)
 
-    # What was asked for, as images with dilated charts (VI.B).
+    # What was asked for, as images without seams and with dilated charts (VI.B).
     made = yield from stages.run(stages.outputs, outputs.make(solution))
     yield stages.begin(stages.images)
-    images = {name: store.image(values) for name, values in made.items()}
-    passes = {name: store.dilated(image) for name, image in images.items()}
+    if settings.hide_seams:
+        store.fit(parts.triangles)
+    passes = {name: store.final(values) for name, values in made.items()}
     first = next(iter(made))
     yield stages.end()
     warnings = (*notes, *parts.warnings, *lighting.warnings)
     report = _summary(solution, settings, choice, len(parts.patches), stages.seconds, devices, warnings)
-    return Lightmap(atlases, images[first], passes[first], store.has_patch, report, passes)
+    return Lightmap(atlases, store.image(made[first]), passes[first], store.has_patch, report, passes)
 
 
 def _summary(

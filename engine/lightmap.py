@@ -49,7 +49,8 @@ class Lightmap:
 
     image      (atlases, h, w, 3) float32, the first output asked for (E/pi of all light unless set
                otherwise); 0 where `has_patch` is False
-    display    (atlases, h, w, 3) float32, `image` with hidden texels filled and charts dilated
+    display    (atlases, h, w, 3) float32, `image` without seams, with hidden texels filled
+               and charts dilated
     has_patch  (atlases, h, w) bool, texels that are patches
     passes     every output asked for, as `display`, by name: "combined", "direct", "indirect" (E/pi),
                "ambient_occlusion" (1 where nothing is near), and "shadow_mask NAME" for each light (1

@@ -141,6 +141,13 @@ class Settings:
         Switch(),
     )
     seed: int = described(0, "Seed", "Seed of the random rotation of each hemicube", Span(0, (1 << 32) - 1))
+    hide_seams: bool = described(
+        True,
+        "Hide Seams",
+        "Fit the texels at borders of charts so that the interpolated light is the same on both sides of a "
+        "seam, of one object or of two that touch; off leaves every texel the light of its centre",
+        Switch(),
+    )
     dilation: int = described(
         8, "Dilation", "How far charts are extended in the stored image", Span(0, 256, "texels")
     )

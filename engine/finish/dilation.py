@@ -20,7 +20,7 @@ class Dilation:
         self._rings: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         known = known.copy()
         for _ in range(texels):
-            ring = np.flatnonzero(_grown(known) & ~known)
+            ring = np.flatnonzero(grown(known) & ~known)
             if not len(ring):
                 break
             self._rings.append(_ring_neighbours(ring, known))
@@ -34,7 +34,7 @@ class Dilation:
             flat[texels] = np.einsum("tk,tkc->tc", weights, flat.take(neighbours, axis=0))
 
 
-def _grown(mask: np.ndarray) -> np.ndarray:
+def grown(mask: np.ndarray) -> np.ndarray:
     """Return the mask grown by one texel in all eight directions."""
     rows = mask.copy()
     rows[1:] |= mask[:-1]

@@ -14,7 +14,7 @@ from .texel_stencil import TexelStencil
 
 #: Weights of a texel of a seam's length, and of a step between neighbours, where a point that stands for a
 #: whole texel has 1.
-_SEAM, _SMOOTHNESS = 30.0, 0.05
+_SEAM, _SMOOTHNESS = 30.0, 0.01
 
 #: A texel with this on the diagonal is known by its points alone: a third of what it has where points lie
 #: everywhere around it.

@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ..patches.patch_list import PatchList
+from ..patches.seams import find_seams
+from ..scene.triangles import Triangles
 from .dilation import Dilation
+from .display_fit import DisplayFit
+from .lightmap_points import patch_points
 
 #: A patch whose view holds more than this fraction of backs lies inside something and is filled for display.
 _HIDDEN = 0.9
@@ -19,12 +23,13 @@ class LightmapStore:
 
     def __init__(self, patches: PatchList, atlases: int, dilation: int) -> None:
         resolution = patches.resolution
-        self._chosen = np.flatnonzero(patches.atlas < atlases)
+        self._patches, self._chosen = patches, np.flatnonzero(patches.atlas < atlases)
         self._texel = patches.atlas[self._chosen].astype(np.int64) * resolution**2
         self._texel += patches.texel[self._chosen]
         self._rings = dilation
         self._dilations: list[Dilation] = []
         self._hidden = np.zeros(len(self._chosen), bool)
+        self._fit: DisplayFit | None = None
         self._dark = self._texel[:0]
         self.has_patch = np.zeros((atlases, resolution, resolution), bool)
         self.has_patch.ravel()[self._texel] = True
@@ -55,9 +60,25 @@ class LightmapStore:
 
     def display(self, values: np.ndarray) -> np.ndarray:
         """Return the patches' values as images with hidden texels filled and charts dilated."""
-        return self.dilated(self.image(values))
+        return self._dilated(self.image(values))
 
-    def dilated(self, images: np.ndarray) -> np.ndarray:
+    def fit(self, triangles: Triangles) -> None:
+        """Find the seams between charts: `final` images show the same on both sides."""
+        seams = find_seams(triangles, len(self.has_patch), self._patches.resolution)
+        points = patch_points(triangles, self._patches.part(self._seen))
+        self._fit = DisplayFit(points, seams, self.has_patch, self._rings)
+
+    def final(self, values: np.ndarray) -> np.ndarray:
+        """Return the patches' values, (n, 3) or (n,), as the images to keep: fitted, if `fit` was called."""
+        return self.display(values) if self._fit is None else self._fit.images(values[self._seen])
+
+    @property
+    def _seen(self) -> np.ndarray:
+        """Numbers of the patches that count."""
+        seen: np.ndarray = self._chosen[~self._hidden]
+        return seen
+
+    def _dilated(self, images: np.ndarray) -> np.ndarray:
         """Return images with hidden texels filled and charts dilated."""
         if not self._dilations:
             known = self.has_patch.copy()

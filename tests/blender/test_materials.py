@@ -168,6 +168,46 @@ def test_networks_are_evaluated_by_blender_and_nothing_else_changes():
     np.testing.assert_array_equal(uvs, read.scene.meshes[0].uvs)
 
 
+def group_around(name, make):
+    """Return a node group with the shader that `make` adds to its tree."""
+    import bpy
+
+    tree = bpy.data.node_groups.new(name, "ShaderNodeTree")
+    tree.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
+    tree.links.new(make(tree).outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
+    return tree
+
+
+def shining(tree):
+    """Add a grey Principled BSDF that shines, and whose emission only Cycles can evaluate."""
+    node, uv_map = tree.nodes.new("ShaderNodeBsdfPrincipled"), tree.nodes.new("ShaderNodeUVMap")
+    node.inputs["Base Color"].default_value = (0.8, 0.8, 0.8, 1)
+    node.inputs["Specular IOR Level"].default_value, uv_map.uv_map = 1.0, "Lightmap"
+    tree.links.new(uv_map.outputs[0], node.inputs["Emission Color"])
+    return node
+
+
+def group_node(tree, group):
+    node = tree.nodes.new("ShaderNodeGroup")
+    node.node_tree = group
+    return node
+
+
+def test_shine_is_no_part_of_the_colour_in_node_groups_either():
+    inner = group_around("Inner", shining)
+    outer = group_around("Outer", lambda tree: group_node(tree, inner))
+    surface = material("Grouped")
+    tree = surface.node_tree
+    output = tree.get_output_node("CYCLES")
+    tree.links.new(group_node(tree, outer).outputs[0], output.inputs["Surface"])
+    square(surface=surface)
+    before = snapshot()
+    pixels = read_scene().scene.materials[0].reflectance_map.pixels
+    assert snapshot() == before and before["node groups"] == ["Inner", "Outer"]
+    assert pixels[len(pixels) // 2, len(pixels) // 2] == pytest.approx(0.8, abs=0.005)
+    assert inner.nodes["Principled BSDF"].inputs["Specular IOR Level"].default_value == 1
+
+
 def test_vertex_colours_are_evaluated():
     surface = material("Painted")
     tree = surface.node_tree

@@ -181,11 +181,12 @@ class _Stage:
 def _stage(shapes: Sequence[Shape], material: bpy.types.Material) -> Iterator[_Stage]:
     """Set the stage for a material, and remove all of it in the end."""
     scene = bpy.data.scenes.new("hemibake")
-    worn = _dull(material.copy())
+    worn, groups = material.copy(), dict[bpy.types.NodeTree, bpy.types.NodeTree]()
     blank = bpy.data.materials.new("hemibake")
     nothing = bpy.data.images.new("hemibake", 1, 1)
     objects: list[bpy.types.Object] = []
     try:
+        _dull(worn.node_tree, groups)
         blank_node = new_node_tree(blank).nodes.new("ShaderNodeTexImage")
         blank_node.image = nothing
         blank.node_tree.nodes.active = blank_node
@@ -202,18 +203,28 @@ def _stage(shapes: Sequence[Shape], material: bpy.types.Material) -> Iterator[_S
         bpy.data.scenes.remove(scene)
         for unused in (worn, blank):
             bpy.data.materials.remove(unused)
+        for group in groups.values():
+            bpy.data.node_groups.remove(group)
         bpy.data.images.remove(nothing)
 
 
-def _dull(material: bpy.types.Material) -> bpy.types.Material:
-    """Switch off the shine of a material: what shines is not taken from its diffuse colour."""
-    for node in material.node_tree.nodes:
+def _dull(tree: bpy.types.NodeTree, groups: dict[bpy.types.NodeTree, bpy.types.NodeTree]) -> None:
+    """Switch off the shine of a tree, and of copies of the groups in it: diffuse colour is without it.
+
+    groups  the copy of each group
+    """
+    for node in tree.nodes:
+        group = getattr(node, "node_tree", None)
+        if group is not None:
+            if group not in groups:
+                groups[group] = group.copy()
+                _dull(groups[group], groups)
+            node.node_tree = groups[group]
         for socket in (node_input(node, name) for name in _SHINY):
             if socket is not None and node.bl_idname == "ShaderNodeBsdfPrincipled":
                 for link in list(socket.links):
-                    material.node_tree.links.remove(link)
+                    tree.links.remove(link)
                 socket.default_value = 0.0
-    return material
 
 
 def _dress(

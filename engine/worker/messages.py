@@ -1,7 +1,7 @@
 """Objects of the engine as bytes: what the parent and its worker process tell each other.
 
 The package is called `engine` in the worker, and perhaps `bl_ext.user_default.hemibake.engine` in
-Blender, so classes are never pickled: an object travels as the name of its class and its fields.
+Blender: an object travels as its class and its fields, and of the class only the name counts.
 
     bytes  | count | size of part 0 | ... | part 0: pickle | part 1 ... : arrays |
            '-------- 64-bit integers -----'
@@ -12,7 +12,9 @@ from __future__ import annotations
 import io
 import pickle
 import struct
+from collections.abc import Callable
 from dataclasses import fields
+from operator import attrgetter
 from typing import Any
 
 from .. import errors
@@ -48,6 +50,11 @@ RECORDS: dict[str, type] = {
         Texture,
         Unwrapped,
     )
+}
+
+#: Returns all fields of such a dataclass.
+_FIELDS: dict[type, Callable[[Any], tuple[Any, ...]]] = {
+    record: attrgetter(*(field.name for field in fields(record))) for record in RECORDS.values()
 }
 
 #: The errors that arrive as what they were, by name; all others arrive as a WorkerError.
@@ -101,22 +108,18 @@ def read(memory: memoryview) -> Any:
 
 
 class _Packer(pickle.Pickler):
-    def persistent_id(self, value: object) -> tuple[str, dict[str, object]] | None:
-        """Return a record or note as its class name and fields; None for all else, which is pickled."""
+    def reducer_override(self, value: Any) -> Any:
+        """Return a record or note as its class and fields; it is not asked about builtins."""
         if type(value) is Note:
-            return "Note", {"text": str(value), "objects": value.objects}
-        name = type(value).__name__
-        if RECORDS.get(name) is not type(value):
-            return None
-        return name, {field.name: getattr(value, field.name) for field in fields(RECORDS[name])}
+            return Note, (str(value), value.objects)
+        values = _FIELDS.get(type(value))
+        return NotImplemented if values is None else (type(value), values(value))
 
 
 class _Unpacker(pickle.Unpickler):
-    def persistent_load(self, record: tuple[str, dict[str, object]]) -> object:
-        """Return the record of a class name and fields."""
-        name, values = record
-        kind = Note if name == "Note" else RECORDS[name]
-        return kind(**values)
+    def find_class(self, module: str, name: str) -> Any:
+        """Return this process's own record or note of a name; all else as it is called."""
+        return Note if name == "Note" else RECORDS.get(name) or super().find_class(module, name)
 
 
 def describe_error(error: Exception, traceback: str) -> tuple[str, str, str]:

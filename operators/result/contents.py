@@ -6,7 +6,7 @@ import bpy
 
 from ...engine.finish.outputs import output_names
 from ...engine.settings import Settings
-from ..lookup import find
+from ..lookup import find_all
 from ..scene import ReadScene
 from ..scene.place import Place
 from ..scene.uvs.lightmap_layer import lightmap_layer
@@ -28,12 +28,14 @@ def lightmap_contents(read: ReadScene, settings: Settings, uv_layer: str, kept: 
 def _objects_by_atlas(read: ReadScene, uv_layer: str) -> dict[str, list[dict]]:
     """Return the objects and instances in each atlas: lightmap UV = UV of the mesh * scale + offset."""
     found: dict[str, list[dict]] = {}
+    uids = [uid for uid, *_ in (*read.objects, *read.instances)]
+    present = {obj.session_uid: obj for obj in find_all(bpy.data.objects, uids)}
     for uid, place in read.objects:
-        obj = find(bpy.data.objects, uid)
+        obj = present.get(uid)
         if obj is not None:
             found.setdefault(place.atlas, []).append({"object": obj.name, **_placed(place, obj, uv_layer)})
     for uid, name, number, place in read.instances:
-        instancer = find(bpy.data.objects, uid)
+        instancer = present.get(uid)
         if instancer is not None:
             entry = {"object": name, "instancer": instancer.name, "persistent_id": number}
             shown = bpy.data.objects.get(name, instancer)

@@ -62,7 +62,9 @@ def read_topology(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 
 def read_corner_vertices(mesh: bpy.types.Mesh) -> np.ndarray:
-    """Return the vertex of each loop of a mesh, (l,) int32."""
+    """Return the vertex of each loop of a mesh, (l,) int32; one that is being edited has no attributes."""
+    if mesh.is_editmode:
+        return read_array(mesh.loops, "vertex_index", 1, np.int32)[:, 0]
     return _read_attribute(mesh, ".corner_vert", "value", 1, np.int32)[:, 0]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 
 import bpy
 
@@ -24,13 +24,17 @@ def in_rendered_collections(context: bpy.types.Context) -> set[int]:
 
 def visible_meshes(context: bpy.types.Context) -> list[bpy.types.Object]:
     """Return the mesh objects that are to be baked: visible ones, and those that instances show."""
-    objects = [obj for obj in visible_objects(context) if _is_baked(obj)]
-    return list(dict.fromkeys([*objects, *_instanced(context)]))
+    visible = visible_objects(context)
+    shown = {obj.session_uid for obj in visible}
+    objects = [obj for obj in visible if _is_baked(obj)]
+    return list(dict.fromkeys([*objects, *_instanced(context, shown)]))
 
 
-def _instanced(context: bpy.types.Context) -> Iterator[bpy.types.Object]:
-    """Yield the mesh objects that instances show; an instance of a curve's own faces is none."""
-    shown = {obj.session_uid for obj in visible_objects(context)}
+def _instanced(context: bpy.types.Context, shown: Set[int]) -> Iterator[bpy.types.Object]:
+    """Yield the mesh objects that instances of visible objects show, given the session uids of these.
+
+    An instance of a curve's own faces is none.
+    """
     for instance in context.evaluated_depsgraph_get().object_instances:
         if instance.is_instance and instance.parent.original.session_uid in shown:
             source, parent = instance.object.original, instance.parent.original

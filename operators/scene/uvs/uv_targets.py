@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property
 
 import bpy
 import numpy as np
@@ -13,7 +12,7 @@ import numpy as np
 from ....engine.unwrap.polygon_mesh import Charts, PolygonMesh
 from ..messages import LINKED, MANY_LAYERS, attribute_in_the_way
 from ..objects.extent import trouble_with
-from ..objects.meshes import read_array, read_corners
+from ..objects.meshes import read_array, read_corner_vertices, read_corners
 from .lightmap_layer import lightmap_layer
 from .uv_faults import cover, is_finite, is_inside, overlap
 from .uv_layers import MOST_LAYERS
@@ -31,6 +30,7 @@ class Target:
     atlas     name of the atlas that they belong to
     layer     its lightmap UV layer
     mesh      in world space, as the first of them shows it, times its scale in lightmaps
+    area      its surface, m^2
     topology  of a mesh that modifiers make; None for the objects' own mesh
     charts    once they are known
     """
@@ -39,13 +39,9 @@ class Target:
     atlas: str
     layer: str
     mesh: PolygonMesh
+    area: float
     topology: str | None = None
     charts: Charts | None = None
-
-    @cached_property
-    def area(self) -> float:
-        """The surface of its charts, m^2."""
-        return self.mesh.area
 
 
 @contextmanager
@@ -84,7 +80,9 @@ def users_of_meshes(objects: Sequence[bpy.types.Object], uv_layer: str) -> list[
 def own_target(objects: Sequence[bpy.types.Object], layer: str, leave: Leave) -> Target | None:
     """Return the mesh of objects that show one; None if it can have no layer."""
     mesh = _read(objects, objects[0].data, layer, leave)
-    return None if mesh is None else Target(_uids(objects), objects[0].hemibake.atlas, layer, mesh)
+    if mesh is None:
+        return None
+    return Target(_uids(objects), objects[0].hemibake.atlas, layer, mesh, mesh.area)
 
 
 def evaluated_targets(
@@ -116,7 +114,7 @@ def evaluated_targets(
                 meshes[key] = _read([obj], mesh, layer, leave)
             users.setdefault(key, []).append(obj)
     return [
-        Target(_uids(users[key]), key[2], key[1], mesh, key[3])
+        Target(_uids(users[key]), key[2], key[1], mesh, mesh.area, key[3])
         for key, mesh in meshes.items()
         if mesh is not None
     ]
@@ -151,31 +149,33 @@ def _read(
     objects: Sequence[bpy.types.Object], mesh: bpy.types.Mesh, uv_layer: str, leave: Leave
 ) -> PolygonMesh | None:
     """Return the mesh of objects, in world space as the first has it; None if it cannot have the layer."""
-    trouble = _trouble(objects[0], mesh, uv_layer) if len(mesh.polygons) else None
+    if not len(mesh.polygons):
+        return None
+    positions = _world_positions(objects[0], mesh)
+    trouble = _trouble(mesh, positions, uv_layer)
     if trouble:
         for obj in objects:
             leave(obj, trouble)
-    if trouble or not len(mesh.polygons):
         return None
     mesh.calc_loop_triangles()
-    starts = read_array(mesh.polygons, "loop_start", 1, np.int32)[:, 0]
+    starts = np.r_[read_array(mesh.polygons, "loop_start", 1, np.int32)[:, 0], len(mesh.loops)]
     return PolygonMesh(
         name=objects[0].name,
-        positions=_world_positions(objects[0], mesh) * objects[0].hemibake.lightmap_scale,
-        corners=read_array(mesh.loops, "vertex_index", 1, np.int32)[:, 0],
-        starts=np.r_[starts, len(mesh.loops)],
+        positions=positions * objects[0].hemibake.lightmap_scale,
+        corners=read_corner_vertices(mesh),
+        starts=starts,
         triangles=read_array(mesh.loop_triangles, "loops", 3, np.int32),
-        polygon=read_array(mesh.loop_triangles, "polygon_index", 1, np.int32)[:, 0],
+        polygon=np.repeat(np.arange(len(starts) - 1, dtype=np.int32), np.maximum(np.diff(starts) - 2, 0)),
     )
 
 
-def _trouble(obj: bpy.types.Object, mesh: bpy.types.Mesh, uv_layer: str) -> str | None:
-    """Return why a mesh cannot have the layer."""
+def _trouble(mesh: bpy.types.Mesh, positions: np.ndarray, uv_layer: str) -> str | None:
+    """Return why a mesh, at these positions in world space, cannot have the layer."""
     if len(mesh.uv_layers) >= MOST_LAYERS:
         return MANY_LAYERS
     if uv_layer in mesh.attributes and uv_layer not in mesh.uv_layers:
         return attribute_in_the_way(uv_layer)
-    return trouble_with(_world_positions(obj, mesh))
+    return trouble_with(positions)
 
 
 def _world_positions(obj: bpy.types.Object, mesh: bpy.types.Mesh) -> np.ndarray:

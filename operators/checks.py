@@ -38,8 +38,8 @@ class IdleCheck:
         self._context = context
         self._steps: Generator[None, None, Checked] | None = check_scene(context)
 
-    def step(self) -> None:
-        """Go on with it for a short time, and in the end keep what it has found; nothing after that.
+    def step(self) -> bool:
+        """Go on with it for a short time, and in the end keep what it has found; return whether more is left.
 
         It ends, too, if the scene goes away: what needs it tells that.
         """
@@ -47,6 +47,7 @@ class IdleCheck:
             self._go_on()
         except SceneError:
             self._steps = None
+        return self._steps is not None
 
     def _go_on(self) -> None:
         limit = time.perf_counter() + _SLICE

@@ -88,8 +88,15 @@ class Run:
     def _all_work(self) -> Bake:
         """Unwrap, read, bake, and say that saving is next: None after that lets a window show it."""
         yield from self._read_scene()
+
+        # In a window the scene is checked while the worker works, else before the bake.
+        self._check = IdleCheck(self._context)
+        yield self._stages.begin(self._stages.baking)
+        if not self._watched:
+            yield from self._finish_check()
         lightmap = yield from self._bake_without_overlaps()
         yield self._stages.begin(self._stages.saving)
+        yield from self._finish_check()
         yield None
         return lightmap
 
@@ -155,12 +162,7 @@ class Run:
         self._kept = KeptTexels(self._context, self._read, self._names, self._settings)
 
     def _bake_without_overlaps(self) -> Bake:
-        """Bake; start again without the objects whose charts lie on others'.
-
-        In a window the scene is checked while the worker works.
-        """
-        self._check = IdleCheck(self._context) if self._watched else None
-        yield self._stages.begin(self._stages.baking)
+        """Bake; start again without the objects whose charts lie on others'."""
         while True:
             work = self._showing(self._bake(self._read.scene, self._settings))
             try:
@@ -168,6 +170,11 @@ class Run:
             except OverlapError as error:
                 self._leave_out_overlaps(error)
                 yield None
+
+    def _finish_check(self) -> Steps:
+        """Do what is left of the check."""
+        while self._check.step():
+            yield self._stages.progress(0.0)
 
     def _showing(self, work: Bake) -> Bake:
         """Do a bake's work and show its intermediate lightmaps."""

@@ -6,7 +6,7 @@ from collections.abc import Generator, Sequence
 from dataclasses import replace
 
 from ...engine.device.found import DeviceSurvey
-from ...engine.errors import SettingsError
+from ...engine.errors import SceneError, SettingsError
 from ...engine.plan.estimate import Estimate, estimate
 from ...engine.plan.stages import Extent
 from ...engine.settings import Settings
@@ -15,6 +15,7 @@ from ..devices import finder
 from ..lightmap_size import chosen_width
 from ..scene import SceneContext, visible_meshes
 from ..scene.objects.visible import visible_objects
+from ..scene.targets import target_uids
 from ..worker_owner import owner
 from .faces import centres_of, check_coordinates, check_normals, check_zero_area
 from .finding import ERROR, INFO, WARNING, Checked, Finding
@@ -39,56 +40,78 @@ def check_scene(context: SceneContext) -> Generator[None, None, Checked]:
         settings = replace(read_settings(context.scene.hemibake), resolution=width)
     except SettingsError as error:
         return Checked((Finding(ERROR, str(error)),), None)
-    findings = [*check_hidden(context)]
-    if not context.scene.hemibake.uv_layer:
-        findings.append(Finding(ERROR, "The lightmap UV layer has no name. Choose one under Advanced."))
-    shown = visible_objects(context)
-    lamps = sum(obj.type == "LIGHT" for obj in shown)
-    findings += check_light(shown, context.scene.world)
-    findings += check_images(shown, context.scene.world)
     yield
+    try:
+        targets = target_uids(context, context.scene.hemibake.target)
+        findings = []
+    except SceneError as error:
+        targets, findings = set(), [Finding(ERROR, str(error))]
+    yield
+    findings += yield from _check_surroundings(context)
     meshes = yield from read_meshes(context, visible_meshes(context))
     if not meshes:
         findings.append(
             Finding(ERROR, "There is no mesh with faces to bake. Add one, or set its role to Baked.")
         )
     centres = centres_of(visible_objects(context))
-    meshes, broken = check_coordinates(meshes)
-    findings += broken
     yield
-    findings += check_missing(meshes)
+    meshes, broken = yield from check_coordinates(meshes)
+    findings += broken
+
+    # All others lie in the atlases, too, but only what is baked needs usable charts.
+    baked = [mesh for mesh in meshes if mesh.uid in targets]
+    findings += check_missing(baked)
     charts = yield from find_charts(meshes, settings.resolution)
+    charts = [one for one in charts if one.mesh.uid in targets]
     findings += yield from check_overlaps(charts)
     findings += check_places(charts)
     findings += yield from check_widths(charts, settings.resolution)
     findings += yield from check_normals(meshes, centres)
     findings += yield from check_zero_area(meshes)
-    expected = _expect(meshes, charts, settings, lamps)
+    lamps = sum(obj.type == "LIGHT" for obj in visible_objects(context))
+    extent = Extent(0, sum(len(mesh.triangles) for mesh in meshes), lamps)
+    expected = _expect(baked, charts, settings, extent)
     findings += _check_memory(expected, settings, finder.found)
     ordered = sorted(findings, key=lambda finding: _ORDER.index(finding.severity))
     return Checked(tuple(ordered), expected)
 
 
+def _check_surroundings(context: SceneContext) -> Generator[None, None, list[Finding]]:
+    """Return findings about what is hidden, missing or dark, and about settings."""
+    findings = [*check_hidden(context)]
+    if not context.scene.hemibake.uv_layer:
+        findings.append(Finding(ERROR, "The lightmap UV layer has no name. Choose one under Advanced."))
+    yield
+    findings += check_light(visible_objects(context), context.scene.world)
+    yield
+    findings += check_images(visible_objects(context), context.scene.world)
+    yield
+    return findings
+
+
 def _expect(
-    meshes: Sequence[CheckedMesh], charts: Sequence[ChartsOf], settings: Settings, lamps: int
+    meshes: Sequence[CheckedMesh], charts: Sequence[ChartsOf], settings: Settings, extent: Extent
 ) -> Estimate:
-    """Return what a bake of these meshes is expected to take; the few patches of occluders do not count."""
+    """Return what a bake of these meshes is expected to take; the few patches of occluders do not count.
+
+    charts  of those that have usable ones
+    extent  of the scene, but for its atlases
+    """
     texels = settings.resolution**2
-    placed = [(one.mesh, one.place) for one in charts if one.place is not None]
-    patches = sum(mesh.charted.flat_area * place.scale**2 for mesh, place in placed) * texels
+    placed = [one for one in charts if one.place is not None]
+    patches = sum(one.charted.flat_area * one.place.scale**2 for one in placed) * texels
 
     # Of those without a place yet, new ones fill an atlas for each name; tiles are as dense as the others.
     new = {mesh.atlas for mesh in meshes if mesh.uvs is None}
-    tiled = [mesh for mesh in meshes if mesh.uvs is not None and mesh.several]
-    surface = sum(mesh.charted.surface for mesh, _ in placed)
+    tiled = [one for one in charts if one.mesh.several]
+    surface = sum(one.charted.surface for one in placed)
     if surface > 0:
-        patches += patches / surface * sum(mesh.charted.surface for mesh in tiled)
+        patches += patches / surface * sum(one.charted.surface for one in tiled)
     elif tiled:
         patches += _COVERAGE * texels
     patches += len(new) * _COVERAGE * texels
-    atlases = len({mesh.atlas for mesh, _ in placed}) + len(new) + bool(tiled)
-    extent = Extent(atlases, sum(len(mesh.triangles) for mesh in meshes), lamps)
-    return estimate(extent, round(patches), settings, owner.paces)
+    atlases = len({one.mesh.atlas for one in placed}) + len(new) + bool(tiled)
+    return estimate(replace(extent, atlases=atlases), round(patches), settings, owner.paces)
 
 
 def _check_memory(expected: Estimate, settings: Settings, survey: DeviceSurvey | None) -> list[Finding]:

@@ -21,10 +21,19 @@ _CONTENTS = {"MESH", "LIGHT", "CAMERA", "CURVE", "FONT", "SURFACE", "META"}
 Steps = Generator[None, None, list[Finding]]
 
 
-def check_coordinates(meshes: Sequence[CheckedMesh]) -> tuple[list[CheckedMesh], list[Finding]]:
+def check_coordinates(
+    meshes: Sequence[CheckedMesh],
+) -> Generator[None, None, tuple[list[CheckedMesh], list[Finding]]]:
     """Return the meshes whose coordinates can be baked, and findings about the others."""
-    middle = middle_of([mesh.box for mesh in meshes])
-    troubles = [trouble_with(mesh.box, middle) for mesh in meshes]
+    boxes, troubles = [], []
+    for mesh in meshes:
+        boxes.append(mesh.box)
+        yield
+    middle = middle_of(boxes)
+    yield
+    for box in boxes:
+        troubles.append(trouble_with(box, middle))
+        yield
     findings = []
     for trouble in dict.fromkeys(filter(None, troubles)):
         names = [mesh.name for mesh, its in zip(meshes, troubles, strict=True) if its == trouble]

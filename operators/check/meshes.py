@@ -13,7 +13,6 @@ import numpy as np
 from ..lookup import find_all
 from ..scene import SceneContext
 from ..scene.objects.meshes import read_array, read_positions, read_topology
-from ..scene.place import Charted
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from ..scene.uvs.multi_user import multi_user_sources
 from ..scene.uvs.uv_modifier import uv_modifier, uv_source
@@ -63,11 +62,6 @@ class CheckedMesh:
         return self.positions[self.vertex[self.triangles]]
 
     @cached_property
-    def charted(self) -> Charted:
-        """Its charts; for meshes with lightmap UVs."""
-        return Charted(self.uvs[self.triangles], self.corners, self.matrix, self.scale)
-
-    @property
     def box(self) -> np.ndarray:
         """The low and the high corner of the box around it, (2, 3), world space."""
         with np.errstate(invalid="ignore", over="ignore"):

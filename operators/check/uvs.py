@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..scene.crowds import make_footprints, place_apart
-from ..scene.place import Place
+from ..scene.place import Charted, Place, make_charted
 from ..scene.uvs.footprint import LARGEST_GRID, Footprint, make_footprint
 from ..scene.uvs.uv_faults import is_finite
 from .finding import ERROR, INFO, WARNING, Finding, found
@@ -28,11 +28,13 @@ Steps = Generator[None, None, list[Finding]]
 class ChartsOf:
     """The charts of a mesh.
 
+    charted    the charts themselves
     footprint  in the atlas, None for charts outside 0-1
     place      in the atlas, None without room; not known of meshes with several users, which have tiles
     """
 
     mesh: CheckedMesh
+    charted: Charted
     footprint: Footprint | None
     place: Place | None
 
@@ -64,9 +66,10 @@ def check_overlaps(charts: Sequence[ChartsOf]) -> Steps:
     """Return meshes whose charts lie on each other, as far as a grid as fine as the lightmap tells."""
     folded, copied = [], []
     for one in charts:
-        footprint = one.footprint or (yield from _footprint_outside(one.mesh))
+        footprint = one.footprint or (yield from _footprint_outside(one.charted))
         if footprint.overlaps:
             (copied if one.mesh.copies else folded).append(one.mesh.name)
+        yield
     return [
         *found(
             ERROR,
@@ -84,11 +87,10 @@ def check_overlaps(charts: Sequence[ChartsOf]) -> Steps:
     ]
 
 
-def _footprint_outside(mesh: CheckedMesh) -> Generator[None, None, Footprint]:
+def _footprint_outside(charted: Charted) -> Generator[None, None, Footprint]:
     """Return the footprint of charts outside 0-1 once they are moved inside."""
-    uvs = mesh.charted.uvs
-    low, high = uvs.min(axis=(0, 1)), uvs.max(axis=(0, 1))
-    return (yield from make_footprint((uvs - low) / max(float((high - low).max()), 1e-30), LARGEST_GRID))
+    size = max(float((charted.high - charted.low).max()), 1e-30)
+    return (yield from make_footprint((charted.uvs - charted.low) / size, LARGEST_GRID))
 
 
 def find_charts(meshes: Sequence[CheckedMesh], resolution: int) -> Generator[None, None, list[ChartsOf]]:
@@ -99,12 +101,24 @@ def find_charts(meshes: Sequence[CheckedMesh], resolution: int) -> Generator[Non
             atlases.setdefault((mesh.atlas, mesh.several), []).append(mesh)
     charts: list[ChartsOf] = []
     for (atlas, several), members in atlases.items():
-        charted = [mesh.charted for mesh in members]
+        charted = yield from _all_charted(members)
         footprints = yield from make_footprints(charted, resolution)
-        places = [None] * len(members) if several else place_apart(charted, footprints, atlas, resolution)
-        charts += map(ChartsOf, members, footprints, places)
+        places: list[Place | None] = [None] * len(members)
+        if not several:
+            places = yield from place_apart(charted, footprints, atlas, resolution)
+        charts += map(ChartsOf, members, charted, footprints, places)
         yield
     return charts
+
+
+def _all_charted(meshes: Sequence[CheckedMesh]) -> Generator[None, None, list[Charted]]:
+    """Return the charts of meshes."""
+    charted = []
+    for mesh in meshes:
+        uvs, corners = mesh.uvs[mesh.triangles], mesh.corners
+        yield
+        charted.append((yield from make_charted(uvs, corners, mesh.matrix, mesh.scale)))
+    return charted
 
 
 def check_places(charts: Sequence[ChartsOf]) -> list[Finding]:
@@ -132,7 +146,7 @@ def check_widths(charts: Sequence[ChartsOf], resolution: int) -> Steps:
     narrow: dict[str, float] = {}
     for one in charts:
         if one.place is not None:
-            width = (yield from chart_width(one.mesh)) * one.place.scale * resolution
+            width = (yield from chart_width(one)) * one.place.scale * resolution
             if 0 < width < _NARROWEST:
                 narrow[one.mesh.name] = width
     if not narrow:
@@ -147,12 +161,13 @@ def check_widths(charts: Sequence[ChartsOf], resolution: int) -> Steps:
     return found(WARNING, sentence, list(narrow), "resolution", fitting)
 
 
-def chart_width(mesh: CheckedMesh) -> Generator[None, None, float]:
-    """Return the mean width of a mesh's charts in UVs: of long strips exactly, of squares half of it.
+def chart_width(charts: ChartsOf) -> Generator[None, None, float]:
+    """Return the mean width of charts in UVs: of long strips exactly, of squares half of it.
 
     It is twice the area of the charts over the length of their borders: edges of a single loop, or whose two
     loops have other UVs.
     """
+    mesh = charts.mesh
     after = np.arange(1, len(mesh.vertex) + 1)
     after[np.r_[mesh.starts[1:], len(after)] - 1] = mesh.starts
     step = mesh.uvs[after] - mesh.uvs
@@ -170,4 +185,4 @@ def chart_width(mesh: CheckedMesh) -> Generator[None, None, float]:
             mean = np.bincount(mesh.edge, values, len(mesh.edges)) / np.maximum(users, 1)
             border[mesh.edge[np.abs(values - mean[mesh.edge]) > _SAME_UV]] = True
     around = float(length[border[mesh.edge]].sum())
-    return 2 * mesh.charted.flat_area / around if around > 0 else 0.0
+    return 2 * charts.charted.flat_area / around if around > 0 else 0.0

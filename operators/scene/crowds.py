@@ -13,12 +13,13 @@ each other have been packed as one: they move together. All get tiles in what is
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from .place import ChartBox, Charted, Place, chart_box
+from .slices import Slices
 from .tiles import GAP, Box, largest_free_box, pack_tiles
 from .uvs.footprint import LARGEST_GRID, Footprint, crowded, make_footprint
 from .uvs.uv_faults import is_inside
@@ -77,30 +78,29 @@ class _Group:
 
 def place_apart(
     members: Sequence[Charted], footprints: Sequence[Footprint | None], atlas: str, resolution: int
-) -> list[Place | None]:
+) -> Slices[list[Place | None]]:
     """Return the place of each object of an atlas, such that none lies on another.
 
-    They are None for those that move and have no room.
+    They are None for those that move and have no room. Yields after every few milliseconds of work.
 
     footprints  of the objects, see `make_footprints`
     """
     places: list[Place | None] = [Place(atlas)] * len(members)
     grid = min(resolution, LARGEST_GRID)
-    moving = _moving(footprints, grid)
+    moving = yield from _moving(footprints, grid)
     if not any(moving):
         return places
     kept = [footprint for footprint, moves in zip(footprints, moving, strict=True) if not moves]
-    groups = _group(members, footprints, np.flatnonzero(moving).tolist(), grid)
-    tiles = _fit([group.box.size for group in groups], _free_room(kept, grid, resolution))
+    groups = yield from _group(members, footprints, np.flatnonzero(moving).tolist(), grid)
+    room = yield from _free_room(kept, grid, resolution)
+    tiles = yield from _fit([group.box.size for group in groups], room)
     for group, tile in zip(groups, tiles or [None] * len(groups), strict=True):
         for index in group.members:
             places[index] = tile and group.box.place(atlas, (tile.x, tile.y), tile.scale, resolution)
     return places
 
 
-def make_footprints(
-    members: Sequence[Charted], resolution: int
-) -> Generator[None, None, list[Footprint | None]]:
+def make_footprints(members: Sequence[Charted], resolution: int) -> Slices[list[Footprint | None]]:
     """Return the footprint of each object, None for one that reaches out of the atlas.
 
     Yields after every few milliseconds of work.
@@ -114,15 +114,16 @@ def make_footprints(
     return footprints
 
 
-def _moving(footprints: Sequence[Footprint | None], grid: int) -> list[bool]:
+def _moving(footprints: Sequence[Footprint | None], grid: int) -> Slices[list[bool]]:
     """Return which objects need another place."""
-    inside = iter(crowded([footprint for footprint in footprints if footprint is not None], grid))
+    known = [footprint for footprint in footprints if footprint is not None]
+    inside = iter((yield from crowded(known, grid)))
     return [footprint is None or next(inside) for footprint in footprints]
 
 
 def _group(
     members: Sequence[Charted], footprints: Sequence[Footprint | None], moving: Sequence[int], grid: int
-) -> list[_Group]:
+) -> Slices[list[_Group]]:
     """Return the moving objects, by index, in groups that keep their layout.
 
     Objects with few cells come first: those of an atlas that they were packed for find each other before
@@ -138,15 +139,16 @@ def _group(
             group = _Group(box, np.zeros((grid, grid), bool))
             groups.append(group)
         group.add(index, box, footprint)
+        yield None
     return groups
 
 
 def _cells(footprint: Footprint | None, grid: int) -> int:
     """Return how many cells an object covers, more than all for one that reaches out of the atlas."""
-    return grid**2 + 1 if footprint is None else int(footprint.covered.sum())
+    return grid**2 + 1 if footprint is None else footprint.cells
 
 
-def _free_room(kept: Sequence[Footprint | None], grid: int, resolution: int) -> Box:
+def _free_room(kept: Sequence[Footprint | None], grid: int, resolution: int) -> Slices[Box]:
     """Return the largest rectangle of an atlas, texels, that objects which are kept leave free."""
     if not kept:
         return Box(0, 0, resolution, resolution)
@@ -155,6 +157,7 @@ def _free_room(kept: Sequence[Footprint | None], grid: int, resolution: int) -> 
     for footprint in kept:
         rows, columns = np.nonzero(footprint.covered)
         occupied[(rows + footprint.row) * size // grid, (columns + footprint.column) * size // grid] = True
+        yield None
     free = largest_free_box(occupied)
     left, low = (-(-cell * resolution // size) + GAP // 2 for cell in (free.x, free.y))
     right, top = (
@@ -163,26 +166,26 @@ def _free_room(kept: Sequence[Footprint | None], grid: int, resolution: int) -> 
     return Box(left, low, max(right - left, 0), max(top - low, 0))
 
 
-def _fit(sizes: Sequence[np.ndarray], room: Box) -> list[_Tile] | None:
+def _fit(sizes: Sequence[np.ndarray], room: Box) -> Slices[list[_Tile] | None]:
     """Return tiles in proportion to some sizes, (2,) metres each, as large as the room allows.
 
     Tiny ones get a few texels all the same. None if even the smallest do not fit.
     """
     for least in _LEAST_SIDES:
-        fitting = _largest_fit(sizes, room, least, min(GAP, least))
+        fitting = yield from _largest_fit(sizes, room, least, min(GAP, least))
         if fitting is not None:
             return fitting
     return None
 
 
-def _largest_fit(sizes: Sequence[np.ndarray], room: Box, least: int, gap: int) -> list[_Tile] | None:
+def _largest_fit(sizes: Sequence[np.ndarray], room: Box, least: int, gap: int) -> Slices[list[_Tile] | None]:
     """Return the tiles at the largest scale that bisection finds, of `least` texels or more."""
     best = None
     area = sum(float(np.prod(size)) for size in sizes)
     low, high = 0.0, np.sqrt(room.width * room.height / area)
     for _ in range(_ATTEMPTS):
         scale = (low + high) / 2
-        tiles = _tiles_at(scale, sizes, room, least, gap)
+        tiles = yield from _tiles_at(scale, sizes, room, least, gap)
         if tiles is None:
             high = scale
         else:
@@ -194,11 +197,11 @@ def _largest_fit(sizes: Sequence[np.ndarray], room: Box, least: int, gap: int) -
 
 def _tiles_at(
     scale: float, sizes: Sequence[np.ndarray], room: Box, least: int, gap: int
-) -> list[_Tile] | None:
+) -> Slices[list[_Tile] | None]:
     """Return tiles at a scale in texels per metre, None if they do not fit."""
     scales = [max(scale, least / float(size.max())) for size in sizes]
     texels = [np.ceil(size * own).astype(int) + gap for size, own in zip(sizes, scales, strict=True)]
-    corners = pack_tiles([(int(width), int(height)) for width, height in texels], [room])
+    corners = yield from pack_tiles([(int(width), int(height)) for width, height in texels], [room])
     if corners is None:
         return None
     return [_Tile(x + gap // 2, y + gap // 2, own) for (_, x, y), own in zip(corners, scales, strict=True)]

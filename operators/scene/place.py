@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from .scene_objects import Reading
+from .slices import Slices, row_slices
 
 #: Smallest width and height of the box around charts, in UVs, and smallest part of it that they fill.
 _SMALLEST_BOX, _LEAST_FILLED = 1e-4, 0.05
@@ -65,41 +65,52 @@ class Charted:
     """The charts of an object, and what they show.
 
     uvs        (t, 3, 2) float32
-    positions  (t, 3, 3) float32, object space
-    matrix     (4, 4) float64, object space to world space
-    scale      its scale in lightmaps
+    low, high  (2,) float64, corners of the box around the UVs
+    flat_area  of the charts, in UV space
+    surface    in the world, m^2
+    scale      the object's scale in lightmaps
     """
 
     uvs: np.ndarray
-    positions: np.ndarray
-    matrix: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    flat_area: float
+    surface: float
     scale: float
 
-    @classmethod
-    def of(cls, reading: Reading) -> Charted:
-        """Return the charts of a reading that has lightmap UVs."""
-        corners = reading.shape.corners
-        return cls(corners.uvs, corners.positions, reading.matrix, reading.scale)
 
-    @cached_property
-    def flat_area(self) -> float:
-        """The area of the charts, in UV space."""
-        (u1, v1), (u2, v2) = ((self.uvs[:, k] - self.uvs[:, 0]).T for k in (1, 2))
-        return float(np.abs(u1 * v2 - u2 * v1).sum(dtype=np.float64)) / 2
+def make_charted(uvs: np.ndarray, positions: np.ndarray, matrix: np.ndarray, scale: float) -> Slices[Charted]:
+    """Return the charts of an object.
 
-    @cached_property
-    def surface(self) -> float:
-        """The surface in the world, m^2."""
-        turn = self.matrix[:3, :3].T
-        first, second = ((self.positions[:, k] - self.positions[:, 0]) @ turn for k in (1, 2))
-        return float(np.linalg.norm(np.cross(first, second), axis=1).sum()) / 2
+    uvs        (t, 3, 2) float32
+    positions  (t, 3, 3) float32, object space
+    matrix     (4, 4) float64, object space to world space
+    """
+    turn = matrix[:3, :3].T
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    flat = surface = 0.0
+    for rows in row_slices(len(uvs), 27):
+        part = uvs[rows]
+        (u1, v1), (u2, v2) = ((part[:, k] - part[:, 0]).T for k in (1, 2))
+        flat += float(np.abs(u1 * v2 - u2 * v1).sum(dtype=np.float64)) / 2
+        first, second = ((positions[rows, k] - positions[rows, 0]) @ turn for k in (1, 2))
+        surface += float(np.linalg.norm(np.cross(first, second), axis=1).sum()) / 2
+        for axis in range(2):
+            low[axis] = min(low[axis], part[..., axis].min())
+            high[axis] = max(high[axis], part[..., axis].max())
+        yield rows.stop / len(uvs)
+    return Charted(uvs, low, high, flat, surface, scale)
+
+
+def charted_of(reading: Reading) -> Slices[Charted]:
+    """Return the charts of a reading that has lightmap UVs."""
+    corners = reading.shape.corners
+    return make_charted(corners.uvs, corners.positions, reading.matrix, reading.scale)
 
 
 def chart_box(charted: Charted) -> ChartBox:
     """Return the box around an object's charts, and how dense they are for its scale in lightmaps."""
-    columns = [charted.uvs[..., axis] for axis in range(2)]
-    low = np.array([column.min() for column in columns], np.float64)
-    high = np.maximum([column.max() for column in columns], low + _SMALLEST_BOX)
-    flat = max(charted.flat_area, _LEAST_FILLED * float(np.prod(high - low)))
+    high = np.maximum(charted.high, charted.low + _SMALLEST_BOX)
+    flat = max(charted.flat_area, _LEAST_FILLED * float(np.prod(high - charted.low)))
     area = charted.surface * charted.scale**2
-    return ChartBox(low, high, float(np.sqrt(flat / area)) if area > 0 else 1.0)
+    return ChartBox(charted.low, high, float(np.sqrt(flat / area)) if area > 0 else 1.0)

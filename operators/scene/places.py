@@ -7,15 +7,16 @@ side by side. Several objects or instances that show one mesh get a tile each, i
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from .crowds import make_footprints, place_apart
 from .messages import NO_TILE, Troubles
-from .place import Charted, Place, chart_box
+from .place import ChartBox, Charted, Place, chart_box, charted_of
 from .scene_objects import Reading
-from .tiles import GAP, Box, pack_tiles
+from .slices import Slices
+from .tiles import GAP, Box, Corners, pack_tiles
 from .uvs.uv_faults import is_inside
 
 #: Largest number of atlases with tiles for one atlas name; tiles shrink until they fit.
@@ -25,7 +26,7 @@ _SHRINK = 0.9
 #: Texels below which the largest tile does not shrink.
 _SMALLEST = 6
 
-Places = Generator[None, None, tuple[list[str], list[Place | None]]]
+Places = Slices[tuple[list[str], list[Place | None]]]
 
 
 def choose_places(
@@ -40,23 +41,34 @@ def choose_places(
     """
     tiled = _tiled(readings, several)
     places: list[Place | None] = [None] * len(readings)
+    charted = yield from _all_charted(readings)
     for atlas, members in _by_atlas(readings, np.flatnonzero(~tiled)).items():
-        charted = [Charted.of(readings[index]) for index in members]
-        if len(charted) > 1 or not is_inside(charted[0].uvs):
-            footprints = yield from make_footprints(charted, resolution)
-            _set(places, members, place_apart(charted, footprints, atlas, resolution))
+        if len(members) > 1 or not is_inside(charted[members[0]].uvs):
+            own = [charted[index] for index in members]
+            footprints = yield from make_footprints(own, resolution)
+            _set(places, members, (yield from place_apart(own, footprints, atlas, resolution)))
         else:
             _set(places, members, [Place(atlas)])
-    own = list(dict.fromkeys(place.atlas for place in places if place is not None))
+    kept = list(dict.fromkeys(place.atlas for place in places if place is not None))
     for atlas, members in _by_atlas(readings, np.flatnonzero(tiled)).items():
-        alone = [reading for reading, place in zip(readings, places, strict=True) if place == Place(atlas)]
+        alone = [chart_box(charted[index]) for index, place in enumerate(places) if place == Place(atlas)]
         base = _free_name(atlas, {reading.atlas for reading in readings})
-        _set(places, members, _place_tiles([readings[index] for index in members], alone, base, resolution))
+        boxes = [chart_box(charted[index]) for index in members]
+        _set(places, members, (yield from _place_tiles(boxes, alone, base, resolution)))
     for reading, place in zip(readings, places, strict=True):
         if place is None and reading.atlas is not None:
             troubles.add(NO_TILE, reading.name)
-    atlases = dict.fromkeys([*own, *(place.atlas for place in places if place is not None)])
+    atlases = dict.fromkeys([*kept, *(place.atlas for place in places if place is not None)])
     return list(atlases), places
+
+
+def _all_charted(readings: Sequence[Reading]) -> Slices[dict[int, Charted]]:
+    """Return the charts of the readings that get a lightmap, by index."""
+    charted = {}
+    for index, reading in enumerate(readings):
+        if reading.atlas is not None:
+            charted[index] = yield from charted_of(reading)
+    return charted
 
 
 def _by_atlas(readings: Sequence[Reading], indices: Iterable[int]) -> dict[str, list[int]]:
@@ -92,16 +104,16 @@ def _tiled(readings: Sequence[Reading], several: set[int]) -> np.ndarray:
 
 
 def _place_tiles(
-    members: Sequence[Reading], alone: Sequence[Reading], atlas: str, resolution: int
-) -> Sequence[Place | None]:
-    """Return a tile for each member: as fine as objects that are alone, else as fine as fits one atlas.
+    boxes: Sequence[ChartBox], alone: Sequence[ChartBox], atlas: str, resolution: int
+) -> Slices[Sequence[Place | None]]:
+    """Return a tile for each box: as fine as objects that are alone, else as fine as fits one atlas.
 
     They are None if not all of them fit.
     """
-    boxes = [chart_box(Charted.of(member)) for member in members]
-    fitting = _fit([box.size for box in boxes], _mean_density(alone) * resolution, resolution)
+    density = float(np.median([box.density for box in alone])) if alone else 0.0
+    fitting = yield from _fit([box.size for box in boxes], density * resolution, resolution)
     if fitting is None:
-        return [None] * len(members)
+        return [None] * len(boxes)
     scale, corners = fitting
     return [
         box.place(_page_name(atlas, page), (x + GAP // 2, y + GAP // 2), scale, resolution)
@@ -120,9 +132,7 @@ def _page_name(atlas: str, page: int) -> str:
     return f"{atlas} instances" if page == 0 else f"{atlas} instances {page + 1}"
 
 
-def _fit(
-    sizes: Sequence[np.ndarray], wanted: float, resolution: int
-) -> tuple[float, list[tuple[int, int, int]]] | None:
+def _fit(sizes: Sequence[np.ndarray], wanted: float, resolution: int) -> Slices[tuple[float, Corners] | None]:
     """Return the texels per metre at which tiles of some sizes, (2,) metres each, fit, and their corners.
 
     wanted: texels per metre, 0 for as many as fit one atlas. Tiles shrink before there are more atlases
@@ -134,17 +144,8 @@ def _fit(
         scale = wanted or (resolution - GAP) / largest
         while scale * largest >= _SMALLEST:
             texels = [tuple((np.ceil(size * scale).astype(int) + GAP).tolist()) for size in sizes]
-            corners = pack_tiles(texels, [page] * pages)
+            corners = yield from pack_tiles(texels, [page] * pages)
             if corners is not None:
                 return scale, corners
             scale *= _SHRINK
     return None
-
-
-def _mean_density(readings: Sequence[Reading]) -> float:
-    """Return the median density of objects, 0 without any."""
-    return (
-        float(np.median([chart_box(Charted.of(reading)).density for reading in readings]))
-        if readings
-        else 0.0
-    )

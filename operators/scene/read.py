@@ -140,7 +140,7 @@ class _SceneReading:
                 continue
             yield from self._reader.finish_meshes()
             yield self._next / self._watch.items if announcement is None else announcement
-        self._readings, self._origin = self._reader.finish()
+        self._readings, self._origin = yield from self._reader.finish()
         self._atlases, self._places = yield from choose_places(
             self._readings, self._several, self._resolution, self._troubles
         )

@@ -147,21 +147,26 @@ class ItemReader:
                 self._table.keep(mesh.item, mesh.slots)
             yield 0.0
 
-    def finish(self) -> tuple[list[Reading], np.ndarray]:
+    def finish(self) -> Slices[tuple[list[Reading], np.ndarray]]:
         """Return what was read, and the point that positions are relative to, (3,) float64, world space."""
         if self._degenerate:
             names, count = sorted(self._degenerate), sum(self._degenerate.values())
             sentence = f"{_objects(names)}: {count} zero-area triangles were left out."
             self._notes.append(naming(sentence, names))
-        readings = list(self._readings())
-        middle = middle_of([reading.box for reading in readings])
+        readings, boxes = [], []
+        for reading in self._readings():
+            readings.append(reading)
+            boxes.append(reading.box)
+            yield None
+        middle = middle_of(boxes)
         near = []
-        for reading in readings:
-            trouble = trouble_with(reading.box, middle)
+        for reading, box in zip(readings, boxes, strict=True):
+            trouble = trouble_with(box, middle)
             if trouble:
                 self._troubles.add(trouble, reading.name)
             else:
                 near.append(reading)
+            yield None
         return near, middle
 
     def _readings(self) -> Iterator[Reading]:

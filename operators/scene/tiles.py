@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
@@ -21,8 +22,14 @@ class Box:
     height: int
 
 
-def pack_tiles(sizes: Sequence[tuple[int, int]], pages: Sequence[Box]) -> list[tuple[int, int, int]] | None:
-    """Return page and lower left corner of each tile, (width, height) texels; None if they do not fit.
+#: Page and lower left corner of each tile.
+Corners = list[tuple[int, int, int]]
+
+
+def pack_tiles(
+    sizes: Sequence[tuple[int, int]], pages: Sequence[Box]
+) -> Generator[None, None, Corners | None]:
+    """Return the corners of tiles, (width, height) texels; None if they do not fit. Yields after each tile.
 
     Each goes to the first page that has room, the highest first, as low as it can lie on those below it
     (skyline bottom-left; Jylänki 2010, A Thousand Ways to Pack the Bin, section 2.3).
@@ -39,6 +46,7 @@ def pack_tiles(sizes: Sequence[tuple[int, int]], pages: Sequence[Box]) -> list[t
         else:
             return None
         corners[index] = (page, *corner)
+        yield
     return corners
 
 
@@ -51,21 +59,23 @@ class _Skyline:
 
     def place(self, width: int, height: int) -> tuple[int, int] | None:
         """Add a tile and return its lower left corner; None without room."""
-        top = self._box.y + self._box.height
-        places = [
-            (y, x) for x, _, _ in self._steps if (y := self._rest(x, width)) is not None and y + height <= top
-        ]
-        if not places:
+        right, top = self._box.x + self._box.width, self._box.y + self._box.height
+        inside = (index for index, (x, _, _) in enumerate(self._steps) if x + width <= right)
+        places = [(self._rest(index, width), self._steps[index][0]) for index in inside]
+        y, x = min(places, default=(top, 0))
+        if y + height > top:
             return None
-        y, x = min(places)
         self._raise(x, width, y + height)
         return x, y
 
-    def _rest(self, left: int, width: int) -> int | None:
-        """Return how low a tile can lie whose left side is at x; None if it leaves the box."""
-        if left + width > self._box.x + self._box.width:
-            return None
-        return max(y for x, y, length in self._steps if x < left + width and left < x + length)
+    def _rest(self, index: int, width: int) -> int:
+        """Return how low a tile can lie whose left side is that of a step."""
+        end, lowest = self._steps[index][0] + width, self._box.y
+        for x, y, _ in islice(self._steps, index, None):
+            if x >= end:
+                break
+            lowest = max(lowest, y)
+        return lowest
 
     def _raise(self, left: int, width: int, top: int) -> None:
         """Let the edge go over a new tile."""

@@ -10,11 +10,13 @@ from tests.blender.things import (
     INWARD,
     SQUARE,
     SQUARE_UVS,
+    finished,
     furnace,
     loop_uvs,
     material,
     mesh_object,
     part,
+    pixels,
     report,
     snapshot,
     square,
@@ -166,15 +168,16 @@ def test_width_of_charts():
     uvs = part("operators.check.uvs")
     meshes = part("operators.check.meshes")
     context = part("operators.scene").SceneContext(bpy.context)
-    finished = part("engine.progress").finished
+
+    def width(obj):
+        (charts,) = finished(uvs.find_charts(finished(meshes.read_meshes(context, [obj])), 32))
+        return finished(uvs.chart_width(charts))
+
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=7, y_subdivisions=13)
     grid = bpy.context.object
     grid.data.uv_layers[0].name = "Lightmap"
-    (mesh,) = finished(meshes.read_meshes(context, [grid]))
-    assert finished(uvs.chart_width(mesh)) == pytest.approx(0.5, rel=1e-4)
-    apart = strips("Apart", 10)
-    (mesh,) = finished(meshes.read_meshes(context, [apart]))
-    assert finished(uvs.chart_width(mesh)) == pytest.approx(0.08 / 1.08, rel=1e-3)
+    assert width(grid) == pytest.approx(0.5, rel=1e-4)
+    assert width(strips("Apart", 10)) == pytest.approx(0.08 / 1.08, rel=1e-3)
 
 
 def test_modifiers_that_copy_faces_are_told():
@@ -196,6 +199,45 @@ def test_faces_that_look_inwards_are_turned():
     normal, centre = obj.data.polygons[0].normal, obj.data.polygons[0].center
     assert normal.dot(centre) > 0 or normal.z < 0
     assert finding("look inwards") is None and loop_uvs(obj).shape == (24, 2)
+
+
+def test_mirrored_object_is_in_order_and_lit_where_blender_shows_its_front():
+    import bpy
+
+    square("Floor", WHOLE).scale.x = -1
+    crate = mesh_object("Crate", CUBE, OUTWARD)
+    crate.location, crate.scale.z = (5, 0, 0), -1
+    assert [one.severity for one in check().findings] == ["INFO"]
+    assert bpy.ops.hemibake.bake() == {"FINISHED"}
+    floor = bpy.data.objects["Floor"]
+    assert floor.hemibake.image != crate.hemibake.image
+    assert pixels(floor.hemibake.image)[..., :3].min() > 0
+
+
+def test_only_what_is_to_be_baked_needs_lightmap_uvs_and_counts():
+    import bpy
+
+    square("Selected", np.array(SQUARE_UVS) / 2)
+    square("Other", np.array(SQUARE_UVS) / 2 + 0.5).select_set(False)
+    square("New", uvs=None)
+    square("Folded", FOLDED).hemibake.atlas = "Folded"
+    both = check().estimate.patches
+    bpy.context.scene.hemibake.target = "SELECTED"
+    assert finding("No selected object").severity == "ERROR"
+    bpy.data.objects["Selected"].select_set(True)
+    checked = check()
+    assert checked.findings == ()
+    assert checked.estimate.patches == pytest.approx(0.16 * 32**2, rel=0.1) and both > 2 * 0.16 * 32**2
+
+
+def test_blocking_bake_is_checked_before_it_begins():
+    import bpy
+
+    square("Folded", FOLDED)
+    square("Square").hemibake.atlas = "Other"
+    assert bpy.ops.hemibake.bake() == {"FINISHED"}
+    kept = part("operators.checks").last_check(bpy.context.scene)
+    assert [one.objects for one in kept.findings] == [("Folded",)] and kept.estimate.patches > 0
 
 
 def test_some_faces_turned():

@@ -5,6 +5,7 @@ import pytest
 
 from tests.blender.things import (
     SQUARE,
+    finished,
     loop_uvs,
     material,
     mesh_object,
@@ -258,14 +259,14 @@ def test_tiles_never_meet(seed):
     rng = np.random.default_rng(seed)
     sizes = [tuple(size) for size in rng.integers(1, 30, (97, 2)).tolist()]
     pages = [tiles.Box(3, 5, 61, 83), tiles.Box(0, 0, 127, 131), tiles.Box(7, 0, 200, 200)]
-    corners = tiles.pack_tiles(sizes, pages)
+    corners = finished(tiles.pack_tiles(sizes, pages))
     taken = np.zeros((3, 211, 211), int)
     for (page, x, y), (width, height) in zip(corners, sizes, strict=True):
         taken[page, y : y + height, x : x + width] += 1
     for number, page in enumerate(pages):
         taken[number, page.y : page.y + page.height, page.x : page.x + page.width] -= 1
     assert taken.max() == 0
-    assert tiles.pack_tiles(sizes, pages[:1]) is None
+    assert finished(tiles.pack_tiles(sizes, pages[:1])) is None
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -293,3 +294,13 @@ def test_charts_beside_each_other_keep_their_place():
             low, high = (axis[column], axis[row]), (axis[column + 1], axis[row + 1])
             square(f"Part {row} {column}", box(low, high))
     assert all((place.scale, place.offset) == (1, (0, 0)) for _, place in read_scene().objects)
+
+
+def test_placing_pauses_for_each_object():
+    """However many objects there are, a window goes on."""
+    import bpy
+
+    context = part("operators.scene").SceneContext(bpy.context)
+    meshes = finished(part("operators.check.meshes").read_meshes(context, row_of(23)))
+    steps = sum(1 for _ in part("operators.check.uvs").find_charts(meshes, 64))
+    assert steps > 5 * 23

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -31,10 +32,15 @@ class Footprint:
     covered: np.ndarray
     doubled: int
 
+    @cached_property
+    def cells(self) -> int:
+        """Number of cells that are covered."""
+        return int(self.covered.sum())
+
     @property
     def overlaps(self) -> bool:
         """Whether the charts lie on each other, but for roundings."""
-        return self.doubled > max(_ALLOWED_SHARE * int(self.covered.sum()), _ALLOWED)
+        return self.doubled > max(_ALLOWED_SHARE * self.cells, _ALLOWED)
 
     @property
     def window(self) -> tuple[slice, slice]:
@@ -44,8 +50,7 @@ class Footprint:
 
     def meets(self, taken: np.ndarray) -> bool:
         """Return whether cells of the whole grid, (g, g) bool, are covered, but for roundings."""
-        cells = int(self.covered.sum())
-        allowed = max(_ALLOWED_SHARE * cells, _ALLOWED if cells > _MANY else 0)
+        allowed = max(_ALLOWED_SHARE * self.cells, _ALLOWED if self.cells > _MANY else 0)
         return int((taken[self.window] & self.covered).sum()) > allowed
 
 
@@ -61,10 +66,14 @@ def make_footprint(uvs: np.ndarray, grid: int) -> Generator[None, None, Footprin
     return Footprint(int(low[1]), int(low[0]), count > 0, int((count > 1).sum()))
 
 
-def crowded(footprints: Sequence[Footprint], grid: int) -> list[bool]:
-    """Return of each object whether its charts lie on those of others."""
+def crowded(footprints: Sequence[Footprint], grid: int) -> Generator[None, None, list[bool]]:
+    """Return of each object whether its charts lie on those of others; yields after each of them."""
     count = np.zeros((grid, grid), np.int32)
     for footprint in footprints:
         count[footprint.window] += footprint.covered
-    shared = count > 1
-    return [footprint.meets(shared) for footprint in footprints]
+        yield
+    shared, meeting = count > 1, []
+    for footprint in footprints:
+        meeting.append(footprint.meets(shared))
+        yield
+    return meeting

@@ -74,6 +74,13 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
                 "Selected",
                 "Selected objects: all others keep the light of their lightmaps, and still shade and reflect",
             ),
+            (
+                "CHANGED",
+                "Changed",
+                "Objects that are new, or whose shape, place or materials have changed since they were "
+                "baked, and all of them once lamps, world or shining materials have. Shadows and reflected "
+                "light of changed objects on others stay as they were",
+            ),
         ],
     )
     directory: StringProperty(
@@ -180,6 +187,11 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
         name="UV Offset",
         description="See UV Scale",
         size=2,
+        options={"HIDDEN"},
+    )
+    fingerprint: StringProperty(
+        name="Fingerprint",
+        description="Digest of what the last bake saw of the object",
         options={"HIDDEN"},
     )
     instances: StringProperty(

@@ -31,7 +31,7 @@ from .result.kept_texels import KeptTexels
 from .run_stages import RunStages
 from .scene import SceneChangedError, SceneContext, read_scene, visible_meshes
 from .scene.overlaps import without_overlaps
-from .scene.targets import only_targets, target_uids
+from .scene.targets import changed_uids, only_targets, target_uids
 from .scene.uvs.lightmap_layer import lightmap_layer
 from .scene.uvs.unwrap import unwrap_missing
 from .scene.uvs.uv_modifier import has_uvs, uv_source
@@ -40,6 +40,12 @@ from .worker_owner import owner
 
 #: Readings of a scene that changes meanwhile, before it is read in one piece.
 _ATTEMPTS = 3
+
+#: What a bake of changed objects leaves as it was.
+_OTHERS_STAY = (
+    "Only what has changed was baked: its shadows and its reflected light on all else are as before. "
+    "Bake All in the end."
+)
 
 Bake = Generator[Progress | None, None, Lightmap]
 Steps = Generator[Progress | None, None, None]
@@ -105,7 +111,8 @@ class Run:
         scene = self._context.scene
         self._settings = replace(read_settings(scene.hemibake), intermediates=self._watched)
         self._uv_layer = scene.hemibake.uv_layer
-        targets = target_uids(self._context, scene.hemibake.target)
+        self._target = scene.hemibake.target
+        targets = target_uids(self._context, self._target)
         wanted = {
             obj.session_uid: obj.name for obj in visible_meshes(self._context) if obj.session_uid in targets
         }
@@ -151,7 +158,17 @@ class Run:
         )
         width = width_for(self._read.scene, context.scene.hemibake, resolution, self._unwraps)
         self._settings = replace(self._settings, resolution=width)
-        self._read = only_targets(self._read, set(wanted), context.scene)
+        targets = self._targets(set(wanted))
+        self._read = only_targets(self._read, targets, context.scene)
+
+    def _targets(self, wanted: set[int]) -> set[int]:
+        """Return which of the objects that may be baked are; raises SceneError if none is."""
+        if self._target != "CHANGED":
+            return wanted
+        changed = changed_uids(self._read, wanted)
+        if len(changed) < len(self._read.fingerprints):
+            self._read = replace(self._read, notes=(*self._read.notes, _OTHERS_STAY))
+        return changed
 
     def _choose_destination(self) -> None:
         """Decide where the lightmaps go, and see whether they can."""
@@ -159,7 +176,8 @@ class Run:
         self._names = _image_names(self._read.scene, self._settings)
         self._destination = choose_destination(scene, self._names, scene.hemibake.directory, self._changes)
         self._stages.expect(self._read.scene, self._settings, len(self._names))
-        self._kept = KeptTexels(self._context, self._read, self._names, self._settings)
+        partial = self._target != "ALL"
+        self._kept = KeptTexels(self._context, self._read, self._names, self._settings, partial)
 
     def _bake_without_overlaps(self) -> Bake:
         """Bake; start again without the objects whose charts lie on others'."""
@@ -314,6 +332,9 @@ class Run:
                 properties.image = image[place.atlas]
                 properties.uv_layer = lightmap_layer(editable[uid], self._uv_layer)
                 properties.uv_scale, properties.uv_offset = place.scale, place.offset
+        for uid, fingerprint in self._read.fingerprints.items():
+            if uid in editable and uid not in lost:
+                editable[uid].hemibake.fingerprint = fingerprint
 
     def _report(self, lightmap: Lightmap, names: list[str], files: list[str], lost: dict[int, str]) -> dict:
         facts = lightmap.report

@@ -24,18 +24,18 @@ class KeptTexels:
     """What the images of a bake's atlases show of objects that were baked before and are not baked now."""
 
     def __init__(
-        self, context: SceneContext, read: ReadScene, names: Sequence[str], settings: Settings
+        self, context: SceneContext, read: ReadScene, names: Sequence[str], settings: Settings, partial: bool
     ) -> None:
         """Take the texels from the images as they are; raises SceneError if these have another size.
 
-        names  of the images, atlas after atlas for each output
+        names    of the images, atlas after atlas for each output
+        partial  False if all objects are baked: nothing is kept
         """
         self._context, self._read, self._settings = context, read, settings
         self._masks: dict[int, np.ndarray] = {}
         self._pixels: dict[int, np.ndarray] = {}
         self._objects: dict[str, list[int]] = {}
-        selected = self._context.scene.hemibake.target == "SELECTED"
-        for atlas, name in enumerate(read.scene.atlases if selected else ()):
+        for atlas, name in enumerate(read.scene.atlases if partial else ()):
             others = self._others(name)
             if others:
                 self._objects[name] = [obj.session_uid for obj in others]
@@ -75,8 +75,8 @@ class KeptTexels:
         ]
         if others and tuple(image.size) != (self._settings.resolution,) * 2:
             sentence = (
-                f"The lightmap '{atlas}' holds {{}}, which are not selected, and is {image.size[0]} texels "
-                "wide. Choose that resolution, bake all, or assign the selected objects to another lightmap."
+                f"The lightmap '{atlas}' holds {{}}, which are not to be baked, and is {image.size[0]} "
+                "texels wide. Choose that resolution, bake all, or assign the others to another lightmap."
             )
             raise SceneError(naming(sentence, [obj.name for obj in others]))
         return others

@@ -27,11 +27,13 @@ def without_overlaps(read: ReadScene, resolution: int) -> ReadScene:
         for index, mesh in enumerate(read.scene.meshes)
     )
     gone = {read.entries[index] for index in overlapping}
+    objects = {entry[0] for entry in gone if entry is not None}
     return replace(
         read,
         scene=replace(read.scene, meshes=meshes),
         entries=tuple(None if entry in gone else entry for entry in read.entries),
         notes=(*read.notes, *troubles.tell()),
+        fingerprints={uid: digest for uid, digest in read.fingerprints.items() if uid not in objects},
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import bpy
 import numpy as np
@@ -13,6 +13,7 @@ from ...engine.naming import first_line, naming
 from ...engine.progress import Progress
 from ...engine.scene.model import OCCLUDER, Mesh, Scene
 from .faults import without_faults
+from .fingerprints import combined, find_fingerprints, in_the_world
 from .light.lights import Lamps
 from .light.world import read_world
 from .materials.material_table import MaterialTable
@@ -40,13 +41,15 @@ Entry = tuple[int, Place] | tuple[int, str, tuple[int, ...], Place]
 class ReadScene:
     """A scene ready for the engine.
 
-    entries  of each mesh of the scene, None for an occluder
-    notes    sentences for the user
+    entries       of each mesh of the scene, None for an occluder
+    notes         sentences for the user
+    fingerprints  of each object that has entries, by session uid; see `find_fingerprints`
     """
 
     scene: Scene
     entries: tuple[Entry | None, ...]
     notes: tuple[str, ...]
+    fingerprints: dict[int, str] = field(default_factory=dict)
 
     @property
     def objects(self) -> tuple[tuple[int, Place], ...]:
@@ -161,6 +164,7 @@ class _SceneReading:
 
     def joined(self) -> Slices[ReadScene]:
         """Return all that was read; nothing of Blender is needed any more."""
+        fingerprints = yield from self._fingerprints()
         meshes = []
         for reading, place in zip(self._readings, self._places, strict=True):
             meshes.append((yield from _mesh(reading, place, self._atlases, self._origin)))
@@ -176,7 +180,17 @@ class _SceneReading:
         entries = tuple(
             _entry(reading, place) for reading, place in zip(self._readings, self._places, strict=True)
         )
-        return ReadScene(scene, entries, (*self._notes, *self._skipped))
+        return ReadScene(scene, entries, (*self._notes, *self._skipped), fingerprints)
+
+    def _fingerprints(self) -> Slices[dict[int, str]]:
+        """Return the fingerprint of each object that gets a lightmap, its instances included."""
+        light = (*in_the_world(self._lights, self._origin), self._world)
+        found = yield from find_fingerprints(self._readings, self._places, self._materials, light)
+        by_source: dict[int, list[str]] = {}
+        for reading, fingerprint in zip(self._readings, found, strict=True):
+            if fingerprint is not None:
+                by_source.setdefault(reading.source, []).append(fingerprint)
+        return {source: combined(fingerprints) for source, fingerprints in by_source.items()}
 
     @property
     def evaluations(self) -> int:

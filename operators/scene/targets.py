@@ -20,15 +20,17 @@ from .read import Entry, ReadScene
 from .scene_context import SceneContext
 
 NOTHING_SELECTED = "No selected object gets a lightmap. Select what is to be baked, or let the target be All."
+NOTHING_CHANGED = "Nothing has changed since it was baked. To bake all the same, let the target be All."
 
 
 def target_uids(context: SceneContext, target: str) -> set[int]:
-    """Return the session uids of the mesh objects that are to be baked, "ALL" or "SELECTED" ones.
+    """Return the session uids of the mesh objects that may be baked: "SELECTED" ones, or all.
 
-    An instance belongs to what it shows. Raises SceneError if none is selected.
+    Which are "CHANGED" is known once they have been read: see `changed_uids`. An instance belongs to what it
+    shows. Raises SceneError if none is selected.
     """
     meshes = {obj.session_uid for obj in visible_meshes(context)}
-    if target == "ALL":
+    if target != "SELECTED":
         return meshes
     layer = context.view_layer
     selected = {obj.session_uid for obj in layer.objects if obj.select_get(view_layer=layer)}
@@ -40,6 +42,20 @@ def target_uids(context: SceneContext, target: str) -> set[int]:
     if not meshes & (selected | shown):
         raise SceneError(NOTHING_SELECTED)
     return meshes & (selected | shown)
+
+
+def changed_uids(read: ReadScene, uids: set[int]) -> set[int]:
+    """Return which objects, by session uid, are other than when they were baked, or have never been.
+
+    Raises SceneError if none is.
+    """
+    known = {
+        obj.session_uid: obj.hemibake.fingerprint for obj in bpy.data.objects if obj.hemibake.fingerprint
+    }
+    changed = {uid for uid, digest in read.fingerprints.items() if uid in uids and known.get(uid) != digest}
+    if not changed:
+        raise SceneError(NOTHING_CHANGED)
+    return changed
 
 
 def only_targets(read: ReadScene, uids: set[int], scene: bpy.types.Scene) -> ReadScene:
@@ -57,6 +73,11 @@ def only_targets(read: ReadScene, uids: set[int], scene: bpy.types.Scene) -> Rea
         for entry in read.entries
     ]
     names = tuple(name for name in read.scene.atlases if name in atlases)
+    left = {
+        _source(entry)
+        for entry, stays in zip(read.entries, baked, strict=True)
+        if entry is not None and not stays
+    }
     meshes = tuple(
         replace(mesh, atlas=names.index(read.scene.atlases[mesh.atlas]) if stays else OCCLUDER)
         for mesh, stays in zip(read.scene.meshes, baked, strict=True)
@@ -65,6 +86,7 @@ def only_targets(read: ReadScene, uids: set[int], scene: bpy.types.Scene) -> Rea
         read,
         scene=replace(read.scene, meshes=meshes, atlases=names),
         entries=tuple(entry if stays else None for entry, stays in zip(read.entries, baked, strict=True)),
+        fingerprints={uid: digest for uid, digest in read.fingerprints.items() if uid not in left},
     )
 
 

@@ -225,3 +225,74 @@ def test_cancelled_bake_of_selected_objects_leaves_everything(pair, monkeypatch)
 def interrupted(scene, settings):
     raise KeyboardInterrupt
     yield
+
+
+def bake_changed():
+    """Bake what has changed; return the names of what was baked."""
+    import bpy
+
+    before = {obj.name: obj.hemibake.fingerprint for obj in bpy.data.objects}
+    bpy.context.scene.hemibake.target = "CHANGED"
+    assert bpy.ops.hemibake.bake() == {"FINISHED"}
+    return sorted(obj.name for obj in bpy.data.objects if obj.hemibake.fingerprint != before.get(obj.name))
+
+
+def move(left, right):
+    left.location.z = 0.01
+
+
+def bend(left, right):
+    left.data.vertices[0].co.z = 0.1
+    left.data.update()
+
+
+def paint(left, right):
+    node = left.data.materials[0].node_tree.nodes["Principled BSDF"]
+    node.inputs["Base Color"].default_value = (0.1, 0.2, 0.3, 1)
+
+
+@pytest.mark.parametrize("change", [move, bend, paint])
+def test_only_what_has_changed_is_baked(pair, change):
+    """The floors shine in other tests: a change of what shines is one of all."""
+    shine("Left", 0)
+    shine("Right", 0)
+    bake()
+    before = light().copy()
+    change(*pair)
+    assert bake_changed() == ["Left"] and report()["objects"] == 1
+    assert np.array_equal(light()[RIGHT], before[RIGHT]) and not np.array_equal(light()[LEFT], before[LEFT])
+    assert any("Only what has changed" in note for note in report()["warnings"])
+
+
+@pytest.mark.parametrize("source", ["Wall", "lamp", "world"])
+def test_everything_has_changed_once_a_light_has(pair, source):
+    import bpy
+
+    lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT"))
+    bpy.context.scene.collection.objects.link(lamp)
+    lamp.location = (1, 0.5, 3)
+    world = bpy.context.scene.world = bpy.data.worlds.new("World")
+    background = part("operators.compat").new_node_tree(world).nodes["Background"]
+    bake()
+    if source == "Wall":
+        shine("Wall", 7)
+    elif source == "lamp":
+        lamp.location.x = 2
+    else:
+        background.inputs["Color"].default_value = (0.3, 0.2, 0.1, 1)
+    assert bake_changed() == ["Left", "Right"] and report()["objects"] == 2
+    assert not any("Only what has changed" in note for note in report()["warnings"])
+
+
+def test_nothing_has_changed_after_a_bake_or_when_the_scene_grows_far_away(pair):
+    import bpy
+
+    shine("Left", 0)
+    shine("Right", 0)
+    bake()
+    bpy.context.scene.hemibake.target = "CHANGED"
+    with pytest.raises(RuntimeError, match="Nothing has changed"):
+        bpy.ops.hemibake.bake()
+    new = floor("New", 40, box(0.1, 0.9), emission=0)
+    new.hemibake.atlas = "Own"
+    assert bake_changed() == ["New"] and new.hemibake.image.name == "Own"

@@ -17,9 +17,9 @@ ORDERS = {
         "quality", "lightmap", "naming", "progress", "errors",
     ],
     "operators/scene": [
-        "__init__", "overlaps", "targets", "density", "read", "read_stages", "faults", "world_mesh", "places",
-        "crowds", "place", "tiles", "scene_objects", "light", "materials", "uvs", "scene_watch", "objects",
-        "messages", "scene_context", "slices",
+        "__init__", "overlaps", "targets", "density", "read", "read_stages", "fingerprints", "faults",
+        "world_mesh", "places", "crowds", "place", "tiles", "scene_objects", "light", "materials", "uvs",
+        "scene_watch", "objects", "messages", "scene_context", "slices",
     ],
 }  # fmt: skip
 

@@ -1,0 +1,96 @@
+"""Digests of what a bake sees of an object: they tell whether it has changed since it was baked."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import fields, is_dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ...engine.scene.model import Light, Material
+from .place import Place
+from .scene_objects import Reading
+from .slices import Slices, row_slices
+
+#: Digits of a lamp's position behind the point, m: it was moved to the scene's origin and back.
+_DIGITS = 6
+
+_SIZE = 16
+
+
+def find_fingerprints(
+    readings: Sequence[Reading],
+    places: Sequence[Place | None],
+    materials: Sequence[Material],
+    surroundings: Sequence[object],
+) -> Slices[list[str | None]]:
+    """Return a digest of each reading, None for occluders.
+
+    It changes with its faces, its place in world and atlas, its materials, and with all that shines.
+
+    surroundings  lamps in world space and the world's light
+    """
+    looks: list[bytes] = []
+    for material in materials:
+        looks += [(yield from _digest_of(material))]
+    own, shining = [], [(yield from _digest_of(tuple(surroundings)))]
+    shapes: dict[int, bytes] = {}
+    for reading, place in zip(readings, places, strict=True):
+        shape, used = reading.shape, np.unique(reading.shape.slots)
+        if id(shape) not in shapes:
+            shapes[id(shape)] = yield from _digest_of((shape.corners, shape.slots))
+        parts = (shapes[id(shape)], *(looks[index] for index in used), reading.matrix, place)
+        own.append((yield from _digest_of(parts)))
+        if any(materials[index].emission.any() for index in used):
+            shining.append(own[-1])
+    light = b"".join(shining)
+    return [
+        None if place is None else hashlib.blake2b(digest + light, digest_size=_SIZE).hexdigest()
+        for digest, place in zip(own, places, strict=True)
+    ]
+
+
+def in_the_world(lights: Sequence[Light], origin: np.ndarray) -> tuple[Light, ...]:
+    """Return lamps with their positions in world space, which do not depend on the scene's origin."""
+    return tuple(
+        replace(light, position=np.round(light.position + origin, _DIGITS) + 0.0) for light in lights
+    )
+
+
+def combined(fingerprints: Sequence[str]) -> str:
+    """Return one digest of several, in any order."""
+    return hashlib.blake2b("".join(sorted(fingerprints)).encode(), digest_size=_SIZE).hexdigest()
+
+
+def _digest_of(value: object) -> Slices[bytes]:
+    """Return a digest of arrays, records and builtins, and of what these hold."""
+    digest = hashlib.blake2b(digest_size=_SIZE)
+    yield from _feed(digest, value)
+    return digest.digest()
+
+
+def _feed(digest: Any, value: object) -> Slices[None]:
+    """Feed a value to a digest."""
+    if isinstance(value, np.ndarray):
+        yield from _feed_array(digest, value)
+    elif is_dataclass(value):
+        for field in fields(value):
+            yield from _feed(digest, getattr(value, field.name))
+    elif isinstance(value, dict):
+        yield from _feed(digest, tuple(value.items()))
+    elif isinstance(value, tuple):
+        for item in value:
+            yield from _feed(digest, item)
+    else:
+        digest.update(repr(value).encode())
+
+
+def _feed_array(digest: Any, array: np.ndarray) -> Slices[None]:
+    """Feed an array to a digest, some rows at a time."""
+    digest.update(repr((array.shape, array.dtype.str)).encode())
+    rows_of = np.atleast_1d(array)
+    for rows in row_slices(len(rows_of), rows_of[:1].size):
+        digest.update(np.ascontiguousarray(rows_of[rows]))
+        yield None

@@ -31,10 +31,18 @@ def footprints(atlas: np.ndarray, position: np.ndarray, resolution: int) -> tupl
     return texels, weights
 
 
-def cell_sides(texels: np.ndarray) -> np.ndarray:
-    """Return the pairs of neighbours in footprints, (p, 4), each pair once: (s, 2) int64, the lower first."""
-    cells = np.unique(texels, axis=0)
-    sides = np.concatenate([cells[:, pair] for pair in ([0, 1], [2, 3], [0, 2], [1, 3])])
-    sides = np.unique(sides, axis=0)
+def beside_centres(position: np.ndarray) -> np.ndarray:
+    """Return which points, (p, 2) texels, are not in the centre of a texel, (p,) bool."""
+    beside: np.ndarray = (np.abs(position - np.floor(position) - 0.5) > _ON_CENTRE).any(axis=1)
+    return beside
+
+
+def cell_sides(texels: np.ndarray, count: int) -> np.ndarray:
+    """Return the pairs of neighbours in footprints, (p, 4), each pair once: (s, 2) int64, the lower first.
+
+    count: number of texels
+    """
+    keys = [texels[:, one] * count + texels[:, other] for one, other in ((0, 1), (2, 3), (0, 2), (1, 3))]
+    sides = np.stack(np.divmod(np.unique(np.concatenate(keys)), count), axis=1)
     different: np.ndarray = sides[sides[:, 0] != sides[:, 1]]
     return different

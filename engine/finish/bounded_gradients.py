@@ -7,14 +7,11 @@ from typing import Protocol
 
 import numpy as np
 
-#: Steps of the first run at most, and of those that mend bounds.
-_STEPS, _FEWER = 40, 15
+#: Steps of the first run at most, and of the one with bounds.
+_STEPS, _FEWER = 20, 6
 
 #: The part of the first residual at which a run ends.
-_TOLERANCE = 1e-3
-
-#: Runs with the unknowns that went out of bounds held there.
-_ROUNDS = 2
+_TOLERANCE = 5e-3
 
 
 class Normal(Protocol):
@@ -43,19 +40,15 @@ class BoundedGradients:
 
         right, start, low, high  (n,) float64
 
-        What one run of conjugate gradients leaves out of bounds is held at its bound in the next one.
+        What a run of conjugate gradients leaves out of bounds is held at its bound in a second one.
         """
-        free = np.ones(len(start), bool)
         enough = _TOLERANCE**2 * self._energy(right - self._times(start))
-        solution = self._run(right, start, free, enough, _STEPS)
-        for _ in range(_ROUNDS):
-            bounded = np.clip(solution, low, high)
-            out = bounded != solution
-            if not out.any():
-                return solution
-            free &= ~out
-            solution = self._run(right, bounded, free, enough, _FEWER)
-        return np.clip(solution, low, high)
+        solution = self._run(right, start, np.ones(len(start), bool), enough, _STEPS)
+        bounded = np.clip(solution, low, high)
+        free = bounded == solution
+        if free.all():
+            return solution
+        return np.clip(self._run(right, bounded, free, enough, _FEWER), low, high)
 
     def _run(
         self, right: np.ndarray, start: np.ndarray, free: np.ndarray, enough: float, steps: int
@@ -79,5 +72,7 @@ class BoundedGradients:
         return float(residual @ (residual * self._inverse))
 
     def _times(self, values: np.ndarray) -> np.ndarray:
-        product: np.ndarray = np.sum([part.times(values) for part in self._parts], axis=0)
+        product = self._parts[0].times(values)
+        for part in self._parts[1:]:
+            product += part.times(values)
         return product

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..patches.seams import Seams
-from .bilinear import cell_sides, footprints
+from .bilinear import beside_centres, cell_sides, footprints
 from .lightmap_points import LightmapPoints
 from .sparse_rows import SparseRows
 from .texel_stencil import TexelStencil
@@ -54,28 +54,29 @@ def display_equations(
     Unknown are texels that points beside centres read, and texels that both sides of a seam read, if some
     point tells about either side.
     """
-    texels, weights = footprints(points.atlas, points.position, resolution)
+    texel = points.texels(resolution)
+    beside = beside_centres(points.position)
+    around, shares = footprints(points.atlas[beside], points.position[beside], resolution)
     told = np.zeros(atlases * resolution**2, bool)
-    told[texels[weights > _TELLS]] = True
+    told[texel] = told[around[shares > _TELLS]] = True
     sides, differences, length = _seam_sides(seams, told, resolution)
-    spread = weights.max(axis=1) < 1
     unknown = np.zeros_like(told)
-    unknown[texels[spread][weights[spread] > 0]] = True
-    unknown[sides[differences != 0]] = True
+    unknown[around[shares > 0]] = unknown[sides[differences != 0]] = True
     number = np.cumsum(unknown) - 1
     count = int(unknown.sum())
 
-    # A point counts if it reads an unknown; then it reads nothing else.
-    point = np.flatnonzero((unknown[texels] & (weights > 0)).any(axis=1))
-    read, weight = _numbered(number, texels[point], weights[point]), points.weight[point].astype(np.float64)
-    stencil = TexelStencil(read, weights[point], weight, count)
+    # A point counts if its texel is unknown; then it reads nothing else.
+    point = np.flatnonzero(unknown[texel])
+    read, weights = footprints(points.atlas[point], points.position[point], resolution)
+    read, weight = _numbered(number, read, weights), points.weight[point].astype(np.float64)
+    stencil = TexelStencil(read, weights, weight, count)
     seam_rows = SparseRows(
         _numbered(number, sides, differences), differences * np.sqrt(_SEAM * length)[:, None], count
     )
-    cells = cell_sides(np.concatenate([texels[spread], sides[:, :4], sides[:, 4:]]))
+    cells = cell_sides(np.concatenate([around, sides[:, :4], sides[:, 4:]]), len(told))
     smooth = _smoothness(number[cells[unknown[cells].all(axis=1)]], stencil.diagonal)
     return DisplayEquations(
-        np.flatnonzero(unknown), point, read, weights[point] * weight[:, None], stencil, seam_rows, smooth
+        np.flatnonzero(unknown), point, read, weights * weight[:, None], stencil, seam_rows, smooth
     )
 
 

@@ -44,8 +44,8 @@ def patch_points(triangles: Triangles, patches: PatchList) -> LightmapPoints:
     """
     row, column = np.divmod(patches.texel, patches.resolution)
     position = np.stack([column, row], axis=1) + 0.5
-    corners = triangles.uvs[patches.triangle].astype(np.float64) * patches.resolution
-    point = np.einsum("nk,nkd->nd", patches.barycentric, corners)
+    uvs = triangles.uvs[patches.triangle]
+    point = np.einsum("nk,nkd->nd", patches.barycentric, uvs) * patches.resolution
     off = (np.abs(point - position) > _AT_CENTRE).any(axis=1)
     position[off] = point[off]
     return LightmapPoints(patches.atlas, position, np.ones(len(position)))

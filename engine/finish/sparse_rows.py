@@ -20,8 +20,10 @@ class SparseRows:
 
     def times(self, values: np.ndarray) -> np.ndarray:
         """Return A^T A times values of the unknowns, (n,) float64."""
-        product = np.einsum("mk,mk->m", self._entries, values[self._columns])
-        return self._sums(self._entries * product[:, None])
+        terms = values.take(self._columns)
+        product = np.einsum("mk,mk->m", self._entries, terms)
+        np.multiply(self._entries, product[:, None], out=terms)
+        return self._sums(terms)
 
     @property
     def diagonal(self) -> np.ndarray:

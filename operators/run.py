@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from dataclasses import replace
 
@@ -16,6 +16,7 @@ from ..engine.errors import EngineError, OverlapError
 from ..engine.finish.outputs import output_names
 from ..engine.lightmap import Lightmap
 from ..engine.naming import naming, objects_of
+from ..engine.plan.stages import Extent
 from ..engine.progress import Progress, finished
 from ..engine.scene.model import Scene
 from ..engine.settings import Settings
@@ -135,6 +136,7 @@ class Run:
         context, layer, properties = self._context, self._uv_layer, self._context.scene.hemibake
         resolution = chosen_width(context, visible_meshes(context), properties)
         objects = [obj for obj in visible_meshes(context) if obj.session_uid in wanted]
+        self._foresee(objects, resolution)
         made = yield from self._stages.include(
             self._stages.unwrapping, unwrap_missing(context, objects, layer, resolution, self._changes)
         )
@@ -160,6 +162,15 @@ class Run:
         self._settings = replace(self._settings, resolution=width)
         targets = self._targets(set(wanted))
         self._read = only_targets(self._read, targets, context.scene)
+
+    def _foresee(self, objects: Sequence[bpy.types.Object], resolution: int) -> None:
+        """Let the progress know about how much there is to do, before it can be told exactly."""
+        atlases = len({obj.hemibake.atlas for obj in objects})
+        lamps = sum(obj.type == "LIGHT" for obj in self._context.view_layer.objects)
+        triangles = 2 * sum(len(obj.data.polygons) for obj in objects)
+        faces = sum(len(obj.data.polygons) for obj in objects if not has_uvs(obj, self._uv_layer))
+        settings = replace(self._settings, resolution=resolution)
+        self._stages.foresee(Extent(atlases, triangles, lamps), faces, settings)
 
     def _targets(self, wanted: set[int]) -> set[int]:
         """Return which of the objects that may be baked are; raises SceneError if none is."""

@@ -8,10 +8,9 @@ from ..engine.progress import Schedule, Stage
 from ..engine.scene.model import Scene
 from ..engine.settings import Settings
 
-#: Seconds that unwrapping, reading a scene, a bake, and writing a texel of an image take before any was
-#: measured.
-_UNWRAPPING, _READING, _BAKING, _TEXEL = 1.0, 1.0, 10.0, 2e-7
-
+#: Seconds that unwrapping and reading a scene take, unwrapping a face, and writing a texel of an image,
+#: before any was measured.
+_UNWRAPPING, _READING, _FACE, _TEXEL = 1.0, 1.0, 4e-4, 2e-7
 
 #: Fraction of a lightmap's texels that are patches.
 _COVERAGE = 0.6
@@ -27,16 +26,23 @@ class RunStages(Schedule):
         self._paces = paces
         self.unwrapping = Stage("Unwrapping", pace=_UNWRAPPING)
         self.reading = Stage("Reading the scene", pace=_READING)
-        self.baking = Stage("Starting", pace=_BAKING)
+        self.baking = Stage("Starting")
         self.saving = Stage("Saving", 0, paces.get("Saving", _TEXEL), "Saving" in paces)
         super().__init__([self.unwrapping, self.reading, self.baking, self.saving])
 
+    def foresee(self, extent: Extent, faces: int, settings: Settings) -> None:
+        """Learn before the scene is read how large it is about, and how many faces are to be unwrapped."""
+        self.unwrapping.pace = _UNWRAPPING + _FACE * faces
+        self._expect_bake(extent, settings)
+
     def expect(self, scene: Scene, settings: Settings, images: int) -> None:
         """Learn how much is to be baked, and how many images are to be saved."""
-        texels = settings.resolution**2
-        patches = round(_COVERAGE * texels * len(scene.atlases))
-        self.baking.pace = estimate(Extent.of(scene), patches, settings, self._paces).seconds
-        self.saving.amount = images * texels
+        self._expect_bake(Extent.of(scene), settings)
+        self.saving.amount = images * settings.resolution**2
+
+    def _expect_bake(self, extent: Extent, settings: Settings) -> None:
+        patches = round(_COVERAGE * settings.resolution**2 * extent.atlases)
+        self.baking.pace = estimate(extent, patches, settings, self._paces).seconds
 
     def has_saved(self) -> None:
         """End saving, and keep its pace for the next run."""

@@ -4,6 +4,8 @@ import contextlib
 import json
 import math
 
+import pytest
+
 from tests.blender.things import furnace, part
 
 
@@ -52,3 +54,28 @@ def test_guess_of_a_whole_bake_follows_its_size():
         run.expect(scene, engine.Settings(resolution=resolution), 1)
         seconds.append(run.baking.pace)
     assert all(map(math.isfinite, seconds)) and seconds[1] > 5 * seconds[0] > 0
+
+
+def steps_until(run, stage):
+    """Yield after each step of a run before a stage begins."""
+    while (progress := run.step()) is None or progress.stage != stage:
+        yield
+
+
+def test_time_of_a_bake_is_foreseen_before_the_scene_is_read():
+    """By its size, as when it is known exactly: the percentage is even from the first step on."""
+    import bpy
+
+    furnace()
+    foreseen, known = [], []
+    for resolution in (32, 256):
+        bpy.context.scene.hemibake.resolution = resolution
+        run = part("operators.run").Run(bpy.context, part("engine").bake)
+        for _ in steps_until(run, "Reading objects"):
+            pass
+        foreseen.append(run._stages.baking.pace)
+        for _ in steps_until(run, "Starting"):
+            pass
+        known.append(run._stages.baking.pace)
+        run.cancel()
+    assert foreseen[1] > 5 * foreseen[0] and foreseen == pytest.approx(known, rel=0.3)

@@ -12,12 +12,14 @@ import numpy as np
 from ....engine.errors import SceneError
 from ....engine.naming import naming
 from ....engine.progress import Progress, finished
+from ....engine.unwrap.polygon_mesh import areas
 from ....engine.unwrap.segmentation import has_xatlas
 from ....engine.unwrap.unwrapping import Square
 from ...changes import Changes
 from ...lookup import find, find_all
 from ..messages import NO_ROOM, WITHOUT_XATLAS, Troubles
 from ..scene_context import SceneContext
+from ..slices import row_slices
 from .multi_user import instanced_objects, multi_user_sources
 from .unwrap_process import unwrap_apart
 from .uv_layers import add_layer
@@ -154,6 +156,19 @@ class _Unwrapping:
                 targets.append(target)
         return targets
 
+    def _measured(self, targets: Sequence[Target]) -> Generator[Progress | None, None, list[Target]]:
+        """Return targets with their areas, some triangles at a time."""
+        measured, began = [], time.perf_counter()
+        for target in targets:
+            mesh, area = target.mesh, 0.0
+            for rows in row_slices(len(mesh.triangles), 27):
+                if time.perf_counter() - began > _SLICE:
+                    yield None
+                    began = time.perf_counter()
+                area += float(areas(mesh.positions[mesh.corners[mesh.triangles[rows]]]).sum())
+            measured.append(replace(target, area=area))
+        return measured
+
     def _evaluated_targets(self, objects: Sequence[bpy.types.Object], own: Sequence[Target]) -> list[Target]:
         """Return what modifiers make such that it needs UVs of its own."""
         made = {self._objects[uid].data.session_uid for target in own for uid in target.uids}
@@ -170,6 +185,8 @@ class _Unwrapping:
         """Lay the charts of each atlas, and of each mesh that several show, side by side."""
         if not targets:
             return []
+        targets = yield from self._measured(targets)
+        self._look_up(targets)
         squares, atlases = self._squares(targets)
         meshes, charts = zip(*((target.mesh, target.charts) for target in targets), strict=True)
         unwrapped = yield from unwrap_apart(meshes, charts, squares)

@@ -30,7 +30,7 @@ class Target:
     atlas     name of the atlas that they belong to
     layer     its lightmap UV layer
     mesh      in world space, as the first of them shows it, times its scale in lightmaps
-    area      its surface, m^2
+    area      its surface, m^2; 0 until it is measured
     topology  of a mesh that modifiers make; None for the objects' own mesh
     charts    once they are known
     """
@@ -39,9 +39,9 @@ class Target:
     atlas: str
     layer: str
     mesh: PolygonMesh
-    area: float
     topology: str | None = None
     charts: Charts | None = None
+    area: float = 0.0
 
 
 @contextmanager
@@ -80,9 +80,7 @@ def users_of_meshes(objects: Sequence[bpy.types.Object], uv_layer: str) -> list[
 def own_target(objects: Sequence[bpy.types.Object], layer: str, leave: Leave) -> Target | None:
     """Return the mesh of objects that show one; None if it can have no layer."""
     mesh = _read(objects, objects[0].data, layer, leave)
-    if mesh is None:
-        return None
-    return Target(_uids(objects), objects[0].hemibake.atlas, layer, mesh, mesh.area)
+    return None if mesh is None else Target(_uids(objects), objects[0].hemibake.atlas, layer, mesh)
 
 
 def evaluated_targets(
@@ -114,7 +112,7 @@ def evaluated_targets(
                 meshes[key] = _read([obj], mesh, layer, leave)
             users.setdefault(key, []).append(obj)
     return [
-        Target(_uids(users[key]), key[2], key[1], mesh, mesh.area, key[3])
+        Target(_uids(users[key]), key[2], key[1], mesh, key[3])
         for key, mesh in meshes.items()
         if mesh is not None
     ]

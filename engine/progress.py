@@ -197,14 +197,23 @@ class Schedule:
 
     def _estimate(self) -> None:
         """Estimate the time that is left, and how much of it is a guess."""
-        left = guessed = 0.0
+        left, guessed, slowness = 0.0, 0.0, self._slowness()
         for stage in self._stages[self._current :]:
-            seconds = stage.seconds_left
+            seconds = stage.seconds_left * (1.0 if stage.known or stage is self.current else slowness)
             left += seconds
             guessed += 0.0 if stage.known else seconds
         spent = sum(stage.seconds for stage in self._stages[: self._current + 1])
         self._left = left
         self.seconds_left = left if guessed <= max(left / 2, _NEGLIGIBLE * spent) else math.nan
+
+    def _slowness(self) -> float:
+        """Return how many times as long as expected the work so far took, at least 1.
+
+        What slows it, drivers that compile and other programs, slows what nothing but a guess is known of.
+        """
+        begun = [stage for stage in self._stages[: self._current + 1] if stage.seconds > 0]
+        expected = sum(stage.pace * (stage.done or stage.amount) for stage in begun)
+        return max(1.0, (sum(stage.seconds for stage in begun) + _PRIOR) / (expected + _PRIOR))
 
 
 def format_seconds_left(seconds: float) -> str:

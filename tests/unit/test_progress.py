@@ -81,6 +81,18 @@ def test_seconds_left_are_unknown_until_something_was_measured(clock):
     assert told[50] == pytest.approx(25, rel=0.2) and told[-1] == 0
 
 
+@pytest.mark.parametrize("slow", [1, 3, 20])
+def test_it_is_even_where_all_takes_longer_than_guessed_by_the_same_factor(clock, slow):
+    """As on a busy machine, or where drivers compile: the percentage does not run ahead."""
+    stages = [Stage("A", 7, 1.0), Stage("B", 1, 5.0), Stage("C", 3, 4.0)]
+    schedule, start = Schedule(stages), clock.now
+    for stage in stages:
+        schedule.begin(stage)
+        clock.now += slow * stage.amount * stage.pace
+        schedule.end()
+        assert schedule.overall == pytest.approx((clock.now - start) / (24 * slow), abs=0.05)
+
+
 @pytest.mark.parametrize("wrong", [0.01, 100])
 def test_a_wrong_guess_is_forgotten_after_some_seconds(clock, wrong):
     """The stage takes an hour: a thousandth of it is enough to know."""

@@ -190,7 +190,7 @@ class _Unwrapping:
         squares, atlases = self._squares(targets)
         meshes, charts = zip(*((target.mesh, target.charts) for target in targets), strict=True)
         unwrapped = yield from unwrap_apart(meshes, charts, squares)
-        yield Progress("Storing lightmap UVs", 1.0)
+        yield Progress("Storing lightmap UVs", 1.0, 1.0)
         yield None
         cut = [replace(target, charts=made) for target, made in zip(targets, unwrapped.charts, strict=True)]
         self._look_up(cut)

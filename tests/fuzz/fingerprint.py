@@ -25,9 +25,10 @@ _PASSING = {
     "uv_layer_stencil_index",
 }  # fmt: skip
 
-#: What a bake writes on scenes and objects.
+#: What a bake, and the check before it, write on scenes and objects.
 _RESULTS = {
-    "report", "lightmaps", "image", "uv_layer", "uv_scale", "uv_offset", "instances", "slots", "slot_added",
+    "report", "findings", "lightmaps", "image", "uv_layer", "uv_scale", "uv_offset", "instances",
+    "fingerprint", "slots", "slot_added",
 }  # fmt: skip
 
 #: Name of the modifiers that keep lightmap UVs, and of what they use.

@@ -10,10 +10,14 @@ from collections.abc import Callable
 
 import numpy as np
 
+from .layers import sheets
 from .polygon_mesh import Charts, PolygonMesh, areas, signed_areas
 
-#: Corners are the same if they agree to this many parts of the mesh's size.
-_DOUBLED_STEPS = 1 << 18
+#: Part of its area that a polygon keeps in the plane, unless it is folded.
+_LEAST_FLAT = 0.01
+
+#: A polygon has no area if it is less than this part of its longest edge squared.
+_NOTHING = 1e-10
 
 
 def make_charts(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> Charts:
@@ -22,7 +26,9 @@ def make_charts(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> Charts
     uvs    (t, 3, 2) float64 metres, of each triangle corner
     chart  (t,) int64, of each triangle, -1 for none
     """
-    torn = np.union1d(_torn_polygons(mesh, uvs, chart), _doubled_polygons(mesh))
+    torn = np.union1d(_torn_polygons(mesh, uvs, chart), _doubled_polygons(mesh, chart))
+    empty = _empty_polygons(mesh)
+    torn = torn[~empty[torn]]
     loop_uvs = np.zeros((len(mesh.corners), 2))
     loop_uvs[mesh.triangles.reshape(-1)] = uvs.reshape(-1, 2)
 
@@ -42,7 +48,19 @@ def make_charts(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> Charts
         local = mesh.triangles[of_polygon] - start[:, :, None]
         loop_uvs[corners] = flatten(mesh.positions[mesh.corners[corners]], local)
         chart[of_polygon] = unused + number[:, None]
+    chart[empty[mesh.polygon]] = -1
     return Charts(loop_uvs, chart)
+
+
+def _empty_polygons(mesh: PolygonMesh) -> np.ndarray:
+    """Return whether each polygon, (p,) bool, has no area, so that it needs no texels."""
+    corners = mesh.positions[mesh.corners[mesh.triangles]]
+    longest = (np.diff(corners[:, [0, 1, 2, 0]], axis=1) ** 2).sum(axis=2).max(axis=1)
+    count = len(mesh.starts) - 1
+    area = np.bincount(mesh.polygon, areas(corners), count)
+    size = np.zeros(count)
+    np.maximum.at(size, mesh.polygon, longest)
+    return area <= _NOTHING * size
 
 
 def _torn_polygons(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> np.ndarray:
@@ -57,21 +75,12 @@ def _torn_polygons(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> np.
     return np.unique(mesh.polygon[bad])
 
 
-def _doubled_polygons(mesh: PolygonMesh) -> np.ndarray:
-    """Return the polygons that lie on an earlier one with the same corners, in any order.
-
-    Such a pair, as models have it to be seen from both sides, comes out of xatlas as one spot of a chart.
-    """
-    corners = mesh.positions[mesh.corners]
-    size = np.ptp(mesh.positions, axis=0).max()
-    steps = np.round((corners - mesh.positions.min(axis=0)) / max(size, 1e-30) * _DOUBLED_STEPS)
-    starts = mesh.starts[:-1]
-    keys = np.concatenate(
-        [np.add.reduceat(steps, starts), np.add.reduceat(steps**2, starts), np.diff(mesh.starts)[:, None]],
-        axis=1,
-    )
-    _, first = np.unique(keys, axis=0, return_index=True)
-    return np.setdiff1d(np.arange(len(starts)), first)
+def _doubled_polygons(mesh: PolygonMesh, chart: np.ndarray) -> np.ndarray:
+    """Return the polygons that lie on an earlier one of their chart."""
+    of_polygon = np.full(len(mesh.starts) - 1, -1)
+    of_polygon[mesh.polygon] = chart
+    _, first = np.unique(np.stack([sheets(mesh), of_polygon]), axis=1, return_index=True)
+    return np.setdiff1d(np.arange(len(of_polygon)), first)
 
 
 def flatten(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -89,9 +98,9 @@ def flatten(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     axis = np.linalg.svd(centred - along * normal / squared, full_matrices=False)[2][:, :1]
     other = np.cross(normal / np.sqrt(squared), axis)
     flat = np.stack([(centred * axis).sum(axis=2), (centred * other).sum(axis=2)], axis=2)
-    folded = (_each(signed_areas, flat, triangles) < 0).any(axis=1)
+    area, signed = _each(areas, points, triangles).sum(axis=1), _each(signed_areas, flat, triangles)
+    folded = (signed < 0).any(axis=1) | (signed.sum(axis=1) < _LEAST_FLAT * area)
     flat[folded] = _on_circle(points[folded])
-    area = _each(areas, points, triangles).sum(axis=1)
     covered = np.abs(_each(signed_areas, flat, triangles)).sum(axis=1)
     return flat * np.sqrt(area / np.maximum(covered, 1e-30))[:, None, None]
 

@@ -1,4 +1,4 @@
-"""Charts turned such that the box around each is as small as can be, and lies."""
+"""Charts turned such that their edges run along the axes, or the box around each is as small as can be."""
 
 from __future__ import annotations
 
@@ -8,31 +8,40 @@ import numpy as np
 _DIRECTIONS = 24
 _HALVINGS = 12
 
+#: A box along the edges is kept unless another one is smaller than this part of it.
+_WORTH_TURNING = 0.85
 
-def lie_down(uvs: np.ndarray, chart: np.ndarray, count: int) -> np.ndarray:
-    """Return points of charts, (n, 2), turned such that each box is the smallest, wider than high, and at 0.
 
+def lie_down(uvs: np.ndarray, after: np.ndarray, chart: np.ndarray, count: int) -> np.ndarray:
+    """Return points of charts, (n, 2), turned such that each box is small, wider than high, and at 0.
+
+    after  (n, 2), the next point of each one's polygon
     chart  (n,) int64 below `count`, of each point
 
-    The smallest box of a convex hull has a side along one of the hull's (Freeman and Shapira 1975): the
-    search halves its step down to such a direction.
+    A chart is turned along its edges, if these are at right angles; else the smallest box of a convex hull
+    has a side along one of the hull's (Freeman and Shapira 1975): the search halves its step down to such
+    a direction.
     """
     order = np.argsort(chart, kind="stable")
     points, of_point = uvs[order], chart[order]
     starts = np.searchsorted(of_point, np.arange(count))
     points = points - points[starts][of_point]
+    edges = _edge_direction((after - uvs)[order], starts)
 
     quarter = np.pi / 2
-    tried = np.arange(_DIRECTIONS) * quarter / _DIRECTIONS
-    areas = [_box_areas(points, of_point, starts, np.full(count, angle)) for angle in tried]
+    tried = edges + np.arange(_DIRECTIONS)[:, None] * quarter / _DIRECTIONS
+    areas = np.array([_box_areas(points, of_point, starts, angle) for angle in tried])
+    areas[0] *= _WORTH_TURNING
     best = np.argmin(areas, axis=0)
-    angle, least = tried[best], np.min(areas, axis=0)
+    along, chosen = best == 0, np.arange(count)
+    angle, least = tried[best, chosen], areas[best, chosen]
     step = quarter / _DIRECTIONS
     for _ in range(_HALVINGS):
         step /= 2
         for sign in (-1, 1):
             area = _box_areas(points, of_point, starts, angle + sign * step)
-            angle, least = np.where(area < least, angle + sign * step, angle), np.minimum(area, least)
+            better = (area < least) & ~along
+            angle, least = np.where(better, angle + sign * step, angle), np.where(better, area, least)
 
     low, high = _boxes(points, of_point, starts, angle)
     upright = np.ptp([low, high], axis=0)
@@ -41,6 +50,16 @@ def lie_down(uvs: np.ndarray, chart: np.ndarray, count: int) -> np.ndarray:
     turned = np.empty_like(points)
     turned[order] = _turned(points, angle[of_point]) - low[of_point]
     return turned
+
+
+def _edge_direction(edges: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Return the angle, (c,), about which edges, (n, 2), of each chart lie, up to quarter turns.
+
+    It is the mean of the edges as complex numbers whose angle is four times as large.
+    """
+    length = np.maximum(np.linalg.norm(edges, axis=1), 1e-300)
+    fourfold = ((edges[:, 0] + 1j * edges[:, 1]) / length) ** 4 * length
+    return np.angle(np.add.reduceat(fourfold, starts)) / 4
 
 
 def _box_areas(points: np.ndarray, chart: np.ndarray, starts: np.ndarray, angle: np.ndarray) -> np.ndarray:

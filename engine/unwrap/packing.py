@@ -3,158 +3,140 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from .orientation import lie_down
+from .loose import Loose, loosen
 from .page import Page, Shape
-from .polygon_mesh import Charts, PolygonMesh, signed_areas
+from .polygon_mesh import Charts, PolygonMesh
 from .row_spans import row_spans
 
-#: Least distance of two charts, and of a chart from the border of the page, texels.
-PADDING = 4
+#: Least distance of two charts, texels: bilinear filtering reads one beyond each.
+PADDING = 2
+
+#: Distance of charts from the border of the page, texels.
 _BORDER = 1
 
 #: Mean area of a chart, texels, below which its light could not be stored.
 _LEAST_CHART = 0.01
 
 #: Part of a page that is covered by charts with their share of the gaps, as a rule.
-_USUAL = 0.9
+_USUAL = 0.95
 
-#: Packings to find the scale, and the part of the page's height that is enough.
-_ATTEMPTS = 8
+#: Packings to find the scale, at most those until the first that fits, and the part of the page's height
+#: that is enough.
+_ATTEMPTS, _MOST_ATTEMPTS = 7, 30
 _FULL = 0.985
-_NARROW = 1.01
+_NARROW = 1.005
 
-
-@dataclass(frozen=True)
-class _Loose:
-    """Charts that lie but have no place yet.
-
-    uvs      (l, 2) float64 metres, of each loop, from the lower left corner of its chart
-    chart    (l,) int64, of each loop
-    corners  (t, 3) int64, loops of each triangle
-    size     (c, 2) float64 metres, of each chart's box
-    area     (c,) float64 m^2, of each chart
-    """
-
-    uvs: np.ndarray
-    chart: np.ndarray
-    corners: np.ndarray
-    size: np.ndarray
-    area: np.ndarray
+#: A scale that failed is lowered by this factor, and once more for each one before it, or as measured.
+_CAUTION = 0.99
 
 
 def pack_charts(
-    meshes: Sequence[PolygonMesh], charts: Sequence[Charts], resolution: int
+    meshes: Sequence[PolygonMesh], charts: Sequence[Charts], resolution: int, padding: int = PADDING
 ) -> Generator[float, None, list[np.ndarray] | None]:
     """Yield the part of the work that is done; return UVs of each mesh's loops, (l, 2) float32.
 
     All charts lie on one unit square, in proportion to world area; each box has a whole number of texels of
-    a `resolution` x `resolution` image, and begins between two. They do not overlap and keep PADDING texels
+    a `resolution` x `resolution` image, and begins between two. They do not overlap and keep `padding` texels
     between them. None if they do not fit; the scale is the largest one found at which they do.
     """
-    loose = _loosen(meshes, charts)
+    loose = loosen(meshes, charts)
     if loose.area.sum() == 0:
         return [np.zeros((len(mesh.corners), 2), np.float32) for mesh in meshes]
-    texels = yield from _largest(loose, resolution - 2 * _BORDER)
+    texels = yield from _largest(loose, resolution - 2 * _BORDER, padding)
     if texels is None:
         return None
     uvs = ((texels + _BORDER) / resolution).astype(np.float32)
     return np.split(uvs, np.cumsum([len(mesh.corners) for mesh in meshes])[:-1])
 
 
-def _loosen(meshes: Sequence[PolygonMesh], charts: Sequence[Charts]) -> _Loose:
-    """Return the charts of all meshes, each turned such that it lies in the smallest box."""
-    loops = np.cumsum([0, *(len(mesh.corners) for mesh in meshes)])
-    corners = np.concatenate(
-        [mesh.triangles + first for mesh, first in zip(meshes, loops[:-1], strict=True)]
-    ).astype(np.int64)
-    counts = np.cumsum([0, *(made.chart.max(initial=-1) + 1 for made in charts)])
-    _, number = np.unique(
-        np.concatenate([made.chart + first for made, first in zip(charts, counts[:-1], strict=True)]),
-        return_inverse=True,
-    )
-    number = number.reshape(-1)
-    count = number.max(initial=-1) + 1
-
-    # Loops of polygons without triangles belong to no chart.
-    chart = np.full(loops[-1], -1)
-    chart[corners] = number[:, None]
-    uvs = np.concatenate([made.uvs for made in charts])
-    used = np.flatnonzero(chart >= 0)
-    turned = np.zeros_like(uvs)
-    turned[used] = lie_down(uvs[used], chart[used], count)
-    size = np.zeros((count, 2))
-    np.maximum.at(size, chart[used], turned[used])
-    area = np.bincount(number, np.abs(signed_areas(turned[corners])), count)
-    return _Loose(turned, np.maximum(chart, 0), corners, size, area)
-
-
-def _largest(loose: _Loose, width: int) -> Generator[float, None, np.ndarray | None]:
+def _largest(loose: Loose, width: int, padding: int) -> Generator[float, None, np.ndarray | None]:
     """Return where the loops are, (l, 2) texels, at the largest scale at which the charts fit a square."""
     least = np.sqrt(_LEAST_CHART * len(loose.size) / loose.area.sum())
-    low, high, best = 0.0, width / loose.size.max(), None
-    part = _USUAL
-    for attempt in range(_ATTEMPTS):
-        scale = _scale_that_covers(loose, part * (width + PADDING) ** 2, high)
-        if best is not None and not low < scale < high:
-            scale = (low + high) / 2
-        if scale < least or width < 1:
+    limit = width / loose.size.max()
+    low, high, best = 0.0, limit, None
+    room = (width + padding) ** 2
+    scale = _scale_that_covers(loose, _USUAL * room, limit, padding)
+    for attempt in range(_MOST_ATTEMPTS):
+        if width < 1 or (scale < least and best is None):
             break
-        texels, height = yield from _pack_at(loose, scale, width, attempt)
-        part = _covered(loose, scale) / ((width + PADDING) * (height + PADDING))
-        if height <= width:
-            low, best = scale, texels
+        packed = yield from _pack_at(loose, scale, width, padding, attempt)
+        if packed.texels is not None:
+            low, best = scale, packed.texels
         else:
             high = scale
-        if high < _NARROW * low or _FULL * width <= height <= width:
+        enough = _FULL * width <= packed.height <= width or attempt + 1 >= _ATTEMPTS
+        if best is not None and (enough or low >= limit or high < _NARROW * low):
             break
+
+        # The part of the page that was covered so far is what the next scale may cover.
+        scale = _scale_that_covers(loose, packed.part * room, limit, padding)
+        if best is None:
+            scale = min(scale, high * _CAUTION ** (attempt + 1))
+        elif not low < scale < high:
+            scale = (low + high) / 2 if high < limit else min(limit, 1.05 * low)
     return best
 
 
-def _boxes(loose: _Loose, scale: float) -> np.ndarray:
+def _boxes(loose: Loose, scale: float) -> np.ndarray:
     """Return columns and rows of each chart, (c, 2) int64: each has at least one."""
     return np.maximum(np.round(loose.size * scale), 1).astype(np.int64)
 
 
-def _covered(loose: _Loose, scale: float) -> float:
-    """Return about how many texels charts with half of the gaps around them take."""
-    boxes = _boxes(loose, scale)
+def _taken(loose: Loose, boxes: np.ndarray, padding: int) -> np.ndarray:
+    """Return about how many texels each chart takes with half of the gaps around it, (c,)."""
     full = np.clip(loose.area / np.maximum(loose.size.prod(axis=1), 1e-300), 0, 1)
-    return float((full * boxes.prod(axis=1) + PADDING * boxes.sum(axis=1) + PADDING**2).sum())
+    return full * boxes.prod(axis=1) + padding * boxes.sum(axis=1) + padding**2
 
 
-def _scale_that_covers(loose: _Loose, texels: float, high: float) -> float:
-    """Return the largest scale below `high` at which charts take no more than some texels; 0 without one."""
+def _scale_that_covers(loose: Loose, texels: float, high: float, padding: int) -> float:
+    """Return the largest scale up to `high` at which charts take no more texels than given; 0 without."""
+    if _taken(loose, _boxes(loose, high), padding).sum() <= texels:
+        return high
     low = 0.0
-    for _ in range(40):
+    for _ in range(30):
         middle = (low + high) / 2
-        low, high = (middle, high) if _covered(loose, middle) <= texels else (low, middle)
+        fits = _taken(loose, _boxes(loose, middle), padding).sum() <= texels
+        low, high = (middle, high) if fits else (low, middle)
     return low
 
 
+class _Packed:
+    """A packing: where the loops are, (l, 2) texels, None if they do not fit; height; covered part."""
+
+    def __init__(self, texels: np.ndarray | None, height: int, part: float) -> None:
+        self.texels, self.height, self.part = texels, height, part
+
+
 def _pack_at(
-    loose: _Loose, scale: float, width: int, attempt: int
-) -> Generator[float, None, tuple[np.ndarray, int]]:
-    """Return where the loops are, (l, 2) texels, on a page of some width, and its height."""
-    boxes = _boxes(loose, scale)
-    boxes = np.minimum(boxes, [width, np.iinfo(np.int64).max])
+    loose: Loose, scale: float, width: int, padding: int, attempt: int
+) -> Generator[float, None, _Packed]:
+    """Pack at a scale, until a chart reaches out of the page."""
+    boxes = np.minimum(_boxes(loose, scale), [width, np.iinfo(np.int64).max])
     stretch = boxes / np.where(loose.size > 0, loose.size, np.inf)
     texels = loose.uvs * stretch[loose.chart]
     shapes = _shapes(texels, loose, boxes)
-    page, corner = Page(width, PADDING), np.zeros((len(boxes), 2))
+    page, corner = Page(width, padding), np.zeros((len(boxes), 2))
     order = np.lexsort((-boxes[:, 0], -boxes[:, 1]))
+    taken, room = _taken(loose, boxes, padding), 0.0
     for done, chart in enumerate(order.tolist()):
         corner[chart] = place = page.find(shapes[chart])
+        if place[1] + shapes[chart].height > width:
+            # What is free below has no room for this one: the smaller ones that follow fill some of it.
+            rest = float(taken[order[done:]].sum())
+            part = (room + min(rest / 2, 0.5 * ((width + padding) ** 2 - room))) / (width + padding) ** 2
+            return _Packed(None, width + 1, part)
         page.put(shapes[chart], *place)
-        if done % 64 == 0:
-            yield (attempt + done / len(order)) / _ATTEMPTS
-    return texels + corner[loose.chart], page.height
+        room += float(taken[chart])
+        if done % 32 == 0:
+            yield min((attempt + done / len(order)) / _ATTEMPTS, 1.0)
+    part = room / ((width + padding) * (page.height + padding))
+    return _Packed(texels + corner[loose.chart], page.height, part)
 
 
-def _shapes(texels: np.ndarray, loose: _Loose, boxes: np.ndarray) -> list[Shape]:
+def _shapes(texels: np.ndarray, loose: Loose, boxes: np.ndarray) -> list[Shape]:
     """Return the texels that each chart touches."""
     chart, row, first, end = row_spans(texels[loose.corners], loose.chart[loose.corners[:, 0]], boxes)
     starts = np.searchsorted(chart, np.arange(len(boxes) + 1)).tolist()

@@ -33,6 +33,11 @@ class Shape:
         ]
 
     @cached_property
+    def is_rectangle(self) -> bool:
+        """Whether each row is one full span."""
+        return len(self.spans) == self.height and all(length == self.width for _, _, length in self.spans)
+
+    @cached_property
     def rows(self) -> list[int]:
         """The texels of each row, bit k column k."""
         rows = [0] * self.height
@@ -49,13 +54,14 @@ class Page:
     of level k = floor(log2(n)) and rest n - 2^k, is free where level k is and level k moved by the rest.
 
     height  rows up to the highest chart
+    _open   of each level the rows, as bits, that have such a run at all
     """
 
     width: int
     padding: int
     height: int = 0
     _levels: list[list[int]] = field(default_factory=list, repr=False)
-    _widest: bytearray = field(default_factory=bytearray, repr=False)
+    _open: list[int] = field(default_factory=list, repr=False)
     _starts: dict[Shape, int] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
@@ -64,25 +70,36 @@ class Page:
             self._fresh.append(free)
             free &= free >> (1 << level)
         self._levels = [[] for _ in self._fresh]
+        self._open = [0] * len(self._fresh)
 
     def find(self, shape: Shape) -> tuple[int, int]:
         """Return column and row of the lowest free place for a shape, of these the leftmost."""
         spans = shape.tests
-        row, _, level, _ = spans[0]
         start = self._starts.get(shape, 0)
+        rows = self._open_rows(shape, start)
         while True:
             # Rows whose free runs are too short for the longest span are left out.
+            while rows:
+                leap = (rows & -rows).bit_length() - 1
+                columns = self._free_columns(spans, start + leap)
+                if columns:
+                    self._starts[shape] = start + leap
+                    return (columns & -columns).bit_length() - 1, start + leap
+                rows &= rows - 1
+            start = max(start, len(self._levels[0]) - shape.height + 1)
             self._grow(start + shape.height)
-            widest = self._widest
-            while widest[start + row] < level:
-                start += 1
-                if start + shape.height > len(widest):
-                    self._grow(start + shape.height)
-            columns = self._free_columns(spans, start)
-            if columns:
-                self._starts[shape] = start
-                return (columns & -columns).bit_length() - 1, start
-            start += 1
+            rows = self._open_rows(shape, start)
+
+    def _open_rows(self, shape: Shape, start: int) -> int:
+        """Return the rows from `start` on, as bits, in which a shape may begin."""
+        row, _, level, _ = shape.tests[0]
+        last = len(self._levels[0]) - shape.height
+        if last < start:
+            return 0
+        open_rows = self._open[level] >> start + row
+        if shape.is_rectangle:
+            open_rows = _eroded(self._open[level] >> start, shape.height)
+        return open_rows & ((1 << last - start + 1) - 1)
 
     def _free_columns(self, spans: list[tuple[int, int, int, int]], start: int) -> int:
         """Return the columns, as bits, at which all spans are free in a row."""
@@ -109,21 +126,30 @@ class Page:
     def _take(self, row: int, texels: int) -> None:
         """Take texels of a row."""
         free = self._levels[0][row] & ~texels
-        widest = 0
         for level, rows in enumerate(self._levels):
-            if free:
-                widest = level
             rows[row] = free
+            if not free:
+                self._open[level] &= ~(1 << row)
             free &= free >> (1 << level)
-        self._widest[row] = widest if self._levels[0][row] else 0
 
     def _grow(self, height: int) -> None:
         """Have at least some rows."""
-        missing = height - len(self._widest)
+        count = len(self._levels[0])
+        missing = height - count
         if missing > 0:
             for rows, free in zip(self._levels, self._fresh, strict=True):
                 rows += [free] * missing
-            self._widest += bytes([len(self._fresh) - 1]) * missing
+            self._open = [rows | ((1 << missing) - 1) << count for rows in self._open]
+
+
+def _eroded(bits: int, length: int) -> int:
+    """Return the bits that begin a run of some length."""
+    done = 1
+    while done < length:
+        step = min(done, length - done)
+        bits &= bits >> step
+        done += step
+    return bits
 
 
 def _widened(texels: int, margin: int) -> int:

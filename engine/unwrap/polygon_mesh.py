@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -25,6 +26,14 @@ class PolygonMesh:
     triangles: np.ndarray
     polygon: np.ndarray
 
+    @cached_property
+    def after(self) -> np.ndarray:
+        """The next loop of each one's polygon, (l,) int64."""
+        after = np.arange(1, len(self.corners) + 1)
+        filled = np.diff(self.starts) > 0
+        after[self.starts[1:][filled] - 1] = self.starts[:-1][filled]
+        return after
+
     @property
     def area(self) -> float:
         """The surface, m^2."""
@@ -36,7 +45,7 @@ class Charts:
     """Flattened polygons, not packed yet.
 
     uvs    (l, 2) float64, of each loop, metres
-    chart  (t,) int64, chart of each triangle
+    chart  (t,) int64, chart of each triangle; -1 for polygons without area, which need no texels
     """
 
     uvs: np.ndarray

@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from .layers import make_layers, sheets
+from .planar import PlanarCharts, project_flat
 from .polygon_mesh import PolygonMesh, areas, signed_areas
 
 #: UV of each triangle corner, (t, 3, 2) float64 metres, and chart of each triangle, (t,) int64, -1 for none.
@@ -26,7 +28,7 @@ _DRAFT = 887
 _LONGEST_DRAFT = 1 << 13
 
 #: Most triangles of a piece of a mesh that are cut in one call.
-_PIECE = 1 << 14
+_PIECE = 1 << 12
 
 #: Triangles of meshes that are cut at a time, and at most so many times.
 _BATCH = 1 << 13
@@ -42,7 +44,11 @@ def has_xatlas() -> bool:
 
 def segment(meshes: Sequence[PolygonMesh]) -> Generator[float, None, list[Segments]]:
     """Yield the part of the work that is done; return each mesh's segments. Coordinates have to be finite."""
-    halved = [_pieces(mesh, np.arange(len(mesh.starts) - 1)) for mesh in meshes]
+    planar: list[PlanarCharts] = []
+    for mesh in meshes:
+        yield len(planar) / len(meshes) / 2
+        planar.append(project_flat(mesh))
+    halved = [_curved_pieces(mesh, flat) for mesh, flat in zip(meshes, planar, strict=True)]
     pieces = [
         replace(mesh, triangles=mesh.triangles[members], polygon=mesh.polygon[members])
         for mesh, parts in zip(meshes, halved, strict=True)
@@ -50,10 +56,20 @@ def segment(meshes: Sequence[PolygonMesh]) -> Generator[float, None, list[Segmen
     ]
     segments: list[Segments] = []
     for batch in _batches(pieces):
-        yield len(segments) / len(pieces)
+        yield (1 + len(segments) / len(pieces)) / 2
         segments += _segment_batch(batch)
     done = iter(segments)
-    return [_joined(parts, [next(done) for _ in parts]) for parts in halved]
+    return [
+        _joined(flat, parts, [next(done) for _ in parts]) for flat, parts in zip(planar, halved, strict=True)
+    ]
+
+
+def _curved_pieces(mesh: PolygonMesh, planar: PlanarCharts) -> list[np.ndarray]:
+    """Return the triangles of what is not flat, in small pieces that do not lie on themselves."""
+    polygons = np.unique(mesh.polygon[planar.chart < 0])
+    layer = make_layers(sheets(mesh)[polygons], planar.part[polygons])
+    layers = [polygons[layer == number] for number in range(layer.max(initial=-1) + 1)]
+    return [piece for members in layers if len(members) for piece in _pieces(mesh, members)]
 
 
 def _pieces(mesh: PolygonMesh, polygons: np.ndarray) -> list[np.ndarray]:
@@ -72,10 +88,10 @@ def _pieces(mesh: PolygonMesh, polygons: np.ndarray) -> list[np.ndarray]:
     return _pieces(mesh, polygons[order[:half]]) + _pieces(mesh, polygons[order[half:]])
 
 
-def _joined(pieces: Sequence[np.ndarray], segments: Sequence[Segments]) -> Segments:
-    """Return the segments of a mesh, those of its pieces numbered on."""
-    count = sum(len(members) for members in pieces)
-    uvs, chart, first = np.zeros((count, 3, 2)), np.full(count, -1), 0
+def _joined(planar: PlanarCharts, pieces: Sequence[np.ndarray], segments: Sequence[Segments]) -> Segments:
+    """Return the segments of a mesh: what is flat, and its pieces, numbered on."""
+    uvs, chart = planar.uvs.copy(), planar.chart.copy()
+    first = planar.chart.max(initial=-1) + 1
     for members, (corners, numbers) in zip(pieces, segments, strict=True):
         uvs[members] = corners
         chart[members] = np.where(numbers < 0, -1, numbers + first)

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..progress import Progress, Schedule, Stage
+from ..progress import Progress, Schedule, Stage, finished
 from .charts import make_charts
-from .packing import pack_charts
-from .polygon_mesh import Charts, PolygonMesh
+from .packing import PADDING, pack_charts
+from .polygon_mesh import Charts, PolygonMesh, signed_areas
 from .segmentation import segment
 
 #: Seconds that a triangle takes to be in a chart, and a chart to be packed, before any was measured.
 _CUTTING, _PACKING = 2e-4, 1e-3
+
+#: Largest resolution that is offered.
+_LARGEST = 16384
 
 
 @dataclass(frozen=True)
@@ -23,10 +26,16 @@ class Square:
 
     meshes      their numbers
     resolution  texels of an image across the square
+    padding     texels that charts keep between them
+    pages       squares that the meshes are spread over, as dense as fits them all
+    density     texels per metre that are wanted: there are more squares if they have less; 0 for any
     """
 
     meshes: tuple[int, ...]
     resolution: int
+    padding: int = PADDING
+    pages: int = 1
+    density: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -45,10 +54,15 @@ class FilledSquare:
 
 @dataclass(frozen=True)
 class Unwrapped:
-    """The charts of each mesh, and where they lie; a mesh without a square has too many charts for one."""
+    """The charts of each mesh, and where they lie.
+
+    too_small  of each mesh that has too many charts for its square: its number, and the resolution of a
+               square that would do, 0 if even the largest would not
+    """
 
     charts: tuple[Charts, ...]
     squares: tuple[FilledSquare, ...]
+    too_small: tuple[tuple[int, int], ...] = ()
 
 
 def unwrap(
@@ -68,7 +82,30 @@ def unwrap(
     complete = tuple(made or next(fresh) for made in charts)
     packing.pace = _PACKING * sum(int(made.chart.max(initial=-1)) + 1 for made in complete)
     filled = yield from schedule.run(packing, _fill_all(meshes, complete, squares))
-    return Unwrapped(complete, tuple(filled))
+    placed = {index for square in filled for index in square.meshes}
+    too_small = [
+        (index, fitting_resolution(meshes[index], complete[index], square))
+        for square in squares
+        for index in square.meshes
+        if index not in placed
+    ]
+    return Unwrapped(complete, tuple(filled), tuple(too_small))
+
+
+def fitting_resolution(mesh: PolygonMesh, charts: Charts, square: Square) -> int:
+    """Return the resolution, of those twice as large each, at which a mesh fits; 0 if none does."""
+    resolution = square.resolution
+    while 2 * resolution <= _LARGEST:
+        resolution *= 2
+        if finished(pack_charts([mesh], [charts], resolution, square.padding)) is not None:
+            return resolution
+    return 0
+
+
+def cut(meshes: Sequence[PolygonMesh]) -> Generator[Progress, None, tuple[Charts, ...]]:
+    """Cut meshes into charts, without packing them."""
+    cutting = Stage("Unwrapping", pace=_CUTTING * sum(len(mesh.triangles) for mesh in meshes))
+    return tuple((yield from Schedule([cutting]).run(cutting, _cut(meshes))))
 
 
 def _cut(meshes: Sequence[PolygonMesh]) -> Generator[float, None, list[Charts]]:
@@ -97,18 +134,55 @@ def _fill_all(
 def _fill(
     meshes: Sequence[PolygonMesh], charts: Sequence[Charts], square: Square, number: int
 ) -> Generator[float, None, list[FilledSquare]]:
+    """Fill a square, or as many as are asked for, or more if they have no room for all."""
+    pages = min(max(square.pages, 1), len(square.meshes))
+    while True:
+        filled: list[FilledSquare] = []
+        for members in _spread(meshes, square.meshes, pages):
+            filled += yield from _fill_one(meshes, charts, replace(square, meshes=members), number)
+        sparse = [_density(meshes, page, square.resolution) < square.density for page in filled]
+        if not any(sparse) or pages == len(square.meshes):
+            return filled
+        pages += 1
+
+
+def _spread(meshes: Sequence[PolygonMesh], chosen: Sequence[int], pages: int) -> list[tuple[int, ...]]:
+    """Return which meshes each page gets: the largest first, each to the page with the least area."""
+    areas = {index: meshes[index].area for index in chosen}
+    groups: list[list[int]] = [[] for _ in range(pages)]
+    total = [0.0] * pages
+    for index in sorted(chosen, key=lambda index: -areas[index]):
+        least = total.index(min(total))
+        groups[least].append(index)
+        total[least] += areas[index]
+    return [tuple(sorted(group)) for group in groups if group]
+
+
+def _density(meshes: Sequence[PolygonMesh], page: FilledSquare, resolution: int) -> float:
+    """Return the texels per metre of a filled square."""
+    flat = space = 0.0
+    for index, uvs in zip(page.meshes, page.uvs, strict=True):
+        flat += float(np.abs(signed_areas(uvs[meshes[index].triangles].astype(np.float64))).sum())
+        space += meshes[index].area
+    return resolution * float(np.sqrt(flat / space)) if space > 0 else np.inf
+
+
+def _fill_one(
+    meshes: Sequence[PolygonMesh], charts: Sequence[Charts], square: Square, number: int
+) -> Generator[float, None, list[FilledSquare]]:
     """Fill a square, or several if one has no room for all."""
     chosen = square.meshes
     packed = yield from pack_charts(
-        [meshes[index] for index in chosen], [charts[index] for index in chosen], square.resolution
+        [meshes[index] for index in chosen],
+        [charts[index] for index in chosen],
+        square.resolution,
+        square.padding,
     )
     if packed is not None:
         return [FilledSquare(number, chosen, tuple(packed))]
     if len(chosen) == 1:
         return []
-    ordered = sorted(chosen, key=lambda index: -meshes[index].area)
-    half = len(ordered) // 2
     filled = []
-    for part in (ordered[:half], ordered[half:]):
-        filled += yield from _fill(meshes, charts, Square(tuple(part), square.resolution), number)
+    for part in _spread(meshes, chosen, 2):
+        filled += yield from _fill_one(meshes, charts, replace(square, meshes=part), number)
     return filled

@@ -107,13 +107,13 @@ def test_meshes_share_an_atlas_by_their_size_in_the_world():
     assert max(density) < 1.5 * min(density)
 
 
-def test_charts_keep_four_empty_texels_between_them():
+def test_charts_keep_two_empty_texels_between_them():
     obj = cube()
     unwrap()
     uvs = loop_uvs(obj).reshape(-1, 4, 2).astype(np.float64) * RESOLUTION
     low, high = uvs.min(axis=1), uvs.max(axis=1)
     gaps = [np.maximum(low[i] - high[j], low[j] - high[i]).max() for i in range(6) for j in range(i)]
-    assert min(gaps) > 4 - 1e-3
+    assert min(gaps) > 2 - 1e-3
     assert low == pytest.approx(np.round(low), abs=1e-3)
 
 

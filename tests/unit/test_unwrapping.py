@@ -1,6 +1,7 @@
 """Charts and their packing, from arrays to arrays; what xatlas is to say is made up, or its own."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,14 +9,18 @@ import pytest
 from engine.errors import WorkerError
 from engine.progress import finished
 from engine.unwrap import packing, page, segmentation
+from engine.unwrap.adjacency import polygon_normals
 from engine.unwrap.charts import flatten, make_charts
+from engine.unwrap.coverage import doubly_covered
 from engine.unwrap.packing import PADDING, pack_charts
+from engine.unwrap.planar import project_flat
 from engine.unwrap.polygon_mesh import Charts, PolygonMesh, areas, signed_areas
 from engine.unwrap.row_spans import row_spans
 from engine.unwrap.segmentation import has_xatlas
 from engine.unwrap.unwrapping import Square, unwrap
 from engine.worker.disposable import run_apart
 from engine.worker.worker import Worker
+from tests.tools.levels import level
 
 needs_xatlas = pytest.mark.skipif(not has_xatlas(), reason="no xatlas for this Python")
 
@@ -140,7 +145,7 @@ def test_packing_is_the_same_each_time():
 
 def test_charts_that_do_not_fit_are_refused():
     mesh = rectangles(np.ones((400, 2)))
-    assert finished(pack_charts([mesh], [flat_charts(mesh)], 64)) is None
+    assert finished(pack_charts([mesh], [flat_charts(mesh)], 48)) is None
     assert finished(pack_charts([mesh], [flat_charts(mesh)], 1)) is None
 
 
@@ -160,7 +165,7 @@ def test_surfaces_without_area_have_uvs():
 def test_meshes_that_do_not_fit_one_square_go_to_several():
     meshes = [rectangles(np.full((9, 2), 0.5 + index)) for index in range(11)]
     charts = [flat_charts(mesh) for mesh in meshes]
-    squares = [Square((0, 1), 256), Square(tuple(range(2, 11)), 40)]
+    squares = [Square((0, 1), 256), Square(tuple(range(2, 11)), 24)]
     unwrapped = finished(unwrap(meshes, charts, squares))
     first, *rest = unwrapped.squares
     assert (first.square, first.meshes) == (0, (0, 1))
@@ -201,6 +206,178 @@ def test_doubled_polygons_have_charts_of_their_own():
     assert (made.chart == [0, 0, 1, 1]).all()
 
 
+def grid(columns, rows, height=lambda x, y: 0 * x):
+    """Return a grid of unit quads over a height field."""
+    x, y = (axis.reshape(-1) for axis in np.meshgrid(np.arange(columns + 1.0), np.arange(rows + 1.0)))
+    first = (np.arange(rows)[:, None] * (columns + 1) + np.arange(columns)).reshape(-1)
+    quads = np.stack([first, first + 1, first + columns + 2, first + columns + 1], axis=1)
+    return of_quads(np.stack([x, y, height(x, y)], axis=1), quads)
+
+
+def of_quads(positions, quads):
+    loops = np.arange(0, 4 * len(quads), 4)[:, None]
+    return PolygonMesh(
+        name="Quads",
+        positions=np.asarray(positions, np.float64),
+        corners=np.asarray(quads).reshape(-1),
+        starts=np.arange(0, 4 * len(quads) + 1, 4),
+        triangles=(loops[:, None] + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3),
+        polygon=np.repeat(np.arange(len(quads)), 2),
+    )
+
+
+def split(mesh):
+    """Return the same mesh with vertices of their own for each polygon."""
+    return of_quads(mesh.positions[mesh.corners], np.arange(len(mesh.corners)).reshape(-1, 4))
+
+
+@pytest.mark.parametrize("make", [lambda mesh: mesh, split])
+def test_coplanar_neighbours_are_one_chart_and_creases_are_cut(make):
+    """A sheet that is folded twice: three planes, of which two touch at a right angle, one at 60 degrees."""
+    mesh = make(grid(9, 5, lambda x, y: np.maximum(x - 3, 0) * (x <= 5) + 2 * (x > 5) + 7 * (x > 7)))
+    planar = project_flat(mesh)
+    assert planar.chart.min() == 0
+    uvs, space = planar.uvs, areas(mesh.positions[mesh.corners[mesh.triangles]])
+    assert signed_areas(uvs) == pytest.approx(space)
+    normals = np.round(polygon_normals(mesh), 6)
+    assert len(np.unique(np.c_[normals, planar.chart[::2]], axis=0)) == planar.chart.max() + 1
+
+
+def test_gently_bent_surface_is_projected_and_a_round_one_is_left_to_xatlas():
+    assert (project_flat(grid(8, 3, lambda x, y: 0.02 * np.sin(x))).chart == 0).all()
+    assert (project_flat(lattice(12, 3, tube)).chart == -1).all()
+
+
+def lattice(columns, rows, surface):
+    """Return a grid of quads, a function of two parameters in 0-1 each."""
+    mesh = grid(columns, rows)
+    u, v = mesh.positions[:, 0] / columns, mesh.positions[:, 1] / rows
+    return of_quads(np.stack(surface(u, v), axis=1), mesh.corners.reshape(-1, 4))
+
+
+def sphere(u, v):
+    a, b = 2 * np.pi * u, np.pi * (0.01 + 0.98 * v)
+    return np.cos(a) * np.sin(b), np.sin(a) * np.sin(b), -np.cos(b)
+
+
+def tube(u, v):
+    return np.cos(2 * np.pi * u), np.sin(2 * np.pi * u), 5 * v
+
+
+@pytest.mark.parametrize(("surface", "most"), [(sphere, 10), (tube, 8)])
+def test_large_round_surface_is_projected_in_few_directions(surface, most):
+    mesh = lattice(83, 61, surface)
+    began = time.process_time()
+    planar = project_flat(mesh)
+    assert time.process_time() - began < 5
+    assert planar.chart.min() == 0 and planar.chart.max() < most
+    assert not doubly_covered(planar.uvs, planar.chart, planar.chart.max() + 1).any()
+    ratio = signed_areas(planar.uvs) / areas(mesh.positions[mesh.corners[mesh.triangles]])
+    assert ratio.min() > 0.35 and ratio.max() < 1.5
+
+
+def test_large_rough_field_is_one_chart():
+    height = np.random.default_rng(2).normal(size=73 * 62) * 0.15
+    planar = project_flat(grid(72, 61, lambda x, y: 3 * np.sin(x / 7) * np.cos(y / 9) + height))
+    assert planar.chart.min() == 0 and planar.chart.max() < 6
+
+
+def test_flat_surface_that_lies_on_itself_is_left_to_xatlas():
+    """A strip of quads that turns once and a half around a point, in one plane."""
+    angle = np.linspace(0, 3 * np.pi, 37)
+    rim = np.stack([np.cos(angle), np.sin(angle), 1e-4 * angle], axis=1)
+    first = np.arange(36)
+    mesh = of_quads(
+        np.r_[rim * (0.5, 0.5, 1), rim], np.stack([first, first + 37, first + 38, first + 1], axis=1)
+    )
+    assert (project_flat(mesh).chart == -1).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_both_sides_of_a_sheet_are_one_chart_each_in_any_order(seed):
+    sheet = grid(7, 4)
+    quads = sheet.corners.reshape(-1, 4)
+    both = np.random.default_rng(seed).permutation(np.r_[quads, quads[:, ::-1], quads])
+    mesh = of_quads(sheet.positions, both)
+    planar = project_flat(mesh)
+    assert set(planar.chart) == {0, 1, 2}
+    assert np.bincount(planar.chart).tolist() == [56, 56, 56]
+
+
+@needs_xatlas
+def test_both_sides_of_a_curved_sheet_have_few_charts():
+    sheet = grid(12, 5, lambda x, y: np.cos(x))
+    quads = sheet.corners.reshape(-1, 4)
+    mesh = of_quads(sheet.positions, np.r_[quads, quads[:, ::-1]])
+    ((uvs, chart),) = finished(segmentation.segment([mesh]))
+    made = make_charts(mesh, uvs, chart)
+    assert made.chart.min() == 0 and made.chart.max() < 12
+
+
+def test_polygons_without_area_need_no_chart():
+    square = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+    mesh = polygons([square, [(2, 2, 2)] * 4, [(0, 0, 0), (1, 0, 0), (2, 0, 0), (1, 0, 0)], square])
+    made = make_charts(mesh, np.zeros((8, 3, 2)), np.full(8, -1))
+    assert made.chart.tolist() == [0, 0, -1, -1, -1, -1, 1, 1]
+    (uvs,) = finished(pack_charts([mesh], [made], 61))
+    assert np.isfinite(uvs).all() and np.abs(signed_areas(uvs[mesh.triangles])).sum() > 0.4
+
+
+def test_polyomino_lies_along_the_axes_with_its_borders_between_texels():
+    """An L whose convex hull has a smaller box when it is turned."""
+    quads = grid(6, 6)
+    middle = quads.positions[quads.corners].reshape(-1, 4, 3).mean(axis=1)
+    members = (middle[:, 0] < 2) | (middle[:, 1] < 2)
+    mesh = of_quads(quads.positions @ _turn(0.3), quads.corners.reshape(-1, 4)[members])
+    planar = project_flat(mesh)
+    (uvs,) = finished(pack_charts([mesh], [make_charts(mesh, planar.uvs, planar.chart)], 76))
+    texels = uvs.astype(np.float64) * 76
+    edges = np.abs(texels[mesh.after] - texels)
+    assert np.minimum(edges[:, 0], edges[:, 1]).max() < 1e-3
+    low, high = texels.min(axis=0), texels.max(axis=0)
+    assert np.r_[low, high] == pytest.approx(np.round(np.r_[low, high]), abs=1e-3)
+
+
+def _turn(angle):
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([(c, s, 0), (-s, c, 0), (0, 0, 1)])
+
+
+def test_frame_and_corridor_are_cut_so_that_the_page_is_used():
+    """A thin frame of 40 m around nothing, and a corridor of 90 m: in one piece each, most stays free."""
+    quads = grid(40, 40)
+    middle = quads.positions[quads.corners].reshape(-1, 4, 3).mean(axis=1)[:, :2]
+    frame = of_quads(quads.positions, quads.corners.reshape(-1, 4)[(np.abs(middle - 20) > 19).any(axis=1)])
+    meshes = [frame, grid(90, 2)]
+    charts = [make_charts(mesh, *segments_of(mesh)) for mesh in meshes]
+    packed = finished(pack_charts(meshes, charts, 256))
+    corners = [uvs[mesh.triangles].astype(np.float64) for mesh, uvs in zip(meshes, packed, strict=True)]
+    assert np.abs(signed_areas(np.concatenate(corners))).sum() > 0.6
+
+
+def segments_of(mesh):
+    planar = project_flat(mesh)
+    return planar.uvs, planar.chart
+
+
+@pytest.mark.parametrize("padding", [0, 1, 5])
+def test_padding_is_kept(padding):
+    mesh = pieces(60, 8)
+    charts = flat_charts(mesh)
+    (uvs,) = finished(pack_charts([mesh], [charts], 199, padding))
+    assert padding <= least_gap(touched(mesh, charts, uvs, 199)) <= padding + 1
+
+
+@needs_xatlas
+@pytest.mark.parametrize("resolution", [512, 1024])
+def test_levels_fill_their_page(resolution):
+    mesh = level(4000, seed=3)
+    began = time.process_time()
+    (square,) = finished(unwrap([mesh], [None], [Square((0,), resolution)])).squares
+    assert time.process_time() - began < 20
+    assert np.abs(signed_areas(square.uvs[0][mesh.triangles].astype(np.float64))).sum() > 0.6
+
+
 @needs_xatlas
 def test_worker_cuts_and_packs_what_xatlas_would_lay_on_an_immense_page():
     """Meshes of very different size, one of them long and thin, through the process that unwraps."""
@@ -220,26 +397,57 @@ def test_worker_cuts_and_packs_what_xatlas_would_lay_on_an_immense_page():
         assert least_gap(touched(mesh, unwrapped.charts[index], uvs, squares[index].resolution)) >= PADDING
 
 
+def book(pages):
+    """Return quads that all have one edge in common, like the pages of a book, one of them doubled."""
+    angle = np.linspace(0, 2 * np.pi, pages, endpoint=False)
+    rim = [(np.cos(a), np.sin(a), z) for a in angle for z in (0, 1.3)]
+    quads = [(0, 2 * k + 2, 2 * k + 3, 1) for k in range(pages)]
+    return of_quads([(0, 0, 0), (0, 0, 1.3), *rim], [*quads, quads[0][::-1]])
+
+
+def soup(faces, seed):
+    """Return quads of any corners of a few points: bent, folded, without area, on each other."""
+    random = np.random.default_rng(seed)
+    return of_quads(random.normal(size=(9, 3)), random.integers(0, 9, (faces, 4)))
+
+
+@needs_xatlas
+@pytest.mark.parametrize("seed", range(3))
+def test_nasty_meshes_of_all_sizes_share_a_page(seed):
+    sizes = (1e4, 1e-3, 1.0, 30.0, 1e-6)
+    made = (book(7), soup(40, seed), grid(5, 3), lattice(13, 7, sphere), soup(11, seed + 9))
+    meshes = [
+        replace(mesh, positions=mesh.positions * size + 100 * seed)
+        for mesh, size in zip(made, np.roll(sizes, seed), strict=True)
+    ]
+    resolution = (509, 512, 777)[seed]
+    unwrapped = finished(unwrap(meshes, [None] * 5, [Square(tuple(range(5)), resolution)]))
+    (square,) = unwrapped.squares
+    owner = np.full((resolution, resolution), -1)
+    first = 0
+    for mesh, charts, uvs in zip(meshes, unwrapped.charts, square.uvs, strict=True):
+        assert np.isfinite(uvs).all() and uvs.min() >= 0 and uvs.max() <= 1
+        space = areas(mesh.positions[mesh.corners[mesh.triangles]])
+        used = charts.chart >= 0
+        assert space[~used].sum() <= 1e-6 * space.sum()
+        corners = uvs[mesh.triangles[used]].astype(np.float64) * resolution
+        number = np.unique(charts.chart[used], return_inverse=True)[1].reshape(-1)
+        box = np.full((number.max() + 1, 2), resolution)
+        for chart, row, start, end in zip(*row_spans(corners, number, box), strict=True):
+            texels = owner[row, start:end]
+            assert ((texels == -1) | (texels == first + chart)).all()
+            texels[:] = first + chart
+        first += number.max() + 1
+
+
 @needs_xatlas
 def test_large_mesh_is_cut_in_pieces_and_stays_whole_otherwise(monkeypatch):
-    """A bumpy grid of quads, in several pieces: polygons are in one piece each, charts numbered through."""
+    """A tube of quads, in several pieces: polygons are in one piece each, charts numbered through."""
     monkeypatch.setattr(segmentation, "_PIECE", 300)
     monkeypatch.setattr(segmentation, "_BATCH", 1)
-    side, random = 23, np.random.default_rng(7)
-    height = random.uniform(-0.3, 0.3, (side + 1) ** 2)
-    place = np.arange((side + 1) ** 2)
-    quad = (np.arange(side)[:, None] * (side + 1) + np.arange(side)).reshape(-1)
-    loops = np.arange(0, 4 * side**2, 4)[:, None]
-    mesh = PolygonMesh(
-        name="Grid",
-        positions=np.stack([place % (side + 1), place // (side + 1), height], axis=1),
-        corners=np.stack([quad, quad + 1, quad + side + 2, quad + side + 1], axis=1).reshape(-1),
-        starts=np.arange(0, 4 * side**2 + 1, 4),
-        triangles=(loops[:, None] + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3),
-        polygon=np.repeat(np.arange(side**2), 2),
-    )
+    mesh = lattice(46, 12, tube)
     steps = segmentation.segment([mesh])
-    assert [next(steps) for _ in range(2)] == [0.0, 0.25]
+    assert [next(steps) for _ in range(3)] == [0.0, 0.5, 0.625]
     ((uvs, chart),) = finished(segmentation.segment([mesh]))
     assert set(np.unique(chart)) - {-1} == set(range(chart.max() + 1)) and chart.max() >= 3
     assert (chart >= 0).mean() > 0.9

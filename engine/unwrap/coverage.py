@@ -1,0 +1,78 @@
+"""Whether charts lie on themselves, as far as a coarse grid over each tells."""
+
+from __future__ import annotations
+
+import numpy as np
+
+#: Cells along the wider side of each chart, and charts that are looked at together.
+_GRID = 64
+_CHUNK = 256
+
+#: Triangles of which a chart may lie on itself.
+_FEWEST = 3
+
+#: Part of a chart's cells that several triangles may cover.
+_ALLOWED = 0.002
+
+
+def doubly_covered(uvs: np.ndarray, chart: np.ndarray, count: int) -> np.ndarray:
+    """Return whether each chart lies on itself, (count,) bool.
+
+    uvs    (t, 3, 2) float64, of each triangle corner
+    chart  (t,) int64 below `count`, of each triangle; -1 for none
+    """
+    triangles = np.bincount(chart[chart >= 0], minlength=count)
+    used = np.flatnonzero((chart >= 0) & (triangles[chart] >= _FEWEST))
+    used = used[np.argsort(chart[used], kind="stable")]
+    known, chart = np.unique(chart[used], return_inverse=True)
+    chart, uvs = chart.reshape(-1), uvs[used]
+    if not len(known):
+        return np.zeros(count, bool)
+    starts = np.searchsorted(chart, np.arange(len(known) + 1))
+    low = np.minimum.reduceat(uvs.min(axis=1), starts[:-1])
+    high = np.maximum.reduceat(uvs.max(axis=1), starts[:-1])
+    size = np.maximum((high - low).max(axis=1), 1e-300)
+    cells = (uvs - low[chart, None]) / size[chart, None, None] * _GRID
+
+    doubled = np.zeros(count, bool)
+    for first in range(0, len(known), _CHUNK):
+        last = min(first + _CHUNK, len(known))
+        members = slice(starts[first], starts[last])
+        doubled[known[first:last]] = _doubled(cells[members], chart[members] - first, last - first)
+    return doubled
+
+
+def _doubled(corners: np.ndarray, chart: np.ndarray, count: int) -> np.ndarray:
+    """Return which charts have cells whose centres lie in several triangles, (t, 3, 2) cells."""
+    triangle, row, start, end = _spans(corners)
+    line = (chart[triangle] * _GRID + row) * (_GRID + 1)
+    cells = count * _GRID * (_GRID + 1)
+    steps = np.bincount(line + start, minlength=cells) - np.bincount(line + end, minlength=cells)
+    covers = np.cumsum(steps.reshape(count, _GRID * (_GRID + 1)), axis=1)
+    return (covers > 1).sum(axis=1) > _ALLOWED * (covers > 0).sum(axis=1)
+
+
+def _spans(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return triangle, row, first and end column, (n,) int64 each, of the cells whose centres are inside.
+
+    A centre on an edge is in one of two triangles that have it.
+    """
+    order = np.argsort(corners[..., 1], axis=1, kind="stable")
+    low, middle, high = np.take_along_axis(corners, order[..., None], axis=1).transpose(1, 0, 2)
+    first = np.ceil(low[:, 1] - 0.5).astype(np.int64)
+    rows = np.ceil(high[:, 1] - 0.5).astype(np.int64) - first
+    triangle = np.repeat(np.arange(len(corners)), rows)
+    row = first[triangle] + np.arange(len(triangle)) - np.repeat(np.cumsum(rows) - rows, rows)
+    low, middle, high, y = low[triangle], middle[triangle], high[triangle], row + 0.5
+    lower = (y < middle[:, 1])[:, None]
+    crossings = [
+        _crossing(low, high, y),
+        _crossing(np.where(lower, low, middle), np.where(lower, middle, high), y),
+    ]
+    start, end = np.ceil(np.sort(crossings, axis=0) - 0.5).astype(np.int64)
+    return triangle, row, start, end
+
+
+def _crossing(low: np.ndarray, high: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return the x at which edges from `low` to `high`, (n, 2), cross rows."""
+    return low[:, 0] + (y - low[:, 1]) / (high[:, 1] - low[:, 1]) * (high[:, 0] - low[:, 0])

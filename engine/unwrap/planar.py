@@ -1,0 +1,100 @@
+"""Charts of what is flat, or nearly so: they are projected, nothing has to be cut or bent.
+
+Polygons that touch with like normals form a smooth part of a surface, up to its creases. A part that is bent
+little is a chart; one that is bent more, or lies on itself, is left to xatlas.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .adjacency import components, find_adjacency, polygon_normals, triangle_normals, weld
+from .coverage import doubly_covered
+from .facing import split_by_facing
+from .polygon_mesh import PolygonMesh, areas, signed_areas
+
+#: Edges are creases from this angle between the normals on.
+_CREASE = np.radians(45)
+
+#: A part is projected if it keeps this part of its area, and each triangle that part of its own.
+_KEPT, _LEAST_KEPT = 0.8, 0.35
+
+#: Triangles with less area than this part of their longest edge squared have no normal to speak of.
+_SLIVER = 1e-5
+
+
+@dataclass(frozen=True)
+class PlanarCharts:
+    """What has been projected.
+
+    uvs    (t, 3, 2) float64 metres, of each triangle corner
+    chart  (t,) int64, of each triangle; -1 where it is not flat
+    part   (p,) int64, the smooth part of the surface that each polygon belongs to
+    """
+
+    uvs: np.ndarray
+    chart: np.ndarray
+    part: np.ndarray
+
+
+def project_flat(mesh: PolygonMesh) -> PlanarCharts:
+    """Return the charts of a mesh that are flat, or bent little. Coordinates have to be finite."""
+    polygons = len(mesh.starts) - 1
+    normals = polygon_normals(mesh)
+    adjacency = find_adjacency(mesh, weld(mesh), normals)
+    smooth = adjacency.cosine > np.cos(_CREASE)
+    part = components(polygons, adjacency.first[smooth], adjacency.second[smooth])
+
+    flat = _flat_parts(mesh, _mean_normals(normals, part), part[mesh.polygon])
+    part = split_by_facing(normals, adjacency, smooth, part, ~flat)
+
+    # Each part is laid along its mean normal.
+    mean = _mean_normals(normals, part)
+    count, of_triangle = len(mean), part[mesh.polygon]
+    uvs = _projected(mesh, mean, part)[mesh.triangles]
+    flat = _flat_parts(mesh, mean, of_triangle)
+    flat &= ~doubly_covered(uvs, np.where(flat[of_triangle], of_triangle, -1), count)
+
+    # Bent ones get the size of their surface.
+    space = areas(mesh.positions[mesh.corners[mesh.triangles]])
+    totals = [np.bincount(of_triangle, values, count) for values in (space, np.abs(signed_areas(uvs)))]
+    uvs = uvs * np.sqrt(totals[0] / np.maximum(totals[1], 1e-300))[of_triangle, None, None]
+    number = np.where(flat, np.cumsum(flat) - 1, -1)
+    return PlanarCharts(uvs, number[of_triangle], part)
+
+
+def _mean_normals(normals: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """Return the mean normal of each part, (c, 3), of the normals of polygons, (p, 3)."""
+    count = part.max(initial=-1) + 1
+    mean = np.stack([np.bincount(part, axis, count) for axis in normals.T], axis=1)
+    return mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
+
+
+def _flat_parts(mesh: PolygonMesh, mean: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """Return whether each part, (c,) bool, keeps enough of its area along its mean normal, everywhere.
+
+    mean  (c, 3), unit normals; part (t,), of each triangle
+    """
+    corners = mesh.positions[mesh.corners[mesh.triangles]]
+    longest = (np.diff(corners[:, [0, 1, 2, 0]], axis=1) ** 2).sum(axis=2).max(axis=1)
+    normals = triangle_normals(mesh)
+    length, along = np.linalg.norm(normals, axis=1), (normals * mean[part]).sum(axis=1)
+    count = len(mean)
+    flat = np.bincount(part, along, count) >= _KEPT * np.bincount(part, length, count)
+    flat &= np.linalg.norm(mean, axis=1) > 0
+    flat[part[(along < _LEAST_KEPT * length) & (length > _SLIVER * longest)]] = False
+    return flat
+
+
+def _projected(mesh: PolygonMesh, normal: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """Return where the loops lie, (l, 2) float64 metres, seen against the normal of their part, (c, 3)."""
+    # The axis that is farthest from the normal makes the basis.
+    helper = np.eye(3)[np.abs(normal).argmin(axis=1)]
+    right = np.cross(helper, normal)
+    right /= np.maximum(np.linalg.norm(right, axis=1, keepdims=True), 1e-300)
+    up = np.cross(normal, right)
+    of_loop = np.repeat(part, np.diff(mesh.starts))
+    points = mesh.positions[mesh.corners] - mesh.positions.mean(axis=0)
+    return np.stack([(points * axis[of_loop]).sum(axis=1) for axis in (right, up)], axis=1)

@@ -64,7 +64,7 @@ def check_scene(context: SceneContext) -> Generator[None, None, Checked]:
     charts = yield from find_charts(meshes, settings.resolution)
     charts = [one for one in charts if one.mesh.uid in targets]
     findings += yield from check_overlaps(charts)
-    findings += check_places(charts)
+    findings += yield from check_places(charts, settings.resolution)
     findings += yield from check_widths(charts, settings.resolution)
     findings += yield from check_normals(meshes, centres)
     findings += yield from check_zero_area(meshes)

@@ -121,16 +121,24 @@ def _all_charted(meshes: Sequence[CheckedMesh]) -> Generator[None, None, list[Ch
     return charted
 
 
-def check_places(charts: Sequence[ChartsOf]) -> list[Finding]:
-    """Return meshes that will be placed side by side, and those that have no room."""
+def check_places(charts: Sequence[ChartsOf], resolution: int) -> Steps:
+    """Return meshes that will be placed side by side, and those that have no room, with what would do."""
     alone = [one for one in charts if not one.mesh.several]
     moved = [one.mesh.name for one in alone if one.place not in (None, Place(one.mesh.atlas))]
+    lost = [one.mesh for one in alone if one.place is None]
+    fitting = 0
+    for atlas in dict.fromkeys(mesh.atlas for mesh in lost):
+        members = [one.charted for one in alone if one.mesh.atlas == atlas]
+        fitting = max(fitting, (yield from _fitting_resolution(members, atlas, resolution)))
+    remedy = f"{fitting} texels would do" if fitting else "Raise the resolution"
     return [
         *found(
             ERROR,
-            "No room beside the others in the lightmap: {} would get none. Raise the resolution, or give it "
+            f"No room beside the others in the lightmap: {{}} would get none. {remedy}, or give it "
             "another atlas.",
-            [one.mesh.name for one in alone if one.place is None],
+            [mesh.name for mesh in lost],
+            "resolution" if fitting else "",
+            fitting,
         ),
         *found(
             INFO,
@@ -139,6 +147,19 @@ def check_places(charts: Sequence[ChartsOf]) -> list[Finding]:
             moved,
         ),
     ]
+
+
+def _fitting_resolution(
+    members: Sequence[Charted], atlas: str, resolution: int
+) -> Generator[None, None, int]:
+    """Return the resolution, each twice the one before, with room for all charts of an atlas; or 0."""
+    while 2 * resolution <= _LARGEST:
+        resolution *= 2
+        footprints = yield from make_footprints(members, resolution)
+        places = yield from place_apart(members, footprints, atlas, resolution)
+        if None not in places:
+            return resolution
+    return 0
 
 
 def check_widths(charts: Sequence[ChartsOf], resolution: int) -> Steps:

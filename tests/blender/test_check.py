@@ -137,6 +137,9 @@ def test_too_many_for_the_lightmap_are_named():
         square(f"Square {number:02d}", WHOLE)
     found = finding("No room")
     assert found.severity == "ERROR" and len(found.objects) == 40
+    assert found.fix == "resolution" and f"{found.value} texels would do" in found.text
+    bpy.context.scene.hemibake.resolution = found.value
+    assert finding("No room") is None
 
 
 def strips(name, count):

@@ -9,7 +9,6 @@ from bpy.props import EnumProperty, FloatProperty, IntProperty
 
 from ..engine.errors import SettingsError
 from ..engine.scene.model import Scene
-from ..engine.settings import descriptions
 from .scene import SceneContext, visible_meshes
 from .scene.density import width_before, width_of
 from .translations import CONTEXT
@@ -37,6 +36,40 @@ def size_properties() -> dict:
             soft_max=1024.0,
             update=_plan,
         ),
+        "largest_width": IntProperty(
+            name="Largest",
+            description="Greatest width of a lightmap, in texels: objects that need more get several",
+            default=4096,
+            min=64,
+            max=16384,
+            subtype="PIXEL",
+            update=_plan,
+        ),
+        "lightmap_count": IntProperty(
+            name="Lightmaps",
+            description="Lightmaps that new lightmap UVs are spread over, as dense as fits them",
+            default=1,
+            min=1,
+            soft_max=16,
+            max=1024,
+        ),
+        "padding": IntProperty(
+            name="Padding",
+            description="Texels that charts keep between them in new lightmap UVs. Two are enough for "
+            "bilinear filtering",
+            default=2,
+            min=1,
+            soft_max=16,
+            max=256,
+            subtype="PIXEL",
+        ),
+        "mip_level": IntProperty(
+            name="Mip Level",
+            description="Coarsest mip level at which charts still keep the padding; each takes room",
+            default=0,
+            min=0,
+            max=8,
+        ),
         "planned_width": IntProperty(
             name="Planned Width",
             description="Width that the texels per metre demanded when they were chosen",
@@ -51,9 +84,8 @@ def chosen_width(
     """Return the width of lightmaps for objects that may not be unwrapped yet; raises SettingsError."""
     if settings.size_mode == "SIZE":
         return settings.resolution
-    return _within_limits(
-        width_before(context, objects, settings.uv_layer, settings.texels_per_metre), settings
-    )
+    width = width_before(context, objects, settings.uv_layer, settings.texels_per_metre)
+    return min(width, settings.largest_width)
 
 
 def width_for(scene: Scene, settings: bpy.types.PropertyGroup, width: int, unwrapped: bool) -> int:
@@ -63,16 +95,16 @@ def width_for(scene: Scene, settings: bpy.types.PropertyGroup, width: int, unwra
     """
     if settings.size_mode == "SIZE":
         return width
-    needed = _within_limits(width_of(scene, settings.texels_per_metre), settings)
-    return max(width, needed) if unwrapped else needed
+    needed = width_of(scene, settings.texels_per_metre)
+    return _within_limits(max(width, needed) if unwrapped else needed, settings)
 
 
 def _within_limits(width: int, settings: bpy.types.PropertyGroup) -> int:
-    largest = int(descriptions()["resolution"].values.high)
+    largest = settings.largest_width
     if width > largest:
         raise SettingsError(
             f"{settings.texels_per_metre:g} texels per metre need lightmaps of {width:,} texels, {largest:,} "
-            "are the most. Lower them, or give objects lightmaps of their own."
+            "are the most. Lower them, raise Largest, or give objects lightmaps of their own."
         )
     return width
 
@@ -82,4 +114,5 @@ def _plan(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None
     if settings.size_mode == "DENSITY" and context.scene is not None:
         where = SceneContext(context)
         meshes, density = visible_meshes(where), settings.texels_per_metre
-        settings.planned_width = width_before(where, meshes, settings.uv_layer, density)
+        width = width_before(where, meshes, settings.uv_layer, density)
+        settings.planned_width = min(width, settings.largest_width)

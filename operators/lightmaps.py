@@ -2,23 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 import bpy
 
 from ..engine.errors import EngineError
 from ..engine.naming import counted, naming
-from ..engine.progress import finished
-from .bake_settings import read_settings
-from .changes import Changes
 from .lightmap_list import active_lightmap, members, unlisted
-from .lightmap_size import chosen_width
-from .scene import SceneContext
-from .scene.uvs.unwrap import unwrap_missing
-from .scene.uvs.uv_layers import set_layer_aside
-from .scene.uvs.uv_modifier import drop_uv_modifier, uv_modifier
+from .scene.uvs.unwrap import Anew, Made
 from .telling import tell
+from .unwrap import UnwrapOperator, Unwrapping
 from .worker_owner import poll_idle
 
 #: Name of a new lightmap.
@@ -112,64 +103,48 @@ class HEMIBAKE_OT_lightmap_select(_OfActiveLightmap, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class HEMIBAKE_OT_lightmap_repack(_OfActiveLightmap, bpy.types.Operator):
-    """Make new lightmap UVs for all objects of the lightmap, packed together, in place of those they have"""
+class _PackOperator(_OfActiveLightmap, UnwrapOperator):
+    """What operators that pack the chosen lightmap again have in common."""
 
-    bl_idname = "hemibake.lightmap_repack"
-    bl_label = "Repack Lightmap"
+    _anew: Anew
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        changes, entry = Changes(), active_lightmap(context.scene)
-        objects = [obj for obj in members(context.scene, entry.name) if obj.hemibake.atlas == entry.name]
-        try:
-            notes = _unwrap_anew(context, [obj for obj in objects if obj.is_editable], changes)
-        except EngineError as error:
-            changes.take_back()
-            tell(self, "ERROR", str(error))
-            return {"CANCELLED"}
-        for note in notes:
+    def _start(self, context: bpy.types.Context) -> Unwrapping:
+        self._name = active_lightmap(context.scene).name
+        objects = [obj for obj in members(context.scene, self._name) if obj.hemibake.atlas == self._name]
+        objects = [obj for obj in objects if obj.is_editable]
+        if not objects:
+            raise EngineError("The lightmap holds no objects. Assign some to it.")
+        chosen = [obj.name for obj in objects if obj.hemibake.own_uv_layer]
+        if chosen:
+            sentence = "The UV layers chosen for {} stay as they are. Clear their UV Layer to repack them."
+            raise EngineError(naming(sentence, chosen))
+        return Unwrapping(context, objects, self._anew)
+
+    def _tell(self, made: Made, count: int) -> set[str]:
+        for note in made.notes:
             tell(self, "WARNING", note)
-        self.report({"INFO"}, f"{counted(len(objects), 'object')} packed into '{entry.name}': bake again")
+        if not made.objects:
+            self.report({"INFO"}, f"'{self._name}' is packed already: nothing has changed")
+            return {"CANCELLED"}
+        done = counted(len(made.objects), "object")
+        self.report({"INFO"}, f"{done} packed into '{self._name}': bake again")
         return {"FINISHED"}
 
 
-def _unwrap_anew(context: bpy.types.Context, objects: list[bpy.types.Object], changes: Changes) -> list[str]:
-    """Replace the lightmap UVs of objects; raises EngineError if one of them cannot have new ones."""
-    settings = context.scene.hemibake
-    read_settings(settings)
-    if not objects:
-        raise EngineError("The lightmap holds no objects. Assign some to it.")
-    resolution = chosen_width(SceneContext(context), objects, settings)
-    chosen = [obj.name for obj in objects if obj.hemibake.own_uv_layer]
-    if chosen:
-        sentence = "The UV layers chosen for {} stay as they are. Clear their UV Layer to repack them."
-        raise EngineError(naming(sentence, chosen))
-    with _kept_alive(objects, settings.uv_layer):
-        for obj in objects:
-            if uv_modifier(obj, settings.uv_layer):
-                drop_uv_modifier(obj, settings.uv_layer, changes)
-            if obj.data.is_editable:
-                set_layer_aside(obj, settings.uv_layer, changes)
-        made = finished(
-            unwrap_missing(SceneContext(context), objects, settings.uv_layer, resolution, changes)
-        )
-    if made.skipped:
-        raise EngineError(" ".join(made.notes))
-    return made.notes
+class HEMIBAKE_OT_lightmap_repack(_PackOperator, bpy.types.Operator):
+    """Pack the charts of all objects of the lightmap again; each chart keeps its shape"""
+
+    bl_idname = "hemibake.lightmap_repack"
+    bl_label = "Repack Lightmap"
+    _anew = Anew.PACKING
 
 
-@contextmanager
-def _kept_alive(objects: list[bpy.types.Object], uv_layer: str) -> Iterator[None]:
-    """Keep the node groups of modifiers that are dropped, so that they can be brought back."""
-    modifiers = [modifier for obj in objects if (modifier := uv_modifier(obj, uv_layer))]
-    groups = [modifier.node_group for modifier in modifiers]
-    for group in groups:
-        group.use_fake_user = True
-    try:
-        yield
-    finally:
-        for group in groups:
-            group.use_fake_user = False
+class HEMIBAKE_OT_lightmap_unwrap(_PackOperator, bpy.types.Operator):
+    """Make new lightmap UVs for all objects of the lightmap, packed together, in place of those they have"""
+
+    bl_idname = "hemibake.lightmap_unwrap"
+    bl_label = "Re-unwrap Lightmap"
+    _anew = Anew.CHARTS
 
 
 CLASSES = (
@@ -178,4 +153,5 @@ CLASSES = (
     HEMIBAKE_OT_lightmap_assign,
     HEMIBAKE_OT_lightmap_select,
     HEMIBAKE_OT_lightmap_repack,
+    HEMIBAKE_OT_lightmap_unwrap,
 )

@@ -30,6 +30,11 @@ class HemibakeLightmapProperties(bpy.types.PropertyGroup):
 
     name: StringProperty(name="Atlas")
     image: PointerProperty(type=bpy.types.Image, name="Image")
+    packing: StringProperty(
+        name="Packing",
+        description="Digest of how the charts of the lightmap were packed last",
+        options={"HIDDEN"},
+    )
     used: FloatProperty(
         name="Used",
         description="Part of the lightmap that the charts of its objects cover, as they were baked last",
@@ -165,6 +170,11 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
         min=0.001,
         soft_min=0.1,
         soft_max=10.0,
+    )
+    made_uvs: StringProperty(
+        name="Made UVs",
+        description="Digest of the lightmap UVs that Hemibake made: those that differ are the user's",
+        options={"HIDDEN"},
     )
     image: PointerProperty(
         type=bpy.types.Image,

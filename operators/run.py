@@ -137,9 +137,8 @@ class Run:
         resolution = chosen_width(context, visible_meshes(context), properties)
         objects = [obj for obj in visible_meshes(context) if obj.session_uid in wanted]
         self._foresee(objects, resolution)
-        made = yield from self._stages.include(
-            self._stages.unwrapping, unwrap_missing(context, objects, layer, resolution, self._changes)
-        )
+        work = unwrap_missing(context, objects, layer, resolution, self._changes, movable=objects)
+        made = yield from self._stages.include(self._stages.unwrapping, work)
         if made.objects:
             self._unwraps = True
             self._made_uvs()

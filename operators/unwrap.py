@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 
 import bpy
 
@@ -13,7 +14,7 @@ from .bake_settings import read_settings
 from .changes import Changes
 from .lightmap_size import chosen_width
 from .scene import SceneContext, visible_meshes
-from .scene.uvs.unwrap import Made, unwrap_missing
+from .scene.uvs.unwrap import Anew, Made, unwrap_missing
 from .telling import tell
 from .window_bake import WindowBake
 from .worker_owner import poll_idle
@@ -22,22 +23,24 @@ from .worker_owner import poll_idle
 _SLICE = 0.03
 
 
-class _Unwrapping:
-    """An unwrapping of the selected objects, or of all visible ones; it can be taken back until it ends.
+class Unwrapping:
+    """An unwrapping of objects; it can be taken back until it ends.
 
     Raises EngineError, with nothing changed, if a setting is out of its range.
 
     count  objects that are looked at
     """
 
-    def __init__(self, context: bpy.types.Context) -> None:
+    def __init__(
+        self, context: bpy.types.Context, objects: Sequence[bpy.types.Object], anew: Anew = Anew.NONE
+    ) -> None:
         properties, where = context.scene.hemibake, SceneContext(context)
-        visible = visible_meshes(where)
-        objects = [obj for obj in visible if obj.select_get()] or visible
         read_settings(properties)
         resolution = chosen_width(where, objects, properties)
         self.count, self._changes = len(objects), Changes()
-        self._work = unwrap_missing(where, objects, properties.uv_layer, resolution, self._changes)
+        self._work = unwrap_missing(
+            where, objects, properties.uv_layer, resolution, self._changes, anew, visible_meshes(where)
+        )
 
     def step(self) -> Progress | None:
         """Do a slice of work; raises StopIteration(Made) at the end."""
@@ -60,21 +63,21 @@ class _Unwrapping:
         return False
 
 
-class HEMIBAKE_OT_unwrap(bpy.types.Operator):
-    """Make lightmap UVs for the selected objects, or for all visible ones, that have none"""
+class UnwrapOperator:
+    """What operators that make lightmap UVs have in common: modal in a window, blocking elsewhere."""
 
-    bl_idname = "hemibake.unwrap"
-    bl_label = "Unwrap Lightmap UVs"
-    bl_options = {"REGISTER", "UNDO"}
+    def _start(self, context: bpy.types.Context) -> Unwrapping:
+        """Return the work; raises EngineError."""
+        raise NotImplementedError
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return poll_idle(cls)
+    def _tell(self, made: Made, count: int) -> set[str]:
+        """Report what was done."""
+        raise NotImplementedError
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Unwrap and return when it is done."""
         try:
-            run = _Unwrapping(context)
+            run = self._start(context)
         except EngineError as error:
             return self._refuse(error)
         try:
@@ -89,7 +92,7 @@ class HEMIBAKE_OT_unwrap(bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Start unwrapping; `modal` follows it."""
         try:
-            self._window = WindowBake(context, _Unwrapping(context))
+            self._window = WindowBake(context, self._start(context))
         except EngineError as error:
             return self._refuse(error)
         context.window_manager.modal_handler_add(self)
@@ -132,6 +135,22 @@ class HEMIBAKE_OT_unwrap(bpy.types.Operator):
     def _refuse(self, error: EngineError) -> set[str]:
         tell(self, "ERROR", str(error))
         return {"CANCELLED"}
+
+
+class HEMIBAKE_OT_unwrap(UnwrapOperator, bpy.types.Operator):
+    """Make lightmap UVs for the selected objects, or for all visible ones, that have none"""
+
+    bl_idname = "hemibake.unwrap"
+    bl_label = "Unwrap Lightmap UVs"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return poll_idle(cls)
+
+    def _start(self, context: bpy.types.Context) -> Unwrapping:
+        visible = visible_meshes(SceneContext(context))
+        return Unwrapping(context, [obj for obj in visible if obj.select_get()] or visible)
 
     def _tell(self, made: Made, count: int) -> set[str]:
         """Report what was done."""

@@ -15,6 +15,7 @@ from .user_files import read_paces
 
 if TYPE_CHECKING:
     from ..engine.progress import Progress
+    from ..engine.worker.process import Job
     from ..engine.worker.worker import Worker
 
 #: Where the worker finds the package `engine`.
@@ -88,11 +89,12 @@ def poll_idle(operator: type[bpy.types.Operator], message: str = "A bake is runn
     return not owner.busy
 
 
-def new_worker(work: str) -> Worker:
-    """Return a worker that runs the generator "module:function" of the engine."""
+def new_worker(work: str, job: Job | None = None) -> Worker:
+    """Return a worker that runs the generator "module:function" of the engine, for a bake or another job."""
+    from ..engine.worker.process import BAKING
     from ..engine.worker.worker import Worker
 
-    return Worker(search_path=[_ROOT, *sys.path], bake=work)
+    return Worker(search_path=[_ROOT, *sys.path], bake=work, job=job or BAKING)
 
 
 #: One for the whole add-on: Blender has nowhere to keep a Python object between operators.

@@ -8,7 +8,7 @@ from ..engine.settings import shown_in
 from .sidebar import SubPanel, split_properties
 
 #: Settings of the add-on that the engine does not know.
-_OWN = ("uv_layer", "directory")
+_OWN = ("uv_layer", "padding", "mip_level", "directory")
 
 #: Headings of the groups that follow the settings without one.
 _GROUPS = (("memory", "Memory"), ("paper", "Method Paper"))

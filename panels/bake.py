@@ -37,8 +37,10 @@ def _draw_size(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) ->
     if settings.size_mode == "SIZE":
         for name in shown_in("bake"):
             layout.prop(settings, name)
+        layout.prop(settings, "lightmap_count")
         return
-    layout.prop(settings, "texels_per_metre")
+    for name in ("texels_per_metre", "largest_width"):
+        layout.prop(settings, name)
     layout.label(text=f"About {settings.planned_width:,} x {settings.planned_width:,} texels", icon="BLANK1")
 
 

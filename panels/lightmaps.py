@@ -58,7 +58,9 @@ class HEMIBAKE_PT_lightmaps(SubPanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("hemibake.lightmap_assign", text="Assign")
         row.operator("hemibake.lightmap_select", text="Select")
+        row = layout.row(align=True)
         row.operator("hemibake.lightmap_repack", text="Repack")
+        row.operator("hemibake.lightmap_unwrap", text="Re-unwrap")
         layout.operator("hemibake.unwrap", icon="UV")
 
 

@@ -20,7 +20,7 @@ class HEMIBAKE_MT_lightmaps(bpy.types.Menu):
 #: Operators of the menu, with a line between two groups.
 _GROUPS = (
     ("hemibake.check", "hemibake.bake", "hemibake.cancel", "hemibake.preview"),
-    ("hemibake.unwrap", "hemibake.lightmap_repack"),
+    ("hemibake.unwrap", "hemibake.lightmap_repack", "hemibake.lightmap_unwrap"),
     (
         "hemibake.lightmap_add",
         "hemibake.lightmap_remove",

@@ -16,14 +16,18 @@ _ATTEMPTS = 2
 
 
 def run_apart(
-    make_worker: Callable[[], Worker], arguments: tuple[object, ...], patience: float
+    make_worker: Callable[[], Worker],
+    arguments: tuple[object, ...],
+    patience: float,
+    attempts: int = _ATTEMPTS,
 ) -> Generator[Progress | None, None, Any]:
     """Yield the newest progress, or None; return what a worker's generator returns for some arguments.
 
-    The process ends with the work. One that dies, or says nothing for `patience` s, is replaced once; then
-    a WorkerError is raised. Closing the generator kills it at once, in the middle of whatever it does.
+    The process ends with the work. One that dies, or says nothing for `patience` s, is replaced until there
+    have been `attempts`; then a WorkerError is raised. Closing the generator kills it at once, in the middle
+    of whatever it does.
     """
-    for attempt in range(1, _ATTEMPTS + 1):
+    for attempt in range(1, attempts + 1):
         worker = make_worker()
         try:
             with closing(worker.run(*arguments)) as work:
@@ -32,7 +36,7 @@ def run_apart(
                 finally:
                     _kill(worker)
         except WorkerError:
-            if attempt == _ATTEMPTS:
+            if attempt == attempts:
                 raise
         finally:
             worker.stop()

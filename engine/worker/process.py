@@ -10,6 +10,7 @@ import tempfile
 import time
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
 from typing import Any, NoReturn
@@ -19,11 +20,25 @@ from ..errors import WorkerError
 #: What a person may do when the process does not come up.
 START_REMEDY = "Restart Blender, or install Hemibake again; if that does not help,"
 
-#: What a person may do when the process dies at work.
-BAKE_REMEDY = (
+
+@dataclass(frozen=True)
+class Job:
+    """What a process is there for.
+
+    name    as a person knows it
+    remedy  what a person may do when the process dies at work
+    """
+
+    name: str
+    remedy: str
+
+
+BAKING = Job(
+    "baking",
     "Your scene is untouched and the last image is kept. Bake again to start a new process; if it happens "
-    "again, update the graphics driver, lower the resolution, or"
+    "again, update the graphics driver, lower the resolution, or",
 )
+UNWRAPPING = Job("unwrapping", "Your scene is untouched. Try again; if it happens again,")
 
 #: How much of the worker's log an error shows, bytes.
 LOG_TAIL = 4000
@@ -38,7 +53,7 @@ PATIENCE = 2.0
 class WorkerProcess:
     """A child process that runs `engine.worker.child`, and the connection to it."""
 
-    def __init__(self, executable: str, search_path: Sequence[str], bake: str) -> None:
+    def __init__(self, executable: str, search_path: Sequence[str], bake: str, job: Job = BAKING) -> None:
         """Start the process with `search_path` as its PYTHONPATH; `bake` is "module:function".
 
         Raise a WorkerError if the executable cannot be run.
@@ -46,7 +61,7 @@ class WorkerProcess:
         # The process inherits its end of the connection, which closes when this one dies; its log has
         # no name. So nothing stays behind, whichever of the two is killed, and when.
         self._connection, inherited = Pipe()
-        self._answered = False
+        self._answered, self._job = False, job
         self._log, self._printed = tempfile.TemporaryFile(buffering=0), 0  # noqa: SIM115
 
         command = [executable, "-s", "-P", "-m", "engine.worker.child", "--bake", bake]
@@ -56,7 +71,7 @@ class WorkerProcess:
         except OSError as error:
             self._close()
             raise WorkerError(
-                f"The baking process could not be started: {error}. "
+                f"The {job.name} process could not be started: {error}. "
                 f"Check that '{executable}' is a Python that may be run, or install Blender again."
             ) from error
 
@@ -117,14 +132,14 @@ class WorkerProcess:
     @property
     def _link(self) -> Connection[Any, Any]:
         if self._connection.closed:
-            raise WorkerError("The baking process was stopped. Bake again to start a new one.")
+            raise WorkerError(f"The {self._job.name} process was stopped. Try again to start a new one.")
         return self._connection
 
     def _fail_ended(self) -> NoReturn:
         """Raise a WorkerError because the process has closed its end, and so is about to leave."""
         self._wait()
         if self._answered:
-            self._fail("ended in the middle of a bake", BAKE_REMEDY)
+            self._fail("ended in the middle of its work", self._job.remedy)
         self._fail("could not start", START_REMEDY)
 
     def _fail(self, what: str, remedy: str) -> NoReturn:
@@ -133,8 +148,8 @@ class WorkerProcess:
         tail = self._log_tail()
         self.stop()
         raise WorkerError(
-            f"The baking process {what} (exit status {code}). {remedy} report it together with these "
-            f"lines.\n{tail}"
+            f"The {self._job.name} process {what} (exit status {code}). {remedy} report it together with "
+            f"these lines.\n{tail}"
         )
 
     def _log_tail(self) -> str:

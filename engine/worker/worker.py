@@ -13,7 +13,7 @@ from ..progress import Progress
 from ..scene.model import Scene
 from ..settings import Settings
 from . import messages
-from .process import WorkerProcess
+from .process import BAKING, Job, WorkerProcess
 from .shared_block import SharedBlock
 
 Bake = Generator[Progress | None, None, Lightmap]
@@ -32,6 +32,7 @@ class Worker:
         search_path: Sequence[str] | None = None,
         bake: str = "engine.session:bake",
         start_limit: float = 60,
+        job: Job = BAKING,
     ) -> None:
         """Prepare a worker; nothing is started yet.
 
@@ -40,11 +41,12 @@ class Worker:
         bake         "module:function" of the generator that the child runs, as seen there; another one
                      than a bake is run with `run`
         start_limit  how long the child may take until it answers, s
+        job          what it is there for, as errors say
         """
         self._executable = executable
         self._search_path = tuple(sys.path if search_path is None else search_path)
         self._bake = bake
-        self._start_limit = start_limit
+        self._start_limit, self._job = start_limit, job
         self._child: WorkerProcess | None = None
         self._busy = False
 
@@ -98,7 +100,7 @@ class Worker:
         if self._child and self._child.alive:
             return self._child
         self.stop()
-        child = WorkerProcess(self._executable, self._search_path, self._bake)
+        child = WorkerProcess(self._executable, self._search_path, self._bake, self._job)
         self._child = child
         try:
             yield from child.connect(self._start_limit)

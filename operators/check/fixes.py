@@ -12,7 +12,7 @@ from ...engine.progress import finished
 from ..changes import Changes
 from ..lightmap_size import chosen_width
 from ..lookup import find
-from ..scene import SceneContext
+from ..scene import SceneContext, visible_meshes
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from ..scene.uvs.unwrap import unwrap_missing
 
@@ -26,7 +26,9 @@ def unwrap(
     settings = context.scene.hemibake
     where = SceneContext(context)
     resolution = chosen_width(where, objects, settings)
-    made = finished(unwrap_missing(where, objects, settings.uv_layer, resolution, changes))
+    made = finished(
+        unwrap_missing(where, objects, settings.uv_layer, resolution, changes, movable=visible_meshes(where))
+    )
     if made.skipped:
         raise SceneError("\n".join(made.notes))
 

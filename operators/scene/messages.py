@@ -27,10 +27,6 @@ OVERLAPPING = (
     "or delete the lightmap UV layer to have one made."
 )
 NO_UVS = f"faces without lightmap UVs: {_SEEN}. Unwrap it, or apply its modifiers."
-NO_ROOM = (
-    f"too many charts for a lightmap of this resolution: {_SEEN}. Raise the resolution, "
-    "or merge faces into fewer UV islands."
-)
 NO_TILE = (
     f"more objects and instances have the mesh, or lie on each other in the atlas, than fit into lightmaps "
     f"of this resolution: {_SEEN}. Raise the resolution, or set the role of less important ones to Occluder."
@@ -43,7 +39,20 @@ WITHOUT_XATLAS = (
     "The package xatlas is not there: Blender's Smart UV Project makes the lightmap UVs. They have more "
     "charts and fill less of the lightmap; for better ones, unwrap the objects into that UV layer yourself."
 )
+XATLAS_FAILED = (
+    "xatlas cannot cut these meshes: {}. Blender's Smart UV Project made their lightmap UVs, of more charts. "
+    "For better ones, mend the meshes with Mesh > Clean Up, or unwrap them into that UV layer yourself."
+)
 MANY_LAYERS = f"8 UV layers, as many as Blender allows, and none for the lightmap: {_SEEN}. Remove one."
+
+
+def no_room(resolution: int) -> str:
+    """Return the sentence for charts that do not fit a lightmap; 0 if none is large enough."""
+    raised = f"Raise the resolution to {resolution}" if resolution else "Raise the resolution"
+    return (
+        f"too many charts for a lightmap of this resolution: {_SEEN}. {raised}, "
+        "or merge faces into fewer UV islands."
+    )
 
 
 def attribute_in_the_way(uv_layer: str) -> str:

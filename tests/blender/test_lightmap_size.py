@@ -68,7 +68,7 @@ def test_objects_placed_side_by_side_get_it_too(settings):
 def test_too_dense_lightmaps_are_refused_with_the_limit(settings):
     settings.texels_per_metre = 1e5
     furnace()
-    with pytest.raises(RuntimeError, match=r"100000 texels per metre need .* 16,384 are the most"):
+    with pytest.raises(RuntimeError, match=r"100000 texels per metre need .* 4,096 are the most"):
         bake()
 
 
@@ -99,3 +99,14 @@ def test_command_line_chooses_a_size_or_a_density(settings):
     assert (settings.size_mode, settings.resolution) == ("SIZE", 64)
     command.apply_settings(argparse.Namespace(out=Path("/tmp"), texels_per_metre=3.5))
     assert (settings.size_mode, settings.texels_per_metre) == ("DENSITY", 3.5)
+
+
+def test_objects_that_need_more_than_the_largest_lightmap_get_several(settings):
+    settings.texels_per_metre, settings.largest_width = 18.0, 64
+    rooms = [furnace(f"Room {number}") for number in range(5)]
+    for number, room in enumerate(rooms):
+        room.location.x = 3 * number
+    images = bake()
+    assert len(images) > 1 and set(images.values()) == {64}
+    for room in rooms:
+        assert density(room, 64) >= 18

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.blender.test_panels import draw
-from tests.blender.things import furnace, loop_uvs, part, report, snapshot, square
+from tests.blender.things import SQUARE, furnace, loop_uvs, mesh_object, part, report, snapshot, square
 
 
 def settings():
@@ -53,7 +53,7 @@ def test_added_lightmaps_have_names_that_nobody_has():
 
 def test_without_a_lightmap_nothing_is_assigned_or_packed():
     square()
-    assert not any(poll(name) for name in ("remove", "assign", "select", "repack"))
+    assert not any(poll(name) for name in ("remove", "assign", "select", "repack", "unwrap"))
 
 
 def test_selected_objects_are_assigned_and_selected_again():
@@ -114,7 +114,7 @@ def test_assigned_objects_find_room_in_the_next_bake():
     assert first.hemibake.image == second.hemibake.image
 
 
-def test_repacking_makes_room_for_all_objects_of_a_lightmap():
+def test_unwrapping_again_makes_room_for_all_objects_of_a_lightmap():
     import bpy
 
     bpy.context.scene.hemibake.resolution = 64
@@ -129,9 +129,178 @@ def test_repacking_makes_room_for_all_objects_of_a_lightmap():
     bpy.context.view_layer.update()
     call("add")
     settings().active_lightmap = names().index("Lightmap")
-    assert call("repack") == {"FINISHED"}
+    assert call("unwrap") == {"FINISHED"}
     assert covered(first) == pytest.approx(covered(second), rel=0.05) and covered(second) > 1.2 * before
     assert np.array_equal(loop_uvs(other), rest) and first.hemibake.atlas == "Lightmap"
+
+
+def arch(name, steps=9):
+    """Return half a tube with a place in the world of its own."""
+    angle = np.linspace(0, np.pi, steps)
+    rims = [(np.cos(a), y, np.sin(a)) for a in angle for y in (0, 2)]
+    obj = mesh_object(name, rims, [(2 * k, 2 * k + 1, 2 * k + 3, 2 * k + 2) for k in range(steps - 1)])
+    obj.location.x = -3 * len(name)
+    return obj
+
+
+def edges(obj):
+    """Return the lengths of all loops' edges in a lightmap, relative to the mean."""
+    uvs = loop_uvs(obj).reshape(-1, 4, 2).astype(float)
+    lengths = np.linalg.norm(np.roll(uvs, -1, axis=1) - uvs, axis=2)
+    return lengths / lengths.mean()
+
+
+def chosen_lightmap(name="Lightmap"):
+    call("add")
+    settings().active_lightmap = names().index(name)
+
+
+def test_repacking_keeps_charts_and_gives_each_its_share():
+    """Charts that a user has made: two islands of different size, in a corner, one of them turned."""
+    import bpy
+
+    bpy.context.scene.hemibake.resolution = 128
+    uvs = [(0, 0), (0.1, 0), (0.1, 0.1), (0, 0.1), (0.2, 0.15), (0.22, 0.18), (0.19, 0.2), (0.17, 0.17)]
+    first = mesh_object(
+        "First", [*SQUARE, *((x + 3, y, z) for x, y, z in SQUARE)], [(0, 1, 2, 3), (4, 5, 6, 7)], uvs
+    )
+    second = arch("Second")
+    bpy.ops.hemibake.unwrap()
+    second.hemibake.atlas = "Lightmap"
+    shape = edges(second)
+    chosen_lightmap()
+    assert call("repack") == {"FINISHED"}
+    assert edges(second) == pytest.approx(shape, rel=0.06)
+    one, other = np.abs(np.ptp(loop_uvs(first).reshape(2, 4, 2), axis=1)).prod(axis=1)
+    assert one == pytest.approx(other, rel=0.1)
+    assert covered(first) + covered(second) > 0.6
+
+
+@pytest.mark.parametrize("name", ["repack", "unwrap"])
+def test_other_layers_and_which_is_active_stay(name):
+    import bpy
+
+    bpy.context.scene.hemibake.resolution = 64
+    obj = arch("First")
+    obj.data.uv_layers.new(name="One")
+    bpy.ops.hemibake.unwrap()
+    obj.data.uv_layers.new(name="Two")
+    obj.data.uv_layers.active = obj.data.uv_layers["Lightmap"]
+    obj.data.uv_layers["Two"].active_render = True
+    one, two = loop_uvs(obj, "One").copy(), loop_uvs(obj, "Two").copy()
+    copy = bpy.data.objects.new("Copy", obj.data.copy())
+    before = loop_uvs(copy).copy()
+    bpy.context.scene.hemibake.resolution = 61
+    chosen_lightmap()
+    assert call(name) == {"FINISHED"}
+    layers = obj.data.uv_layers
+    assert layers.active.name == "Lightmap" and layers["Two"].active_render
+    assert np.array_equal(loop_uvs(obj, "One"), one) and np.array_equal(loop_uvs(obj, "Two"), two)
+    assert np.array_equal(loop_uvs(copy), before) and not np.array_equal(loop_uvs(obj), before)
+
+
+def test_repacking_twice_changes_nothing():
+    import bpy
+
+    bpy.context.scene.hemibake.resolution = 61
+    objects = [arch("First"), furnace("Second")]
+    bpy.ops.hemibake.unwrap()
+    chosen_lightmap()
+    call("repack")
+    before = [loop_uvs(obj).copy() for obj in objects]
+    assert call("repack") == {"CANCELLED"}
+    assert all(np.array_equal(loop_uvs(obj), uvs) for obj, uvs in zip(objects, before, strict=True))
+    objects[0].hemibake.lightmap_scale = 0.5
+    assert call("repack") == {"FINISHED"} and not np.array_equal(loop_uvs(objects[0]), before[0])
+
+
+def test_unwrapping_again_gives_the_same_charts():
+    import bpy
+
+    objects = [arch("First"), furnace("Second"), arch("Third")]
+    bpy.ops.hemibake.unwrap()
+    before = [loop_uvs(obj).copy() for obj in objects]
+    chosen_lightmap()
+    assert call("unwrap") == {"FINISHED"}
+    assert all(np.array_equal(loop_uvs(obj), uvs) for obj, uvs in zip(objects, before, strict=True))
+
+
+def test_object_that_is_added_after_a_bake_joins_the_lightmap():
+    import bpy
+
+    bpy.context.scene.hemibake.resolution = 64
+    first = arch("First")
+    bpy.ops.hemibake.bake()
+    shape, before = edges(first), loop_uvs(first).copy()
+    second = furnace("Second")
+    second.location.x = 5
+    bpy.context.view_layer.update()
+    assert bpy.ops.hemibake.bake() == {"FINISHED"}
+    assert [first.hemibake.atlas, second.hemibake.atlas] == ["Lightmap", "Lightmap"]
+    assert report()["images"] == ["Lightmap"] and (first.hemibake.uv_scale, second.hemibake.uv_scale) == (
+        1,
+        1,
+    )
+    assert edges(first) == pytest.approx(shape, rel=0.25) and not np.array_equal(loop_uvs(first), before)
+    placed = [loop_uvs(obj).copy() for obj in (first, second)]
+    bpy.ops.hemibake.bake()
+    assert all(np.array_equal(loop_uvs(obj), uvs) for obj, uvs in zip((first, second), placed, strict=True))
+
+
+def test_charts_that_the_user_has_changed_stay_and_new_ones_open_a_lightmap():
+    import bpy
+
+    first = furnace("First")
+    bpy.ops.hemibake.bake()
+    first.data.uv_layers["Lightmap"].uv[0].vector.x += 0.01
+    before = loop_uvs(first).copy()
+    second = furnace("Second")
+    second.location.x = 5
+    bpy.ops.hemibake.bake()
+    assert np.array_equal(loop_uvs(first), before)
+    assert second.hemibake.atlas == "Lightmap.001"
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_objects_are_spread_over_the_lightmaps_that_may_be_filled(count):
+    import bpy
+
+    bpy.context.scene.hemibake.resolution, bpy.context.scene.hemibake.lightmap_count = 64, count
+    objects = [furnace(f"Room {number}") for number in range(7)]
+    for number, obj in enumerate(objects):
+        obj.location.x = 3 * number
+    bpy.ops.hemibake.unwrap()
+    atlases = sorted({obj.hemibake.atlas for obj in objects})
+    assert atlases == ["Lightmap", "Lightmap.001", "Lightmap.002"][:count]
+    for atlas in atlases:
+        assert sum(covered(obj) for obj in objects if obj.hemibake.atlas == atlas) > 0.4
+
+
+@pytest.mark.parametrize("level", [1, 2])
+def test_padding_holds_at_a_mip_level(level):
+    import bpy
+
+    scene = bpy.context.scene.hemibake
+    scene.resolution, scene.padding, scene.mip_level = 128, 3, level
+    obj = furnace("Room")
+    bpy.ops.hemibake.unwrap()
+    coarse = loop_uvs(obj).reshape(-1, 4, 2).astype(float) * (128 >> level)
+    assert coarse == pytest.approx(np.round(coarse), abs=1e-3)
+    low, high = coarse.min(axis=1), coarse.max(axis=1)
+    gaps = [np.maximum(low[i] - high[j], low[j] - high[i]).max() for i in range(6) for j in range(i)]
+    assert min(gaps) >= 3 - 1e-3
+
+
+def test_resolution_that_would_do_is_offered():
+    import bpy
+
+    bpy.context.scene.hemibake.resolution = 8
+    plates = [(x + 2 * k, y, z) for k in range(40) for x, y, z in SQUARE]
+    mesh_object("Plates", plates, [tuple(range(4 * k, 4 * k + 4)) for k in range(40)])
+    with pytest.raises(RuntimeError, match="Raise the resolution to 32"):
+        bpy.ops.hemibake.unwrap()
+    bpy.context.scene.hemibake.resolution = 32
+    assert bpy.ops.hemibake.unwrap() == {"FINISHED"}
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
@@ -187,4 +356,4 @@ def test_lightmaps_stay_as_they_are_while_a_bake_runs(monkeypatch):
     call("add")
     assert poll("add") and poll("assign") and poll("repack")
     monkeypatch.setattr(part("operators.worker_owner").owner, "running", object())
-    assert not any(poll(name) for name in ("add", "remove", "assign", "select", "repack"))
+    assert not any(poll(name) for name in ("add", "remove", "assign", "select", "repack", "unwrap"))

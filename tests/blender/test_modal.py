@@ -113,8 +113,9 @@ def unwrap_operator():
 
 
 def stand_in_for(operator_class):
-    functions = {name: value for name, value in vars(operator_class).items() if callable(value)}
-    stand_in = type("StandIn", (), functions)()
+    own = [cls for cls in operator_class.__mro__ if cls.__module__.startswith("bl_ext.")]
+    known = {name: value for cls in reversed(own) for name, value in vars(cls).items()}
+    stand_in = type("StandIn", (), {name: value for name, value in known.items() if name[:2] != "__"})()
     stand_in.reports = []
     stand_in.report = lambda kind, text: stand_in.reports.append((kind, text))
     return stand_in
@@ -386,6 +387,33 @@ def test_escape_while_unwrapping_leaves_nothing_behind(unwrap_operator, context,
     assert not part("operators.worker_owner").owner.busy
 
 
+@pytest.mark.parametrize("name", ["repack", "unwrap"])
+@pytest.mark.parametrize("events", [0, 2, 8])
+def test_packing_again_is_modal_and_escape_leaves_everything(name, events, context, window):
+    import bpy
+
+    for number in range(5):
+        furnace(f"Room {number}")
+    copied = furnace("Copied")
+    copied.modifiers.new("Array", "ARRAY")
+    bpy.ops.hemibake.unwrap()
+    bpy.ops.hemibake.lightmap_add()
+    settings = bpy.context.scene.hemibake
+    settings.active_lightmap = settings.lightmaps.find("Lightmap")
+    settings.resolution = 61
+    lightmaps, before = part("operators.lightmaps"), snapshot()
+    operator = stand_in_for(getattr(lightmaps, f"HEMIBAKE_OT_lightmap_{name}"))
+    assert operator.invoke(context, None) == {"RUNNING_MODAL"}
+    for _ in range(events):
+        assert operator.modal(context, TIMER) == {"PASS_THROUGH"}
+    assert operator.modal(context, ESCAPE) == {"CANCELLED"}
+    assert window.is_as_before() and snapshot() == before
+    assert operator.invoke(context, None) == {"RUNNING_MODAL"}
+    assert drive(operator, context) == {"FINISHED"}
+    assert window.is_as_before() and snapshot() != before
+    assert "packed into 'Lightmap'" in operator.reports[-1][1]
+
+
 def test_object_that_is_deleted_or_edited_while_it_is_unwrapped(unwrap_operator, context, window):
     import bpy
 
@@ -404,7 +432,7 @@ def test_process_that_unwraps_dies_and_is_replaced(unwrap_operator, context, mon
     """The first of two is killed; the object has its UVs nevertheless."""
     unwrap_process, made = part("operators.scene.uvs.unwrap_process"), []
     new_worker = unwrap_process.new_worker
-    monkeypatch.setattr(unwrap_process, "new_worker", lambda work: made.append(new_worker(work)) or made[-1])
+    monkeypatch.setattr(unwrap_process, "new_worker", lambda *job: made.append(new_worker(*job)) or made[-1])
     obj = furnace()
     unwrap_operator.invoke(context, None)
     drive(unwrap_operator, context, until=lambda: bool(made and made[0].process))

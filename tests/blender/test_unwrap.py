@@ -297,3 +297,39 @@ def test_doubled_faces_get_charts_of_their_own():
     uvs = loop_uvs(obj).reshape(2, 4, 2)
     low, high = uvs.min(axis=1), uvs.max(axis=1)
     assert (high[0] < low[1]).any() or (high[1] < low[0]).any()
+
+
+def arch(name, steps=9):
+    """Return half a tube: a surface that bends without a crease."""
+    angle = np.linspace(0, np.pi, steps)
+    rims = [(np.cos(a), y, np.sin(a)) for a in angle for y in (0, 2)]
+    quads = [(2 * k, 2 * k + 1, 2 * k + 3, 2 * k + 2) for k in range(steps - 1)]
+    return mesh_object(name, rims, quads)
+
+
+def test_mesh_that_xatlas_cannot_cut_is_named_and_the_others_go_on(monkeypatch):
+    from pathlib import Path
+
+    process = part("operators.scene.uvs.unwrap_process")
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    monkeypatch.setattr(process, "_UNWRAP", "crashing_unwrap:unwrap")
+    monkeypatch.setattr(process, "_CUT", "crashing_unwrap:cut")
+    objects = [arch(name) for name in ("First", "Bad", "Second", "Bad too", "Third")]
+    for number, obj in enumerate(objects):
+        obj.location.x = 3 * number
+    made = unwrap_missing(objects, RESOLUTION, part("operators.changes").Changes())
+    assert made.objects == objects and not made.skipped
+    (note,) = made.notes
+    assert "'Bad', 'Bad too'." in note and "'First'" not in note and "Smart UV" in note
+    assert sum(coverage(obj, 509) for obj in objects).max() == 1
+    assert min(coverage(obj, 127).sum() for obj in objects) > 1000
+
+
+def test_unwrapping_without_a_process_fails_as_a_whole_and_says_what(monkeypatch):
+    process = part("operators.scene.uvs.unwrap_process")
+    for name in ("_UNWRAP", "_CUT"):
+        monkeypatch.setattr(process, name, "no_such_module:work")
+    obj, changes = arch("Arch"), part("operators.changes").Changes()
+    with pytest.raises(Exception, match="could not be made. The unwrapping process could not start"):
+        unwrap_missing([obj], RESOLUTION, changes)
+    assert not obj.data.uv_layers

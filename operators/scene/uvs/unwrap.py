@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import time
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field, replace
+from enum import Enum
 
 import bpy
 import numpy as np
@@ -17,12 +19,14 @@ from ....engine.unwrap.segmentation import has_xatlas
 from ....engine.unwrap.unwrapping import Square
 from ...changes import Changes
 from ...lookup import find, find_all
-from ..messages import NO_ROOM, WITHOUT_XATLAS, Troubles
+from ..messages import WITHOUT_XATLAS, XATLAS_FAILED, Troubles, no_room
 from ..scene_context import SceneContext
 from ..slices import row_slices
+from .known_charts import digest_of, is_made, known_charts, layer_uvs
+from .lightmap_layer import lightmap_layer
 from .multi_user import instanced_objects, multi_user_sources
 from .unwrap_process import unwrap_apart
-from .uv_layers import add_layer
+from .uv_layers import replace_layer
 from .uv_modifier import (
     NAME,
     add_uv_modifier,
@@ -31,6 +35,7 @@ from .uv_modifier import (
     has_uvs,
     remove_unused_uvs,
     uv_modifier,
+    uv_source,
 )
 from .uv_targets import Target, Users, evaluated_mesh, evaluated_targets, own_target, users_of_meshes
 
@@ -39,6 +44,12 @@ _SLICE = 0.015
 
 #: Unwrappings of meshes that change meanwhile, before it is done in one piece.
 _ATTEMPTS = 3
+
+
+class Anew(Enum):
+    """What is done with the lightmap UVs that objects have: nothing, packed again, or made anew."""
+
+    NONE, PACKING, CHARTS = range(3)
 
 
 @dataclass
@@ -61,6 +72,8 @@ def unwrap_missing(
     uv_layer: str,
     resolution: int,
     changes: Changes,
+    anew: Anew = Anew.NONE,
+    movable: Sequence[bpy.types.Object] = (),
 ) -> Generator[Progress | None, None, Made]:
     """Give lightmap UVs to each object with faces that has none, in slices; return what was done.
 
@@ -70,20 +83,26 @@ def unwrap_missing(
     An object's own mesh gets a layer. Where modifiers copy or make faces, so that the layer overlaps or is
     missing on what they make, this is unwrapped instead and a last modifier keeps the UVs; it is made
     anew once it no longer fits. All new UVs of an atlas are packed together, for an image of `resolution`
-    texels. If other objects hold that atlas already, the new ones move to a fresh atlas. Other UV layers,
-    the selection and the mode stay as they are. An object that cannot have UVs is skipped, with a note.
+    texels. If other objects hold that atlas already, their charts are packed again with the new ones; where
+    that may not be, the new ones move to a fresh atlas. Other UV layers, the selection and the mode stay as
+    they are. An object that cannot have UVs is skipped, with a note.
+
+    anew     what is done with the UVs that objects have
+    movable  objects whose charts may be packed again, if their UVs are as they were made
     """
     if not uv_layer:
         raise SceneError("The lightmap UV layer has no name. Type one, such as Lightmap.")
     uids = [obj.session_uid for obj in objects]
+    free = frozenset(obj.session_uid for obj in movable)
+    make = lambda: _Unwrapping(context, uv_layer, resolution, changes, anew, free)  # noqa: E731
     yield Progress("Unwrapping", 0.0)
     yield None
     for _ in range(_ATTEMPTS):
         try:
-            return (yield from _Unwrapping(context, uv_layer, resolution, changes).unwrap(uids))
+            return (yield from make().unwrap(uids))
         except _MeshChangedError:
             yield None
-    return finished(_Unwrapping(context, uv_layer, resolution, changes).unwrap(uids))
+    return finished(make().unwrap(uids))
 
 
 class _MeshChangedError(Exception):
@@ -93,20 +112,39 @@ class _MeshChangedError(Exception):
 class _Unwrapping:
     """Unwraps objects' own meshes first, then what modifiers make where that did not do."""
 
-    def __init__(self, context: SceneContext, uv_layer: str, resolution: int, changes: Changes) -> None:
+    def __init__(
+        self,
+        context: SceneContext,
+        uv_layer: str,
+        resolution: int,
+        changes: Changes,
+        anew: Anew,
+        movable: frozenset[int],
+    ) -> None:
         self._context, self._uv_layer = context, uv_layer
+        self._anew, self._movable = anew, movable
         self._resolution, self._changes = resolution, changes
         self._made, self._troubles = Made(), Troubles()
         self._left: list[int] = []
+        self._failed: set[str] = set()
+        self._digests: dict[str, str] = {}
+        self._began = time.perf_counter()
         self._objects: dict[int, bpy.types.Object] = {}
 
     def unwrap(self, uids: Sequence[int]) -> Generator[Progress | None, None, Made]:
         """Make all UVs that are missing; warn where they cannot be as usual."""
         # Nothing of the scene is changed before a yield, or all is taken back.
         trial = Changes()
-        users = users_of_meshes(self._prepare(uids, trial), self._uv_layer)
+        objects = self._prepare(uids, trial)
+        users = users_of_meshes(objects, self._uv_layer, self._anew is not Anew.NONE)
         trial.take_back()
-        own = yield from self._read(users)
+        own = yield from self._read(users, self._anew is Anew.PACKING)
+        moving = yield from self._users_to_move(own)
+        own += yield from self._read(moving, keeps_charts=True)
+        if self._anew is Anew.PACKING:
+            own = yield from self._measured(own)
+            if self._is_packed(own):
+                return self._made
         pages = yield from self._pack(own)
 
         # What modifiers make is known only once the objects' own meshes have their layer.
@@ -121,7 +159,11 @@ class _Unwrapping:
             trial = Changes()
             self._prepare(uids, trial)
             self._store(pages, trial)
+        if self._anew is not Anew.NONE and self._left:
+            trial.take_back()
+            raise SceneError(" ".join(self._troubles.tell()))
         self._changes.add(trial.take_back)
+        self._remember_packing(pages)
         self._leave_atlases(pages)
         self._finish(pages)
         return self._made
@@ -135,24 +177,72 @@ class _Unwrapping:
             obj.update_from_editmode()
         kept = [(obj, modifier) for obj in objects if (modifier := uv_modifier(obj, self._uv_layer))]
         depsgraph = self._context.evaluated_depsgraph_get()
-        outdated = [obj for obj, modifier in kept if obj.is_editable and _outdated(obj, modifier, depsgraph)]
+        outdated = [
+            obj
+            for obj, modifier in kept
+            if obj.is_editable and (self._anew is not Anew.NONE or _outdated(obj, modifier, depsgraph))
+        ]
         for obj in outdated:
             drop_uv_modifier(obj, self._uv_layer, changes)
-        self._objects = {obj.session_uid: obj for obj in objects}
+        self._objects = {obj.session_uid: obj for obj in bpy.data.objects}
+        self._began = time.perf_counter()
         return objects
 
-    def _read(self, users: Sequence[Users]) -> Generator[Progress | None, None, list[Target]]:
-        """Read the meshes that lack UVs, a few at a time."""
-        targets, began = [], time.perf_counter()
+    def _users_to_move(self, own: Sequence[Target]) -> Generator[Progress | None, None, list[Users]]:
+        """Return the users of meshes that are packed again with new ones of their atlas.
+
+        Of an atlas all are, or none: those with tiles do not count.
+        """
+        fresh, multi_user = {uid for target in own for uid in target.uids}, multi_user_sources(self._uv_layer)
+        others: dict[str, list[int]] = {target.atlas: [] for target in own}
+        for obj in self._holders(fresh):
+            if obj.hemibake.atlas in others and uv_source(obj, self._uv_layer) not in multi_user:
+                others[obj.hemibake.atlas].append(obj.session_uid)
+        users: list[Users] = []
+        for members in others.values():
+            found: list[Users] = []
+            for uid in members:
+                yield from self._pause()
+                obj = self._objects.get(uid)
+                if obj is None:
+                    raise _MeshChangedError
+                if not self._may_move(obj):
+                    break
+                found.append(Users((uid,), lightmap_layer(obj, self._uv_layer)))
+            else:
+                users += found
+        return users
+
+    def _pause(self) -> Generator[None, None, None]:
+        """Give a window its turn if the last one is long ago, and look objects up again."""
+        if time.perf_counter() - self._began > _SLICE:
+            yield None
+            self._began = time.perf_counter()
+            self._objects = {obj.session_uid: obj for obj in bpy.data.objects}
+
+    def _may_move(self, obj: bpy.types.Object) -> bool:
+        """Return whether the charts of an object may be packed again: its own UVs, as they were made."""
+        own = obj.data.is_editable and uv_modifier(obj, self._uv_layer) is None
+        return (
+            own and obj.session_uid in self._movable and is_made([obj], lightmap_layer(obj, self._uv_layer))
+        )
+
+    def _read(
+        self, users: Sequence[Users], keeps_charts: bool
+    ) -> Generator[Progress | None, None, list[Target]]:
+        """Read meshes, a few at a time, with the charts that they have if these are kept."""
+        targets = []
         for mesh in users:
-            if time.perf_counter() - began > _SLICE:
-                yield None
-                began = time.perf_counter()
-                self._objects = {obj.session_uid: obj for obj in bpy.data.objects}
+            yield from self._pause()
             if not self._objects.keys() >= set(mesh.uids):
                 raise _MeshChangedError
-            target = own_target([self._objects[uid] for uid in mesh.uids], mesh.layer, self._leave)
+            objects = [self._objects[uid] for uid in mesh.uids]
+            target = own_target(objects, mesh.layer, self._leave)
             if target is not None:
+                if keeps_charts and mesh.layer in objects[0].data.uv_layers:
+                    uvs = layer_uvs(objects[0].data, mesh.layer)
+                    target = replace(target, charts=known_charts(target.mesh, uvs))
+                    self._digests[target.mesh.name] = digest_of(uvs)
                 targets.append(target)
         return targets
 
@@ -161,6 +251,9 @@ class _Unwrapping:
         measured, began = [], time.perf_counter()
         for target in targets:
             mesh, area = target.mesh, 0.0
+            if target.area > 0:
+                measured.append(target)
+                continue
             for rows in row_slices(len(mesh.triangles), 27):
                 if time.perf_counter() - began > _SLICE:
                     yield None
@@ -189,7 +282,8 @@ class _Unwrapping:
         self._look_up(targets)
         squares, atlases = self._squares(targets)
         meshes, charts = zip(*((target.mesh, target.charts) for target in targets), strict=True)
-        unwrapped = yield from unwrap_apart(meshes, charts, squares)
+        unwrapped, failed = yield from unwrap_apart(meshes, charts, squares)
+        self._failed.update(meshes[index].name for index in failed)
         yield Progress("Storing lightmap UVs", 1.0, 1.0)
         yield None
         cut = [replace(target, charts=made) for target, made in zip(targets, unwrapped.charts, strict=True)]
@@ -199,10 +293,11 @@ class _Unwrapping:
             for filled in unwrapped.squares
         ]
         placed = {index for filled in unwrapped.squares for index in filled.meshes}
+        needed = dict(unwrapped.too_small)
         for index, target in enumerate(cut):
             if index not in placed:
                 for uid in target.uids:
-                    self._leave(self._objects[uid], NO_ROOM)
+                    self._leave(self._objects[uid], no_room(needed[index] * self._mip_width))
         return pages
 
     def _squares(self, targets: Sequence[Target]) -> tuple[list[Square], list[str | None]]:
@@ -210,15 +305,21 @@ class _Unwrapping:
         multi_user, instanced = multi_user_sources(self._uv_layer), instanced_objects()
         squares: list[Square] = []
         atlases: list[str | None] = []
+        properties = self._context.scene.hemibake
+        self._mip_width = 1 << properties.mip_level
+        resolution = max(self._resolution // self._mip_width, 1)
+        pages, density = (1, 0.0) if self._anew is not Anew.NONE else spread(properties)
         for atlas, members in _by_atlas(targets).items():
             tiled = [index for index in members if self._is_multi_user(targets[index], multi_user, instanced)]
             alone = tuple(index for index in members if index not in tiled)
             area = sum(targets[index].area for index in members)
             if alone:
-                squares.append(Square(alone, self._resolution))
+                wanted = density / self._mip_width
+                squares.append(Square(alone, resolution, properties.padding, pages, wanted))
                 atlases.append(atlas)
             for index in tiled:
-                squares.append(Square((index,), _tile_width(targets[index].area, area, self._resolution)))
+                width = _tile_width(targets[index].area, area, resolution)
+                squares.append(Square((index,), width, properties.padding))
                 atlases.append(None)
         return squares, atlases
 
@@ -247,7 +348,9 @@ class _Unwrapping:
             for target, uvs in zip(page.targets, page.uvs, strict=True):
                 objects = [self._objects[uid] for uid in target.uids]
                 if target.topology is None:
-                    add_layer(objects[0], target.layer, uvs, changes)
+                    replace_layer(objects[0], target.layer, uvs, changes)
+                    for obj in objects:
+                        _remember_made(obj, digest_of(uvs), changes)
                 else:
                     add_uv_modifier(objects, uvs, target.topology, target.layer, changes)
 
@@ -267,12 +370,12 @@ class _Unwrapping:
 
     def _atlases_of_others(self, members: set[int]) -> set[str]:
         """Return the atlases of objects that had lightmap UVs before."""
-        others = [obj for obj in self._context.scene.objects if obj.type == "MESH"]
-        return {
-            obj.hemibake.atlas
-            for obj in others
-            if obj.session_uid not in members and has_uvs(obj, self._uv_layer)
-        }
+        return {obj.hemibake.atlas for obj in self._holders(members)}
+
+    def _holders(self, members: set[int]) -> list[bpy.types.Object]:
+        """Return the other objects of the scene that have lightmap UVs."""
+        meshes = [obj for obj in self._context.scene.objects if obj.type == "MESH"]
+        return [obj for obj in meshes if obj.session_uid not in members and has_uvs(obj, self._uv_layer)]
 
     def _move(self, objects: Sequence[bpy.types.Object], atlas: str, fresh: str) -> None:
         """Let objects go to another atlas."""
@@ -282,6 +385,41 @@ class _Unwrapping:
         sentence = f"New lightmap UVs were made for {{}}: they have the lightmap '{fresh}'."
         self._made.notes.append(naming(sentence, [obj.name for obj in objects]))
 
+    def _is_packed(self, own: Sequence[Target]) -> bool:
+        """Return whether an atlas still is as it was packed last."""
+        entry = self._entry(own[0].atlas) if own else None
+        known = all(target.mesh.name in self._digests for target in own)
+        return entry is not None and known and entry.packing == self._packing(own, self._digests)
+
+    def _remember_packing(self, pages: Sequence[_Page]) -> None:
+        """Keep with each atlas how it has been packed."""
+        for page in pages:
+            entry = self._entry(page.atlas)
+            if entry is not None:
+                name, before = entry.name, entry.packing
+                self._changes.add(lambda name=name, before=before: self._set_packing(name, before))
+                pairs = zip(page.targets, page.uvs, strict=True)
+                digests = {target.mesh.name: digest_of(uvs) for target, uvs in pairs}
+                entry.packing = self._packing(page.targets, digests)
+
+    def _entry(self, atlas: str | None) -> bpy.types.PropertyGroup | None:
+        return self._context.scene.hemibake.lightmaps.get(atlas) if atlas is not None else None
+
+    def _set_packing(self, name: str, packing: str) -> None:
+        entry = self._entry(name)
+        if entry is not None:
+            entry.packing = packing
+
+    def _packing(self, targets: Sequence[Target], digests: dict[str, str]) -> str:
+        """Return a text that tells how charts are packed, for which surfaces, and to which sizes."""
+        properties = self._context.scene.hemibake
+        parts = [str(self._resolution), str(properties.padding), str(properties.mip_level)]
+        surface = max(sum(target.area for target in targets), 1e-300)
+        for target in sorted(targets, key=lambda target: target.mesh.name):
+            name = target.mesh.name
+            parts += [name, f"{target.area / surface:.5f}", digests[name]]
+        return hashlib.sha256("|".join(parts).encode()).hexdigest()
+
     def _finish(self, pages: Sequence[_Page]) -> None:
         """Say who has got UVs, and who has none."""
         targets = [target for page in pages for target in page.targets]
@@ -289,6 +427,8 @@ class _Unwrapping:
         self._made.skipped = [self._objects[uid] for uid in self._left]
         if targets and not has_xatlas():
             self._made.notes.append(WITHOUT_XATLAS)
+        if self._failed:
+            self._made.notes.append(naming(XATLAS_FAILED, sorted(self._failed)))
         kept = sorted(self._objects[uid].name for target in targets if target.topology for uid in target.uids)
         if kept:
             sentence = (
@@ -335,6 +475,25 @@ def _tile_width(area: float, total: float, resolution: int) -> int:
     """Return about how many texels wide the tile of a mesh will be."""
     scale = np.sqrt(area / total) if total > 0 else 1.0
     return int(np.clip(resolution * scale, min(64, resolution), resolution))
+
+
+def spread(properties: bpy.types.PropertyGroup) -> tuple[int, float]:
+    """Return over how many lightmaps new UVs are spread, and the texels per metre wanted, 0 for any."""
+    if properties.size_mode == "DENSITY":
+        return 1, properties.texels_per_metre
+    return properties.lightmap_count, 0.0
+
+
+def _remember_made(obj: bpy.types.Object, digest: str, changes: Changes) -> None:
+    """Keep with an object what UVs have been made for it."""
+    changes.add(lambda uid=obj.session_uid, before=obj.hemibake.made_uvs: _set_made(uid, before))
+    obj.hemibake.made_uvs = digest
+
+
+def _set_made(uid: int, digest: str) -> None:
+    obj = find(bpy.data.objects, uid)
+    if obj is not None:
+        obj.hemibake.made_uvs = digest
 
 
 def _set_atlas(uid: int, atlas: str) -> None:

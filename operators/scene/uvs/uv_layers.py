@@ -35,21 +35,36 @@ def remove_layer(obj: bpy.types.Object, name: str) -> None:
     obj.data.update()
 
 
-def set_layer_aside(obj: bpy.types.Object, name: str, changes: Changes) -> None:
-    """Remove a UV layer, if there is one of that name, such that it can be brought back."""
+def replace_layer(obj: bpy.types.Object, name: str, uvs: np.ndarray, changes: Changes) -> None:
+    """Give a UV layer, or a new one, other UVs, (l, 2) of each loop.
+
+    It is made anew: a mesh that was copied may share the arrays of its layers with the other one.
+    """
     if name not in obj.data.uv_layers:
+        add_layer(obj, name, uvs, changes)
         return
     obj.update_from_editmode()
-    uvs = np.empty((len(obj.data.loops), 2), np.float32)
-    obj.data.uv_layers[name].uv.foreach_get("vector", uvs.reshape(-1))
-    changes.add(lambda uid=obj.session_uid: _bring_back(uid, name, uvs))
-    remove_layer(obj, name)
+    before = np.empty((len(obj.data.loops), 2), np.float32)
+    obj.data.uv_layers[name].uv.foreach_get("vector", before.reshape(-1))
+    changes.add(lambda uid=obj.session_uid: _bring_back(uid, name, before))
+    _exchange(obj, name, uvs)
 
 
 def _bring_back(uid: int, name: str, uvs: np.ndarray) -> None:
     obj = find(bpy.data.objects, uid)
-    if obj is not None:
-        (_add_edited if obj.data.is_editmode else _add_stored)(obj, name, uvs)
+    if obj is not None and len(obj.data.loops) == len(uvs):
+        _exchange(obj, name, uvs)
+
+
+def _exchange(obj: bpy.types.Object, name: str, uvs: np.ndarray) -> None:
+    """Make a UV layer anew; the same ones are active and rendered afterwards."""
+    layers = obj.data.uv_layers
+    active = layers.active.name if layers.active else ""
+    rendered = next((layer.name for layer in layers if layer.active_render), "")
+    remove_layer(obj, name)
+    (_add_edited if obj.data.is_editmode else _add_stored)(obj, name, uvs)
+    layers = obj.data.uv_layers
+    _set_current(layers, layers.find(active), layers.find(rendered))
 
 
 def _remove_from(uid: int, name: str) -> None:

@@ -67,11 +67,14 @@ class Users:
     layer: str
 
 
-def users_of_meshes(objects: Sequence[bpy.types.Object], uv_layer: str) -> list[Users]:
-    """Return the users of each mesh that lacks the layer and can have one of its own."""
+def users_of_meshes(objects: Sequence[bpy.types.Object], uv_layer: str, anew: bool) -> list[Users]:
+    """Return the users of each mesh that lacks the layer and can have one of its own.
+
+    anew: those of meshes that have it, too
+    """
     users: dict[tuple[int, str], list[int]] = {}
     for obj in objects:
-        if obj.data.is_editable and not has_uvs(obj, uv_layer):
+        if obj.data.is_editable and (anew or not has_uvs(obj, uv_layer)):
             key = (obj.data.session_uid, lightmap_layer(obj, uv_layer))
             users.setdefault(key, []).append(obj.session_uid)
     return [Users(tuple(uids), layer) for (_, layer), uids in users.items()]
@@ -169,7 +172,7 @@ def _read(
 
 def _trouble(mesh: bpy.types.Mesh, positions: np.ndarray, uv_layer: str) -> str | None:
     """Return why a mesh, at these positions in world space, cannot have the layer."""
-    if len(mesh.uv_layers) >= MOST_LAYERS:
+    if len(mesh.uv_layers) >= MOST_LAYERS and uv_layer not in mesh.uv_layers:
         return MANY_LAYERS
     if uv_layer in mesh.attributes and uv_layer not in mesh.uv_layers:
         return attribute_in_the_way(uv_layer)

@@ -1,0 +1,66 @@
+"""Charts as a lightmap UV layer has them: what is packed again keeps its shape."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+
+import bpy
+import numpy as np
+
+from ....engine.unwrap.adjacency import components
+from ....engine.unwrap.polygon_mesh import Charts, PolygonMesh, areas, signed_areas
+from ..objects.meshes import read_array
+from .uv_faults import is_finite
+
+#: UVs of neighbours are the same if they agree to this many parts of a lightmap.
+_STEPS = 1 << 20
+
+
+def layer_uvs(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
+    """Return a UV layer of a mesh, (l, 2) float32."""
+    return read_array(mesh.uv_layers[name].uv, "vector", 2, np.float32)
+
+
+def digest_of(uvs: np.ndarray) -> str:
+    """Return a text that tells UVs, (l, 2) float32, from others."""
+    return hashlib.sha256(np.ascontiguousarray(uvs, np.float32).tobytes()).hexdigest()
+
+
+def is_made(objects: Sequence[bpy.types.Object], layer: str) -> bool:
+    """Return whether the UV layer of objects that show one mesh is as Hemibake made it."""
+    mesh = objects[0].data
+    if layer not in mesh.uv_layers:
+        return False
+    digest = digest_of(layer_uvs(mesh, layer))
+    return all(obj.hemibake.made_uvs == digest for obj in objects)
+
+
+def known_charts(mesh: PolygonMesh, uvs: np.ndarray) -> Charts | None:
+    """Return the charts that a UV layer, (l, 2) float32, has; None if it has none that can be packed.
+
+    Neighbours that have a UV of a common vertex in common are of one chart. Each gets the size of its
+    surface.
+    """
+    if not is_finite(uvs) or not len(mesh.triangles):
+        return None
+    steps = np.round(uvs.astype(np.float64) * _STEPS).astype(np.int64)
+    _, place = np.unique(np.c_[mesh.corners, steps], axis=0, return_inverse=True)
+    polygons = len(mesh.starts) - 1
+    of_loop = np.repeat(np.arange(polygons), np.diff(mesh.starts))
+
+    # Each place links its polygons to the first of them.
+    place = place.reshape(-1)
+    first = np.full(place.max(initial=-1) + 1, polygons)
+    np.minimum.at(first, place, of_loop)
+    chart = components(polygons, first[place], of_loop)
+
+    count = chart.max(initial=-1) + 1
+    of_triangle = chart[mesh.polygon]
+    flat = np.abs(signed_areas(uvs[mesh.triangles].astype(np.float64)))
+    space = areas(mesh.positions[mesh.corners[mesh.triangles]])
+    flat, space = (np.bincount(of_triangle, values, count) for values in (flat, space))
+    if ((flat <= 0) & (space > 0)).any():
+        return None
+    scale = np.sqrt(space / np.where(flat > 0, flat, np.inf))
+    return Charts(uvs * scale[chart][of_loop][:, None], np.where(space[of_triangle] > 0, of_triangle, -1))

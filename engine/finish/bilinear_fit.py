@@ -57,7 +57,8 @@ class BilinearFit:
         right = self._spread(light)
         weight = self._spread(np.ones(len(light)))
         mean = np.divide(right, weight, out=np.zeros_like(right), where=weight > 0)
-        start = equations.smooth.carried(mean, weight > 0)
+        start, known = equations.smooth.carried(mean, weight > 0)
+        start, _ = equations.seams.carried(start, known)
         return self._solver.solution(right, start, *self._bounds(light))
 
     def _spread(self, light: np.ndarray) -> np.ndarray:

@@ -52,7 +52,8 @@ def display_equations(
     """Return the equations of the lightmaps.
 
     Unknown are texels that points beside centres read, and texels that both sides of a seam read, if some
-    point tells about either side.
+    point tells about one of them: the tip of a chart, where no texel has a point, shows what the other side
+    shows.
     """
     texel = points.texels(resolution)
     beside = beside_centres(points.position)
@@ -88,16 +89,16 @@ def _numbered(number: np.ndarray, texels: np.ndarray, weights: np.ndarray) -> np
 
 
 def _seam_sides(seams: Seams, told: np.ndarray, resolution: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return seams about both sides of which points tell.
+    """Return seams about one side of which points tell, at least.
 
     Texels of both sides, (p, 8) int64, their weights, negative on the second side, and the length that each
     pair of points stands for, (p,).
     """
     first, second = (footprints(seams.atlas[:, side], seams.texel[:, side], resolution) for side in (0, 1))
     known = [(told[texels] & (weights > _TELLS)).any(axis=1) for texels, weights in (first, second)]
-    both = known[0] & known[1]
-    sides = np.concatenate([first[0], second[0]], axis=1)[both]
-    return sides, np.concatenate([first[1], -second[1]], axis=1)[both], seams.weight[both]
+    one = known[0] | known[1]
+    sides = np.concatenate([first[0], second[0]], axis=1)[one]
+    return sides, np.concatenate([first[1], -second[1]], axis=1)[one], seams.weight[one]
 
 
 def _smoothness(sides: np.ndarray, diagonal: np.ndarray) -> SparseRows:

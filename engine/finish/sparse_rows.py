@@ -41,16 +41,16 @@ class SparseRows:
         high[unknown] = np.maximum(high[unknown], np.maximum.reduceat(largest, start))
         return low, high
 
-    def carried(self, values: np.ndarray, known: np.ndarray) -> np.ndarray:
+    def carried(self, values: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return values, (n,), where those that are not known have the mean of known ones in their rows."""
-        values, known = values * known, known.astype(np.float64)
+        values, known = values * known, known.copy()
         while True:
             weight = self._sums(self._of_rows(known))
-            reached = (known == 0) & (weight > 0)
+            reached = ~known & (weight > 0)
             if not reached.any():
-                return values
+                return values, known
             sums = self._sums(self._of_rows(values))
-            values[reached], known[reached] = sums[reached] / weight[reached], 1
+            values[reached], known[reached] = sums[reached] / weight[reached], True
 
     def _of_rows(self, values: np.ndarray) -> np.ndarray:
         """Return the sum of the unknowns' values in each row at all its entries, (m, k) float64."""

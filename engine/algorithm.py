@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from contextlib import closing
+from dataclasses import replace
 
 from .device.devices import Devices
 from .direct.lighting import DirectLighting
 from .finish.outputs import Outputs
 from .finish.store import LightmapStore
+from .finish.texel_means import TexelMeans
 from .lightmap import Lightmap, Report
 from .patches.occluders import place_occluders
 from .patches.subdivision import subdivide
 from .plan.choose import Choice, choose_solver
+from .plan.display_light import DisplayJob, light_in_texels
 from .plan.limits import check_limits, check_patch_count
 from .plan.solve_job import SolveJob
 from .plan.stages import BakeStages
@@ -76,7 +79,7 @@ def _bake(
     yield stages.begin(stages.choosing)
     emission, sky, area = lighting.emission_left, lighting.sky_left, parts.geometry.area
     job = SolveJob(graphics, compute, parts, rays, emission, sky, sampled, area, settings)
-    solution, choice = choose_solver(job)
+    solution, choice, solved = choose_solver(job)
     in_contact = lighting.in_contact()
     yield stages.chosen(choice)
 
@@ -89,17 +92,24 @@ def _bake(
         image = store.display(outputs.light(solution)) if settings.intermediates else None
         yield stages.iterated(solution, image)
 
-    # What was asked for, as images without seams and with dilated charts (VI.B).
+    # What was asked for; where a texel shows more than its centre, at several points of it.
     made = yield from stages.run(stages.outputs, outputs.make(solution))
+    texels = DisplayJob(scene, len(atlases), job, solved, choice, lighting)
+    lit = yield from stages.run(stages.texels, light_in_texels(texels, solution, in_contact))
+    store.refine(TexelMeans(lit.samples, lit.visible, settings.resolution))
+
+    # Images without seams and with dilated charts (VI.B).
     yield stages.begin(stages.images)
     if settings.hide_seams:
         store.fit(parts.triangles)
-    passes = {name: store.final(values) for name, values in made.items()}
+    passes = {name: store.final(values, lit.values.get(name)) for name, values in made.items()}
     first = next(iter(made))
+    image = store.image(made[first])
     yield stages.end()
+    choice = replace(choice, reasons=(*choice.reasons, lit.reason))
     warnings = (*notes, *parts.warnings, *lighting.warnings)
     report = _summary(solution, settings, choice, len(parts.patches), stages.seconds, devices, warnings)
-    return Lightmap(atlases, store.image(made[first]), passes[first], store.has_patch, report, passes)
+    return Lightmap(atlases, image, passes[first], store.has_patch, store.known, report, passes)
 
 
 def _summary(

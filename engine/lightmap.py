@@ -49,9 +49,10 @@ class Lightmap:
 
     image      (atlases, h, w, 3) float32, the first output asked for (E/pi of all light unless set
                otherwise); 0 where `has_patch` is False
-    display    (atlases, h, w, 3) float32, `image` without seams, with hidden texels filled
-               and charts dilated
+    display    (atlases, h, w, 3) float32, what is stored: texels that show more than their centre have the
+               mean of several points; without seams, hidden texels filled, charts dilated
     has_patch  (atlases, h, w) bool, texels that are patches
+    known      (atlases, h, w) bool, texels of `display` that are not filled
     passes     every output asked for, as `display`, by name: "combined", "direct", "indirect" (E/pi),
                "ambient_occlusion" (1 where nothing is near), and "shadow_mask NAME" for each light (1
                where it is seen whole)
@@ -61,5 +62,6 @@ class Lightmap:
     image: np.ndarray
     display: np.ndarray
     has_patch: np.ndarray
+    known: np.ndarray
     report: Report = field(repr=False)
     passes: dict[str, np.ndarray] = field(default_factory=dict, repr=False)

@@ -70,6 +70,14 @@ _HEMICUBES = {
     for width in (8, 16, 32, 64, 128, 256)
 }
 
+_TEXEL_SAMPLES = {
+    1: Option("Off", "Every texel shows the light at its centre"),
+    **{
+        count: Option(str(count), f"{count} points, each with a part of a patch's rays")
+        for count in (4, 16, 64)
+    },
+}
+
 _BYTES = Span(0, 1 << 50, "bytes", ("MiB", 1 << 20))
 
 
@@ -125,6 +133,13 @@ class Settings:
     )
     light_samples: int = described(
         64, "Light Samples", "Shadow rays from each patch to each light", Span(1, 4096, "rays")
+    )
+    texel_samples: int = described(
+        16,
+        "Texel Samples",
+        "Points at which light is gathered in each texel that shows more than one thing: at borders of "
+        "charts, on edges of light, where surfaces cut each other; 1 for the texel's centre alone",
+        OneOf(_TEXEL_SAMPLES),
     )
     sample_emission: bool = described(
         True,

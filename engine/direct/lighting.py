@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+from copy import copy
 
 import numpy as np
 
@@ -52,7 +53,7 @@ class DirectLighting:
     def gather(self) -> Generator[float, None, np.ndarray]:
         """Return E/pi of the sampled light, (n, 3) float32; yield the fraction done."""
         if not (self._lamps or len(self._bright.triangles) or self._sky.bright is not None):
-            return np.zeros((len(self._parts.patches), 3), np.float32)
+            return np.zeros((self._ray_scene.count, 3), np.float32)
         return (yield from self._casting().gather())
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
@@ -66,16 +67,24 @@ class DirectLighting:
     def in_contact(self) -> np.ndarray:
         """Return which patches are hidden by a face that touches them, (n,) bool."""
         if self._ray_scene.possible:
-            return patches_in_contact(self._ray_scene, len(self._parts.patches))
+            return patches_in_contact(self._ray_scene, self._ray_scene.count)
         return in_contact_on_host(self._scene, self._parts)
+
+    def of(self, points: RayScene, settings: Settings) -> DirectLighting:
+        """Return the same light as it comes to the patches of another ray scene, by other numbers of rays."""
+        other = copy(self)
+        other._ray_scene, other._settings, other.warnings = points, settings, []
+        other._shadow_rays = self._cast_from(points, settings)
+        return other
+
+    def _cast_from(self, points: RayScene, settings: Settings) -> ShadowRays:
+        """Return what casts rays from the patches of a ray scene."""
+        return ShadowRays(points, self._parts, self._lamps, self._bright, self._sky.bright, settings)
 
     def _casting(self) -> ShadowRays:
         """Return what casts rays, made when it is first needed."""
         if self._shadow_rays is None:
-            rays, receivers = self._ray_scene.rays, self._ray_scene.receivers
+            rays = self._ray_scene.rays
             self.warnings += note_enclosed(rays, self._scene, self._parts.triangles, self._lamps)
-            self._shadow_rays = ShadowRays(
-                self._ray_scene.compute, rays, receivers, self._parts,
-                self._lamps, self._bright, self._sky.bright, self._settings,
-            )  # fmt: skip
+            self._shadow_rays = self._cast_from(self._ray_scene, self._settings)
         return self._shadow_rays

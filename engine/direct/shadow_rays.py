@@ -8,13 +8,12 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import download, upload, upload_float4
-from ..device.compute import Compute
 from ..device.kernel import Kernel
 from ..device.slices import sliced
 from ..patches.subdivision import Subdivision
 from ..scene.model import Light
 from ..settings import MOST_LIGHTS, Settings
-from ..visibility.rays.rays import Rays
+from ..visibility.rays.ray_scene import RayScene
 from .emitters import EMITTER, BrightTriangles, lamp_records, sky_record, surface_records
 from .light_tree import LIGHT_NODE, LIGHT_TREE_SOURCE, build_light_tree
 from .modulation import pack_modulations
@@ -26,9 +25,9 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 class ShadowRays:
-    """Shadow rays from all patches to all that is sampled as a light.
+    """Shadow rays from the patches of `receivers` to all that is sampled as a light.
 
-    receivers  from `RayScene.receivers`
+    parts      the scene that shines
     lamps      every one gives light
     bright     emissive triangles
     sky        (h, w, 3) float32 radiance, equirectangular, or None
@@ -36,19 +35,18 @@ class ShadowRays:
 
     def __init__(
         self,
-        compute: Compute,
-        rays: Rays,
-        receivers: cl.Buffer,
+        receivers: RayScene,
         parts: Subdivision,
         lamps: Sequence[Light],
         bright: BrightTriangles,
         sky: np.ndarray | None,
         settings: Settings,
     ) -> None:
+        compute, rays = receivers.compute, receivers.rays
         self._compute, self._rays, self._settings = compute, rays, settings
-        self._count = len(parts.patches)
+        self._count = receivers.count
         self._direct, self._occlusion = rays.kernels(_SOURCE, "direct", "occlusion")
-        self._receivers = receivers
+        self._receivers = receivers.receivers
         self._result = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * self._count)
 
         # Emitters: each lamp's, the surfaces', the sky's.

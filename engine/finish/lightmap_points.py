@@ -49,3 +49,16 @@ def patch_points(triangles: Triangles, patches: PatchList) -> LightmapPoints:
     off = (np.abs(point - position) > _AT_CENTRE).any(axis=1)
     position[off] = point[off]
     return LightmapPoints(patches.atlas, position, np.ones(len(position)))
+
+
+def centre_points(texels: np.ndarray, resolution: int) -> LightmapPoints:
+    """Return points at the centres of texels, (k,) flat indices, that stand for whole texels."""
+    atlas, texel = np.divmod(texels, resolution**2)
+    row, column = np.divmod(texel, resolution)
+    return LightmapPoints(atlas, np.stack([column, row], axis=1) + 0.5, np.ones(len(texels)))
+
+
+def joined_points(first: LightmapPoints, second: LightmapPoints) -> LightmapPoints:
+    """Return the points of both, in order."""
+    pairs = ((getattr(first, name), getattr(second, name)) for name in ("atlas", "position", "weight"))
+    return LightmapPoints(*map(np.concatenate, pairs))

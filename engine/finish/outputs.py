@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -38,6 +38,25 @@ def output_names(scene: Scene, settings: Settings) -> list[str]:
     return names
 
 
+class Light(Protocol):
+    """What points receive: E/pi of all light and of its parts, (n, 3) float32."""
+
+    @property
+    def irradiance(self) -> np.ndarray:
+        """Of all light."""
+        ...
+
+    @property
+    def direct(self) -> np.ndarray:
+        """Of light that was not reflected."""
+        ...
+
+    @property
+    def indirect(self) -> np.ndarray:
+        """Of light that was."""
+        ...
+
+
 class Outputs:
     """Makes the outputs that the settings name."""
 
@@ -62,7 +81,7 @@ class Outputs:
         first, *_ = (*self._settings.light_outputs, "direct")
         return _light(first, solution)
 
-    def make(self, solution: Solution) -> Generator[float, None, dict[str, np.ndarray]]:
+    def make(self, solution: Light) -> Generator[float, None, dict[str, np.ndarray]]:
         """Make every output, (n, 3) or (n,) float32, by name; yield the fraction done of each."""
         made: dict[str, np.ndarray] = {}
         masks = iter(range(len(self._names)))
@@ -76,7 +95,7 @@ class Outputs:
         return made
 
 
-def _light(name: str, solution: Solution) -> np.ndarray:
+def _light(name: str, solution: Light) -> np.ndarray:
     """Return E/pi of all light, or of a part of it, (n, 3) float32."""
     if name == "combined":
         return solution.irradiance

@@ -9,10 +9,18 @@ from ..patches.seams import find_seams
 from ..scene.triangles import Triangles
 from .dilation import Dilation
 from .display_fit import DisplayFit
-from .lightmap_points import patch_points
+from .display_samples import no_samples
+from .lightmap_points import centre_points, joined_points, patch_points
+from .texel_means import TexelMeans
 
 #: A patch whose view holds more than this fraction of backs lies inside something and is filled for display.
 _HIDDEN = 0.9
+
+
+def is_hidden(front: np.ndarray, in_contact: np.ndarray) -> np.ndarray:
+    """Return which points nobody sees, (n,) bool; see `LightmapStore.hide`."""
+    hidden: np.ndarray = in_contact | (front < 1 - _HIDDEN)
+    return hidden
 
 
 class LightmapStore:
@@ -30,6 +38,7 @@ class LightmapStore:
         self._dilations: list[Dilation] = []
         self._hidden = np.zeros(len(self._chosen), bool)
         self._fit: DisplayFit | None = None
+        self._means = TexelMeans(no_samples(), np.zeros(0, bool), resolution)
         self._dark = self._texel[:0]
         self.has_patch = np.zeros((atlases, resolution, resolution), bool)
         self.has_patch.ravel()[self._texel] = True
@@ -44,9 +53,8 @@ class LightmapStore:
                     objects see backs only
         in_contact  (n,) bool, hidden by a face that touches them: dark, whatever they see beyond that face
         """
-        in_contact = in_contact[self._chosen]
-        self._dark = self._texel[in_contact]
-        hidden = in_contact | (front[self._chosen] < 1 - _HIDDEN)
+        self._dark = self._texel[in_contact[self._chosen]]
+        hidden = is_hidden(front, in_contact)[self._chosen]
         if not np.array_equal(hidden, self._hidden):
             self._hidden, self._dilations = hidden, []
 
@@ -62,28 +70,53 @@ class LightmapStore:
         """Return the patches' values as images with hidden texels filled and charts dilated."""
         return self._dilated(self.image(values))
 
+    def refine(self, means: TexelMeans) -> None:
+        """Let texels of `final` images show the means of their samples."""
+        self._means, self._dilations = means, []
+
     def fit(self, triangles: Triangles) -> None:
         """Find the seams between charts: `final` images show the same on both sides."""
-        seams = find_seams(triangles, len(self.has_patch), self._patches.resolution)
-        points = patch_points(triangles, self._patches.part(self._seen))
-        self._fit = DisplayFit(points, seams, self.has_patch, self._rings)
+        resolution = self._patches.resolution
+        seams = find_seams(triangles, len(self.has_patch), resolution)
+        points = patch_points(triangles, self._patches.part(self._plain))
+        means = centre_points(self._means.texels, resolution)
+        self._fit = DisplayFit(joined_points(points, means), seams, self.has_patch, self._rings)
 
-    def final(self, values: np.ndarray) -> np.ndarray:
-        """Return the patches' values, (n, 3) or (n,), as the images to keep: fitted, if `fit` was called."""
-        return self.display(values) if self._fit is None else self._fit.images(values[self._seen])
+    def final(self, values: np.ndarray, samples: np.ndarray | None) -> np.ndarray:
+        """Return the light as the images to keep: fitted, if `fit` was called.
+
+        values   (n, 3) or (n,) float32, of the patches
+        samples  (s, 3) or (s,) float32, of the samples of texels; None if there are none
+        """
+        means = self._means.of(np.zeros((0, 3)) if samples is None else samples)
+        if self._fit is None:
+            image = self.image(values)
+            image.reshape(-1, 3)[self._means.texels] = means
+            return self._dilated(image)
+        plain = values.reshape(len(values), -1)[self._plain]
+        return self._fit.images(np.concatenate([np.broadcast_to(plain, (len(plain), 3)), means]))
 
     @property
-    def _seen(self) -> np.ndarray:
-        """Numbers of the patches that count."""
-        seen: np.ndarray = self._chosen[~self._hidden]
-        return seen
+    def known(self) -> np.ndarray:
+        """Texels that show what is seen of them, (atlases, r, r) bool; all others are filled."""
+        known = self.has_patch.copy()
+        known.ravel()[self._texel[self._hidden]] = False
+        known.ravel()[self._means.hidden] = False
+        known.ravel()[self._means.texels] = True
+        return known
+
+    @property
+    def _plain(self) -> np.ndarray:
+        """Numbers of the patches that count, in texels that show their centres alone."""
+        refined = np.zeros(self.has_patch.size, bool)
+        refined[self._means.texels] = refined[self._means.hidden] = True
+        plain: np.ndarray = self._chosen[~self._hidden & ~refined[self._texel]]
+        return plain
 
     def _dilated(self, images: np.ndarray) -> np.ndarray:
         """Return images with hidden texels filled and charts dilated."""
         if not self._dilations:
-            known = self.has_patch.copy()
-            known.ravel()[self._texel[self._hidden]] = False
-            self._dilations = [Dilation(mask, self._rings) for mask in known]
+            self._dilations = [Dilation(mask, self._rings) for mask in self.known]
         filled = images.copy()
         for dilation, image in zip(self._dilations, filled, strict=True):
             dilation.fill(image)

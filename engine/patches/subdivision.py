@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -35,6 +36,11 @@ class Subdivision:
     surfaces: PatchSurfaces
     texel_to_patch: np.ndarray
     warnings: tuple[str, ...]
+
+    @cached_property
+    def sources(self) -> int:
+        """Patches that can be seen: the largest number in the index map."""
+        return int(self.texel_to_patch.max(initial=0))
 
 
 def subdivide(graphics: Graphics, scene: Scene, settings: Settings) -> Subdivision:

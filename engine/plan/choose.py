@@ -5,20 +5,26 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from ..gather.cached import CachedSweep, RayStreamSweep, StreamSweep
 from ..gather.final_gather import FinalGather
 from ..gather.glsl_cached import fits_glsl_cache
 from ..gather.hemicube_gather import Gather, GlslGather, PaperGather
 from ..gather.sweep import Sweep
+from ..patches.subdivision import Subdivision
+from ..settings import Settings
 from ..solve.darkness import Darkness
 from ..solve.device_radiosity import DeviceRadiosity
 from ..solve.grouped_solution import GroupedSolution
 from ..solve.host_radiosity import HostRadiosity
+from ..solve.last_gather import LastGather
 from ..solve.patch_groups import PatchGroups
 from ..solve.solver import Radiosity, Solution, Solver
 from ..visibility.identity import Identity
 from ..visibility.raster.tiles import IDENTITY_BYTES, plan_tiles
 from ..visibility.rays.identity import RayIdentity
+from ..visibility.rays.ray_scene import RayScene
 from .memory import group_width, is_kept, memory_budget, memory_clause
 from .solve_job import SolveJob
 from .trial import choose_identity, make_identity
@@ -48,16 +54,19 @@ class Choice:
     final_samples: int = 0
 
 
-def choose_solver(job: SolveJob) -> tuple[Solution, Choice]:
-    """Return what solves a bake's light, and the way that was chosen for patches to gather."""
+def choose_solver(job: SolveJob) -> tuple[Solution, Choice, SolveJob]:
+    """Return what solves a bake's light, the way that was chosen for patches to gather, and what is solved.
+
+    That is the job itself, or that of groups of its patches.
+    """
     if job.dark:
         why = "No light reaches any patch: nothing is looked for."
-        return Darkness(job.count), Choice("none", "none", 0, (why,))
+        return Darkness(job.count), Choice("none", "none", 0, (why,)), job
     width, reasons = group_width(job)
     if width == 1:
-        return _solver(job)
-    solution, choice = _grouped_solution(job, width)
-    return solution, replace(choice, reasons=(*reasons, *choice.reasons))
+        return *_solver(job), job
+    solution, choice, squares = _grouped_solution(job, width)
+    return solution, replace(choice, reasons=(*reasons, *choice.reasons)), squares
 
 
 def _solver(job: SolveJob) -> tuple[Solver, Choice]:
@@ -68,30 +77,58 @@ def _solver(job: SolveJob) -> tuple[Solver, Choice]:
     )
 
 
-def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Choice]:
+def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Choice, SolveJob]:
     """Return what solves for squares of patches, then gathers for each patch."""
     groups = PatchGroups(job.rays, job.parts, width)
-    emission, sampled_light = groups.mean(job.emission), groups.mean(job.sampled_light)
     squares = replace(
         job,
         parts=groups.parts,
         rays=groups.rays,
-        emission=emission,
-        sampled_light=sampled_light,
+        emission=groups.mean(job.emission),
+        sampled_light=groups.mean(job.sampled_light),
         area=groups.area,
     )
     solver, choice = _solver(squares)
+    receivers = Receivers(job.parts, job.rays, job.sampled_light)
+    last, samples = last_gather(squares, choice, receivers, job.settings)
+    return GroupedSolution(solver, groups, last), replace(choice, final_samples=samples), squares
 
-    # Every patch looks for itself, but sees the groups.
-    everyone = replace(
-        squares, parts=replace(job.parts, texel_to_patch=groups.parts.texel_to_patch), rays=job.rays
+
+@dataclass(frozen=True)
+class Receivers:
+    """Points that gather once light has settled: patches, or points of texels.
+
+    sampled_light  (n, 3) float32, E/pi of the light that shadow rays sample
+    """
+
+    parts: Subdivision
+    rays: RayScene
+    sampled_light: np.ndarray
+
+
+def last_gather(
+    solved: SolveJob, choice: Choice, receivers: Receivers, settings: Settings
+) -> tuple[LastGather, int]:
+    """Return what gathers from the patches of a job, and how many samples it takes of all receivers together.
+
+    The receivers look for themselves, but see the patches of the job.
+    """
+    parts = replace(receivers.parts, texel_to_patch=solved.parts.texel_to_patch)
+    lookers = replace(
+        solved,
+        parts=parts,
+        rays=receivers.rays,
+        sampled_light=receivers.sampled_light,
+        settings=settings,
     )
-    identity = make_identity(everyone, choice.visibility)
-    final = FinalGather(job.opencl, _stream(everyone, identity), job.sampled_light)
-    separate_direct = job.gathers_direct and bool({"direct", "indirect"} & set(job.settings.outputs))
-    samples = job.count * identity.samples * (2 if separate_direct else 1)
-    solution = GroupedSolution(solver, groups, final, job.sampled_light, emission, separate_direct)
-    return solution, replace(choice, final_samples=samples)
+    identity = make_identity(lookers, choice.visibility)
+    final = FinalGather(solved.opencl, _stream(lookers, identity), receivers.sampled_light)
+    separate_direct = solved.gathers_direct and bool({"direct", "indirect"} & set(settings.outputs))
+    reflectance = solved.parts.surfaces.reflectance
+    last = LastGather(
+        final, receivers.sampled_light, solved.emission, reflectance, settings.bounces, separate_direct
+    )
+    return last, last.gathers * lookers.count * identity.samples
 
 
 def _by_hemicubes(job: SolveJob) -> bool:

@@ -35,6 +35,9 @@ _LOOK_UP = 0.02
 #: Patches among the texels of a lightmap, and their mean reflectance, before they are known.
 _COVERAGE, _REFLECTANCE = 0.6, 0.6
 
+#: Texels that show more than their centre among all, before they are known.
+_REFINED = 0.15
+
 #: What the pace of finding what patches see is called.
 _FINDING = ("Visibility rays", "Visibility raster")
 
@@ -64,7 +67,7 @@ class BakeStages(Schedule):
         patches    texels                  bounces     samples of patches, times sweeps
         direct     shadow rays             final       samples of patches
         choosing   once                    outputs     rays
-                                           images      texels
+        texels     samples of patches      images      texels
 
     paces  seconds that a unit of each stage took in earlier bakes, by its name; `learn` adds to them
     """
@@ -85,8 +88,9 @@ class BakeStages(Schedule):
         self.bounces = self._stage("Bounces", 0, _RAY * _LOOK_UP)
         self.final = self._stage("Final gather", 0, _RAY)
         self.outputs = self._stage("Outputs", 0, _RAY)
+        self.texels = self._stage("Texels", 0, _RAY)
         self.images = self._stage("Images", texels * len(settings.outputs), _TEXEL)
-        self._casting = (self.direct, self.visibility, self.bounces, self.final, self.outputs)
+        self._casting = (self.direct, self.visibility, self.bounces, self.final, self.outputs, self.texels)
         super().__init__(list(self._names))
         self._size(int(_COVERAGE * texels))
         self.begin(self.starting)
@@ -101,6 +105,7 @@ class BakeStages(Schedule):
             "direct": self.direct.seconds,
             "hemicubes": sum(stage.seconds for stage in solving),
             "outputs": self.outputs.seconds + self.images.seconds,
+            "texels": self.texels.seconds,
         }
 
     def opened(self, card: bool) -> None:
@@ -190,6 +195,8 @@ class BakeStages(Schedule):
         rays = settings.ao_samples * ("ambient_occlusion" in settings.outputs)
         rays += settings.light_samples * self._lamps * ("shadow_mask" in settings.outputs)
         self.outputs.amount = patches * rays
+        if settings.texel_samples > 1 and settings.method != "paper":
+            self.texels.amount = _REFINED * patches * expected_samples(settings)
         self._expect_sweeps()
 
     def _expect_sweeps(self) -> None:

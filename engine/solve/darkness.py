@@ -19,7 +19,7 @@ class Darkness:
         """Take the number of patches."""
         self.energies: list[float] = []
         self.gathered = np.zeros((count, 4), np.float32)
-        self.irradiance = self.direct = self.indirect = self.gathered[:, :3]
+        self.irradiance = self.direct = self.indirect = self.settled = self.gathered[:, :3]
 
     def iteration(self) -> Generator[float, None, None]:
         """Do nothing."""

@@ -6,7 +6,7 @@ from collections.abc import Generator
 
 import numpy as np
 
-from ..gather.final_gather import FinalGather
+from .last_gather import LastGather
 from .patch_groups import PatchGroups
 from .solver import Solver
 
@@ -14,24 +14,11 @@ from .solver import Solver
 class GroupedSolution:
     """What a `Solver` is, for all patches, from a solver of groups.
 
-    sampled_light    (n, 3) float32, E/pi of the light that shadow rays sample
-    emission         (m, 3) float32, radiance of groups that patches see
-    separate_direct  True if direct and indirect light are outputs of their own
+    last  by every patch, from the groups
     """
 
-    def __init__(
-        self,
-        solver: Solver,
-        groups: PatchGroups,
-        final: FinalGather,
-        sampled_light: np.ndarray,
-        emission: np.ndarray,
-        separate_direct: bool,
-    ) -> None:
-        self._solver, self._groups, self._final = solver, groups, final
-        self._emission, self._reflectance = emission, groups.parts.surfaces.reflectance
-        self._direct: np.ndarray | None = None if separate_direct else sampled_light
-        self._gathered: np.ndarray | None = None
+    def __init__(self, solver: Solver, groups: PatchGroups, last: LastGather) -> None:
+        self._solver, self._groups, self._last = solver, groups, last
 
     @property
     def iterations(self) -> int:
@@ -61,23 +48,19 @@ class GroupedSolution:
     @property
     def done(self) -> bool:
         """True once every patch has gathered."""
-        return self._gathered is not None
+        return self._last.done
 
     def iteration(self) -> Generator[float, None, None]:
         """Sweep once, or gather for the last time if the sweeps are done; yield the fraction done."""
         if not self._solver.done:
             yield from self._solver.iteration()
             return
-        gathers = 1 if self._direct is not None else 2
-        if self._direct is None:
-            self._direct = (yield from _part(self._final.gather(self._emission), 0, gathers))[:, :3]
-        radiance = self._emission + self._reflectance * self._solver.irradiance
-        self._gathered = yield from _part(self._final.gather(radiance), gathers - 1, gathers)
+        yield from self._last.gather(self._solver.irradiance)
 
     @property
     def gathered(self) -> np.ndarray:
         """E/pi and the fraction that is no back, (n, 4) float32; before the last gather of the groups."""
-        return self._solver.gathered[self._groups.group] if self._gathered is None else self._gathered
+        return self._last.gathered if self.done else self._solver.gathered[self._groups.group]
 
     @property
     def irradiance(self) -> np.ndarray:
@@ -87,7 +70,8 @@ class GroupedSolution:
     @property
     def direct(self) -> np.ndarray:
         """E/pi of light that was not reflected, (n, 3) float32."""
-        return self._solver.direct[self._groups.group] if self._direct is None else self._direct
+        coarse = self._last.separate_direct and not self.done
+        return self._solver.direct[self._groups.group] if coarse else self._last.direct
 
     @property
     def indirect(self) -> np.ndarray:
@@ -95,14 +79,7 @@ class GroupedSolution:
         indirect: np.ndarray = np.maximum(self.irradiance - self.direct, 0)
         return indirect
 
-
-def _part(
-    gather: Generator[float, None, np.ndarray], index: int, count: int
-) -> Generator[float, None, np.ndarray]:
-    """Gather as one of several times; yield the fraction done of all of them."""
-    while True:
-        try:
-            yield (index + next(gather)) / count
-        except StopIteration as stop:
-            gathered: np.ndarray = stop.value
-            return gathered
+    @property
+    def settled(self) -> np.ndarray:
+        """E/pi of the groups that patches see, (m, 3) float32."""
+        return self._solver.irradiance

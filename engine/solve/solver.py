@@ -119,6 +119,11 @@ class Solution(Protocol):
         ...
 
     @property
+    def settled(self) -> np.ndarray:
+        """E/pi of what the patches see, (m, 3) float32: of themselves, or of groups of them."""
+        ...
+
+    @property
     def residual(self) -> float:
         """Estimated remaining error; NaN while unknown."""
         ...
@@ -204,6 +209,11 @@ class Solver:
         """E/pi of the light that patches reflect, (n, 3) float32."""
         indirect: np.ndarray = np.maximum(self.irradiance - self.direct, 0)
         return indirect
+
+    @property
+    def settled(self) -> np.ndarray:
+        """E/pi of what the patches see, themselves, (n, 3) float32."""
+        return self.irradiance
 
     def iteration(self) -> Generator[float, None, None]:
         """Sweep once; yield the fraction done."""

@@ -32,7 +32,7 @@ def _lightmap(scene, settings):
         devices={"pid": str(os.getpid())},
         warnings=tuple(material.name for material in scene.materials),
     )
-    return Lightmap(scene.atlases, image, image[:, ::-1], image[..., 0] > 0, report)
+    return Lightmap(scene.atlases, image, image[:, ::-1], image[..., 0] > 0, image[..., 0] > 0, report)
 
 
 def echo(scene, settings):

@@ -29,7 +29,7 @@ def verify(context, samples: int) -> tuple[Difference, np.ndarray, list[str]]:
             colour = reference.colour()
 
     known = known_texels(lightmap, read.scene, settings)
-    figures, difference = compare(lightmap.image, known, colour, bakes)
+    figures, difference = compare(lightmap.display, known, colour, bakes)
     return figures, difference, [*read.notes, *lightmap.report.warnings]
 
 
@@ -38,7 +38,7 @@ def known_texels(lightmap, scene, settings) -> np.ndarray:
 
     They have a patch, are not filled as inside of something, and lie on one surface only.
     """
-    visible = lightmap.has_patch & (lightmap.image == lightmap.display).all(axis=-1)
+    visible = lightmap.has_patch & lightmap.known
     return visible & ~doubled_texels(_subdivided(scene, settings), len(scene.atlases))
 
 

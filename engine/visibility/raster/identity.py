@@ -44,7 +44,7 @@ class RasterIdentity:
         multiplier = multiplier_map(settings.hemicube).ravel()
         self.multiplier: np.ndarray | None = multiplier
         self.samples = len(multiplier)
-        size = sample_bytes(len(parts.patches))
+        size = sample_bytes(parts.sources)
         self.row_bytes = size * self.samples
         source = ("hemicube.cl", "identity.cl", FRAME, "resolve.cl")
         (self._resolve,) = compute.kernels(source, "resolve", options=sample_options(size))

@@ -44,7 +44,7 @@ class RayIdentity:
         self.samples = 3 * settings.hemicube**2 if hemicube else ray_count(settings)
         self.multiplier = multiplier_map(settings.hemicube).ravel() if hemicube else None
         pattern = r2_sequence(self.samples) if self.multiplier is None else self.multiplier
-        size = sample_bytes(len(sources.patches))
+        size = sample_bytes(sources.sources)
         self.row_bytes = size * self.samples
         self.batch = 1
         options = ("-DDITHERED", *sample_options(size), *(() if hemicube else ("-DCOSINE",)))

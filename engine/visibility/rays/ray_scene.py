@@ -28,6 +28,11 @@ class RayScene:
         return self._compute
 
     @property
+    def count(self) -> int:
+        """Patches."""
+        return len(self._parts.patches)
+
+    @property
     def possible(self) -> bool:
         """True if there is a device to cast rays."""
         return self._compute is not None
@@ -46,8 +51,7 @@ class RayScene:
     @cached_property
     def receivers(self) -> cl.Buffer:
         """The records of all patches, see `receivers.pack_receivers`; their lifts end before other faces."""
-        count = len(self._parts.patches)
         records = pack_receivers(self.compute, self._parts.geometry)
         (bound,) = self.rays.kernels((*RECEIVER_SOURCE, "lift.cl"), "bound_lifts")
-        self.rays.run(bound, count, records, np.int32(count))
+        self.rays.run(bound, self.count, records, np.int32(self.count))
         return records

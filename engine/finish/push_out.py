@@ -1,0 +1,64 @@
+"""Points inside of something, and the way out: a surface is seen up to where another one covers it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyopencl as cl
+
+from ..device.buffers import download
+from ..patches.geometry import PatchGeometry
+from ..visibility.rays.ray_scene import RayScene
+from ..visibility.rays.receivers import RECEIVER_SOURCE
+
+#: A point may be this far off its triangle, in barycentrics, and still lie on it.
+_ON_TRIANGLE = 1e-6
+
+
+@dataclass(frozen=True)
+class WaysOut:
+    """The way out for points inside of something, (s, ...) each.
+
+    offset     (s, 3) float32, m, along the surface to just outside of the nearest wall; 0 where there is none
+    thickness  (s,) float32, m, of what the point is in, along the surface; inf where it is farther
+    wall       (s,) int32, a triangle of it; -1 for points that are not inside or find no way out
+    """
+
+    offset: np.ndarray
+    thickness: np.ndarray
+    wall: np.ndarray
+
+
+def no_ways_out() -> WaysOut:
+    """Return the ways out of no points."""
+    return WaysOut(np.zeros((0, 3), np.float32), np.zeros(0, np.float32), np.zeros(0, np.int32))
+
+
+def ways_out(scene: RayScene, count: int, reach: float) -> WaysOut:
+    """Return the ways out of a ray scene's points; rays are as long as `reach` times the points' texels."""
+    compute, rays = scene.compute, scene.rays
+    (kernel,) = rays.kernels((*RECEIVER_SOURCE, "push_out.cl"), "push_out")
+    flags = cl.mem_flags.READ_WRITE
+    ways, walls = (cl.Buffer(compute.context, flags, size * count) for size in (16, 4))
+    rays.run(kernel, count, scene.receivers, np.float32(reach), ways, walls, np.int32(count))
+    way = download(compute, ways, (count, 4))
+    wall = np.empty(count, np.int32)
+    cl.enqueue_copy(compute.queue, wall, walls)
+    return WaysOut(way[:, :3].copy(), way[:, 3].copy(), wall)
+
+
+def pushed_barycentrics(geometry: PatchGeometry, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return barycentrics of points moved in the planes of their triangles, (s, 3) float32.
+
+    The second array, (s,) bool, tells which points stay on their triangles.
+    """
+    corners = geometry.triangles.positions[geometry.triangle].astype(np.float64)
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normal = np.cross(first, second)
+    square = np.maximum((normal * normal).sum(axis=1), 1e-300)
+    v = (np.cross(offset, second) * normal).sum(axis=1) / square
+    w = (np.cross(first, offset) * normal).sum(axis=1) / square
+    moved = geometry.barycentric + np.stack([-v - w, v, w], axis=1)
+    stays = moved.min(axis=1) >= -_ON_TRIANGLE
+    return np.clip(moved, 0, 1).astype(np.float32), stays

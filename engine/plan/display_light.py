@@ -1,0 +1,222 @@
+"""Light at display samples: gathered once more where a texel shows more than its centre."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..direct.lighting import DirectLighting
+from ..finish.dilation import Dilation
+from ..finish.display_samples import DisplaySamples, PatchLight, display_samples, no_samples, on_lightmap
+from ..finish.outputs import Outputs
+from ..finish.push_out import WaysOut, no_ways_out, pushed_barycentrics, ways_out
+from ..finish.store import is_hidden
+from ..patches.geometry import PatchGeometry, texel_steps
+from ..patches.patch_list import PatchList
+from ..patches.subdivision import Subdivision
+from ..progress import Made
+from ..scene.model import Scene
+from ..settings import Settings
+from ..solve.solver import Solution
+from ..visibility.samples import ray_count
+from .choose import Choice, Receivers, last_gather
+from .solve_job import SolveJob
+
+#: What a point that was pushed out of something weighs: it counts where no other point of its texel is seen.
+_PUSHED = 1e-3
+
+#: Least rays of a sample, and to each light.
+_LEAST_RAYS, _LEAST_LIGHT_RAYS = 16, 4
+
+#: Texels from hidden ones that what is seen beside them is filled from.
+_FILLED = 2
+
+
+@dataclass(frozen=True)
+class DisplayLight:
+    """What display samples receive.
+
+    visible  (s,) bool, samples that somebody sees
+    values   (s, 3) or (s,) float32 of every output, by name; of none without samples
+    ways     how thick the things are that samples are in
+    reason   a sentence for the report
+    """
+
+    samples: DisplaySamples
+    visible: np.ndarray
+    values: dict[str, np.ndarray]
+    ways: WaysOut
+    reason: str
+
+
+@dataclass(frozen=True)
+class DisplayJob:
+    """What light in texels is gathered for.
+
+    atlases  lightmaps of the user's
+    job      the patches of all texels
+    solved   the patches that send light out: those of the job, or groups of them
+    """
+
+    scene: Scene
+    atlases: int
+    job: SolveJob
+    solved: SolveJob
+    choice: Choice
+    lighting: DirectLighting
+
+
+def light_in_texels(
+    what: DisplayJob, solution: Solution, in_contact: np.ndarray
+) -> Generator[float, None, DisplayLight]:
+    """Return the light at the display samples of a solution; yield the fraction done.
+
+    in_contact  (n,) bool, see `DirectLighting.in_contact`
+    """
+    why = _why_centres_only(what.job, what.choice)
+    if why:
+        return _nothing(why)
+    front = solution.gathered[:, 3]
+    known = PatchLight(solution.irradiance.sum(axis=1), front, is_hidden(front, in_contact))
+    samples = display_samples(what.job.parts, what.atlases, known, what.job.settings.texel_samples)
+    if not len(samples):
+        return DisplayLight(
+            samples, np.zeros(0, bool), {}, no_ways_out(), "No texel shows more than its centre."
+        )
+    return (yield from _gather(what, solution, known, _Points(what.job, samples)))
+
+
+def _why_centres_only(job: SolveJob, choice: Choice) -> str:
+    """Return why every texel shows the light at its centre alone, empty if some show it at more points."""
+    if choice.method == "none":
+        return "All texels are dark."
+    if job.settings.texel_samples == 1:
+        return "Every texel shows the light at its centre: the settings ask for it."
+    if choice.method == "paper":
+        return "Every texel shows the light at its centre, as the paper's method has it."
+    return "" if job.compute else "Every texel shows the light at its centre: there is no OpenCL."
+
+
+def _nothing(reason: str) -> DisplayLight:
+    """Return the light of no samples, and why there are none."""
+    return DisplayLight(no_samples(), np.zeros(0, bool), {}, no_ways_out(), reason)
+
+
+def _gather(
+    what: DisplayJob, solution: Solution, known: PatchLight, points: _Points
+) -> Generator[float, None, DisplayLight]:
+    """Return the light at points of texels."""
+    ways = points.push_out()
+    yield 0.1
+
+    # Direct light, then all other light from what the patches send out.
+    settings = _settings_of_samples(what.job.settings)
+    lighting = what.lighting.of(points.rays, settings)
+    sampled = yield from _between(0.1, 0.3, lighting.gather())
+    receivers = Receivers(points.parts, points.rays, sampled)
+    last, _ = last_gather(what.solved, what.choice, receivers, settings)
+    settled = solution.settled
+    if what.solved is what.job:
+        settled = _seen_beside_hidden(what.job.parts, settled, known.hidden)
+    yield from _between(0.3, 0.8, last.gather(settled))
+    values = yield from _between(0.8, 1.0, Outputs(what.scene, settings, lighting).make(last))
+    visible = ~is_hidden(last.gathered[:, 3], lighting.in_contact())
+    return DisplayLight(points.samples, visible, values, ways, points.reason)
+
+
+class _Points:
+    """Display samples as patches that gather.
+
+    parts  as a Subdivision
+    rays   casts rays from them
+    """
+
+    def __init__(self, job: SolveJob, samples: DisplaySamples) -> None:
+        self._job = job
+
+        # A sample stands for a part of its texel.
+        self._side = math.sqrt(job.settings.texel_samples)
+        parts = job.parts
+        self._steps = texel_steps(parts.triangles, round(parts.patches.resolution * self._side))
+        self._place(samples)
+
+    def _place(self, samples: DisplaySamples) -> None:
+        parts = self._job.parts
+        geometry = PatchGeometry(parts.triangles, self._steps, samples.triangle, samples.barycentric)
+        patches = PatchList(
+            parts.patches.resolution, samples.atlas, samples.texel, samples.triangle, samples.barycentric
+        )
+        self.samples, self.parts = samples, replace(parts, patches=patches, geometry=geometry)
+        self.rays = self._job.rays.of(self.parts)
+
+    @property
+    def reason(self) -> str:
+        """A sentence for the report."""
+        keys = self.samples.atlas.astype(np.int64) * self.parts.patches.resolution**2 + self.samples.texel
+        return (
+            f"Light was gathered at {len(keys):,} more points, of {len(np.unique(keys)):,} texels that show "
+            "more than their centre."
+        )
+
+    def push_out(self) -> WaysOut:
+        """Move samples that are inside of something to just outside of it; return the ways."""
+        samples, parts = self.samples, self.parts
+        ways = ways_out(self.rays, len(samples), self._side)
+        inside = np.flatnonzero(ways.offset.any(axis=1))
+        if not len(inside):
+            return ways
+        moved, stays = pushed_barycentrics(parts.geometry.part(inside), ways.offset[inside])
+        inside, moved = inside[stays], moved[stays]
+        barycentric, weight = samples.barycentric.copy(), samples.weight.copy()
+        position = samples.position.copy()
+        barycentric[inside], weight[inside] = moved, _PUSHED * weight[inside]
+        triangle = samples.triangle[inside]
+        position[inside] = on_lightmap(parts.triangles, triangle, moved, parts.patches.resolution)
+        self._place(replace(samples, barycentric=barycentric, weight=weight, position=position))
+        return ways
+
+
+def _settings_of_samples(settings: Settings) -> Settings:
+    """Return settings for samples of texels: those of a texel together have the rays of a patch."""
+    count = settings.texel_samples
+    hemicube = settings.hemicube >> (int(math.log2(count)) // 2)
+    return replace(
+        settings,
+        samples=max(ray_count(settings) // count, _LEAST_RAYS),
+        hemicube=max(hemicube, 8),
+        light_samples=max(settings.light_samples // count, _LEAST_LIGHT_RAYS),
+        ao_samples=max(settings.ao_samples // count, _LEAST_RAYS),
+    )
+
+
+def _seen_beside_hidden(parts: Subdivision, light: np.ndarray, hidden: np.ndarray) -> np.ndarray:
+    """Return light of patches, (n, 3) float32, in which hidden ones have that of patches beside them.
+
+    Who sees the visible part of a texel whose centre is hidden sees what is beside the centre.
+    """
+    if not hidden.any():
+        return light
+    patches, filled = parts.patches, light.copy()
+    for atlas in np.unique(patches.atlas[hidden]):
+        mine = np.flatnonzero(patches.atlas == atlas)
+        image = np.zeros((patches.resolution**2, 3), np.float32)
+        image[patches.texel[mine]] = light[mine]
+        known = np.zeros(patches.resolution**2, bool)
+        known[patches.texel[mine]] = ~hidden[mine]
+        square = (patches.resolution, patches.resolution)
+        Dilation(known.reshape(square), _FILLED).fill(image.reshape(*square, 3))
+        filled[mine] = image[patches.texel[mine]]
+    return filled
+
+
+def _between(first: float, last: float, work: Generator[float, None, Made]) -> Generator[float, None, Made]:
+    """Do work as a part of something; yield the fraction done of all of it."""
+    while True:
+        try:
+            yield first + (last - first) * next(work)
+        except StopIteration as stop:
+            made: Made = stop.value
+            return made

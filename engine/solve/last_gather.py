@@ -1,0 +1,68 @@
+"""What points receive of light that has settled: all of it, and the part that was not reflected."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import numpy as np
+
+from ..gather.final_gather import FinalGather
+
+
+class LastGather:
+    """The light of n points, gathered once from m sources.
+
+    sampled_light    (n, 3) float32, E/pi of the light that shadow rays sample
+    emission         (m, 3) float32, radiance of sources that the points see
+    reflectance      (m, 3) float32
+    bounces          False to gather no light that was reflected
+    separate_direct  True if direct and indirect light are outputs of their own
+    """
+
+    def __init__(
+        self,
+        final: FinalGather,
+        sampled_light: np.ndarray,
+        emission: np.ndarray,
+        reflectance: np.ndarray,
+        bounces: bool,
+        separate_direct: bool,
+    ) -> None:
+        self._final, self._emission, self._reflectance = final, emission, reflectance
+        self._bounces, self.separate_direct = bounces, separate_direct and bounces
+        self.gathers = 2 if self.separate_direct else 1
+        self.direct, self.gathered = sampled_light, np.zeros((len(sampled_light), 4), np.float32)
+        self.done = False
+
+    def gather(self, irradiance: np.ndarray) -> Generator[float, None, None]:
+        """Gather from sources of E/pi, (m, 3) float32; yield the fraction done."""
+        if self.separate_direct:
+            self.direct = (yield from _part(self._final.gather(self._emission), 0, 2))[:, :3]
+        radiance = self._emission + self._reflectance * irradiance if self._bounces else self._emission
+        self.gathered = yield from _part(self._final.gather(radiance), self.gathers - 1, self.gathers)
+        if not self._bounces:
+            self.direct = self.gathered[:, :3]
+        self.done = True
+
+    @property
+    def irradiance(self) -> np.ndarray:
+        """E/pi of all light, (n, 3) float32."""
+        return self.gathered[:, :3]
+
+    @property
+    def indirect(self) -> np.ndarray:
+        """E/pi of light that was reflected, (n, 3) float32."""
+        indirect: np.ndarray = np.maximum(self.irradiance - self.direct, 0)
+        return indirect
+
+
+def _part(
+    gather: Generator[float, None, np.ndarray], index: int, count: int
+) -> Generator[float, None, np.ndarray]:
+    """Gather as one of several times; yield the fraction done of all of them."""
+    while True:
+        try:
+            yield (index + next(gather)) / count
+        except StopIteration as stop:
+            gathered: np.ndarray = stop.value
+            return gathered

@@ -1,0 +1,146 @@
+"""No light comes through walls, and none is lost where surfaces cut or touch each other."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from engine import Scene, Settings
+from engine.scene.model import OCCLUDER
+from tests.analytic.drive import drive
+from tests.analytic.rooms import (
+    TEXEL,
+    Atlas,
+    block,
+    box_faces,
+    floor_points,
+    lamp,
+    lamp_light,
+    room,
+    scene_of,
+    shown,
+)
+from tests.analytic.scenes import quads
+
+SETTINGS = Settings(resolution=128, hemicube=16, visibility="rays", light_samples=32, iterations=8)
+
+LAMP = (0.37, 0.41, 0.61)
+
+
+def floor_under_sky():
+    """Return a floor of 1.6 by 0.8 m."""
+    atlas = Atlas(SETTINGS.resolution)
+    faces = box_faces((0, 0, 0), (1.6, 0.8, 1))[:1]
+    return quads(faces, atlas.charts(faces), [0], atlas.resolution, "Floor")
+
+
+def occluder(faces, name):
+    """Return faces that are in no lightmap."""
+    return replace(quads(faces, [(0, 0, 1, 1)] * len(faces), [0] * len(faces), 128, name), atlas=OCCLUDER)
+
+
+def line(x, count=7):
+    """Return points of a floor at some x along y, clear of the ends."""
+    x = np.repeat(np.atleast_1d(x), count)
+    return np.stack([x, np.resize(np.linspace(0.2, 0.6, count), len(x))], axis=-1)
+
+
+def walled_floor(first, thickness=0.02, reflectance=0.0):
+    """Return a floor of 1.6 m in a closed room, a wall across it from x = `first` on, and its scene."""
+    atlas = Atlas(SETTINGS.resolution)
+    hall = room(atlas, (0, 0, 0), (1.6, 0.8, 0.8), "Hall")
+    wall = block(atlas, (first, -0.03, -0.03), (first + thickness, 0.83, 0.83), "Wall")
+    return hall, scene_of([hall, wall], [lamp(LAMP)], reflectance)
+
+
+@pytest.mark.parametrize("first", [0.80, 0.807, 0.813, 0.82, 0.829, 0.836])
+def test_a_thin_wall_on_one_floor_parts_light_from_dark(first):
+    """A wall of half a texel, wherever it stands on the texels."""
+    hall, scene = walled_floor(first)
+    lightmap = drive(scene, SETTINGS)
+    foot = lamp_light(LAMP, line(first - 0.001)).mean()
+    behind = first + 0.02
+    dark = shown(lightmap, floor_points(hall, line(np.arange(behind + TEXEL, 1.58, 0.01))))
+    assert dark.max() <= 0.02 * foot
+    near = shown(lightmap, floor_points(hall, line(behind + 0.01))).mean()
+    assert near <= 0.3 * foot
+    points = line(np.arange(0.1, first, 0.01))
+    off = shown(lightmap, floor_points(hall, points)) - lamp_light(LAMP, points)
+    assert np.sqrt(np.mean(off**2)) <= 0.1 * lamp_light(LAMP, points).mean()
+    assert np.abs(off).mean() <= 0.05 * lamp_light(LAMP, points).mean()
+
+
+def rooms_side_by_side(low, high):
+    """Return a lit room from 0 to 0.8 m and a dark one between two corners."""
+    atlas = Atlas(SETTINGS.resolution)
+    lit = room(atlas, (0, 0, 0), (0.8, 0.8, 0.8), "Lit")
+    return [lit, room(atlas, low, high, "Dark")]
+
+
+def room_around(low, high):
+    """Return a lit room of 0.8 m inside of a solid block, which stands in a dark hall."""
+    atlas = Atlas(SETTINGS.resolution)
+    lit = room(atlas, (0, 0, 0), (0.8, 0.8, 0.8), "Lit")
+    shell = occluder(box_faces((-0.1, -0.1, -0.1), (0.9, 0.9, 0.9))[:, ::-1], "Shell")
+    return [lit, shell, room(atlas, low, high, "Dark")]
+
+
+SEALED = {
+    "touching": rooms_side_by_side((0.8, 0, 0), (1.6, 0.8, 0.8)),
+    "overlapping": rooms_side_by_side((0.73, 0.05, -0.03), (1.53, 0.85, 0.77)),
+    "one in the other": room_around((-0.3, -0.2, -0.15), (1.1, 1.0, 1.0)),
+}
+
+
+@pytest.mark.parametrize("name", SEALED)
+@pytest.mark.parametrize("visibility", ["rays", "raster"])
+def test_rooms_that_touch_overlap_or_hold_each_other_share_no_light(name, visibility):
+    meshes = SEALED[name]
+    scene = scene_of(meshes, [lamp((0.31, 0.37, 0.53))])
+    settings = Settings(resolution=128, hemicube=16, light_samples=16, iterations=8, visibility=visibility)
+    lightmap = drive(scene, settings)
+    mesh = mesh_of_texels(scene, lightmap)
+    light = lightmap.display[0].mean(axis=-1)
+    lit = light[mesh == 0].mean()
+    assert lit > 0.1
+    assert light[mesh == len(meshes) - 1].max() <= 0.02 * lit
+
+
+def mesh_of_texels(scene: Scene, lightmap):
+    """Return the mesh of each texel by the charts, axis-aligned rectangles, -1 for none, (r, r)."""
+    resolution = lightmap.display.shape[1]
+    mesh = np.full((resolution, resolution), -1)
+    for index, each in enumerate(scene.meshes):
+        for quad in (each.uvs.reshape(-1, 6, 2) * resolution).round().astype(int):
+            (x0, y0), (x1, y1) = quad.min(axis=0), quad.max(axis=0)
+            mesh[y0:y1, x0:x1] = index
+    return mesh
+
+
+@pytest.mark.parametrize("first", [0.6, 0.613, 0.631])
+def test_a_box_that_cuts_the_floor_has_no_dark_line(first):
+    """A black box 5 cm into a floor under an even sky: how much of it a long wall hides is known."""
+    height, floor = 0.5, floor_under_sky()
+    box = occluder(box_faces((first, -40, -0.05), (first + 0.3, 40, height))[2:, ::-1], "Box")
+    lightmap = drive(sky_scene(floor, box), SETTINGS)
+    distance = np.arange(0.001, 0.5, 0.013)
+    found = shown(lightmap, floor_points(floor, line(first - distance))).reshape(len(distance), -1)
+    expected = (1 + distance / np.hypot(distance, height)) / 2
+    assert found.mean(axis=1) == pytest.approx(expected, rel=0.05)
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-7])
+def test_a_lamp_in_contact_with_a_ceiling_leaves_no_mark_beside_it(gap):
+    """The ceiling, here a floor, sees a black block that lies on it as a wall."""
+    floor = floor_under_sky()
+    faces = box_faces((0.613, -40, gap), (0.9, 40, 0.5))[:, ::-1]
+    lightmap = drive(sky_scene(floor, occluder(faces, "Block")), SETTINGS)
+    distance = np.arange(0.001, 0.5, 0.013)
+    found = shown(lightmap, floor_points(floor, line(0.613 - distance))).reshape(len(distance), -1)
+    expected = (1 + distance / np.hypot(distance, 0.5)) / 2
+    assert found.mean(axis=1) == pytest.approx(expected, rel=0.05)
+
+
+def sky_scene(*meshes):
+    """Return a black scene under a sky of radiance 1."""
+    return scene_of(meshes, reflectance=0.0, world=np.ones(3, np.float32))

@@ -1,0 +1,85 @@
+"""What triangles cover of texels that they do not fill."""
+
+import numpy as np
+import pytest
+
+from engine.patches.texel_clip import clip_at_texels, polygon_areas
+from engine.patches.texel_pieces import border_pieces, pieces_at
+from engine.scene.triangles import Triangles
+
+RESOLUTION = 13
+
+
+def triangles_of(uvs, atlas=None):
+    """Return triangles with lightmap UVs, (t, 3, 2), in the plane z = 0."""
+    count = len(uvs)
+    positions = np.concatenate([uvs, np.zeros((count, 3, 1))], axis=2).astype(np.float32)
+    zeros, normals = np.zeros(count, np.int32), np.zeros((count, 3, 3), np.float32)
+    atlas = zeros if atlas is None else np.asarray(atlas, np.int32)
+    return Triangles(positions, normals, uvs.astype(np.float32), zeros, zeros, atlas)
+
+
+def all_areas(triangles):
+    """Return the area that each triangle covers of each texel, (t, r * r), by clipping at all of them."""
+    texels = np.stack(np.divmod(np.arange(RESOLUTION**2), RESOLUTION)[::-1], axis=1)
+    corners = triangles.uvs.astype(np.float64) * RESOLUTION
+    return np.stack(
+        [
+            polygon_areas(clip_at_texels(np.repeat(corner[None], len(texels), axis=0), texels)[:, :, :2])
+            for corner in corners
+        ]
+    )
+
+
+def nasty_uvs():
+    """Return random triangles, slivers, ones smaller than a texel, on texel borders, and beyond the map."""
+    rng = np.random.default_rng(11)
+    wide = rng.random((40, 3, 2))
+    small = rng.random((40, 1, 2)) + (rng.random((40, 3, 2)) - 0.5) * 0.3 / RESOLUTION
+    slivers = np.concatenate([rng.random((20, 2, 2)), np.zeros((20, 1, 2))], axis=1)
+    slivers[:, 2] = slivers[:, 0] + 1e-4
+    aligned = np.array([[(2, 3), (7, 3), (7, 9)], [(2, 3), (7, 9), (2, 9)], [(0, 0), (13, 0), (0, 13)]]) / 13
+    beyond = rng.random((10, 3, 2)) * 3 - 1
+    return np.concatenate([wide, small, slivers, aligned, beyond])
+
+
+def test_pieces_are_all_texels_that_are_partly_covered():
+    triangles = triangles_of(nasty_uvs())
+    areas = all_areas(triangles)
+    pieces = border_pieces(triangles, 1, RESOLUTION)
+    found = np.zeros_like(areas)
+    np.add.at(found, (pieces.triangle, pieces.texel), pieces.area)
+    partly = (areas > 1e-6) & (areas < 1 - 1e-6)
+    assert partly.sum() > 1000
+    assert found[partly] == pytest.approx(areas[partly], abs=1e-9)
+    assert (found[~partly] < 1e-6).sum() + (found[~partly] > 1 - 1e-5).sum() == (~partly).sum()
+    assert len(np.unique(pieces.triangle.astype(np.int64) * RESOLUTION**2 + pieces.texel)) == len(
+        pieces.texel
+    )
+
+
+def test_barycentrics_belong_to_the_positions():
+    triangles = triangles_of(nasty_uvs())
+    pieces = border_pieces(triangles, 1, RESOLUTION)
+    row, column = np.divmod(pieces.texel, RESOLUTION)
+    here = (pieces.corners[:, :, :2] + np.stack([column, row], axis=1)[:, None]) / RESOLUTION
+    there = np.einsum(
+        "mkw,mwd->mkd", pieces.corners[:, :, 2:], triangles.uvs[pieces.triangle].astype(np.float64)
+    )
+    assert here == pytest.approx(there, abs=1e-9)
+    assert pieces.corners[:, :, :2].min() >= -1e-9 and pieces.corners[:, :, :2].max() <= 1 + 1e-9
+
+
+def test_pieces_fill_the_texels_of_an_axis_aligned_square():
+    triangles = triangles_of(nasty_uvs()[100:102])
+    pieces = border_pieces(triangles, 1, RESOLUTION)
+    covered = np.bincount(pieces.texel, pieces.area, RESOLUTION**2)
+    assert covered[covered > 0] == pytest.approx(1)
+    assert len(pieces.texel) <= 2 * (covered > 0).sum()
+
+
+def test_atlases_of_occluders_have_no_pieces_and_nothing_gives_nothing():
+    triangles = triangles_of(nasty_uvs()[:7], [0, 1, 2, 0, 1, 2, 0])
+    pieces = border_pieces(triangles, 2, RESOLUTION)
+    assert set(pieces.atlas) == {0, 1} and set(pieces.triangle) == {0, 1, 3, 4, 6}
+    assert len(pieces_at(triangles, RESOLUTION, np.zeros(0, np.int32), np.zeros(0, np.int32)).area) == 0

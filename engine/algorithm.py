@@ -10,7 +10,6 @@ from .device.devices import Devices
 from .direct.lighting import DirectLighting
 from .finish.outputs import Outputs
 from .finish.store import LightmapStore
-from .finish.texel_means import TexelMeans
 from .lightmap import Lightmap, Report
 from .patches.occluders import place_occluders
 from .patches.subdivision import subdivide
@@ -77,8 +76,8 @@ def _bake(
 
     # All other light is gathered: through hemicubes drawn in every iteration (IV.B), or what is kept of them.
     yield stages.begin(stages.choosing)
-    emission, sky, area = lighting.emission_left, lighting.sky_left, parts.geometry.area
-    job = SolveJob(graphics, compute, parts, rays, emission, sky, sampled, area, settings)
+    left, area = (lighting.emission_left, lighting.sky_left), parts.geometry.area
+    job = SolveJob(graphics, compute, parts, rays, *left, sampled, area, settings)
     solution, choice, solved = choose_solver(job)
     in_contact = lighting.in_contact()
     yield stages.chosen(choice)
@@ -94,22 +93,19 @@ def _bake(
 
     # What was asked for; where a texel shows more than its centre, at several points of it.
     made = yield from stages.run(stages.outputs, outputs.make(solution))
-    texels = DisplayJob(scene, len(atlases), job, solved, choice, lighting)
-    lit = yield from stages.run(stages.texels, light_in_texels(texels, solution, in_contact))
-    store.refine(TexelMeans(lit.samples, lit.visible, settings.resolution))
+    texels = DisplayJob(scene, len(atlases), job, solved, choice, lighting, in_contact)
+    lit = yield from stages.run(stages.texels, light_in_texels(texels, solution))
 
     # Images without seams and with dilated charts (VI.B).
     yield stages.begin(stages.images)
-    if settings.hide_seams:
-        store.fit(parts.triangles)
+    store.refine(lit.means(settings.resolution), parts.triangles if settings.hide_seams else None)
     passes = {name: store.final(values, lit.values.get(name)) for name, values in made.items()}
-    first = next(iter(made))
-    image = store.image(made[first])
+    image, display = store.image(next(iter(made.values()))), next(iter(passes.values()))
     yield stages.end()
+    warnings = (*notes, *parts.warnings, *lighting.warnings, *lit.warnings)
     choice = replace(choice, reasons=(*choice.reasons, lit.reason))
-    warnings = (*notes, *parts.warnings, *lighting.warnings)
     report = _summary(solution, settings, choice, len(parts.patches), stages.seconds, devices, warnings)
-    return Lightmap(atlases, image, passes[first], store.has_patch, store.known, report, passes)
+    return Lightmap(atlases, image, display, store.has_patch, store.known, report, passes)
 
 
 def _summary(

@@ -30,11 +30,6 @@ class WaysOut:
     wall: np.ndarray
 
 
-def no_ways_out() -> WaysOut:
-    """Return the ways out of no points."""
-    return WaysOut(np.zeros((0, 3), np.float32), np.zeros(0, np.float32), np.zeros(0, np.int32))
-
-
 def ways_out(scene: RayScene, count: int, reach: float) -> WaysOut:
     """Return the ways out of a ray scene's points; rays are as long as `reach` times the points' texels."""
     compute, rays = scene.compute, scene.rays

@@ -70,20 +70,26 @@ class LightmapStore:
         """Return the patches' values as images with hidden texels filled and charts dilated."""
         return self._dilated(self.image(values))
 
-    def refine(self, means: TexelMeans) -> None:
-        """Let texels of `final` images show the means of their samples."""
-        self._means, self._dilations = means, []
+    def refine(self, means: TexelMeans, triangles: Triangles | None) -> None:
+        """Let texels of `final` images show the means of their samples.
 
-    def fit(self, triangles: Triangles) -> None:
-        """Find the seams between charts: `final` images show the same on both sides."""
+        triangles  of the scene, to find the seams between charts: they show the same on both sides; None
+                   leaves them
+        """
+        self._means, self._dilations = means, []
+        if triangles is not None:
+            self._fit_seams(triangles)
+
+    def _fit_seams(self, triangles: Triangles) -> None:
+        """Find the seams between charts."""
         resolution = self._patches.resolution
         seams = find_seams(triangles, len(self.has_patch), resolution)
         points = patch_points(triangles, self._patches.part(self._plain))
-        means = centre_points(self._means.texels, resolution)
-        self._fit = DisplayFit(joined_points(points, means), seams, self.has_patch, self._rings)
+        refined = centre_points(self._means.texels, resolution)
+        self._fit = DisplayFit(joined_points(points, refined), seams, self.has_patch, self._rings)
 
     def final(self, values: np.ndarray, samples: np.ndarray | None) -> np.ndarray:
-        """Return the light as the images to keep: fitted, if `fit` was called.
+        """Return the light as the images to keep: without seams, if `refine` found them.
 
         values   (n, 3) or (n,) float32, of the patches
         samples  (s, 3) or (s,) float32, of the samples of texels; None if there are none

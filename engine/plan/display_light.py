@@ -12,8 +12,10 @@ from ..direct.lighting import DirectLighting
 from ..finish.dilation import Dilation
 from ..finish.display_samples import DisplaySamples, PatchLight, display_samples, no_samples, on_lightmap
 from ..finish.outputs import Outputs
-from ..finish.push_out import WaysOut, no_ways_out, pushed_barycentrics, ways_out
+from ..finish.push_out import WaysOut, pushed_barycentrics, ways_out
 from ..finish.store import is_hidden
+from ..finish.texel_means import TexelMeans
+from ..finish.thin_walls import note_thin_walls
 from ..patches.geometry import PatchGeometry, texel_steps
 from ..patches.patch_list import PatchList
 from ..patches.subdivision import Subdivision
@@ -41,15 +43,19 @@ class DisplayLight:
 
     visible  (s,) bool, samples that somebody sees
     values   (s, 3) or (s,) float32 of every output, by name; of none without samples
-    ways     how thick the things are that samples are in
-    reason   a sentence for the report
+    reason    a sentence for the report
+    warnings  sentences for the user
     """
 
     samples: DisplaySamples
     visible: np.ndarray
     values: dict[str, np.ndarray]
-    ways: WaysOut
     reason: str
+    warnings: tuple[str, ...] = ()
+
+    def means(self, resolution: int) -> TexelMeans:
+        """Return what texels show of the samples."""
+        return TexelMeans(self.samples, self.visible, resolution)
 
 
 @dataclass(frozen=True)
@@ -59,6 +65,7 @@ class DisplayJob:
     atlases  lightmaps of the user's
     job      the patches of all texels
     solved   the patches that send light out: those of the job, or groups of them
+    in_contact  (n,) bool, see `DirectLighting.in_contact`
     """
 
     scene: Scene
@@ -67,25 +74,19 @@ class DisplayJob:
     solved: SolveJob
     choice: Choice
     lighting: DirectLighting
+    in_contact: np.ndarray
 
 
-def light_in_texels(
-    what: DisplayJob, solution: Solution, in_contact: np.ndarray
-) -> Generator[float, None, DisplayLight]:
-    """Return the light at the display samples of a solution; yield the fraction done.
-
-    in_contact  (n,) bool, see `DirectLighting.in_contact`
-    """
+def light_in_texels(what: DisplayJob, solution: Solution) -> Generator[float, None, DisplayLight]:
+    """Return the light at the display samples of a solution; yield the fraction done."""
     why = _why_centres_only(what.job, what.choice)
     if why:
         return _nothing(why)
     front = solution.gathered[:, 3]
-    known = PatchLight(solution.irradiance.sum(axis=1), front, is_hidden(front, in_contact))
+    known = PatchLight(solution.irradiance.sum(axis=1), front, is_hidden(front, what.in_contact))
     samples = display_samples(what.job.parts, what.atlases, known, what.job.settings.texel_samples)
     if not len(samples):
-        return DisplayLight(
-            samples, np.zeros(0, bool), {}, no_ways_out(), "No texel shows more than its centre."
-        )
+        return _nothing("No texel shows more than its centre.")
     return (yield from _gather(what, solution, known, _Points(what.job, samples)))
 
 
@@ -102,7 +103,7 @@ def _why_centres_only(job: SolveJob, choice: Choice) -> str:
 
 def _nothing(reason: str) -> DisplayLight:
     """Return the light of no samples, and why there are none."""
-    return DisplayLight(no_samples(), np.zeros(0, bool), {}, no_ways_out(), reason)
+    return DisplayLight(no_samples(), np.zeros(0, bool), {}, reason)
 
 
 def _gather(
@@ -124,7 +125,8 @@ def _gather(
     yield from _between(0.3, 0.8, last.gather(settled))
     values = yield from _between(0.8, 1.0, Outputs(what.scene, settings, lighting).make(last))
     visible = ~is_hidden(last.gathered[:, 3], lighting.in_contact())
-    return DisplayLight(points.samples, visible, values, ways, points.reason)
+    warnings = note_thin_walls(what.scene, what.job.parts, points.samples, ways, visible, last.irradiance)
+    return DisplayLight(points.samples, visible, values, points.reason, tuple(warnings))
 
 
 class _Points:

@@ -22,7 +22,7 @@ def verify(context, samples: int) -> tuple[Difference, np.ndarray, list[str]]:
     engine = importlib.import_module(f"{MODULE}.engine")
     with quiet_stdout():
         read, settings = read_for_bake(context)
-        # Where an image is not what is displayed, its texels are filled.
+        # Cycles leaves seams as they are.
         lightmap = engine.finished(engine.bake(read.scene, replace(settings, hide_seams=False)))
         with realised(context, read, settings.resolution) as reference:
             bakes = reference.bake(samples, 1), reference.bake(samples, 2)

@@ -1,0 +1,129 @@
+"""Which texels have several display samples, where these lie, and what texels show of them."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from engine.finish.display_samples import PatchLight, display_samples
+from engine.finish.push_out import pushed_barycentrics
+from engine.finish.texel_means import TexelMeans
+from engine.patches.geometry import PatchGeometry, texel_steps
+from engine.patches.patch_list import PatchList
+from tests.unit.test_texel_pieces import nasty_uvs, triangles_of
+
+RESOLUTION = 13
+
+
+def parts_of(uvs):
+    """Return triangles with the patches that lie on them, as far as display samples need them."""
+    triangles = triangles_of(np.asarray(uvs, float))
+    centre = (np.stack(np.divmod(np.arange(RESOLUTION**2), RESOLUTION)[::-1], axis=1) + 0.5) / RESOLUTION
+    texel, triangle = [], []
+    for index, corners in enumerate(triangles.uvs.astype(float)):
+        edges = corners[1:] - corners[0]
+        if abs(np.linalg.det(edges)) < 1e-9:
+            continue
+        weights = (centre - corners[0]) @ np.linalg.inv(edges)
+        inside = (weights > 0).all(axis=1) & (weights.sum(axis=1) < 1)
+        new = np.setdiff1d(np.flatnonzero(inside), texel)
+        texel, triangle = [*texel, *new], [*triangle, *[index] * len(new)]
+    count = len(texel)
+    patches = PatchList(
+        RESOLUTION, np.zeros(count, np.int32), np.array(texel, np.int32), np.array(triangle, np.int32),
+        np.full((count, 3), 1 / 3, np.float32),
+    )  # fmt: skip
+    steps = texel_steps(triangles, RESOLUTION)
+    geometry = PatchGeometry(triangles, steps, patches.triangle, patches.barycentric)
+    return SimpleNamespace(triangles=triangles, patches=patches, geometry=geometry)
+
+
+def even(parts, light=1.0):
+    """Return patches of even light that see no backs."""
+    count = len(parts.patches)
+    return PatchLight(np.full(count, light), np.ones(count), np.zeros(count, bool))
+
+
+SQUARE = np.array([[(2, 3), (7, 3), (7, 9)], [(2, 3), (7, 9), (2, 9)]]) / 13
+
+
+def test_samples_lie_in_their_texel_and_on_their_triangle_and_weigh_what_is_covered():
+    parts = parts_of(nasty_uvs()[:80])
+    samples = display_samples(parts, 1, even(parts), 16)
+    row, column = np.divmod(samples.texel, RESOLUTION)
+    local = samples.position - np.stack([column, row], axis=1)
+    assert local.min() > -1e-4 and local.max() < 1 + 1e-4
+    assert samples.barycentric.min() > -1e-6 and samples.barycentric.sum(axis=1) == pytest.approx(1, abs=1e-5)
+    uv = np.einsum("sk,skd->sd", samples.barycentric, parts.triangles.uvs[samples.triangle])
+    assert samples.position == pytest.approx(uv * RESOLUTION, abs=1e-4)
+    count = np.bincount(samples.texel)
+    assert count[count > 0].min() >= 8
+    assert (np.diff(samples.texel) >= 0).all()
+
+
+def test_even_light_on_a_square_of_whole_texels_needs_no_samples():
+    parts = parts_of(SQUARE)
+    assert len(display_samples(parts, 1, even(parts), 16)) == 0
+
+
+@pytest.mark.parametrize("points", [4, 16])
+def test_a_square_half_a_texel_off_has_samples_at_its_border(points):
+    parts = parts_of(SQUARE + 0.5 / 13)
+    samples = display_samples(parts, 1, even(parts), points)
+    weight = np.bincount(samples.texel, samples.weight, RESOLUTION**2).reshape(RESOLUTION, RESOLUTION)
+    assert weight.sum() == pytest.approx(10, rel=1e-5)
+    assert weight[3, 3:7] == pytest.approx(0.5, rel=1e-4) and weight[3, 2] == pytest.approx(0.25, rel=1e-4)
+    assert not weight[4:9, 3:7].any()
+    assert (np.bincount(samples.texel)[np.unique(samples.texel)] >= points - 2).all()
+
+
+def test_an_edge_of_light_has_samples_on_both_sides_and_a_slope_none():
+    parts = parts_of(SQUARE)
+    column = parts.patches.texel % RESOLUTION
+    known = even(parts)
+    known.light[:] = 1 + 0.1 * column
+    assert set(display_samples(parts, 1, known, 4).texel % RESOLUTION) <= {2, 6}
+    known.light[:] = np.where(column < 4, 1, 3)
+    samples = display_samples(parts, 1, known, 4)
+    assert set(samples.texel % RESOLUTION) == {3, 4}
+    assert np.bincount(samples.texel, samples.weight)[samples.texel] == pytest.approx(1, rel=1e-4)
+
+
+def test_both_sides_of_a_border_of_what_is_hidden_have_samples():
+    parts = parts_of(SQUARE)
+    known = even(parts)
+    known.hidden[:] = parts.patches.texel % RESOLUTION < 4
+    assert set(display_samples(parts, 1, known, 4).texel % RESOLUTION) == {3, 4}
+
+
+def test_a_triangle_far_smaller_than_a_texel_has_samples():
+    """The first is a sliver beside no patch, the second covers a twentieth of a texel, off its centre."""
+    small = np.array([[(9.2, 5.2), (9.21, 5.2), (9.2, 5.22)], [(9.1, 9.1), (9.4, 9.1), (9.1, 9.4)]]) / 13
+    parts = parts_of(np.concatenate([SQUARE, small]))
+    samples = display_samples(parts, 1, even(parts), 16)
+    assert set(samples.triangle) == {3} and set(samples.texel) == {9 * RESOLUTION + 9}
+
+
+def test_texels_show_the_weighted_mean_of_visible_samples():
+    parts = parts_of(SQUARE + 0.5 / 13)
+    samples = display_samples(parts, 1, even(parts), 4)
+    values = np.random.default_rng(3).random((len(samples), 3)).astype(np.float32)
+    visible = samples.texel % RESOLUTION != 2
+    means = TexelMeans(samples, visible, RESOLUTION)
+    assert set(means.hidden % RESOLUTION) == {2} and not set(means.texels % RESOLUTION) & {2}
+    for texel, mean in zip(means.texels, means.of(values), strict=True):
+        mine = samples.texel == texel
+        assert mean == pytest.approx(np.average(values[mine], axis=0, weights=samples.weight[mine]), rel=1e-5)
+    assert means.of(values[:, 0]) == pytest.approx(means.of(values)[:, :1].repeat(3, axis=1))
+
+
+def test_points_that_leave_their_triangle_are_not_pushed():
+    triangles = triangles_of(SQUARE)
+    steps = texel_steps(triangles, RESOLUTION)
+    middle = np.full((2, 3), 1 / 3, np.float32)
+    geometry = PatchGeometry(triangles, steps, np.array([0, 1], np.int32), middle)
+    offset = np.array([[0.02, 0.03, 0], [-0.5, 0, 0]], np.float32)
+    moved, stays = pushed_barycentrics(geometry, offset)
+    assert stays.tolist() == [True, False]
+    at = np.einsum("k,kd->d", moved[0], triangles.positions[0])
+    assert at == pytest.approx(geometry.center[0] + offset[0], abs=1e-6)

@@ -33,7 +33,7 @@ def solving(scene: Scene, settings: Settings, compute: Compute | None = None) ->
         dark = np.zeros_like(emission)
         area = parts.geometry.area
         job = SolveJob(graphics, compute, parts, rays, emission, sky, dark, area, settings)
-        yield *choose_solver(job), len(emission)
+        yield *choose_solver(job)[:2], len(emission)
     finally:
         graphics.release()
 

@@ -103,7 +103,7 @@ def _bake(
     image, display = store.image(next(iter(made.values()))), next(iter(passes.values()))
     yield stages.end()
     warnings = (*notes, *parts.warnings, *lighting.warnings, *lit.warnings)
-    choice = replace(choice, reasons=(*choice.reasons, lit.reason))
+    choice = replace(choice, reasons=(*choice.reasons, *lit.reasons))
     report = _summary(solution, settings, choice, len(parts.patches), stages.seconds, devices, warnings)
     return Lightmap(atlases, image, display, store.has_patch, store.known, report, passes)
 

@@ -29,7 +29,7 @@ class TexelMeans:
 
     def of(self, values: np.ndarray) -> np.ndarray:
         """Return the mean of the samples' values, (s, 3) or (s,), in each of `texels`, (k, 3) float32."""
-        columns = values.reshape(len(values), -1)[self._chosen].T
+        columns = (values if values.ndim == 2 else values[:, None])[self._chosen].T
         sums = [np.bincount(self._texel, self._weight * column, len(self.texels)) for column in columns]
         means = np.stack(sums, axis=1) / self._total[:, None]
         return np.broadcast_to(means, (len(means), 3)).astype(np.float32)

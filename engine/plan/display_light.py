@@ -43,14 +43,14 @@ class DisplayLight:
 
     visible  (s,) bool, samples that somebody sees
     values   (s, 3) or (s,) float32 of every output, by name; of none without samples
-    reason    a sentence for the report
+    reasons   sentences for the report
     warnings  sentences for the user
     """
 
     samples: DisplaySamples
     visible: np.ndarray
     values: dict[str, np.ndarray]
-    reason: str
+    reasons: tuple[str, ...]
     warnings: tuple[str, ...] = ()
 
     def means(self, resolution: int) -> TexelMeans:
@@ -79,6 +79,8 @@ class DisplayJob:
 
 def light_in_texels(what: DisplayJob, solution: Solution) -> Generator[float, None, DisplayLight]:
     """Return the light at the display samples of a solution; yield the fraction done."""
+    if what.job.settings.texel_samples == 1 or what.choice.method == "none":
+        return _nothing()
     why = _why_centres_only(what.job, what.choice)
     if why:
         return _nothing(why)
@@ -92,18 +94,14 @@ def light_in_texels(what: DisplayJob, solution: Solution) -> Generator[float, No
 
 def _why_centres_only(job: SolveJob, choice: Choice) -> str:
     """Return why every texel shows the light at its centre alone, empty if some show it at more points."""
-    if choice.method == "none":
-        return "All texels are dark."
-    if job.settings.texel_samples == 1:
-        return "Every texel shows the light at its centre: the settings ask for it."
     if choice.method == "paper":
         return "Every texel shows the light at its centre, as the paper's method has it."
     return "" if job.compute else "Every texel shows the light at its centre: there is no OpenCL."
 
 
-def _nothing(reason: str) -> DisplayLight:
+def _nothing(*reasons: str) -> DisplayLight:
     """Return the light of no samples, and why there are none."""
-    return DisplayLight(no_samples(), np.zeros(0, bool), {}, reason)
+    return DisplayLight(no_samples(), np.zeros(0, bool), {}, reasons)
 
 
 def _gather(
@@ -126,7 +124,7 @@ def _gather(
     values = yield from _between(0.8, 1.0, Outputs(what.scene, settings, lighting).make(last))
     visible = ~is_hidden(last.gathered[:, 3], lighting.in_contact())
     warnings = note_thin_walls(what.scene, what.job.parts, points.samples, ways, visible, last.irradiance)
-    return DisplayLight(points.samples, visible, values, points.reason, tuple(warnings))
+    return DisplayLight(points.samples, visible, values, (points.reason,), tuple(warnings))
 
 
 class _Points:

@@ -22,7 +22,9 @@ from tests.analytic.rooms import (
 )
 from tests.analytic.scenes import quads
 
-SETTINGS = Settings(resolution=128, hemicube=16, visibility="rays", light_samples=32, iterations=8)
+SETTINGS = Settings(
+    resolution=128, hemicube=16, visibility="rays", light_samples=32, iterations=8, texel_samples=16
+)
 
 LAMP = (0.37, 0.41, 0.61)
 
@@ -101,7 +103,9 @@ SEALED = {
 def test_rooms_that_nearly_touch_overlap_or_hold_each_other_share_no_light(name, visibility):
     meshes = SEALED[name]
     scene = scene_of(meshes, [lamp((0.31, 0.37, 0.53))])
-    settings = Settings(resolution=128, hemicube=16, light_samples=16, iterations=8, visibility=visibility)
+    settings = Settings(
+        resolution=128, hemicube=16, light_samples=16, iterations=8, visibility=visibility, texel_samples=16
+    )
     lightmap = drive(scene, settings)
     mesh = mesh_of_texels(scene, lightmap)
     light = lightmap.display[0].mean(axis=-1)

@@ -16,7 +16,13 @@ from tests.analytic.scenes import material, quads, rectangle, room_walls
 from tests.gpu.test_methods import NoCompute, OldGraphics
 
 SETTINGS = Settings(
-    resolution=64, hemicube=8, iterations=2, tolerance=0, accelerate=False, sample_emission=False
+    resolution=64,
+    hemicube=8,
+    iterations=2,
+    tolerance=0,
+    accelerate=False,
+    sample_emission=False,
+    texel_samples=1,
 )
 
 #: Ways to find what patches see; "old" is that of OpenGL 4.1, "opengl" that of a machine without OpenCL.

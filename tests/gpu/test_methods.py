@@ -27,7 +27,7 @@ from tests.analytic.test_sky_and_cutouts import sky
 
 SETTINGS = Settings(
     resolution=67, hemicube=8, iterations=4, tolerance=0, sample_emission=False,
-    accelerate=False, visibility="raster",
+    accelerate=False, visibility="raster", texel_samples=1,
 )  # fmt: skip
 
 

@@ -8,12 +8,13 @@ def register() -> None:
     """Register the properties, the operators and the command."""
     import bpy
 
-    from . import command_line, properties, translations
+    from . import command_line, file_handlers, properties, translations
 
     for cls in _classes():
         bpy.utils.register_class(cls)
     properties.bind()
     translations.bind()
+    file_handlers.bind()
     command_line.register()
 
 
@@ -21,13 +22,14 @@ def unregister() -> None:
     """Stop all that bakes, then unregister the command, the operators and the properties."""
     import bpy
 
-    from . import command_line, properties, translations
+    from . import command_line, file_handlers, properties, translations
     from .devices import finder
     from .worker_owner import owner
 
     finder.stop()
     owner.stop()
     command_line.unregister()
+    file_handlers.unbind()
     translations.unbind()
     properties.unbind()
     for cls in reversed(_classes()):

@@ -8,6 +8,9 @@ import numpy as np
 #: Options of a property that holds a path which may start at the .blend (//); 4.5 introduced the flag.
 PATH_OPTIONS = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()
 
+#: Handlers of what writes datablocks to a file, or brings them from another one (since 4.3).
+FILE_EVENTS = [name for name in ("save_pre", "blend_import_post") if hasattr(bpy.app.handlers, name)]
+
 
 def node_tree(datablock: bpy.types.Material | bpy.types.World) -> bpy.types.NodeTree | None:
     """Return the shader nodes in use, or None.

@@ -9,6 +9,7 @@ from tests.blender.things import (
     SQUARE,
     SQUARE_UVS,
     bpy_link,
+    evaluated_uvs,
     furnace,
     material,
     mesh_object,
@@ -36,6 +37,12 @@ def bake():
     return bpy.ops.hemibake.bake()
 
 
+def unwrap():
+    import bpy
+
+    return bpy.ops.hemibake.unwrap()
+
+
 def copied(kind="ARRAY", name="Chair", **settings):
     """Return a cube with a modifier."""
     obj = mesh_object(name, CUBE, INWARD, surface=material(name, emission=0.5))
@@ -43,16 +50,6 @@ def copied(kind="ARRAY", name="Chair", **settings):
     for key, value in settings.items():
         setattr(modifier, key, value)
     return obj
-
-
-def evaluated_uvs(obj, layer="Lightmap") -> np.ndarray:
-    """Return a UV layer of the mesh that modifiers make, (l, 2)."""
-    import bpy
-
-    mesh = obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
-    return part("operators.scene.objects.meshes").read_array(
-        mesh.uv_layers[layer].uv, "vector", 2, np.float32
-    )
 
 
 def coverage(*objects, size=256) -> np.ndarray:
@@ -164,6 +161,41 @@ def test_modifier_added_later_comes_before_and_is_noticed():
     assert coverage("Chair").max() == 1
 
 
+def test_modifier_that_the_user_has_pinned_comes_before():
+    chair = copied()
+    chair.modifiers.new("Pinned", "SOLIDIFY").use_pin_to_last = True
+    unwrap()
+    assert [modifier.name for modifier in chair.modifiers] == ["Copier", "Pinned", NAME]
+    before = evaluated_uvs(chair)
+    assert coverage("Chair").max() == 1
+    unwrap()
+    assert (evaluated_uvs(chair) == before).all()
+    chair.modifiers.new("Late", "BEVEL").use_pin_to_last = True
+    unwrap()
+    assert len(chair.modifiers) == 4 and chair.modifiers[-1].name == NAME
+    assert coverage("Chair").max() == 1
+
+
+def test_modifier_that_does_not_come_last_is_made_anew():
+    chair = copied()
+    unwrap()
+    chair.modifiers[NAME].use_pin_to_last = False
+    chair.modifiers.move(1, 0)
+    unwrap()
+    assert [modifier.name for modifier in chair.modifiers] == ["Copier", NAME]
+    assert coverage("Chair").max() == 1
+
+
+@pytest.mark.parametrize("shown", ["show_viewport", "show_render"])
+def test_modifier_that_is_switched_off_is_made_anew(shown):
+    chair = copied()
+    unwrap()
+    setattr(chair.modifiers[NAME], shown, False)
+    unwrap()
+    assert [modifier.name for modifier in chair.modifiers] == ["Copier", NAME]
+    assert getattr(chair.modifiers[NAME], shown) and coverage("Chair").max() == 1
+
+
 def test_mesh_of_another_size_keeps_its_uvs():
     """Until the next bake UVs meant for other corners are not shown."""
     import bpy
@@ -260,6 +292,44 @@ def test_instances_of_an_object_with_modifiers():
         empty.instance_type, empty.instance_collection, empty.location.y = "COLLECTION", chairs, 3 * number
     assert bake() == {"FINISHED"}
     assert report()["instances"] == 2 and coverage("Chair").max() == 1
+
+
+def test_each_material_slot_stays_on_its_faces_of_each_copy():
+    """An odd number of mirrored copies, of which one face each glows, in an object of negative scale."""
+    import bpy
+
+    chair = copied(count=3)
+    chair.data.materials.append(material("Glow", emission=7.0))
+    chair.data.polygons[4].material_index = 1
+    chair.scale = (-1, 0.3, 2)
+    mirror = chair.modifiers.new("Mirror", "MIRROR")
+    mirror.use_axis, mirror.use_mirror_merge = (False, True, False), False
+    other = mesh_object("Other", CUBE, INWARD)
+    other.location.x = 9
+    bpy.context.view_layer.update()
+    unwrap()
+    scene = read_scene().scene
+    (mesh,) = (mesh for mesh in scene.meshes if mesh.name == "Chair")
+    glowing = np.array([scene.materials[index].emission[0] > 3 for index in mesh.material])
+    assert len(glowing) == 3 * 2 * 12 and glowing.sum() == 3 * 2 * 2
+    assert np.ptp(mesh.positions[glowing][:, :, 0], axis=(1,)).max() < 1e-5
+    covered = coverage("Chair", "Other")
+    assert (covered > 1).sum() <= 0.005 * (covered > 0).sum()
+
+
+def test_modifiers_that_leave_nothing_leave_others_alone():
+    import bpy
+
+    chair, other = copied(), mesh_object("Other", CUBE, INWARD)
+    group = chair.vertex_groups.new(name="None")
+    chair.modifiers.new("Mask", "MASK").vertex_group = group.name
+    bpy.context.view_layer.update()
+    unwrap()
+    assert [modifier.name for modifier in chair.modifiers] == ["Copier", "Mask"]
+    assert "Lightmap" in other.data.uv_layers and not bpy.data.node_groups
+    chair.modifiers["Mask"].show_viewport = chair.modifiers["Mask"].show_render = False
+    unwrap()
+    assert chair.modifiers[-1].name == NAME
 
 
 def test_object_that_also_makes_instances_goes_on_making_them():

@@ -97,6 +97,16 @@ def loop_uvs(obj, layer="Lightmap") -> np.ndarray:
     return uvs.reshape(-1, 2)
 
 
+def evaluated_uvs(obj, layer="Lightmap") -> np.ndarray:
+    """Return a UV layer of the mesh that modifiers make, (l, 2)."""
+    import bpy
+
+    mesh = obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    return part("operators.scene.objects.meshes").read_array(
+        mesh.uv_layers[layer].uv, "vector", 2, np.float32
+    )
+
+
 def pixels(image) -> np.ndarray:
     """Return an image's pixels, (h, w, 4)."""
     values = np.empty(len(image.pixels), np.float32)

@@ -27,16 +27,8 @@ from .lightmap_layer import lightmap_layer
 from .multi_user import instanced_objects, multi_user_sources
 from .unwrap_process import unwrap_apart
 from .uv_layers import replace_layer
-from .uv_modifier import (
-    NAME,
-    add_uv_modifier,
-    drop_uv_modifier,
-    fits,
-    has_uvs,
-    remove_unused_uvs,
-    uv_modifier,
-    uv_source,
-)
+from .uv_modifier import add_uv_modifier, drop_uv_modifier, fits, has_uvs, uv_modifier, uv_source
+from .uv_node_group import NAME, remove_unused_uvs
 from .uv_targets import Target, Users, evaluated_mesh, evaluated_targets, own_target, users_of_meshes
 
 #: Longest time that meshes are read before a window has its turn, s.

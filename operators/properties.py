@@ -124,11 +124,19 @@ HemibakeSceneProperties.__annotations__["quality"] = quality_property()
 HemibakeSceneProperties.__annotations__.update(size_properties())
 
 
+#: An object that overrides one of another file keeps what is chosen for it, and what was baked.
+_OVERRIDABLE, _INSERTABLE = {"LIBRARY_OVERRIDABLE"}, {"LIBRARY_OVERRIDABLE", "USE_INSERTION"}
+
+
 class HemibakeSlotProperties(bpy.types.PropertyGroup):
     """What a material slot held before the preview."""
 
-    link: StringProperty(description="Where the slot's material was linked: DATA or OBJECT")
-    material: PointerProperty(type=bpy.types.Material, description="Material linked to the object")
+    link: StringProperty(
+        description="Where the slot's material was linked: DATA or OBJECT", override=_OVERRIDABLE
+    )
+    material: PointerProperty(
+        type=bpy.types.Material, description="Material linked to the object", override=_OVERRIDABLE
+    )
 
 
 def _known_atlases(owner: bpy.types.bpy_struct, context: bpy.types.Context, text: str) -> list[str]:
@@ -149,6 +157,7 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
             ("IGNORED", "Ignored", "The bake does not see the object"),
         ],
         default="BAKED",
+        override=_OVERRIDABLE,
     )
     atlas: StringProperty(
         name="Atlas",
@@ -156,11 +165,13 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
         search=_known_atlases,
         search_options={"SUGGESTION"},
         default="Lightmap",
+        override=_OVERRIDABLE,
     )
     own_uv_layer: StringProperty(
         name="UV Layer",
         description="UV layer with the lightmap UVs of this object; empty for that of the scene",
         search=_layers_of_object,
+        override=_OVERRIDABLE,
     )
     lightmap_scale: FloatProperty(
         name="Scale in Lightmap",
@@ -170,6 +181,7 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
         min=0.001,
         soft_min=0.1,
         soft_max=10.0,
+        override=_OVERRIDABLE,
     )
     made_uvs: StringProperty(
         name="Made UVs",
@@ -181,23 +193,27 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
         name="Image",
         description="Image that the last bake of the object wrote",
         options={"HIDDEN"},
+        override=_OVERRIDABLE,
     )
     uv_layer: StringProperty(
         name="UV Layer",
         description="UV layer that the last bake of the object used",
         options={"HIDDEN"},
+        override=_OVERRIDABLE,
     )
     uv_scale: FloatProperty(
         name="UV Scale",
         description="Lightmap UV = UV of the mesh * scale + offset: objects of one mesh differ in it",
         default=1.0,
         options={"HIDDEN"},
+        override=_OVERRIDABLE,
     )
     uv_offset: FloatVectorProperty(
         name="UV Offset",
         description="See UV Scale",
         size=2,
         options={"HIDDEN"},
+        override=_OVERRIDABLE,
     )
     fingerprint: StringProperty(
         name="Fingerprint",
@@ -209,14 +225,17 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
         description="Where the charts of the instances are that the object makes, as JSON: object, "
         "persistent_id, image, scale, offset",
         options={"HIDDEN"},
+        override=_OVERRIDABLE,
     )
     slots: CollectionProperty(
         type=HemibakeSlotProperties,
         description="Material slots as they were before the preview, empty without one",
+        override=_INSERTABLE,
     )
     slot_added: BoolProperty(
         description="The preview added a material slot to the object's mesh",
         options={"HIDDEN"},
+        override=_OVERRIDABLE,
     )
 
 
@@ -231,7 +250,7 @@ CLASSES = (
 def bind() -> None:
     """Attach the groups to scenes and objects."""
     bpy.types.Scene.hemibake = PointerProperty(type=HemibakeSceneProperties)
-    bpy.types.Object.hemibake = PointerProperty(type=HemibakeObjectProperties)
+    bpy.types.Object.hemibake = PointerProperty(type=HemibakeObjectProperties, override=_OVERRIDABLE)
 
 
 def unbind() -> None:

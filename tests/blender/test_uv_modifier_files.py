@@ -117,6 +117,27 @@ def test_override_of_a_linked_object_gets_a_modifier_of_its_own(library):
     assert len(evaluated_uvs(chair)) == 3 * 96
 
 
+def test_override_keeps_its_light_and_its_materials_in_its_file(library, tmp_path):
+    import bpy
+
+    path, uvs = library
+    linked = bring("link", path)
+    chair = linked.override_create()
+    bpy.context.scene.collection.objects.unlink(linked)
+    bpy_link(chair)
+    kept = chair.hemibake
+    kept.image, kept.uv_layer, kept.uv_scale = bpy.data.images.new("Light", 4, 4), "Lightmap", 0.5
+    assert bpy.ops.hemibake.preview() == {"FINISHED"}
+    path = str(tmp_path / "scene.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    (chair,) = (obj for obj in bpy.context.scene.objects if obj.override_library)
+    assert chair.hemibake.image.name == "Light" and chair.hemibake.uv_scale == 0.5
+    assert np.array_equal(evaluated_uvs(chair), uvs)
+    assert bpy.ops.hemibake.preview() == {"FINISHED"} and not chair.hemibake.slots
+    assert chair.material_slots[0].material.name == "Wood"
+
+
 def test_object_that_is_deleted_leaves_nothing_to_a_purge(chair):
     import bpy
 

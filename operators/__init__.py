@@ -50,10 +50,11 @@ def _classes() -> tuple[type, ...]:
         select,
         self_test,
         unwrap,
+        uv_modifiers,
     )
 
     modules = (
-        properties, presets, bake, cancel, checks, unwrap, lightmaps, preview, select, last_bake, preferences,
-        self_test,
+        properties, presets, bake, cancel, checks, unwrap, uv_modifiers, lightmaps, preview, select,
+        last_bake, preferences, self_test,
     )  # fmt: skip
     return tuple(cls for module in modules for cls in module.CLASSES)

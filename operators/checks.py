@@ -14,6 +14,7 @@ from .changes import Changes
 from .check import Checked, check_scene
 from .check.fixes import FIXES
 from .scene import SceneContext
+from .scene.uvs.uv_node_group import remove_unused_uvs
 from .telling import tell
 from .worker_owner import poll_idle
 
@@ -116,6 +117,7 @@ class HEMIBAKE_OT_fix(bpy.types.Operator):
             changes.take_back()
             tell(self, "ERROR", str(error))
             return {"CANCELLED"}
+        remove_unused_uvs()
         keep_check(context.scene, finished(check_scene(SceneContext(context))))
         return {"FINISHED"}
 

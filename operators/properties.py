@@ -219,6 +219,7 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
         name="Fingerprint",
         description="Digest of what the last bake saw of the object",
         options={"HIDDEN"},
+        override=_OVERRIDABLE,
     )
     instances: StringProperty(
         name="Instances",

@@ -21,6 +21,7 @@ class HEMIBAKE_MT_lightmaps(bpy.types.Menu):
 _GROUPS = (
     ("hemibake.check", "hemibake.bake", "hemibake.cancel", "hemibake.preview"),
     ("hemibake.unwrap", "hemibake.lightmap_repack", "hemibake.lightmap_unwrap"),
+    ("hemibake.apply_on_copy", "hemibake.remove_uv_modifiers"),
     (
         "hemibake.lightmap_add",
         "hemibake.lightmap_remove",

@@ -21,7 +21,16 @@ from .faces import centres_of, check_coordinates, check_normals, check_zero_area
 from .finding import ERROR, INFO, WARNING, Checked, Finding
 from .meshes import CheckedMesh, read_meshes
 from .surroundings import check_hidden, check_images, check_light
-from .uvs import ChartsOf, check_missing, check_overlaps, check_places, check_widths, find_charts
+from .uvs import (
+    ChartsOf,
+    check_kept,
+    check_missing,
+    check_overlaps,
+    check_places,
+    check_unneeded,
+    check_widths,
+    find_charts,
+)
 
 #: The worst first.
 _ORDER = (ERROR, WARNING, INFO)
@@ -61,6 +70,7 @@ def check_scene(context: SceneContext) -> Generator[None, None, Checked]:
     # All others lie in the atlases, too, but only what is baked needs usable charts.
     baked = [mesh for mesh in meshes if mesh.uid in targets]
     findings += check_missing(baked)
+    findings += check_kept(baked)
     charts = yield from find_charts(meshes, settings.resolution)
     charts = [one for one in charts if one.mesh.uid in targets]
     findings += yield from check_overlaps(charts)
@@ -81,6 +91,8 @@ def _check_surroundings(context: SceneContext) -> Generator[None, None, list[Fin
     findings = [*check_hidden(context)]
     if not context.scene.hemibake.uv_layer:
         findings.append(Finding(ERROR, "The lightmap UV layer has no name. Choose one under Advanced."))
+    yield
+    findings += check_unneeded(context.scene.objects)
     yield
     findings += check_light(visible_objects(context), context.scene.world)
     yield

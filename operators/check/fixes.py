@@ -9,12 +9,16 @@ import bpy
 
 from ...engine.errors import SceneError
 from ...engine.progress import finished
+from ..applied_copies import apply_on_copies
 from ..changes import Changes
 from ..lightmap_size import chosen_width
 from ..lookup import find
+from ..result.preview import hide_preview
 from ..scene import SceneContext, visible_meshes
+from ..scene.objects.render_settings import show_as_rendered
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from ..scene.uvs.unwrap import unwrap_missing
+from ..scene.uvs.uv_modifier import remove_uv_modifiers
 
 Fix = Callable[[bpy.types.Context, Sequence[bpy.types.Object], int, Changes], None]
 
@@ -69,12 +73,42 @@ def recalculate_normals(
             mesh.update()
 
 
+def apply_on_copy(
+    context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Changes
+) -> None:
+    """Put a copy with applied modifiers in the place of each object."""
+    copies, notes = apply_on_copies(context, objects)
+    if not copies:
+        raise SceneError("\n".join(notes))
+
+
+def use_settings_of_renders(
+    context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Changes
+) -> None:
+    """Let the viewport use the settings that renders use of modifiers, and make lightmap UVs anew."""
+    for obj in objects:
+        show_as_rendered(obj, changes)
+    unwrap(context, objects, value, changes)
+
+
+def remove_modifiers(
+    context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Changes
+) -> None:
+    """Remove the modifiers that keep lightmap UVs."""
+    hide_preview(objects)
+    for obj in objects:
+        remove_uv_modifiers(obj)
+
+
 #: By the name that a finding has, with what its button says.
 FIXES: dict[str, tuple[str, Fix]] = {
     "unwrap": ("Unwrap", unwrap),
     "unwrap_anew": ("Unwrap Anew", unwrap_anew),
     "resolution": ("Set Resolution", set_resolution),
     "normals": ("Recalculate", recalculate_normals),
+    "apply_on_copy": ("Apply on a Copy", apply_on_copy),
+    "show_as_rendered": ("Show as Rendered", use_settings_of_renders),
+    "remove_uv_modifiers": ("Remove", remove_modifiers),
 }
 
 

@@ -13,9 +13,10 @@ import numpy as np
 from ..lookup import find_all
 from ..scene import SceneContext
 from ..scene.objects.meshes import read_array, read_positions, read_topology
+from ..scene.objects.render_settings import differs_in_renders
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from ..scene.uvs.multi_user import multi_user_sources
-from ..scene.uvs.uv_modifier import uv_modifier, uv_source
+from ..scene.uvs.uv_modifier import fits, uv_modifier, uv_source
 from ..scene.uvs.uv_targets import evaluated_mesh
 
 #: Longest time that meshes are read without a pause, s.
@@ -27,8 +28,10 @@ class CheckedMesh:
     """A mesh object as its modifiers make it.
 
     several    whether several objects or instances may show its UVs
-    editable   whether its mesh can get another UV layer
+    editable   whether it can get lightmap UVs: it is none of another file
     copies     whether modifiers make other faces than the mesh has, and no modifier keeps UVs of these
+    outdated   whether a modifier keeps UVs, but of other faces than there are by now
+    unlike     whether a modifier keeps UVs that fit, but renders make other faces than the viewport
     matrix     (4, 4) float64, object space to world space
     scale      its scale in lightmaps
     positions  (v, 3) float32, object space
@@ -37,7 +40,7 @@ class CheckedMesh:
     edges      (e, 2) int32, vertices
     starts     (p,) int32, first loop of each polygon
     triangles  (t, 3) int32, loops
-    uvs        (l, 2) float32, lightmap UVs, None without
+    uvs        (l, 2) float32, lightmap UVs, None without any that fit
     """
 
     name: str
@@ -46,6 +49,8 @@ class CheckedMesh:
     several: bool
     editable: bool
     copies: bool
+    outdated: bool
+    unlike: bool
     matrix: np.ndarray
     scale: float
     positions: np.ndarray
@@ -95,21 +100,24 @@ def read_meshes(
 def _read(
     obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph, uv_layer: str, several: set[int]
 ) -> CheckedMesh | None:
-    layer = lightmap_layer(obj, uv_layer)
+    layer, keeper = lightmap_layer(obj, uv_layer), uv_modifier(obj, uv_layer)
     with evaluated_mesh(obj, depsgraph) as mesh:
         if mesh is None or not len(mesh.polygons):
             return None
         mesh.calc_loop_triangles()
         changed = (len(mesh.polygons), len(mesh.loops)) != (len(obj.data.polygons), len(obj.data.loops))
-        uvs = mesh.uv_layers.get(layer)
+        outdated = keeper is not None and not fits(keeper, mesh)
+        uvs = None if outdated else mesh.uv_layers.get(layer)
         vertex, edge, edges = read_topology(mesh)
         return CheckedMesh(
             name=obj.name,
             uid=obj.session_uid,
             atlas=obj.hemibake.atlas,
             several=uv_source(obj, uv_layer) in several,
-            editable=bool(obj.data.is_editable),
-            copies=changed and not obj.data.is_editmode and uv_modifier(obj, uv_layer) is None,
+            editable=bool(obj.is_editable),
+            copies=changed and not obj.data.is_editmode and keeper is None,
+            outdated=outdated,
+            unlike=keeper is not None and not outdated and differs_in_renders(obj),
             matrix=np.array(obj.matrix_world, np.float64),
             scale=obj.hemibake.lightmap_scale,
             positions=read_positions(mesh),

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 
+import bpy
 import numpy as np
 
 from ..scene.crowds import make_footprints, place_apart
 from ..scene.place import Charted, Place, make_charted
 from ..scene.uvs.footprint import LARGEST_GRID, Footprint, make_footprint
 from ..scene.uvs.uv_faults import is_finite
+from ..scene.uvs.uv_modifier import uv_modifiers
 from .finding import ERROR, INFO, WARNING, Finding, found
 from .meshes import CheckedMesh
 
@@ -41,7 +43,7 @@ class ChartsOf:
 
 def check_missing(meshes: Sequence[CheckedMesh]) -> list[Finding]:
     """Return meshes without lightmap UVs, or whose UVs are no numbers."""
-    missing = [mesh for mesh in meshes if mesh.uvs is None]
+    missing = [mesh for mesh in meshes if mesh.uvs is None and not mesh.outdated]
     spoilt = [mesh.name for mesh in meshes if mesh.uvs is not None and not is_finite(mesh.uvs)]
     return [
         *found(
@@ -49,9 +51,10 @@ def check_missing(meshes: Sequence[CheckedMesh]) -> list[Finding]:
         ),
         *found(
             ERROR,
-            "Linked from another file and without lightmap UVs: {}. Make the mesh local, or unwrap it in "
-            "that file.",
+            "Linked from another file and without lightmap UVs: {}. Unwrap it in that file, override it, or "
+            "apply its modifiers on a copy.",
             [mesh.name for mesh in missing if not mesh.editable],
+            "apply_on_copy",
         ),
         *found(
             INFO,
@@ -60,6 +63,45 @@ def check_missing(meshes: Sequence[CheckedMesh]) -> list[Finding]:
             fix="unwrap",
         ),
     ]
+
+
+def check_kept(meshes: Sequence[CheckedMesh]) -> list[Finding]:
+    """Return meshes that modifiers make, whose UVs another modifier keeps, but not as they should be."""
+    outdated = [mesh for mesh in meshes if mesh.outdated]
+    return [
+        *found(
+            ERROR,
+            "Linked from another file, and what modifiers make of it has changed since its lightmap UVs were "
+            "made: {}. Unwrap it in that file, override it, or apply its modifiers on a copy.",
+            [mesh.name for mesh in outdated if not mesh.editable],
+            "apply_on_copy",
+        ),
+        *found(
+            INFO,
+            "What modifiers make of {} has changed since its lightmap UVs were made. The bake makes them "
+            "anew.",
+            [mesh.name for mesh in outdated if mesh.editable],
+            "unwrap",
+        ),
+        *found(
+            WARNING,
+            "Renders use other settings of the modifiers of {} than the viewport, whose faces have the "
+            "lightmap UVs: renders may show no lightmap. Use the same ones.",
+            [mesh.name for mesh in meshes if mesh.unlike and mesh.editable],
+            "show_as_rendered",
+        ),
+    ]
+
+
+def check_unneeded(objects: Sequence[bpy.types.Object]) -> list[Finding]:
+    """Return objects that get no lightmap, but have a modifier that keeps lightmap UVs."""
+    others = [obj for obj in objects if obj.hemibake.role != "BAKED" and obj.is_editable]
+    return found(
+        INFO,
+        "A modifier keeps lightmap UVs of {}, which gets no lightmap. Remove the modifier.",
+        [obj.name for obj in others if uv_modifiers(obj)],
+        "remove_uv_modifiers",
+    )
 
 
 def check_overlaps(charts: Sequence[ChartsOf]) -> Steps:

@@ -26,14 +26,14 @@ OVERLAPPING = (
     f"lightmap UVs that lie on each other: {_SEEN}. Unwrap it without overlaps, "
     "or delete the lightmap UV layer to have one made."
 )
-NO_UVS = f"faces without lightmap UVs: {_SEEN}. Unwrap it, or apply its modifiers."
+NO_UVS = f"faces without lightmap UVs: {_SEEN}. Unwrap it, or apply its modifiers on a copy."
 NO_TILE = (
     f"more objects and instances have the mesh, or lie on each other in the atlas, than fit into lightmaps "
     f"of this resolution: {_SEEN}. Raise the resolution, or set the role of less important ones to Occluder."
 )
 LINKED = (
-    f"no lightmap UVs of its own, and linked from another file: {_SEEN}. Make the mesh local, "
-    "or unwrap it in that file."
+    f"no lightmap UVs of its own, and linked from another file: {_SEEN}. Make it local or "
+    "override it, unwrap it in that file, or apply its modifiers on a copy."
 )
 WITHOUT_XATLAS = (
     "The package xatlas is not there: Blender's Smart UV Project makes the lightmap UVs. They have more "

@@ -221,4 +221,4 @@ def linked_square(folder) -> Callable[[], None]:
 def test_linked_mesh_without_uvs_is_the_reason_told(tmp_path):
     linked_square(tmp_path)()
     message = bake()
-    assert "Nothing is left to bake" in message and "Make the mesh local" in message
+    assert "Nothing is left to bake" in message and "on a copy" in message

@@ -396,7 +396,7 @@ def test_linked_object_becomes_an_occluder_that_is_named(tmp_path):
     furnace()
     assert bake() == {"FINISHED"}
     assert report()["objects"] == 1
-    assert any("'Far'" in warning and "Make the mesh local" in warning for warning in report()["warnings"])
+    assert any("'Far'" in warning and "on a copy" in warning for warning in report()["warnings"])
 
 
 def test_local_object_with_a_linked_mesh_is_baked(tmp_path):

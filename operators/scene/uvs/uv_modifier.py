@@ -17,7 +17,7 @@ from ...changes import Changes
 from ...lookup import find
 from ..objects.meshes import read_array, read_corner_vertices
 from .lightmap_layer import lightmap_layer
-from .uv_node_group import NAME, new_uv_group, stores_layer, topology_of
+from .uv_node_group import NAME, is_uv_group, new_uv_group, stores_layer, topology_of
 
 
 def topology(mesh: bpy.types.Mesh) -> str:
@@ -32,6 +32,12 @@ def uv_modifier(obj: bpy.types.Object, uv_layer: str) -> bpy.types.Modifier | No
     layer = lightmap_layer(obj, uv_layer)
     nodes = (modifier for modifier in obj.modifiers if modifier.type == "NODES")
     return next((modifier for modifier in nodes if stores_layer(modifier.node_group, layer)), None)
+
+
+def uv_modifiers(obj: bpy.types.Object) -> list[bpy.types.Modifier]:
+    """Return all modifiers of an object that keep lightmap UVs, in whichever layer."""
+    nodes = (modifier for modifier in obj.modifiers if modifier.type == "NODES")
+    return [modifier for modifier in nodes if is_uv_group(modifier.node_group)]
 
 
 def uv_source(obj: bpy.types.Object, uv_layer: str) -> int:
@@ -69,6 +75,17 @@ def drop_uv_modifier(obj: bpy.types.Object, uv_layer: str, changes: Changes) -> 
     group = uv_modifier(obj, uv_layer).node_group
     changes.add(lambda uid=obj.session_uid, group_uid=group.session_uid: _attach_again(uid, group_uid))
     _detach(obj.session_uid, uv_layer)
+
+
+def remove_uv_modifiers(obj: bpy.types.Object) -> None:
+    """Remove all modifiers of an object that keep lightmap UVs, and forget what was baked with them."""
+    modifiers = uv_modifiers(obj)
+    if not modifiers:
+        return
+    for modifier in modifiers:
+        obj.modifiers.remove(modifier)
+    for name in ("image", "uv_layer", "uv_scale", "uv_offset"):
+        obj.hemibake.property_unset(name)
 
 
 def _attach(obj: bpy.types.Object, group: bpy.types.NodeTree) -> None:

@@ -45,6 +45,11 @@ def new_uv_group(
     return group
 
 
+def is_uv_group(group: bpy.types.NodeTree | None) -> bool:
+    """Return whether a node group is one of these."""
+    return group is not None and _LAYER in group
+
+
 def stores_layer(group: bpy.types.NodeTree | None, uv_layer: str) -> bool:
     """Return whether a node group is one of these, and stores a layer."""
     return group is not None and group.get(_LAYER) == uv_layer

@@ -133,12 +133,12 @@ def _lacks_uvs(obj: bpy.types.Object, mesh: bpy.types.Mesh, uv_layer: str, made:
         return True
     if len(mesh.polygons) == len(obj.data.polygons) and len(mesh.loops) == len(obj.data.loops):
         return False
-    if _serve(mesh, uv_layer):
+    if serves(mesh, uv_layer):
         return False
-    return obj.data.session_uid in made or obj.data.is_editmode or _serve(obj.data, uv_layer)
+    return obj.data.session_uid in made or obj.data.is_editmode or serves(obj.data, uv_layer)
 
 
-def _serve(mesh: bpy.types.Mesh, uv_layer: str) -> bool:
+def serves(mesh: bpy.types.Mesh, uv_layer: str) -> bool:
     """Return whether a layer gives each part of a mesh a place of its own."""
     corners = read_corners(mesh, uv_layer, {})
     if not is_finite(corners.uvs) or not is_inside(corners.uvs):

@@ -1,0 +1,52 @@
+"""Settings that let modifiers make other faces for renders than for the viewport."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bpy
+
+from ...changes import Changes
+from ...lookup import find
+
+#: By type of modifier: its setting for the viewport, and that for renders.
+_LEVELS = {
+    "MULTIRES": ("levels", "render_levels"),
+    "OCEAN": ("viewport_resolution", "resolution"),
+    "SCREW": ("steps", "render_steps"),
+    "SUBSURF": ("levels", "render_levels"),
+}
+
+
+def differs_in_renders(obj: bpy.types.Object) -> bool:
+    """Return whether renders use other settings of an object's modifiers than the viewport."""
+    return any(True for _ in _differences(obj))
+
+
+def show_as_rendered(obj: bpy.types.Object, changes: Changes) -> None:
+    """Let the viewport use the settings that renders use of an object's modifiers."""
+    for modifier, shown, rendered in list(_differences(obj)):
+        before = getattr(modifier, shown)
+        changes.add(
+            lambda uid=obj.session_uid, name=modifier.name, setting=shown, value=before: _set(
+                uid, name, setting, value
+            )
+        )
+        setattr(modifier, shown, getattr(modifier, rendered))
+
+
+def _differences(obj: bpy.types.Object) -> Iterator[tuple[bpy.types.Modifier, str, str]]:
+    """Yield each modifier whose settings differ, with the names of both settings."""
+    for modifier in obj.modifiers:
+        pairs = [("show_viewport", "show_render")]
+        if modifier.type in _LEVELS and (modifier.show_viewport or modifier.show_render):
+            pairs.append(_LEVELS[modifier.type])
+        for shown, rendered in pairs:
+            if getattr(modifier, shown) != getattr(modifier, rendered):
+                yield modifier, shown, rendered
+
+
+def _set(uid: int, name: str, setting: str, value: bool | int) -> None:
+    obj = find(bpy.data.objects, uid)
+    if obj is not None and name in obj.modifiers:
+        setattr(obj.modifiers[name], setting, value)

@@ -158,7 +158,9 @@ class HEMIBAKE_OT_unwrap(UnwrapOperator, bpy.types.Operator):
             tell(self, "ERROR" if made.skipped and not made.objects else "WARNING", note)
         kept = count - len(made.objects) - len(made.skipped)
         done = counted(len(made.objects), "object")
-        self.report({"INFO"}, f"{done} unwrapped, {kept} had lightmap UVs or no faces")
+        others = counted(len(made.moved), "other")
+        moved = f"; {others} moved to make room: bake again" if made.moved else ""
+        self.report({"INFO"}, f"{done} unwrapped, {kept} had lightmap UVs or no faces{moved}")
         return {"FINISHED"} if made.objects else {"CANCELLED"}
 
 

@@ -247,6 +247,21 @@ def test_object_that_is_added_after_a_bake_joins_the_lightmap():
     assert all(np.array_equal(loop_uvs(obj), uvs) for obj, uvs in zip((first, second), placed, strict=True))
 
 
+def test_unwrapping_one_selected_object_moves_the_others(capfd):
+    import bpy
+
+    first = furnace("First")
+    bpy.ops.hemibake.unwrap()
+    second = arch("Second")
+    select(second)
+    assert bpy.ops.hemibake.unwrap() == {"FINISHED"}
+    assert first.hemibake.atlas == second.hemibake.atlas == "Lightmap"
+    told = capfd.readouterr().out
+    assert (
+        "1 object unwrapped, 0 had lightmap UVs or no faces; 1 other moved to make room: bake again" in told
+    )
+
+
 def test_charts_that_the_user_has_changed_stay_and_new_ones_open_a_lightmap():
     import bpy
 

@@ -49,11 +49,13 @@ class Made:
     """What unwrapping did.
 
     objects  those that have got lightmap UVs
+    moved    those whose charts were packed again to make room for others
     skipped  those that need UVs but cannot have them
     notes    sentences for the user
     """
 
     objects: list[bpy.types.Object] = field(default_factory=list)
+    moved: list[bpy.types.Object] = field(default_factory=list)
     skipped: list[bpy.types.Object] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
@@ -120,6 +122,7 @@ class _Unwrapping:
         self._left: list[int] = []
         self._failed: set[str] = set()
         self._digests: dict[str, str] = {}
+        self._moving: set[int] = set()
         self._began = time.perf_counter()
         self._objects: dict[int, bpy.types.Object] = {}
 
@@ -132,6 +135,7 @@ class _Unwrapping:
         trial.take_back()
         own = yield from self._read(users, self._anew is Anew.PACKING)
         moving = yield from self._users_to_move(own)
+        self._moving = {uid for users in moving for uid in users.uids}
         own += yield from self._read(moving, keeps_charts=True)
         if self._anew is Anew.PACKING:
             own = yield from self._measured(own)
@@ -415,7 +419,9 @@ class _Unwrapping:
     def _finish(self, pages: Sequence[_Page]) -> None:
         """Say who has got UVs, and who has none."""
         targets = [target for page in pages for target in page.targets]
-        self._made.objects = [self._objects[uid] for uid in dict.fromkeys(u for t in targets for u in t.uids)]
+        uids = list(dict.fromkeys(uid for target in targets for uid in target.uids))
+        self._made.objects = [self._objects[uid] for uid in uids if uid not in self._moving]
+        self._made.moved = [self._objects[uid] for uid in uids if uid in self._moving]
         self._made.skipped = [self._objects[uid] for uid in self._left]
         if targets and not has_xatlas():
             self._made.notes.append(WITHOUT_XATLAS)

@@ -63,7 +63,7 @@ def display_equations(
     sides, differences, length = _seam_sides(seams, told, resolution)
     unknown = np.zeros_like(told)
     unknown[around[shares > 0]] = unknown[sides[differences != 0]] = True
-    number = np.cumsum(unknown) - 1
+    number = np.cumsum(unknown, dtype=np.int32) - np.int32(1)
     count = int(unknown.sum())
 
     # A point counts if its texel is unknown; then it reads nothing else.
@@ -75,7 +75,7 @@ def display_equations(
         _numbered(number, sides, differences), differences * np.sqrt(_SEAM * length)[:, None], count
     )
     cells = cell_sides(np.concatenate([around, sides[:, :4], sides[:, 4:]]), len(told))
-    smooth = _smoothness(number[cells[unknown[cells].all(axis=1)]], stencil.diagonal)
+    smooth = _smoothness(number[cells[unknown[cells].all(axis=1)]].astype(np.intp), stencil.diagonal)
     return DisplayEquations(
         np.flatnonzero(unknown), point, read, weights * weight[:, None], stencil, seam_rows, smooth
     )
@@ -84,7 +84,7 @@ def display_equations(
 def _numbered(number: np.ndarray, texels: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Return the numbers of texels, (m, k); one without weight has that of the texel with the most."""
     most = np.take_along_axis(texels, np.abs(weights).argmax(axis=1)[:, None], axis=1)
-    numbers: np.ndarray = number[np.where(weights == 0, most, texels)]
+    numbers: np.ndarray = number[np.where(weights == 0, most, texels)].astype(np.intp)
     return numbers
 
 

@@ -12,6 +12,9 @@ from ..scene.triangles import Triangles
 #: A patch this near to the centre of its texel, in texels, lies there: barycentrics are rounded.
 _AT_CENTRE = 0.02
 
+#: Patches that are placed at a time.
+_CHUNK = 1 << 18
+
 
 @dataclass(frozen=True)
 class LightmapPoints:
@@ -31,7 +34,7 @@ class LightmapPoints:
 
     def texels(self, resolution: int) -> np.ndarray:
         """Return the flat index of the texel that each point lies in, (s,) int64."""
-        column, row = np.clip(np.floor(self.position), 0, resolution - 1).astype(np.int64).T
+        column, row = np.clip(np.floor(self.position), 0, resolution - 1).astype(np.int32).T
         texel: np.ndarray = (self.atlas.astype(np.int64) * resolution + row) * resolution + column
         return texel
 
@@ -43,12 +46,15 @@ def patch_points(triangles: Triangles, patches: PatchList) -> LightmapPoints:
     cover.
     """
     row, column = np.divmod(patches.texel, patches.resolution)
-    position = np.stack([column, row], axis=1) + 0.5
-    uvs = triangles.uvs[patches.triangle]
-    point = np.einsum("nk,nkd->nd", patches.barycentric, uvs) * patches.resolution
-    off = (np.abs(point - position) > _AT_CENTRE).any(axis=1)
-    position[off] = point[off]
-    return LightmapPoints(patches.atlas, position, np.ones(len(position)))
+    position = np.stack([column, row], axis=1).astype(np.float32) + np.float32(0.5)
+    for start in range(0, len(position), _CHUNK):
+        part = position[start : start + _CHUNK]
+        uvs = triangles.uvs[patches.triangle[start : start + _CHUNK]]
+        point = np.einsum("nk,nkd->nd", patches.barycentric[start : start + _CHUNK], uvs)
+        point *= patches.resolution
+        off = (np.abs(point - part) > _AT_CENTRE).any(axis=1)
+        part[off] = point[off]
+    return LightmapPoints(patches.atlas, position, np.ones(len(position), np.float32))
 
 
 def centre_points(texels: np.ndarray, resolution: int) -> LightmapPoints:

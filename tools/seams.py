@@ -112,7 +112,7 @@ def _changed(plain, fitted, border) -> float:
             for up in (0, 1):
                 place = (np.clip(row + up, 0, resolution - 1), np.clip(column + right, 0, resolution - 1))
                 beside[(border.atlas[:, side], *place)] = True
-    seen = plain.has_patch & (plain.image == plain.display).all(axis=3) & ~beside
+    seen = plain.has_patch & plain.known & ~beside
     off = np.abs(fitted.display - plain.display).max(axis=3) > 0.005 * plain.display.max(axis=3)
     return float(off[seen].mean())
 

@@ -32,7 +32,7 @@ class DisplayFit:
 
     def images(self, values: np.ndarray) -> np.ndarray:
         """Return lightmaps of the points' light, (s, 3) or (s,) float32, as (atlases, r, r, 3) float32."""
-        images = self._fit.images(values.reshape(len(values), -1))
+        images = self._fit.images(values if values.ndim == 2 else values[:, None])
         for fills, image in zip(self._fills, images, strict=True):
             for fill in fills:
                 fill.fill(image)

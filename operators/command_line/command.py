@@ -177,7 +177,7 @@ def apply_settings(options: argparse.Namespace) -> None:
         scene.size_mode = "SIZE"
     if "texels_per_metre" in given:
         scene.size_mode = "DENSITY"
-    for name in [name for name in ("quality", "texels_per_metre", *kept_with_scene(), *OWN) if name in given]:
+    for name in [name for name in ("quality", *kept_with_scene(), *OWN) if name in given]:
         _apply(scene, name, given[name])
     for name in given.keys() & set(shown_in(PREFERENCES)):
         _apply(_preferences(), name, given[name])

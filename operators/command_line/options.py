@@ -12,8 +12,15 @@ from ...engine.quality import QUALITIES
 from ...engine.setting import Description, DeviceName, FilePath, OneOf, Size, SomeOf, Span, Switch
 from ...engine.settings import Settings, chosen_by_people, descriptions
 
-#: Options that set what the add-on adds to the engine's settings.
-OWN = {"uv_layer": "name of the lightmap UV layer"}
+#: Options that set what the add-on adds to the engine's settings: the type, what stands for it, and the help.
+OWN: dict[str, tuple[type, str, str]] = {
+    "texels_per_metre": (float, "N", "instead of a resolution"),
+    "largest_width": (int, "TEXELS", "greatest width that texels per metre may lead to"),
+    "lightmap_count": (int, "N", "lightmaps that new lightmap UVs are spread over"),
+    "padding": (int, "TEXELS", "between charts of new lightmap UVs"),
+    "mip_level": (int, "N", "coarsest mip level at which charts keep the padding"),
+    "uv_layer": (str, "NAME", "name of the lightmap UV layer"),
+}
 
 
 class CommandError(Exception):
@@ -33,10 +40,9 @@ def parser(program: str, description: str) -> Parser:
     made = Parser(prog=program, description=description, allow_abbrev=False)
     made.add_argument("--out", type=Path, required=True, help="folder for the lightmaps")
     _add_settings(made)
-    made.add_argument("--texels-per-metre", type=float, metavar="N", help="instead of a resolution")
     made.add_argument("--quality", choices=[*QUALITIES], help="sets hemicube, samples and light samples")
-    for name, text in OWN.items():
-        made.add_argument(f"--{name.replace('_', '-')}", help=text)
+    for name, (kind, word, text) in OWN.items():
+        made.add_argument(f"--{name.replace('_', '-')}", type=kind, metavar=word, help=text)
     made.add_argument("--world", type=colour, metavar="R,G,B", help="replace the world by this radiance")
     made.add_argument("--save-blend", type=Path, metavar="FILE", help="save the baked scene")
     made.add_argument("--json", action="store_true", help="end with one JSON object")

@@ -101,6 +101,27 @@ def test_command_line_chooses_a_size_or_a_density(settings):
     assert (settings.size_mode, settings.texels_per_metre) == ("DENSITY", 3.5)
 
 
+def test_command_line_takes_all_that_new_lightmap_uvs_heed(settings):
+    words = [
+        "--out",
+        "/tmp",
+        "--largest-width",
+        "333",
+        "--lightmap-count",
+        "3",
+        "--padding",
+        "5",
+        "--mip-level",
+        "1",
+    ]
+    options = part("operators.command_line.options")
+    part("operators.command_line.command").apply_settings(
+        options.parse(options.parser("hemibake", ""), words)
+    )
+    assert (settings.largest_width, settings.lightmap_count) == (333, 3)
+    assert (settings.padding, settings.mip_level) == (5, 1)
+
+
 def test_objects_that_need_more_than_the_largest_lightmap_get_several(settings):
     settings.texels_per_metre, settings.largest_width = 18.0, 64
     rooms = [furnace(f"Room {number}") for number in range(5)]

@@ -48,10 +48,16 @@ def note_thin_walls(
     density = float((_PARTING / np.maximum(ways.thickness[shows], 1e-6)).max())
     sentence = (
         "{}: thinner than two texels of what they stand on, so light shows up to a texel behind them. "
-        f"{density:,.0f} texels per metre would part both sides, now there are {1 / texel.max():,.0f}; "
+        f"{_rounded(density)} texels per metre would part both sides, now there are "
+        f"{_rounded(1 / texel.max())}; "
         "or cut the lightmap UVs along them."
     )
     return [naming(sentence, [scene.meshes[mesh].name for mesh in meshes])]
+
+
+def _rounded(density: float) -> str:
+    """Return a density with at least two digits, such as 1,234 or 0.017."""
+    return f"{density:,.0f}" if density >= 10 else f"{density:.2g}"
 
 
 def _keys(samples: DisplaySamples, resolution: int) -> np.ndarray:

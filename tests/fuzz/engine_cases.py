@@ -552,6 +552,8 @@ _SETTINGS = st.fixed_dictionaries(
         "array_size": _among([(0, 0, 0)], [(64, 32, 1), (97, 53, 3), (16, 8, 1)]),
         "batch_bytes": st.sampled_from([1, 5_000, 1 << 20]),
         "dilation": st.sampled_from([0, 1, 5, 256]),
+        "hide_seams": st.booleans(),
+        "texel_samples": st.sampled_from([1, 4, 16]),
     },
 )
 
@@ -577,7 +579,8 @@ def _again(case: Case) -> st.SearchStrategy[Case]:
         {"visibility": "raster", "method": "paper"},
     ]
     fixed = {**case.settings, "hemicube": 32, "light_samples": 64, "accelerate": False, "tolerance": 0.0}
-    for name in ("samples", "outputs", "memory_budget", "patch_groups", "half_radiance", "array_size"):
+    changing = ("samples", "outputs", "memory_budget", "patch_groups", "half_radiance", "array_size")
+    for name in (*changing, "texel_samples"):
         fixed.pop(name, None)
 
     # Far from the middle, and on slivers, float32 has few digits, which each way spends differently; a point

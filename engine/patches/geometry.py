@@ -109,7 +109,9 @@ def texel_steps(triangles: Triangles, resolution: int) -> TexelSteps:
     edge_u = ((v2[:, None] * first - v1[:, None] * second) * scale).astype(np.float32)
     edge_v = ((u1[:, None] * second - u2[:, None] * first) * scale).astype(np.float32)
     geometric = _unit(np.cross(first, second), np.array([[0.0, 0.0, 1.0]]))
-    area = np.linalg.norm(np.cross(edge_u, edge_v), axis=1)
+    # The square of a large texel's area leaves float32, and at last the area itself.
+    area = np.linalg.norm(np.cross(edge_u.astype(np.float64), edge_v), axis=1)
+    area = np.minimum(area, np.finfo(np.float32).max).astype(np.float32)
     return TexelSteps(edge_u, edge_v, geometric, area)
 
 

@@ -743,6 +743,12 @@ EXAMPLES: dict[str, Case] = {
         settings={**_SMALL, "resolution": 8, "visibility": "raster", "method": "cached"},
         other={**_SMALL, "resolution": 8, "visibility": "rays", "method": "cached"},
     ),
+    "texels of 1e22 square metres": Case(
+        (Shape("quad", count=6, size=0.1), Shape("quad", count=5, size=2.0, uvs="tiny", smooth=True)),
+        sky=_WHITE,
+        scale=1e8,
+        settings={**_SMALL, "visibility": "raster", "resolution": 17},
+    ),
     "nothing shines": Case(settings=_SMALL),
     "white room": Case(
         (Shape("room"),), (Surface((1.0, 1.0, 1.0), (1.0, 1.0, 1.0)),), settings={**_SMALL, "iterations": 6}

@@ -17,6 +17,7 @@ import numpy as np
 
 from engine.device.compute import Compute
 from engine.device.graphics import Graphics
+from engine.device.slices import SliceSize
 from engine.errors import DeviceError
 from engine.gather.glsl import GlslIntegrator
 from engine.gather.opencl import CopiedIntegrator
@@ -102,7 +103,7 @@ class Case:
         """Draw the batch once."""
         near = np.full(len(self.eye), 1e-5)
         views = matrices(self.frame, self.eye, near, self.graphics.reversed_depth)
-        for _ in raster.draw(views, self.tiles.layers):
+        for _ in raster.draw(views, SliceSize(self.tiles.capacity)):
             pass
 
 

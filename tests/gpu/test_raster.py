@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from engine.device.graphics import Graphics
+from engine.device.slices import SliceSize
 from engine.gather.glsl import GlslIntegrator
 from engine.gather.opencl import CopiedIntegrator
 from engine.scene.cutouts import read_cutouts
@@ -34,7 +35,9 @@ def drawing(graphics, tiles, count, emission=0.0, eye=(0.5, 0.5, 0.5), nothing=(
     frame = frames(np.tile([0.0, 0.0, 1.0], (count, 1)), rotations(1, np.arange(count)))
     eyes = np.tile(np.array(eye) - triangles.origin, (count, 1))
     assert (
-        list(raster.draw(matrices(frame, eyes, np.full(count, 1e-4), graphics.reversed_depth), 1))[-1]
+        list(raster.draw(matrices(frame, eyes, np.full(count, 1e-4), graphics.reversed_depth), SliceSize(1)))[
+            -1
+        ]
         == count
     )
     return raster
@@ -83,7 +86,7 @@ def pictures(graphics, tiles, path=None, culling=True, **changes):
     normal = triangles.normals[chosen, 0].astype(np.float64)
     eyes = triangles.positions[chosen].mean(axis=1) + np.resize([1e-3, -0.5], (count, 1)) * normal
     frame = frames(normal, rotations(1, np.arange(count)))
-    list(raster.draw(matrices(frame, eyes, np.full(count, 1e-4), graphics.reversed_depth), 2))
+    list(raster.draw(matrices(frame, eyes, np.full(count, 1e-4), graphics.reversed_depth), SliceSize(2)))
     return target.texture.read(), raster.path
 
 
@@ -188,7 +191,11 @@ def test_half_floats_are_rounded_and_never_infinite(graphics):
     arguments = (graphics, tiles, join_meshes(scene), read_cutouts(scene), texel_to_patch, target)
     raster = HemicubeRaster(*arguments)
     frame = frames(np.tile([0.0, 0.0, 1.0], (3, 1)), np.zeros(3))
-    list(raster.draw(matrices(frame, np.zeros((3, 3)), np.full(3, 1e-4), graphics.reversed_depth), 1))
+    list(
+        raster.draw(
+            matrices(frame, np.zeros((3, 3)), np.full(3, 1e-4), graphics.reversed_depth), SliceSize(1)
+        )
+    )
     integrator = GlslIntegrator(graphics, tiles, target.texture, raster.depth, SKY)
     light = integrator.integrate(np.tile(UPRIGHT, (3, 1, 1)))
     assert light == pytest.approx(np.tile([65504, 0.123456, 3e-5, 1], (3, 1)), rel=1e-3)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 
 import moderngl
 import numpy as np
 
 from ...device.graphics import Graphics
 from ...device.raw_gl import DEPTH_CLAMP
+from ...device.slices import SliceSize
 from ...errors import DeviceError
 from ...scene.cutouts import Cutouts
 from ...scene.triangles import Triangles
@@ -93,8 +94,8 @@ class HemicubeRaster:
         """The name of the path that draws; the first one that could until hemicubes have been drawn."""
         return self._paths[0].name
 
-    def draw(self, matrices: np.ndarray, layers_per_slice: int) -> Iterator[int]:
-        """Draw hemicubes into the first slots of the array, a few layers at a time.
+    def draw(self, matrices: np.ndarray, size: SliceSize) -> Generator[int, None, None]:
+        """Draw hemicubes into the first slots of the array, in slices.
 
         matrices: (m, 5, 4, 4) float32 from `hemicube.matrices`; m at most the capacity. Yields the number of
         hemicubes finished after each slice.
@@ -106,13 +107,14 @@ class HemicubeRaster:
         self.target.clear(self._framebuffer, 0.0 if self._graphics.reversed_depth else 1.0)
         if len(self._paths) > 1:
             self._keep_fastest(matrices)
-        slots = layers_per_slice * self._tiles.per_layer
-        for first in range(0, count, slots):
+
+        def draw_slice(first: int, last: int) -> None:
             self._bind()
-            self._draw_slots(self._paths[0], matrices, first, min(first + slots, count))
+            self._draw_slots(self._paths[0], matrices, first, last)
             self._graphics.context.finish()
             self._graphics.check("drawing hemicubes")
-            yield min(count, first + slots)
+
+        return size.run(0, count, draw_slice)
 
     def _draw_slots(self, path: DrawPath, matrices: np.ndarray, first: int, last: int) -> None:
         """Draw hemicubes first ... last, in steps for which one visibility test has room."""

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...device.graphics import Graphics
 from ...device.raw_gl import DepthArray
+from ...device.slices import SliceSize
 from ...patches.subdivision import Subdivision
 from ...settings import Settings
 from ..raster.raster import HemicubeRaster
@@ -17,9 +17,6 @@ from ..raster.targets import Target
 from ..raster.tiles import Tiles
 from .hemicube import matrices
 from .viewpoints import viewpoints
-
-#: A slice of work should take about this long, s.
-_SLICE = 0.04
 
 #: Most patches whose viewpoints and matrices are kept between iterations.
 _KEPT = 1 << 17
@@ -59,7 +56,7 @@ class Hemicubes:
         self._raster = HemicubeRaster(
             graphics, tiles, parts.triangles, parts.cutouts, parts.texel_to_patch, target
         )
-        self._layers_per_slice = 1
+        self._slice = SliceSize(tiles.per_layer)
         self._reversed_depth = graphics.reversed_depth
         self._parts, self._settings = parts, settings
         self.count = len(parts.patches)
@@ -81,7 +78,7 @@ class Hemicubes:
         for start in range(first, last, step):
             end = min(start + step, last)
             views = self._views(start, end)
-            for drawn in self._draw(views.matrices):
+            for drawn in self._raster.draw(views.matrices, self._slice):
                 yield (start - first + drawn) / (last - first)
             take(start, end, views.frames)
 
@@ -96,15 +93,3 @@ class Hemicubes:
         geometry, reverse = self._parts.geometry.part(slice(first, last)), self._reversed_depth
         points = viewpoints(self._parts.triangles, geometry, self._settings, reverse, first)
         return _Views(points.frames, matrices(points.frame, points.eye, points.near, reverse))
-
-    def _draw(self, matrices: np.ndarray) -> Iterator[int]:
-        """Draw a batch in slices of like duration; yield how many hemicubes are done."""
-        started = time.perf_counter()
-        for drawn in self._raster.draw(matrices, self._layers_per_slice):
-            seconds = time.perf_counter() - started
-            if seconds < _SLICE / 2:
-                self._layers_per_slice = min(2 * self._layers_per_slice, self._tiles.layers)
-            elif seconds > _SLICE * 2:
-                self._layers_per_slice = max(1, self._layers_per_slice // 2)
-            yield drawn
-            started = time.perf_counter()

@@ -15,7 +15,7 @@ from tests.analytic.drive import drive
 from tests.analytic.scenes import furnace, quads, rectangle
 from tests.gpu.graphics_card import GraphicsCard
 
-SETTINGS = Settings(resolution=32, hemicube=8, iterations=2, tolerance=0, light_samples=4, ao_samples=4)
+SETTINGS = Settings(resolution=19, hemicube=8, iterations=2, tolerance=0, light_samples=4, ao_samples=4)
 BAKES = {
     "paper": replace(SETTINGS, method="paper"),
     "raster": replace(SETTINGS, visibility="raster"),

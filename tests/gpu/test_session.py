@@ -8,7 +8,7 @@ from engine.device.graphics import Graphics
 from engine.session import Session
 from tests.analytic.scenes import furnace, sphere
 
-QUICK = Settings(resolution=64, hemicube=8, iterations=3, tolerance=0)
+QUICK = Settings(resolution=37, hemicube=8, iterations=3, tolerance=0)
 
 
 @pytest.mark.parametrize("visibility", ["raster", "rays"])

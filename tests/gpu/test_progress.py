@@ -72,7 +72,7 @@ def check(scene, settings, stages):
 def test_seconds_left_are_right_within_a_factor_of_three_at_half_time(changes):
     settings = replace(SETTINGS, iterations=50, tolerance=0.005, **changes)
     timed(nine_quad_room(), settings)  # drivers compile what is needed
-    while timed(nine_quad_room(), settings)[1] < 2:
+    while min(timed(nine_quad_room(), settings)[1] for _ in range(2)) < 2:
         settings = replace(settings, resolution=2 * settings.resolution + 1)
     # Other work on the machine may slow one of the runs.
     _, ratio, _ = sorted(told_over_true_at_half_time(settings) for _ in range(3))

@@ -67,10 +67,10 @@ def verify_bake(samples: int, out: Path) -> tuple[dict, str]:
     sys.path.insert(0, str(ROOT))
     from tools.verification.run import verify, write_difference
 
-    figures, difference, _ = verify(bpy.context, samples)
+    found = verify(bpy.context, samples)
     path = out / "difference.png"
-    write_difference(difference, path)
-    return asdict(figures), str(path)
+    write_difference(found.difference, path)
+    return asdict(found.figures) | {"areas": asdict(found.areas)}, str(path)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
     python tools/verify.py [--only NAME ...] [--samples N] [--scenes FOLDER] [--table docs/accuracy.md]
 
 Prints relative RMSE and mean bias of each scene; ends with status 1 if one misses its limit. With
---table the table between the two marks of that file is replaced by the new one.
+--table the rows of these scenes replace those of the table between the two marks of that file.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ SMOOTH, BIAS, ROOM = 2.0, 1.0, 3.0
 _MARKS = ("<!-- table: made by tools/verify.py -->", "<!-- end of table -->")
 
 _TITLES = (
-    "scene", "RMSE", "off edges", "bias", "noise", "edges", "texels", "hidden", "width", "spp", "in limits",
+    "scene", "RMSE", "off edges", "bias", "noise", "of areas", "off edges", "edges", "texels", "hidden",
+    "width", "spp", "in limits",
 )  # fmt: skip
 
 
@@ -53,22 +54,24 @@ def main() -> None:
             settings = bpy.context.scene.hemibake
             settings.resolution, settings.hemicube = resolution, "64"
             settings.tolerance, settings.light_samples = 0.001, 128
+            settings.texel_samples = str(options.texel_samples)
             started = time.perf_counter()
             try:
-                figures, difference, _ = verify(bpy.context, samples)
+                found = verify(bpy.context, samples)
             except error_type() as error:
                 failed.append(name)
                 rows.append(f"| {name} | not baked: {error} |" + " |" * (len(_TITLES) - 2))
                 print(rows[-1], flush=True)
                 continue
             with quiet_stdout():
-                write_difference(difference, options.out / f"{name}.png")
-            good = passes(figures, name in scenes.ROOMS)
+                write_difference(found.difference, options.out / f"{name}.png")
+                write_difference(found.area_difference, options.out / f"{name}_areas.png")
+            good = passes(found.figures, name in scenes.ROOMS)
             failed += [] if good else [name]
-            rows.append(row(name, figures, resolution, samples, good))
+            rows.append(row(name, found, resolution, samples, good))
             print(rows[-1], f"{time.perf_counter() - started:.0f} s", flush=True)
-        if options.table and not options.only:
-            write_table(options.table, rows, bpy.app.version_string)
+        if options.table:
+            write_table(options.table, rows, list(scenes.SCENES), bpy.app.version_string)
     if failed:
         raise SystemExit(f"Above the limits: {', '.join(failed)}.")
 
@@ -80,6 +83,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument(
         "--scenes", type=Path, default=ROOT.parent / "shared" / "scenes", help="folder of files"
     )
+    parser.add_argument("--texel-samples", type=int, default=1, help="as the setting Texel Samples")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "verify", help="folder for the pictures")
     parser.add_argument("--table", type=Path, help="Markdown file whose table is replaced")
     return parser.parse_args()
@@ -97,21 +101,24 @@ def passes(figures, is_room: bool) -> bool:
     return 100 * figures.smooth <= SMOOTH and 100 * abs(figures.bias) <= BIAS
 
 
-def row(name: str, figures, resolution: int, samples: int, good: bool) -> str:
+def row(name: str, found, resolution: int, samples: int, good: bool) -> str:
     """Return a row of the table."""
+    figures, areas = found.figures, found.areas
     cells = (
         name, f"{figures.rmse:.2%}", f"{figures.smooth:.2%}", f"{figures.bias:+.2%}", f"{figures.noise:.2%}",
-        f"{figures.edges:.0%}", str(figures.texels), str(figures.hidden), str(resolution), str(samples),
-        "yes" if good else "**no**",
+        f"{areas.rmse:.2%}", f"{areas.smooth:.2%}", f"{figures.edges:.0%}", str(figures.texels),
+        str(figures.hidden), str(resolution), str(samples), "yes" if good else "**no**",
     )  # fmt: skip
     return f"| {' | '.join(cells)} |"
 
 
-def write_table(path: Path, rows: list[str], version: str) -> None:
-    """Replace the table between the marks."""
+def write_table(path: Path, rows: list[str], order: list[str], version: str) -> None:
+    """Put rows in the table between the marks, scenes in an order; those of other scenes stay."""
     text = path.read_text(encoding="utf-8")
     head, _, rest = text.partition(_MARKS[0])
-    _, _, tail = rest.partition(_MARKS[1])
+    old, _, tail = rest.partition(_MARKS[1])
+    known = {line.split("|")[1].strip(): line for line in (*old.splitlines()[5:], *rows)}
+    rows = [known[name] for name in order if name in known]
     head_row, rule = f"| {' | '.join(_TITLES)} |", "|---" * len(_TITLES) + "|"
     lines = [_MARKS[0], f"Blender {version}.", "", head_row, rule, *rows, _MARKS[1]]
     path.write_text(head + "\n".join(lines) + tail, encoding="utf-8")

@@ -236,6 +236,11 @@ def _tell(report: dict, as_json: bool) -> None:
             f"difference to Cycles: RMSE {figures['rmse']:.2%} ({figures['smooth']:.2%} off edges of light), "
             f"bias {figures['bias']:+.2%}, of its mean over {figures['texels']} texels"
         )
+        areas = figures["areas"]
+        _print(
+            f"difference to the means of what Cycles bakes within texels: RMSE {areas['rmse']:.2%} "
+            f"({areas['smooth']:.2%} off edges of light)"
+        )
     _print("\n".join(report["files"]))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 _EDGE = 0.5
 
 #: Reflectance below which Cycles tells nothing.
-_BLACK = 0.01
+BLACK = 0.01
 
 
 @dataclass(frozen=True)
@@ -40,13 +40,14 @@ def compare(
 
     ours     (atlases, h, w, 3) float32, E/pi
     known    (atlases, h, w) bool, has a patch that is not hidden inside of something
-    colour   (atlases, h, w, 3) float32, what is reflected; Cycles tells no light in channels where it is 0
+    colour   (atlases, h, w, 3) float32, what is reflected, or the part of a texel in which it is more than 0:
+             Cycles tells no light in channels where it is 0
     bakes    two independent bakes of Cycles, (atlases, h, w, 4): the mean of (ours - first) times
              (ours - second) is the squared error without their noise
     """
     first, second = (bake[..., :3].astype(np.float64) for bake in bakes)
     baked = bakes[0][..., 3] > 0
-    used = (known & baked)[..., None] & (colour > _BLACK)
+    used = (known & baked)[..., None] & (colour > BLACK)
     truth = (first + second) / 2
     mean = truth[used].mean() if used.any() else 0.0
     if mean == 0:

@@ -8,7 +8,10 @@ import numpy as np
 #: farther than this from a triangle's border, in barycentrics, lie on it.
 _NEAR, _WITHIN = 1e-6, 1e-3
 
-#: Pairs of a point and a triangle that are tested at once: what a processor's caches hold.
+#: Least cosine between the normals of faces that lie on one another, whichever way they look.
+_PARALLEL = 0.999
+
+#: Pairs that are tested at once: what a processor's caches hold.
 _PAIRS = 1 << 19
 
 
@@ -18,15 +21,26 @@ def doubled_texels(parts, atlases: int) -> np.ndarray:
     parts: the engine's Subdivision.
     """
     geometry, patches = parts.geometry, parts.patches
-    surfaces, doubled = _Surfaces(parts.triangles), np.zeros(len(patches), bool)
-    step = max(1, _PAIRS // len(parts.triangles.positions))
-    for first in range(0, len(patches), step):
-        chunk = slice(first, first + step)
-        doubled[chunk] = surfaces.meet(geometry.center[chunk], geometry.triangle[chunk])
+    surfaces = _Surfaces(parts.triangles)
+    first, count, others = surfaces.neighbours()
+    doubled = np.zeros(len(patches), bool)
+    suspect = np.flatnonzero(count[geometry.triangle])
+    ends = np.cumsum(count[geometry.triangle[suspect]])
+    for part in np.split(suspect, np.flatnonzero(np.diff(ends // _PAIRS)) + 1):
+        own = geometry.triangle[part]
+        point, step = _ranges(count[own])
+        met = surfaces.meet(geometry.center[part][point], others[first[own][point] + step])
+        doubled[part[point[met]]] = True
     image = np.zeros((atlases, patches.resolution**2), bool)
     chosen = doubled & (patches.atlas < atlases)
     image[patches.atlas[chosen], patches.texel[chosen]] = True
     return image.reshape(atlases, patches.resolution, patches.resolution)
+
+
+def _ranges(count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return, for each of `count` steps of every range, the range's index and the number of the step."""
+    index = np.repeat(np.arange(len(count)), count)
+    return index, np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count)
 
 
 class _Surfaces:
@@ -35,22 +49,38 @@ class _Surfaces:
     def __init__(self, triangles) -> None:
         corners = triangles.positions.astype(np.float64)
         self._near = _NEAR * triangles.diagonal
+        self._low, self._high = corners.min(axis=1) - self._near, corners.max(axis=1) + self._near
         self._corner, self._edges = corners[:, 0], corners[:, 1:] - corners[:, :1]
         normal = np.cross(self._edges[:, 0], self._edges[:, 1])
         self._area = np.maximum(np.linalg.norm(normal, axis=1), 1e-30)
         self._normal = normal / self._area[:, None]
         self._distance = (self._normal * self._corner).sum(axis=1)
 
-    def meet(self, points: np.ndarray, own: np.ndarray) -> np.ndarray:
-        """Return which points, (n, 3) on triangles `own`, lie on another triangle as well, (n,) bool."""
+    def neighbours(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return which parallel triangles are near each one: the first in a list, how many, and the list."""
+        count = len(self._corner)
+        rows = max(1, _PAIRS // count)
+        found = [self._near_rows(slice(row, row + rows)) for row in range(0, count, rows)]
+        triangle, other = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
+        counts = np.bincount(triangle, minlength=count)
+        return np.cumsum(counts) - counts, counts, other
+
+    def _near_rows(self, rows: slice) -> tuple[np.ndarray, np.ndarray]:
+        """Return the pairs of some triangles and others whose boxes overlap, if the planes are parallel."""
+        near = np.abs(self._normal[rows] @ self._normal.T) > _PARALLEL
+        for axis in range(3):
+            near &= self._low[rows, None, axis] <= self._high[:, axis]
+            near &= self._high[rows, None, axis] >= self._low[:, axis]
+        near[np.arange(len(near)), np.arange(len(near)) + rows.start] = False
+        triangle, other = np.nonzero(near)
+        return triangle + rows.start, other
+
+    def meet(self, points: np.ndarray, triangle: np.ndarray) -> np.ndarray:
+        """Return which points, (k, 3), lie within triangles, (k,), as (k,) bool."""
         local = points.astype(np.float64)
-        near = np.abs(local @ self._normal.T - self._distance) < self._near
-        near &= np.abs(self._normal[own] @ self._normal.T) > 0.999
-        near[np.arange(len(own)), own] = False
-        point, triangle = np.nonzero(near)
-        met = np.zeros(len(points), bool)
-        met[point[self._inside(local[point], triangle)]] = True
-        return met
+        near = np.abs((local * self._normal[triangle]).sum(axis=1) - self._distance[triangle]) < self._near
+        near[near] = self._inside(local[near], triangle[near])
+        return near
 
     def _inside(self, points: np.ndarray, triangle: np.ndarray) -> np.ndarray:
         """Return which points, (k, 3) in the planes of triangles (k,), lie within them."""

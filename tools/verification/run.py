@@ -3,21 +3,40 @@
 from __future__ import annotations
 
 import importlib
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from tools.headless import MODULE, load, quiet_stdout
+from tools.verification.areas import bake_areas, subdivided
 from tools.verification.cycles import realised
 from tools.verification.difference import Difference, compare
 from tools.verification.doubled import doubled_texels
 
 
-def verify(context, samples: int) -> tuple[Difference, np.ndarray, list[str]]:
-    """Return the figures, the picture of the difference and the notes of Hemibake's bake.
+@dataclass(frozen=True)
+class Comparison:
+    """What a comparison gives.
 
-    The settings are the scene's. Objects without lightmap UVs are unwrapped, as in every bake.
+    figures     against what Cycles bakes, which is the face at each texel's centre
+    areas       against the mean of what Cycles bakes within each texel
+    difference  (atlases, h, w, 3), that of the figures, relative to the mean
+    area_difference  that of areas
+    notes       of Hemibake's bake
+    """
+
+    figures: Difference
+    areas: Difference
+    difference: np.ndarray
+    area_difference: np.ndarray
+    notes: list[str]
+
+
+def verify(context, samples: int) -> Comparison:
+    """Compare a bake of the scene's settings with Cycles; `samples` in each texel.
+
+    Objects without lightmap UVs are unwrapped, as in every bake.
     """
     engine = importlib.import_module(f"{MODULE}.engine")
     with quiet_stdout():
@@ -27,10 +46,12 @@ def verify(context, samples: int) -> tuple[Difference, np.ndarray, list[str]]:
         with realised(context, read, settings.resolution) as reference:
             bakes = reference.bake(samples, 1), reference.bake(samples, 2)
             colour = reference.colour()
-
-    known = known_texels(lightmap, read.scene, settings)
+        means = bake_areas(context, read, settings, samples)
+        known = known_texels(lightmap, read.scene, settings)
     figures, difference = compare(lightmap.display, known, colour, bakes)
-    return figures, difference, [*read.notes, *lightmap.report.warnings]
+    areas, area_difference = compare(lightmap.display, lightmap.known, means.share, means.bakes)
+    notes = [*read.notes, *lightmap.report.warnings]
+    return Comparison(figures, areas, difference, area_difference, notes)
 
 
 def known_texels(lightmap, scene, settings) -> np.ndarray:
@@ -39,22 +60,7 @@ def known_texels(lightmap, scene, settings) -> np.ndarray:
     They have a patch, are not filled as inside of something, and lie on one surface only.
     """
     visible = lightmap.has_patch & lightmap.known
-    return visible & ~doubled_texels(_subdivided(scene, settings), len(scene.atlases))
-
-
-def _subdivided(scene, settings):
-    """Return the patches of a scene as a bake has them."""
-    engine = importlib.import_module(f"{MODULE}.engine")
-    names = ("device.graphics", "patches.occluders", "patches.subdivision")
-    graphics, occluders, subdivision = (
-        importlib.import_module(f"{engine.__name__}.{name}") for name in names
-    )
-    context = graphics.Graphics()
-    try:
-        placed = occluders.place_occluders(scene, settings.resolution)
-        return subdivision.subdivide(context, placed, settings)
-    finally:
-        context.release()
+    return visible & ~doubled_texels(subdivided(scene, settings), len(scene.atlases))
 
 
 def read_for_bake(context):

@@ -492,11 +492,14 @@ def register_files(folder: Path) -> None:
         SCENES["living_room"] = lambda: _open_blend(folder / "living_room.blend")
         ROOMS["living_room"] = (256, 64)
     if (folder / "house.glb").exists():
-        SCENES["house"] = lambda: _open_glb(folder / "house.glb", folder)
+        SCENES["house"] = lambda: open_glb(folder / "house.glb", folder)
         ROOMS["house"] = (512, 64)
     if (folder / "tile-game-room6.glb").exists():
-        SCENES["tile_game_room"] = lambda: _open_glb(folder / "tile-game-room6.glb", folder)
+        SCENES["tile_game_room"] = lambda: open_glb(folder / "tile-game-room6.glb", folder)
         ROOMS["tile_game_room"] = (128, 256)
+    if (folder / "CornellBox.glb").exists():
+        SCENES["cornell_box"] = lambda: bpy.ops.import_scene.gltf(filepath=str(folder / "CornellBox.glb"))
+        ROOMS["cornell_box"] = (256, 64)
 
 
 def _open_blend(path: Path) -> None:
@@ -504,7 +507,7 @@ def _open_blend(path: Path) -> None:
     bpy.context.scene.hemibake.directory = "//"
 
 
-def _open_glb(path: Path, folder: Path) -> None:
+def open_glb(path: Path, folder: Path) -> None:
     bpy.ops.import_scene.gltf(filepath=str(path))
     tree = world(strength=1.0).node_tree
     node = tree.nodes.new("ShaderNodeTexEnvironment")

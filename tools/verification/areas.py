@@ -1,0 +1,84 @@
+"""The light of whole texels by Cycles: each is baked as 4 x 4, of which those on surfaces are averaged.
+
+Cycles bakes the face at a texel's centre. A texel stands for all that surfaces cover of it.
+"""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tools.headless import MODULE
+from tools.verification.block_means import block_means, block_shares
+from tools.verification.cycles import realised
+from tools.verification.difference import BLACK
+from tools.verification.doubled import doubled_texels
+
+#: Width of a texel, in those that Cycles bakes of it.
+FINER = 4
+
+#: Rays from which the fine texels know whether they are inside of something.
+_LOOKS = 64
+
+
+@dataclass(frozen=True)
+class TexelAreas:
+    """Means over what is known of texels.
+
+    bakes  two independent ones of Cycles, (atlases, h, w, 4) float32: alpha is 0 where nothing is known
+    share  (atlases, h, w, 3) float32, the part of a texel that each channel is known of
+    """
+
+    bakes: tuple[np.ndarray, np.ndarray]
+    share: np.ndarray
+
+
+def bake_areas(context, read, settings, samples: int) -> TexelAreas:
+    """Bake with Cycles, `samples` in each texel.
+
+    read, settings: the engine's scene as it was read, and the settings of its bake.
+    """
+    fine = replace(settings, resolution=FINER * settings.resolution)
+    with realised(context, read, fine.resolution) as reference:
+        count = -(-samples // FINER**2)
+        bakes = reference.bake(count, 1), reference.bake(count, 2)
+        colour = reference.colour()
+    visible = visible_texels(read.scene, fine) & (bakes[0][..., 3] > 0)
+    known = visible[..., None] & (colour > BLACK)
+    share = block_shares(known, FINER)
+    first, second = (_with_alpha(block_means(bake[..., :3], known, FINER), share) for bake in bakes)
+    return TexelAreas((first, second), share)
+
+
+def _with_alpha(means: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Return means, (atlases, h, w, 4), with an alpha of 0 where no channel is known."""
+    return np.concatenate([means, share.max(axis=-1, keepdims=True) > 0], axis=-1)
+
+
+def visible_texels(scene, settings) -> np.ndarray:
+    """Return the texels, (atlases, h, w) bool, whose centres are seen and lie on one surface only."""
+    engine = importlib.import_module(f"{MODULE}.engine")
+    looking = replace(
+        settings, outputs=("direct",), visibility="rays", samples=_LOOKS, light_samples=1, texel_samples=1,
+        hide_seams=False, dilation=0, intermediates=False,
+    )  # fmt: skip
+    lightmap = engine.finished(engine.bake(scene, looking))
+    doubled = doubled_texels(subdivided(scene, settings), len(scene.atlases))
+    return lightmap.has_patch & lightmap.known & ~doubled
+
+
+def subdivided(scene, settings):
+    """Return the patches of a scene as a bake has them."""
+    engine = importlib.import_module(f"{MODULE}.engine")
+    names = ("device.graphics", "patches.occluders", "patches.subdivision")
+    graphics, occluders, subdivision = (
+        importlib.import_module(f"{engine.__name__}.{name}") for name in names
+    )
+    context = graphics.Graphics()
+    try:
+        placed = occluders.place_occluders(scene, settings.resolution)
+        return subdivision.subdivide(context, placed, settings)
+    finally:
+        context.release()

@@ -79,7 +79,7 @@ def _bake(
     left, area = (lighting.emission_left, lighting.sky_left), parts.geometry.area
     job = SolveJob(graphics, compute, parts, rays, *left, sampled, area, settings)
     solution, choice, solved = choose_solver(job)
-    in_contact = lighting.in_contact()
+    near = lighting.near_faces()
     yield stages.chosen(choice)
 
     # Every patch gathers what all others send out, until the light has settled (III.B, IV.C). The first
@@ -87,13 +87,13 @@ def _bake(
     while not outputs.done(solution):
         yield from stages.iterate(solution)
         if outputs.done(solution) or (settings.intermediates and solution.iterations == 1):
-            store.hide(solution.gathered[:, 3], in_contact)
+            store.hide(solution.gathered[:, 3], near)
         image = store.display(outputs.light(solution)) if settings.intermediates else None
         yield stages.iterated(solution, image)
 
     # What was asked for; where a texel shows more than its centre, at several points of it.
     made = yield from stages.run(stages.outputs, outputs.make(solution))
-    texels = DisplayJob(scene, len(atlases), job, solved, choice, lighting, in_contact)
+    texels = DisplayJob(scene, len(atlases), job, solved, choice, lighting, near)
     lit = yield from stages.run(stages.texels, light_in_texels(texels, solution))
 
     # Images without seams and with dilated charts (VI.B).

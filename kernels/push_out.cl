@@ -1,16 +1,13 @@
 // Ways out for points that are inside of something: all that they see are backs. Rays in the plane of the surface
 // look for the nearest back that is met; just outside of it the point is out.
 
-#define LOOKS 16   // directions in which nothing but backs is seen from inside
-#define WAYS 8     // rays in the plane; opposite ones tell how thick the thing is
+#define WAYS 8  // rays in the plane; opposite ones tell how thick the thing is
 #define MARGIN 0.05f  // how far outside a point is moved, in widths of its texel
 
 bool sees_backs_only(const Rays *rays, const Receiver *r, const float3 start, const float3 x, const float3 y)
 {
     for (int i = 0; i < LOOKS; ++i) {
-        const float2 q = disk((float2)((i + 0.5f) / LOOKS, i * 0.618034f));
-        const float3 direction = q.x * x + q.y * y + sqrt(fmax(1.0f - dot(q, q), 0.0f)) * r->geometric;
-        const Hit hit = nearest_hit(rays, start, direction, false);
+        const Hit hit = nearest_hit(rays, start, look(i, x, y, r->geometric), false);
         if (hit.triangle < 0 || hit.front)
             return false;
     }

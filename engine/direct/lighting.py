@@ -11,7 +11,7 @@ from ..patches.subdivision import Subdivision
 from ..scene.model import Scene, shining_lights
 from ..settings import Settings
 from ..visibility.rays.ray_scene import RayScene
-from .contact import patches_in_contact
+from .contact import NearFaces, patches_in_contact, patches_lit_by_backs
 from .emitters import BrightTriangles, bright_triangles
 from .enclosed import note_enclosed
 from .host_contact import in_contact_on_host
@@ -64,7 +64,22 @@ class DirectLighting:
         """Return the open fraction of each patch's hemisphere, (n,) float32; yield the fraction done."""
         return (yield from self._casting().ambient_occlusion())
 
-    def in_contact(self) -> np.ndarray:
+    def near_faces(self) -> NearFaces:
+        """Return what faces nearby do to the patches."""
+        return NearFaces(self._in_contact(), self.lit_by_backs(self._ray_scene))
+
+    def lit_by_backs(self, points: RayScene) -> np.ndarray:
+        """Return which patches of a ray scene see the back of a surface that shines, (n,) bool.
+
+        Without OpenCL none does.
+        """
+        shines = np.zeros(len(self._parts.triangles.positions), bool)
+        shines[self._parts.geometry.triangle[self._parts.surfaces.emission.any(axis=1)]] = True
+        if not (shines.any() and points.possible):
+            return np.zeros(points.count, bool)
+        return patches_lit_by_backs(points, points.count, shines)
+
+    def _in_contact(self) -> np.ndarray:
         """Return which patches are hidden by a face that touches them, (n,) bool."""
         if self._ray_scene.possible:
             return patches_in_contact(self._ray_scene, self._ray_scene.count)

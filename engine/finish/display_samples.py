@@ -8,7 +8,7 @@ import numpy as np
 
 from ..patches.subdivision import Subdivision
 from ..patches.texel_clip import fan_areas
-from ..patches.texel_pieces import TexelPieces, border_pieces, pieces_at
+from ..patches.texel_pieces import TexelPieces, border_pieces, joined_pieces, piece_outlines, pieces_at
 from ..scene.triangles import Triangles
 from .dilation import grown
 
@@ -25,6 +25,12 @@ _DARK = 0.05
 
 #: Edges stand out from noise: by this many times the median difference.
 _ABOVE_NOISE = 6.0
+
+#: Points of all texels together: the host keeps about 64 bytes of each, and some time goes into them.
+_MOST_POINTS = 1 << 22
+
+#: Least points of a texel that has several.
+_FEWEST = 4
 
 #: Coverage below which a texel whose centre nobody covers shows nothing of its own.
 _SLIVER = 0.01
@@ -55,12 +61,24 @@ class DisplaySamples:
     def __len__(self) -> int:
         return len(self.texel)
 
+    def part(self, chosen: slice) -> DisplaySamples:
+        """Return some samples."""
+        return DisplaySamples(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
+
 
 def no_samples() -> DisplaySamples:
     """Return no samples."""
     none = np.zeros(0, np.int32)
     weight, position = np.zeros(0, np.float32), np.zeros((0, 2), np.float32)
     return DisplaySamples(none, none, position, weight, none, np.zeros((0, 3), np.float32))
+
+
+def joined_samples(several: list[DisplaySamples]) -> DisplaySamples:
+    """Return samples, then others; there are some at least."""
+    names = DisplaySamples.__dataclass_fields__
+    return DisplaySamples(
+        *(np.concatenate([getattr(samples, name) for samples in several]) for name in names)
+    )
 
 
 @dataclass(frozen=True)
@@ -77,18 +95,21 @@ class PatchLight:
     hidden: np.ndarray
 
 
-def display_samples(parts: Subdivision, atlases: int, known: PatchLight, points: int) -> DisplaySamples:
-    """Return about so many `points` in each texel of the first atlases that shows more than its centre.
+def display_samples(
+    parts: Subdivision, atlases: int, known: PatchLight, points: int
+) -> tuple[DisplaySamples, int]:
+    """Return so many `points` in each texel of the first atlases that shows more than its centre.
 
     These are texels that are partly covered, show several faces, or lie on an edge of light or of what is
-    hidden. All triangles that touch such a texel have a point at least.
+    hidden. Where they would have too many points together each has fewer, at last every second or third texel
+    alone. The number tells how many each has.
     """
     triangles, resolution = parts.triangles, parts.patches.resolution
     shape = (atlases, resolution, resolution)
     own = _patches_of(parts, shape)
     border = border_pieces(triangles, atlases, resolution)
     several = _shows_several(parts, border, own)
-    chosen = (several | _on_edge(own, known)).ravel()
+    chosen, points = _affordable((several | _on_edge(own, known)).ravel(), points)
 
     # Texels that one triangle fills are pieces, too.
     key = border.atlas.astype(np.int64) * resolution**2 + border.texel
@@ -97,8 +118,18 @@ def display_samples(parts: Subdivision, atlases: int, known: PatchLight, points:
     patch = own.ravel()[np.flatnonzero(filled)]
     patch = patch[patch >= 0]
     whole = pieces_at(triangles, resolution, parts.patches.triangle[patch], parts.patches.texel[patch])
-    pieces = border.part(chosen[key]).joined(whole)
-    return _samples_of(triangles, pieces, resolution, points)
+    pieces = joined_pieces([border.part(chosen[key]), whole])
+    return _samples_of(triangles, pieces, resolution, points), points
+
+
+def _affordable(chosen: np.ndarray, points: int) -> tuple[np.ndarray, int]:
+    """Return the texels, (t,) bool, that have several points, and how many points each has."""
+    texels = np.flatnonzero(chosen)
+    while points > _FEWEST and points * len(texels) > _MOST_POINTS:
+        points //= 4
+    kept = np.zeros_like(chosen)
+    kept[texels[:: max(1, -(-points * len(texels) // _MOST_POINTS))]] = True
+    return kept, points
 
 
 def _patches_of(parts: Subdivision, shape: tuple[int, ...]) -> np.ndarray:
@@ -161,21 +192,38 @@ def _off_mean(values: np.ndarray, axis: int, floor: float) -> np.ndarray:
 
 
 def _samples_of(triangles: Triangles, pieces: TexelPieces, resolution: int, points: int) -> DisplaySamples:
-    """Return samples of pieces: about so many `points` in each texel, at least one in each piece."""
+    """Return samples of pieces: so many `points` in each texel, spread evenly over what is covered of it."""
     key = pieces.atlas.astype(np.int64) * resolution**2 + pieces.texel
     order = np.argsort(key, kind="stable")
-    pieces = pieces.part(order)
-    _, texel = np.unique(key[order], return_inverse=True)
-    covered = np.bincount(texel, pieces.area)
-    count = np.maximum(np.rint(points * pieces.area / covered[texel]), 1).astype(np.int64)
+    pieces, key = pieces.part(order), key[order]
+    count, weight = _shared_out(pieces.area, key, points)
+    chosen = np.flatnonzero(count)
+    pieces, count, weight = pieces.part(chosen), count[chosen], weight[chosen]
+    found = _points_in(triangles, pieces, resolution, count)
     piece = np.repeat(np.arange(len(count)), count)
-    found = _points_within(pieces.corners, piece)
-    triangle = pieces.triangle[piece]
-    barycentric = found[:, 2:].astype(np.float32)
+    triangle, barycentric = pieces.triangle[piece], found.astype(np.float32)
     return DisplaySamples(
         pieces.atlas[piece], pieces.texel[piece], on_lightmap(triangles, triangle, barycentric, resolution),
-        (pieces.area / count)[piece].astype(np.float32), triangle, barycentric,
+        weight[piece].astype(np.float32), triangle, barycentric,
     )  # fmt: skip
+
+
+def _shared_out(area: np.ndarray, key: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return how many points each piece has, (m,) int64, and what each point weighs, (m,) float64.
+
+    key: of the texel of each piece, ascending. Along the pieces of a texel its points lie at even distances
+    (systematic sampling), so a piece has a point more or less than its area would have at most, and a texel
+    all of its points, however many triangles are in it.
+    """
+    starts = np.flatnonzero(np.r_[True, np.diff(key) > 0][: len(key)])
+    texel = np.repeat(np.arange(len(starts)), np.diff(np.r_[starts, len(key)]))
+    ends = np.cumsum(area, dtype=np.float64)
+    before = np.r_[0.0, ends][starts]
+    covered = np.r_[ends[starts[1:] - 1], ends[-1:]] - before
+    passed = np.floor((ends - before[texel]) / covered[texel] * points + 0.5).astype(np.int64)
+    count = np.diff(passed, prepend=0)
+    count[starts] = passed[starts]
+    return count, covered[texel] / points
 
 
 def on_lightmap(
@@ -186,14 +234,28 @@ def on_lightmap(
     return (uvs * resolution).astype(np.float32)
 
 
-def _points_within(polygons: np.ndarray, polygon: np.ndarray) -> np.ndarray:
+def _points_in(triangles: Triangles, pieces: TexelPieces, resolution: int, count: np.ndarray) -> np.ndarray:
+    """Return the barycentrics of so many points of each piece, (s, 3) float64."""
+    found, first, last = [np.zeros((0, 3))], 0, 0
+    ends = np.cumsum(count)
+    for batch in pieces.batches():
+        outlines = piece_outlines(triangles, resolution, batch)
+        mine = count[last : last + len(batch)]
+        last += len(batch)
+        numbers = np.arange(first, ends[last - 1])
+        first = ends[last - 1]
+        found.append(_points_within(outlines, np.repeat(np.arange(len(batch)), mine), numbers)[:, 2:])
+    return np.concatenate(found)
+
+
+def _points_within(polygons: np.ndarray, polygon: np.ndarray, number: np.ndarray) -> np.ndarray:
     """Return a point of each named polygon, (s, c) float64, spread evenly over those that are named in a row.
 
-    polygons: (m, k, c) float64, convex, positions first; polygon: (s,) int64, ascending. The points are an R2
-    sequence: one coordinate chooses a triangle of the polygon's fan by area, and what is left of it, with the
-    other, a point in there.
+    polygons: (m, k, c) float64, convex, positions first; polygon: (s,) int64, ascending. The points are those
+    of an R2 sequence with some numbers, (s,) int64: one coordinate chooses a triangle of the polygon's fan by
+    area, and what is left of it, with the other, a point in there.
     """
-    unit = (0.5 + np.arange(1, len(polygon) + 1)[:, None] * _R2) % 1
+    unit = (0.5 + (number[:, None] + 1) * _R2) % 1
     areas = fan_areas(polygons[:, :, :2])
     ends = np.cumsum(areas, axis=1)
     ends /= np.maximum(ends[:, -1:], 1e-300)

@@ -29,11 +29,25 @@ class WaysOut:
     thickness: np.ndarray
     wall: np.ndarray
 
+    def without(self, points: np.ndarray) -> WaysOut:
+        """Return the ways of all but some points, (s,) bool, which are not inside of anything."""
+        return WaysOut(
+            np.where(points[:, None], np.float32(0), self.offset),
+            np.where(points, np.float32(np.inf), self.thickness),
+            np.where(points, -1, self.wall).astype(np.int32),
+        )
+
+
+def joined_ways(several: list[WaysOut]) -> WaysOut:
+    """Return ways of points, then those of others; there are some at least."""
+    names = WaysOut.__dataclass_fields__
+    return WaysOut(*(np.concatenate([getattr(ways, name) for ways in several]) for name in names))
+
 
 def ways_out(scene: RayScene, count: int, reach: float) -> WaysOut:
     """Return the ways out of a ray scene's points; rays are as long as `reach` times the points' texels."""
     compute, rays = scene.compute, scene.rays
-    (kernel,) = rays.kernels((*RECEIVER_SOURCE, "push_out.cl"), "push_out")
+    (kernel,) = rays.kernels((*RECEIVER_SOURCE, "looks.cl", "push_out.cl"), "push_out")
     flags = cl.mem_flags.READ_WRITE
     ways, walls = (cl.Buffer(compute.context, flags, size * count) for size in (16, 4))
     rays.run(kernel, count, scene.receivers, np.float32(reach), ways, walls, np.int32(count))

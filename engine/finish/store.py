@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..direct.contact import NearFaces
 from ..patches.patch_list import PatchList
 from ..patches.seams import find_seams
 from ..scene.triangles import Triangles
@@ -17,9 +18,9 @@ from .texel_means import TexelMeans
 _HIDDEN = 0.9
 
 
-def is_hidden(front: np.ndarray, in_contact: np.ndarray) -> np.ndarray:
+def is_hidden(front: np.ndarray, near: NearFaces) -> np.ndarray:
     """Return which points nobody sees, (n,) bool; see `LightmapStore.hide`."""
-    hidden: np.ndarray = in_contact | (front < 1 - _HIDDEN)
+    hidden: np.ndarray = near.hide | ((front < 1 - _HIDDEN) & ~near.shine)
     return hidden
 
 
@@ -46,15 +47,15 @@ class LightmapStore:
         self._patch = np.zeros(self.has_patch.size, np.int64)
         self._patch[self._texel] = self._chosen
 
-    def hide(self, front: np.ndarray, in_contact: np.ndarray) -> None:
+    def hide(self, front: np.ndarray, near: NearFaces) -> None:
         """Choose the patches whose texels are filled for display.
 
-        front       (n,) float32, the fraction of each patch's view that no back takes: patches inside closed
-                    objects see backs only
-        in_contact  (n,) bool, hidden by a face that touches them: dark, whatever they see beyond that face
+        front  (n,) float32, the fraction of each patch's view that no back takes: patches inside closed
+               objects see backs only
+        near   of the patches: those that a face hides are dark, whatever they see beyond that face
         """
-        self._dark = self._texel[in_contact[self._chosen]]
-        hidden = is_hidden(front, in_contact)[self._chosen]
+        self._dark = self._texel[near.hide[self._chosen]]
+        hidden = is_hidden(front, near)[self._chosen]
         if not np.array_equal(hidden, self._hidden):
             self._hidden, self._dilations = hidden, []
 

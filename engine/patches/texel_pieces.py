@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,9 @@ from .texel_clip import clip_at_texels, polygon_areas
 #: Least area of a piece, of a texel: what is smaller comes from rounding.
 _LEAST_PIECE = 1e-6
 
+#: Texels, and pieces, that are clipped at once: what a processor's caches hold.
+_BATCH = 1 << 15
+
 
 @dataclass(frozen=True)
 class TexelPieces:
@@ -20,28 +24,33 @@ class TexelPieces:
     atlas     (m,) int32
     texel     (m,) int32, row * resolution + column
     triangle  (m,) int32
-    corners   (m, k, 5) float64, convex polygon: position in its texel along u and v, in [0, 1], and
-              barycentrics; the last corners may repeat the first one
-    area      (m,) float64, of a texel
+    area      (m,) float32, of a texel
     """
 
     atlas: np.ndarray
     texel: np.ndarray
     triangle: np.ndarray
-    corners: np.ndarray
     area: np.ndarray
 
-    def part(self, chosen: np.ndarray) -> TexelPieces:
+    def __len__(self) -> int:
+        return len(self.texel)
+
+    def part(self, chosen: np.ndarray | slice) -> TexelPieces:
         """Return some pieces, by a mask or their numbers."""
         return TexelPieces(
-            self.atlas[chosen], self.texel[chosen], self.triangle[chosen], self.corners[chosen],
-            self.area[chosen],
+            self.atlas[chosen], self.texel[chosen], self.triangle[chosen], self.area[chosen]
         )  # fmt: skip
 
-    def joined(self, other: TexelPieces) -> TexelPieces:
-        """Return these pieces and then others."""
-        pairs = ((getattr(self, name), getattr(other, name)) for name in self.__dataclass_fields__)
-        return TexelPieces(*map(np.concatenate, pairs))
+    def batches(self) -> Iterator[TexelPieces]:
+        """Yield all pieces in batches whose outlines take little memory."""
+        for first in range(0, len(self), _BATCH):
+            yield self.part(slice(first, first + _BATCH))
+
+
+def joined_pieces(several: list[TexelPieces]) -> TexelPieces:
+    """Return some pieces, then others; there is one list at least."""
+    return TexelPieces(*(np.concatenate([getattr(pieces, name) for pieces in several])
+                         for name in TexelPieces.__dataclass_fields__))  # fmt: skip
 
 
 def border_pieces(triangles: Triangles, atlases: int, resolution: int) -> TexelPieces:
@@ -50,20 +59,38 @@ def border_pieces(triangles: Triangles, atlases: int, resolution: int) -> TexelP
     A texel that no border of a triangle crosses has no piece here: one triangle fills it, or none touches it.
     """
     chosen = np.flatnonzero(triangles.atlas < atlases)
-    corners = triangles.uvs[chosen].astype(np.float64) * resolution
-    index, row, column = _border_texels(corners, resolution)
-    triangle = chosen[index].astype(np.int32)
-    return pieces_at(triangles, resolution, triangle, (row * resolution + column).astype(np.int32))
+    size = np.ptp(triangles.uvs[chosen], axis=1).sum(axis=1, dtype=np.float64) * resolution
+    batch = np.cumsum(np.minimum(size, 2 * resolution) + 2) // _BATCH
+    parts = np.split(chosen, np.flatnonzero(np.diff(batch)) + 1)
+    return joined_pieces([_border_pieces_of(triangles, resolution, part) for part in parts])
+
+
+def _border_pieces_of(triangles: Triangles, resolution: int, chosen: np.ndarray) -> TexelPieces:
+    """Return the border pieces of some triangles."""
+    index, row, column = _border_texels(triangles.uvs[chosen].astype(np.float64) * resolution, resolution)
+    texel = (row * resolution + column).astype(np.int32)
+    return pieces_at(triangles, resolution, chosen[index].astype(np.int32), texel)
 
 
 def pieces_at(triangles: Triangles, resolution: int, triangle: np.ndarray, texel: np.ndarray) -> TexelPieces:
     """Return what triangles, (m,), cover of texels, (m,), of their own atlases, where it is anything."""
-    row, column = np.divmod(texel, resolution)
-    corners = triangles.uvs[triangle].astype(np.float64) * resolution
-    polygons = clip_at_texels(corners, np.stack([column, row], axis=1))
-    area = polygon_areas(polygons[:, :, :2])
-    pieces = TexelPieces(triangles.atlas[triangle], texel, triangle, polygons, area)
+    area = np.empty(len(texel), np.float32)
+    pieces = TexelPieces(triangles.atlas[triangle], texel, triangle, area)
+    for first, batch in enumerate(pieces.batches()):
+        outlines = piece_outlines(triangles, resolution, batch)
+        area[first * _BATCH :][: len(batch)] = polygon_areas(outlines[:, :, :2])
     return pieces.part(area > _LEAST_PIECE)
+
+
+def piece_outlines(triangles: Triangles, resolution: int, pieces: TexelPieces) -> np.ndarray:
+    """Return the corners of pieces, convex polygons, (m, k, 5) float64.
+
+    Each has its position in the texel along u and v, in [0, 1], and barycentrics; the last corners may repeat
+    the first one.
+    """
+    row, column = np.divmod(pieces.texel, resolution)
+    corners = triangles.uvs[pieces.triangle].astype(np.float64) * resolution
+    return clip_at_texels(corners, np.stack([column, row], axis=1))
 
 
 def _border_texels(corners: np.ndarray, resolution: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

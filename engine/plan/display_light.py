@@ -8,11 +8,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..direct.contact import NearFaces
 from ..direct.lighting import DirectLighting
 from ..finish.dilation import Dilation
-from ..finish.display_samples import DisplaySamples, PatchLight, display_samples, no_samples, on_lightmap
+from ..finish.display_samples import (
+    DisplaySamples,
+    PatchLight,
+    display_samples,
+    joined_samples,
+    no_samples,
+    on_lightmap,
+)
 from ..finish.outputs import Outputs
-from ..finish.push_out import WaysOut, pushed_barycentrics, ways_out
+from ..finish.push_out import WaysOut, joined_ways, pushed_barycentrics, ways_out
 from ..finish.store import is_hidden
 from ..finish.texel_means import TexelMeans
 from ..finish.thin_walls import note_thin_walls
@@ -32,6 +40,9 @@ _PUSHED = 1e-3
 
 #: Least rays of a sample, and to each light.
 _LEAST_RAYS, _LEAST_LIGHT_RAYS = 16, 4
+
+#: Points that gather together: what they take of the device's memory, about 0.5 KiB each, is bounded.
+_BATCH = 1 << 18
 
 #: Texels from hidden ones that what is seen beside them is filled from.
 _FILLED = 2
@@ -65,7 +76,7 @@ class DisplayJob:
     atlases  lightmaps of the user's
     job      the patches of all texels
     solved   the patches that send light out: those of the job, or groups of them
-    in_contact  (n,) bool, see `DirectLighting.in_contact`
+    near     of the patches
     """
 
     scene: Scene
@@ -74,7 +85,7 @@ class DisplayJob:
     solved: SolveJob
     choice: Choice
     lighting: DirectLighting
-    in_contact: np.ndarray
+    near: NearFaces
 
 
 def light_in_texels(what: DisplayJob, solution: Solution) -> Generator[float, None, DisplayLight]:
@@ -85,11 +96,19 @@ def light_in_texels(what: DisplayJob, solution: Solution) -> Generator[float, No
     if why:
         return _nothing(why)
     front = solution.gathered[:, 3]
-    known = PatchLight(solution.irradiance.sum(axis=1), front, is_hidden(front, what.in_contact))
-    samples = display_samples(what.job.parts, what.atlases, known, what.job.settings.texel_samples)
+    known = PatchLight(solution.irradiance.sum(axis=1), front, is_hidden(front, what.near))
+    asked = what.job.settings.texel_samples
+    samples, count = display_samples(what.job.parts, what.atlases, known, asked)
     if not len(samples):
         return _nothing("No texel shows more than its centre.")
-    return (yield from _gather(what, solution, known, _Points(what.job, samples)))
+    settings = _settings_of_samples(what.job.settings, count)
+    settled, lit = _as_seen(what, solution, known), []
+    for first in range(0, len(samples), _BATCH):
+        last = min(first + _BATCH, len(samples))
+        points = _Points(what.job, samples.part(slice(first, last)), settings)
+        fractions = first / len(samples), last / len(samples)
+        lit.append((yield from _between(*fractions, _gather(what, settled, points))))
+    return _joined(what, lit)
 
 
 def _why_centres_only(job: SolveJob, choice: Choice) -> str:
@@ -104,41 +123,75 @@ def _nothing(*reasons: str) -> DisplayLight:
     return DisplayLight(no_samples(), np.zeros(0, bool), {}, reasons)
 
 
-def _gather(
-    what: DisplayJob, solution: Solution, known: PatchLight, points: _Points
-) -> Generator[float, None, DisplayLight]:
-    """Return the light at points of texels."""
-    ways = points.push_out()
+@dataclass(frozen=True)
+class _Batch:
+    """Some samples, where they are after they were pushed out, and what they receive; see `DisplayLight`.
+
+    irradiance  (s, 3) float32, E/pi of all light
+    """
+
+    samples: DisplaySamples
+    ways: WaysOut
+    visible: np.ndarray
+    irradiance: np.ndarray
+    values: dict[str, np.ndarray]
+
+
+def _as_seen(what: DisplayJob, solution: Solution, known: PatchLight) -> np.ndarray:
+    """Return E/pi, (m, 3) float32, of the patches that send light out, as the samples see it."""
+    if what.solved is not what.job:
+        return solution.settled
+    return _seen_beside_hidden(what.job.parts, solution.settled, known.hidden)
+
+
+def _gather(what: DisplayJob, settled: np.ndarray, points: _Points) -> Generator[float, None, _Batch]:
+    """Return the light at points of texels, from patches of E/pi (m, 3) float32."""
+    settings = points.settings
+    ways = points.push_out(what.lighting.lit_by_backs(points.rays))
     yield 0.1
 
     # Direct light, then all other light from what the patches send out.
-    settings = _settings_of_samples(what.job.settings)
     lighting = what.lighting.of(points.rays, settings)
     sampled = yield from _between(0.1, 0.3, lighting.gather())
     receivers = Receivers(points.parts, points.rays, sampled)
     last, _ = last_gather(what.solved, what.choice, receivers, settings)
-    settled = solution.settled
-    if what.solved is what.job:
-        settled = _seen_beside_hidden(what.job.parts, settled, known.hidden)
     yield from _between(0.3, 0.8, last.gather(settled))
     values = yield from _between(0.8, 1.0, Outputs(what.scene, settings, lighting).make(last))
-    visible = ~is_hidden(last.gathered[:, 3], lighting.in_contact())
-    warnings = note_thin_walls(what.scene, what.job.parts, points.samples, ways, visible, last.irradiance)
-    return DisplayLight(points.samples, visible, values, (points.reason,), tuple(warnings))
+    visible = ~is_hidden(last.gathered[:, 3], lighting.near_faces())
+    return _Batch(points.samples, ways, visible, last.irradiance, values)
+
+
+def _joined(what: DisplayJob, lit: list[_Batch]) -> DisplayLight:
+    """Return the light of all batches, and what the report says of it."""
+    samples = joined_samples([batch.samples for batch in lit])
+    ways = joined_ways([batch.ways for batch in lit])
+    visible, irradiance = (
+        np.concatenate([getattr(batch, name) for batch in lit]) for name in ("visible", "irradiance")
+    )
+    values = {name: np.concatenate([batch.values[name] for batch in lit]) for name in lit[0].values}
+    parts = what.job.parts
+    keys = samples.atlas.astype(np.int64) * parts.patches.resolution**2 + samples.texel
+    reason = (
+        f"Light was gathered at {len(keys):,} more points, of {len(np.unique(keys)):,} texels that show "
+        "more than their centre."
+    )
+    warnings = note_thin_walls(what.scene, parts, samples, ways, visible, irradiance)
+    return DisplayLight(samples, visible, values, (reason,), tuple(warnings))
 
 
 class _Points:
     """Display samples as patches that gather.
 
-    parts  as a Subdivision
-    rays   casts rays from them
+    settings  by which they do; each is one of `texel_samples` of its texel
+    parts     as a Subdivision
+    rays      casts rays from them
     """
 
-    def __init__(self, job: SolveJob, samples: DisplaySamples) -> None:
-        self._job = job
+    def __init__(self, job: SolveJob, samples: DisplaySamples, settings: Settings) -> None:
+        self._job, self.settings = job, settings
 
         # A sample stands for a part of its texel.
-        self._side = math.sqrt(job.settings.texel_samples)
+        self._side = math.sqrt(settings.texel_samples)
         parts = job.parts
         self._steps = texel_steps(parts.triangles, round(parts.patches.resolution * self._side))
         self._place(samples)
@@ -152,19 +205,13 @@ class _Points:
         self.samples, self.parts = samples, replace(parts, patches=patches, geometry=geometry)
         self.rays = self._job.rays.of(self.parts)
 
-    @property
-    def reason(self) -> str:
-        """A sentence for the report."""
-        keys = self.samples.atlas.astype(np.int64) * self.parts.patches.resolution**2 + self.samples.texel
-        return (
-            f"Light was gathered at {len(keys):,} more points, of {len(np.unique(keys)):,} texels that show "
-            "more than their centre."
-        )
+    def push_out(self, lit: np.ndarray) -> WaysOut:
+        """Move samples that are inside of something to just outside of it; return the ways.
 
-    def push_out(self) -> WaysOut:
-        """Move samples that are inside of something to just outside of it; return the ways."""
+        lit: (s,) bool, those that a back lights are not inside.
+        """
         samples, parts = self.samples, self.parts
-        ways = ways_out(self.rays, len(samples), self._side)
+        ways = ways_out(self.rays, len(samples), self._side).without(lit)
         inside = np.flatnonzero(ways.offset.any(axis=1))
         if not len(inside):
             return ways
@@ -179,12 +226,12 @@ class _Points:
         return ways
 
 
-def _settings_of_samples(settings: Settings) -> Settings:
-    """Return settings for samples of texels: those of a texel together have the rays of a patch."""
-    count = settings.texel_samples
+def _settings_of_samples(settings: Settings, count: int) -> Settings:
+    """Return settings for so many samples of each texel, which together have the rays of a patch."""
     hemicube = settings.hemicube >> (int(math.log2(count)) // 2)
     return replace(
         settings,
+        texel_samples=count,
         samples=max(ray_count(settings) // count, _LEAST_RAYS),
         hemicube=max(hemicube, 8),
         light_samples=max(settings.light_samples // count, _LEAST_LIGHT_RAYS),

@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from engine.finish.display_samples import PatchLight, display_samples
+from engine.finish import display_samples as module
+from engine.finish.display_samples import PatchLight
 from engine.finish.push_out import pushed_barycentrics
 from engine.finish.texel_means import TexelMeans
 from engine.patches.geometry import PatchGeometry, texel_steps
@@ -36,6 +37,13 @@ def parts_of(uvs):
     steps = texel_steps(triangles, RESOLUTION)
     geometry = PatchGeometry(triangles, steps, patches.triangle, patches.barycentric)
     return SimpleNamespace(triangles=triangles, patches=patches, geometry=geometry)
+
+
+def display_samples(parts, atlases, known, points):
+    """Return the samples, which have as many points in each texel as asked for."""
+    samples, found = module.display_samples(parts, atlases, known, points)
+    assert found == points
+    return samples
 
 
 def even(parts, light=1.0):
@@ -127,3 +135,30 @@ def test_points_that_leave_their_triangle_are_not_pushed():
     assert stays.tolist() == [True, False]
     at = np.einsum("k,kd->d", moved[0], triangles.positions[0])
     assert at == pytest.approx(geometry.center[0] + offset[0], abs=1e-6)
+
+
+@pytest.mark.parametrize(("most", "points", "texels"), [(352, 16, 22), (351, 4, 22), (40, 4, 8)])
+def test_too_many_points_become_fewer_in_every_texel_and_then_in_fewer_texels(
+    monkeypatch, most, points, texels
+):
+    """The border of a square half a texel off covers 22 texels in part."""
+    monkeypatch.setattr(module, "_MOST_POINTS", most)
+    parts = parts_of(SQUARE + 0.5 / 13)
+    samples, found = module.display_samples(parts, 1, even(parts), 16)
+    assert found == points and len(samples) == points * texels
+    assert len(np.unique(samples.texel)) == texels
+
+
+def test_a_texel_with_many_triangles_has_no_more_points_than_others():
+    """A fan of 300 triangles on a border of two texels: each point stands for the same area."""
+    angle = np.linspace(0, 2 * np.pi, 301)
+    middle = np.array((10.0, 10.5))
+    rim = np.stack([np.cos(angle), np.sin(angle)], axis=1) * 0.4 + middle
+    fan = np.stack([np.broadcast_to(middle, (300, 2)), rim[:-1], rim[1:]], axis=1) / 13
+    parts = parts_of(np.concatenate([SQUARE, fan]))
+    samples = display_samples(parts, 1, even(parts), 16)
+    assert (np.bincount(samples.texel)[[139, 140]] == 16).all() and len(samples) == 32
+    covered = np.bincount(samples.texel, samples.weight)[[139, 140]]
+    assert covered == pytest.approx(np.pi * 0.4**2 / 2, rel=1e-3)
+    mean = np.average(samples.position - middle, axis=0, weights=samples.weight)
+    assert np.abs(mean).max() < 0.03

@@ -7,6 +7,7 @@ from contextlib import closing
 from dataclasses import replace
 
 from .device.devices import Devices
+from .direct.back_to_back import note_back_to_back
 from .direct.lighting import DirectLighting
 from .finish.outputs import Outputs
 from .finish.store import LightmapStore
@@ -102,7 +103,8 @@ def _bake(
     passes = {name: store.final(values, lit.values.get(name)) for name, values in made.items()}
     image, display = store.image(next(iter(made.values()))), next(iter(passes.values()))
     yield stages.end()
-    warnings = (*notes, *parts.warnings, *lighting.warnings, *lit.warnings)
+    dark = note_back_to_back(scene, parts, rays, solution.gathered[:, 3], near)
+    warnings = (*notes, *parts.warnings, *lighting.warnings, *dark, *lit.warnings)
     choice = replace(choice, reasons=(*choice.reasons, *lit.reasons))
     report = _summary(solution, settings, choice, len(parts.patches), stages.seconds, devices, warnings)
     return Lightmap(atlases, image, display, store.has_patch, store.known, report, passes)

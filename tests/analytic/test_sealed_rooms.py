@@ -20,7 +20,7 @@ from tests.analytic.rooms import (
     scene_of,
     shown,
 )
-from tests.analytic.scenes import quads
+from tests.analytic.scenes import material, quads
 
 SETTINGS = Settings(
     resolution=128, hemicube=16, visibility="rays", light_samples=32, iterations=8, texel_samples=16
@@ -115,6 +115,23 @@ def test_rooms_that_nearly_touch_overlap_or_hold_each_other_share_no_light(name,
     assert np.quantile(dark, 0.999) <= 0.02 * lit and dark.max() <= 0.03 * lit
 
 
+@pytest.mark.parametrize("visibility", ["rays", "raster"])
+def test_rooms_whose_walls_share_a_plane_are_named(visibility):
+    scene = scene_of(rooms_side_by_side((0.8, 0, 0), (1.6, 0.8, 0.8)), [lamp((0.31, 0.37, 0.53))])
+    settings = Settings(resolution=128, hemicube=8, light_samples=4, iterations=2, visibility=visibility)
+    (told,) = drive(scene, settings).report.warnings
+    assert told.objects == ("Lit", "Dark") and "lie exactly on one another" in told
+
+
+def test_a_box_on_the_floor_of_a_room_is_named_by_no_warning():
+    atlas = Atlas(SETTINGS.resolution)
+    hall = room(atlas, (0, 0, 0), (1.6, 0.8, 0.8), "Hall")
+    box = block(atlas, (0.6, 0.2, 0), (1.0, 0.6, 0.4), "Box")
+    scene = scene_of([hall, box], [lamp(LAMP)])
+    settings = Settings(resolution=128, hemicube=8, light_samples=4, iterations=2, visibility="rays")
+    assert not drive(scene, settings).report.warnings
+
+
 def mesh_of_texels(scene: Scene, lightmap):
     """Return the mesh of each texel by the charts, axis-aligned rectangles, -1 for none, (r, r)."""
     resolution = lightmap.display.shape[1]
@@ -148,6 +165,22 @@ def test_a_lamp_in_contact_with_a_ceiling_leaves_no_mark_beside_it(gap):
     found = shown(lightmap, floor_points(floor, line(0.613 - distance))).reshape(len(distance), -1)
     expected = (1 + distance / np.hypot(distance, 0.5)) / 2
     assert found.mean(axis=1) == pytest.approx(expected, rel=0.05)
+
+
+@pytest.mark.parametrize("texel_samples", [1, 4])
+@pytest.mark.parametrize("visibility", ["rays", "raster"])
+def test_a_panel_that_shines_close_to_a_wall_lights_it_from_behind(visibility, texel_samples):
+    """The wall, here a floor, sees 99 % of backs beneath the panel, but they shine."""
+    floor = floor_under_sky()
+    panel = occluder(box_faces((0.4, 0.2, 0.02), (1.0, 0.6, 1))[:1], "Panel")
+    panel = replace(panel, material=np.ones_like(panel.material))
+    scene = scene_of([floor, panel], reflectance=0.0)
+    scene = replace(scene, materials=(*scene.materials, material("Shining", 0.0, 3.0)))
+    settings = replace(SETTINGS, visibility=visibility, texel_samples=texel_samples, hide_seams=False)
+    lightmap = drive(scene, settings)
+    middle = shown(lightmap, floor_points(floor, np.array([(0.7, 0.4), (0.6, 0.33), (0.86, 0.5)])))
+    assert middle == pytest.approx(3, rel=0.02)
+    assert lightmap.known[lightmap.has_patch].all()
 
 
 def sky_scene(*meshes):

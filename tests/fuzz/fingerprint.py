@@ -71,7 +71,7 @@ def differences(before: Any, after: Any, path: str = "") -> Iterator[str]:
 def without_results(facts: dict[str, Any], uv_layer: str, moved: set[str]) -> dict[str, Any]:
     """Return a fingerprint without what a bake makes: lightmap images, and UVs in layers or by modifiers.
 
-    moved  objects that have got lightmap UVs: they may get an atlas of their own
+    moved  objects that have got lightmap UVs: they may get an atlas of their own, and know which UVs we made
     """
     users = {
         kind: {name: item for name, item in facts[kind].items() if not _is_made(name, item)}
@@ -100,8 +100,8 @@ def _is_made(name: str, item: dict[str, Any]) -> bool:
 
 def _without_uvs(obj: dict[str, Any], moved: bool) -> dict[str, Any]:
     modifiers = {name: item for name, item in obj["modifiers"].items() if not name.startswith(_UVS)}
-    atlas = None if moved else obj["hemibake"]["atlas"]
-    return {**obj, "modifiers": modifiers, "hemibake": {**obj["hemibake"], "atlas": atlas}}
+    placed = {"atlas": None, "made_uvs": None} if moved else {}
+    return {**obj, "modifiers": modifiers, "hemibake": {**obj["hemibake"], **placed}}
 
 
 def _without_layer(mesh: dict[str, Any], uv_layer: str) -> dict[str, Any]:

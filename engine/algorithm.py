@@ -6,9 +6,12 @@ from collections.abc import Generator
 from contextlib import closing
 from dataclasses import replace
 
+import numpy as np
+
 from .device.devices import Devices
 from .direct.back_to_back import note_back_to_back
 from .direct.lighting import DirectLighting
+from .finish.denoising import Denoising
 from .finish.outputs import Outputs
 from .finish.store import LightmapStore
 from .lightmap import Lightmap, Report
@@ -22,6 +25,7 @@ from .plan.stages import BakeStages
 from .plan.without_opencl import without_opencl
 from .progress import Progress
 from .scene.model import Scene
+from .scene.triangles import Triangles
 from .settings import Settings
 from .solve.solver import Solution
 from .visibility.rays.ray_scene import RayScene
@@ -97,17 +101,37 @@ def _bake(
     texels = DisplayJob(scene, len(atlases), job, solved, choice, lighting, near)
     lit = yield from stages.run(stages.texels, light_in_texels(texels, solution))
 
-    # Images without seams and with dilated charts (VI.B).
-    yield stages.begin(stages.images)
-    store.refine(lit.means(settings.resolution), parts.triangles if settings.hide_seams else None)
-    passes = {name: store.final(values, lit.values.get(name)) for name, values in made.items()}
-    image, display = store.image(next(iter(made.values()))), next(iter(passes.values()))
-    yield stages.end()
+    # Images without noise and seams, and with dilated charts (VI.B).
+    store.refine(lit.means(settings.resolution))
+    denoising = Denoising(store.known, settings)
+    shown = {name: store.texels(values, lit.values.get(name)) for name, values in made.items()}
+    passes = yield from _finished(stages, store, denoising, settings, parts.triangles, shown)
     dark = note_back_to_back(scene, parts, rays, solution.gathered[:, 3], near)
-    warnings = (*notes, *parts.warnings, *lighting.warnings, *dark, *lit.warnings)
-    choice = replace(choice, reasons=(*choice.reasons, *lit.reasons))
+    warnings = (*notes, *parts.warnings, *lighting.warnings, *dark, *lit.warnings, *denoising.warnings)
+    choice = replace(choice, reasons=(*choice.reasons, *lit.reasons, *denoising.reasons))
     report = _summary(solution, settings, choice, len(parts.patches), stages.seconds, devices, warnings)
+    image, display = store.image(next(iter(made.values()))), next(iter(passes.values()))
     return Lightmap(atlases, image, display, store.has_patch, store.known, report, passes)
+
+
+def _finished(
+    stages: BakeStages,
+    store: LightmapStore,
+    denoising: Denoising,
+    settings: Settings,
+    triangles: Triangles,
+    shown: dict[str, np.ndarray],
+) -> Generator[Progress, None, dict[str, np.ndarray]]:
+    """Return the images to keep of what texels show, (atlases, r, r, 3 or 1) float32, by name."""
+    if settings.denoise:
+        light = {name: shown[name] for name in settings.light_outputs}
+        shown |= yield from stages.run(stages.denoising, denoising.run(light))
+    yield stages.begin(stages.images)
+    if settings.hide_seams:
+        store.hide_seams(triangles)
+    passes = {name: store.final(images) for name, images in shown.items()}
+    yield stages.end()
+    return passes
 
 
 def _summary(

@@ -21,6 +21,10 @@ class DeviceError(EngineError):
     """No usable OpenGL or OpenCL device; the message says what to install."""
 
 
+class DenoiseError(EngineError):
+    """Open Image Denoise is not there, or failed; lightmaps stay as they were baked."""
+
+
 class PatchFileError(EngineError):
     """A patch file is truncated, damaged, foreign or of another version."""
 

@@ -16,7 +16,7 @@ from .errors import SettingsError
 PREFERENCES = "preferences"
 
 #: Panels of the interface that hold settings, in their order.
-PANELS = ("bake", "outputs", "advanced", "memory", "paper", PREFERENCES)
+PANELS = ("bake", "quality", "outputs", "advanced", "memory", "paper", PREFERENCES)
 
 
 class Option(NamedTuple):

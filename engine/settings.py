@@ -78,6 +78,14 @@ _TEXEL_SAMPLES = {
     },
 }
 
+_DENOISE_DEVICES = {
+    "cpu": Option("Processor", "Always there"),
+    "cuda": Option("CUDA", "A graphics card of NVIDIA"),
+    "hip": Option("HIP", "A graphics card of AMD"),
+    "sycl": Option("SYCL", "A graphics card of Intel"),
+    "metal": Option("Metal", "Apple's graphics"),
+}
+
 _BYTES = Span(0, 1 << 50, "bytes", ("MiB", 1 << 20))
 
 
@@ -166,6 +174,14 @@ class Settings:
     dilation: int = described(
         8, "Dilation", "How far charts are extended in the stored image", Span(0, 256, "texels")
     )
+    denoise: bool = described(
+        False,
+        "Denoise",
+        "Remove the noise of few rays from maps of light with Open Image Denoise, which comes with Blender; "
+        "texels are compared with those around them, so details smaller than the noise are lost",
+        Switch(),
+        "quality",
+    )
     patch_file: str | None = described(
         None,
         "Patch List",
@@ -178,6 +194,13 @@ class Settings:
         "Device that casts rays and sums light, as platform: device; empty for the first graphics card, else "
         "the first device that works",
         DeviceName(),
+        PREFERENCES,
+    )
+    denoise_device: str = described(
+        "cpu",
+        "Denoise Device",
+        "What Open Image Denoise computes with; the processor where that is not there",
+        OneOf(_DENOISE_DEVICES),
         PREFERENCES,
     )
     memory_budget: int = described(
@@ -226,6 +249,13 @@ class Settings:
     )
     intermediates: bool = described(
         True, "Intermediate Lightmaps", "Yield the lightmaps so far after each iteration", Switch(), None
+    )
+    denoise_library: str | None = described(
+        None,
+        "Denoise Library",
+        "File of Open Image Denoise; None for that of an installed Python package",
+        FilePath(),
+        None,
     )
     cache_dir: str | None = described(
         None, "Kernel Cache", "Folder for compiled kernels; None for PyOpenCL's own", FilePath(), None

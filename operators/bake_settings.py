@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..engine.settings import Settings, check_settings, kept_with_scene
+from .denoise_library import denoise_library
 from .preferences import machine_settings
 from .properties import HemibakeSceneProperties
 from .setting_properties import setting_values
@@ -26,5 +27,5 @@ def machine_defaults() -> Settings:
 
 
 def _machine() -> dict[str, Any]:
-    cache = cache_folder()
-    return {**machine_settings(), "cache_dir": None if cache is None else str(cache)}
+    files = {"cache_dir": cache_folder(), "denoise_library": denoise_library()}
+    return machine_settings() | {name: None if path is None else str(path) for name, path in files.items()}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -15,6 +15,8 @@ from .user_files import read_paces
 
 if TYPE_CHECKING:
     from ..engine.progress import Progress
+    from ..engine.scene.model import Scene
+    from ..engine.settings import Settings
     from ..engine.worker.process import Job
     from ..engine.worker.worker import Worker
 
@@ -54,9 +56,16 @@ class WorkerOwner:
 
     def bake(self) -> Callable:
         """Return the `engine.bake` to use: in a window that of the worker, which keeps crashes out of it."""
-        if bpy.app.background:
-            return lambda scene, settings: session.bake(scene, settings, self.paces)
-        return self.bake_in_worker()
+        return self._bake_without_window if bpy.app.background else self.bake_in_worker()
+
+    def _bake_without_window(self, scene: Scene, settings: Settings) -> Generator:
+        """Bake in this process; in the worker if the light is denoised.
+
+        Blender has its own Open Image Denoise and TBB in its process: a package's may be of other versions.
+        """
+        if settings.denoise:
+            return self.bake_in_worker()(scene, settings)
+        return session.bake(scene, settings, self.paces)
 
     def bake_in_worker(self) -> Callable:
         """Return an `engine.bake` that the worker does."""

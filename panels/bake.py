@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..engine.settings import shown_in
+from ..operators.denoise_library import denoise_library
 from ..operators.result.preview import shows_preview
 from .presets import draw_presets
 from .progress import draw_bake_button
@@ -24,6 +25,7 @@ class HEMIBAKE_PT_bake(Sidebar, bpy.types.Panel):
         split_properties(layout)
         _draw_size(layout.column(), settings)
         layout.prop(settings, "quality")
+        _draw_denoise(layout, settings)
         button = layout.row()
         button.scale_y = 1.6
         draw_bake_button(button)
@@ -42,6 +44,16 @@ def _draw_size(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) ->
     for name in ("texels_per_metre", "largest_width"):
         layout.prop(settings, name)
     layout.label(text=f"About {settings.planned_width:,} x {settings.planned_width:,} texels", icon="BLANK1")
+
+
+def _draw_denoise(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
+    """Show what is done about noise, greyed with the reason where there is no Open Image Denoise."""
+    column = layout.column()
+    column.active = denoise_library() is not None
+    for name in shown_in("quality"):
+        column.prop(settings, name)
+    if not column.active:
+        column.label(text="No Open Image Denoise in this Blender", icon="INFO")
 
 
 CLASSES = (HEMIBAKE_PT_bake,)

@@ -40,7 +40,7 @@ class LightmapStore:
         self._hidden = np.zeros(len(self._chosen), bool)
         self._fit: DisplayFit | None = None
         self._means = TexelMeans(no_samples(), np.zeros(0, bool), resolution)
-        self._dark = self._texel[:0]
+        self._dark = self._point_texels = self._texel[:0]
         self.has_patch = np.zeros((atlases, resolution, resolution), bool)
         self.has_patch.ravel()[self._texel] = True
         self._empty = np.flatnonzero(~self.has_patch)
@@ -61,47 +61,43 @@ class LightmapStore:
 
     def image(self, values: np.ndarray) -> np.ndarray:
         """Return the patches' values, (n, 3) or (n,), as (atlases, r, r, 3) float32, 0 elsewhere."""
-        image = np.empty((self.has_patch.size, 3), np.float32)
-        colors = np.broadcast_to(values.reshape(len(values), -1), (len(values), 3))
-        np.take(colors, self._patch, axis=0, out=image, mode="clip")
-        image[self._empty] = image[self._dark] = 0
-        return image.reshape(*self.has_patch.shape, 3)
+        return _coloured(self._scattered(values))
 
     def display(self, values: np.ndarray) -> np.ndarray:
         """Return the patches' values as images with hidden texels filled and charts dilated."""
         return self._dilated(self.image(values))
 
-    def refine(self, means: TexelMeans, triangles: Triangles | None) -> None:
-        """Let texels of `final` images show the means of their samples.
-
-        triangles  of the scene, to find the seams between charts: they show the same on both sides; None
-                   leaves them
-        """
+    def refine(self, means: TexelMeans) -> None:
+        """Let texels show the means of their samples."""
         self._means, self._dilations = means, []
-        if triangles is not None:
-            self._fit_seams(triangles)
 
-    def _fit_seams(self, triangles: Triangles) -> None:
-        """Find the seams between charts."""
+    def hide_seams(self, triangles: Triangles) -> None:
+        """Find the seams between charts of a scene: `final` images show the same on both sides."""
         resolution = self._patches.resolution
         seams = find_seams(triangles, len(self.has_patch), resolution)
-        points = patch_points(triangles, self._patches.part(self._plain))
+        plain = self._plain
+        points = patch_points(triangles, self._patches.part(self._chosen[plain]))
         refined = centre_points(self._means.texels, resolution)
+        self._point_texels = np.concatenate([self._texel[plain], self._means.texels])
         self._fit = DisplayFit(joined_points(points, refined), seams, self.has_patch, self._rings)
 
-    def final(self, values: np.ndarray, samples: np.ndarray | None) -> np.ndarray:
-        """Return the light as the images to keep: without seams, if `refine` found them.
+    def texels(self, values: np.ndarray, samples: np.ndarray | None) -> np.ndarray:
+        """Return what every texel shows for itself, (atlases, r, r, 3) or (atlases, r, r, 1) float32.
 
         values   (n, 3) or (n,) float32, of the patches
         samples  (s, 3) or (s,) float32, of the samples of texels; None if there are none
         """
-        means = self._means.of(np.zeros((0, 3)) if samples is None else samples)
+        images = self._scattered(values)
+        if samples is not None:
+            texels = images.reshape(-1, images.shape[-1])
+            texels[self._means.texels] = self._means.of(samples)[:, : texels.shape[1]]
+        return images
+
+    def final(self, texels: np.ndarray) -> np.ndarray:
+        """Return what `texels` returned as the images to keep; see `hide_seams`."""
         if self._fit is None:
-            image = self.image(values)
-            image.reshape(-1, 3)[self._means.texels] = means
-            return self._dilated(image)
-        plain = values.reshape(len(values), -1)[self._plain]
-        return self._fit.images(np.concatenate([np.broadcast_to(plain, (len(plain), 3)), means]))
+            return _coloured(self._dilated(texels))
+        return self._fit.images(texels.reshape(-1, texels.shape[-1])[self._point_texels])
 
     @property
     def known(self) -> np.ndarray:
@@ -114,11 +110,19 @@ class LightmapStore:
 
     @property
     def _plain(self) -> np.ndarray:
-        """Numbers of the patches that count, in texels that show their centres alone."""
+        """Which chosen patches count, in texels that show their centres alone, (m,) bool."""
         refined = np.zeros(self.has_patch.size, bool)
         refined[self._means.texels] = refined[self._means.hidden] = True
-        plain: np.ndarray = self._chosen[~self._hidden & ~refined[self._texel]]
+        plain: np.ndarray = ~self._hidden & ~refined[self._texel]
         return plain
+
+    def _scattered(self, values: np.ndarray) -> np.ndarray:
+        """Return the patches' values, (n, 3) or (n,), as (atlases, r, r, 3 or 1) float32, 0 elsewhere."""
+        channels = values.reshape(len(values), -1)
+        image = np.empty((self.has_patch.size, channels.shape[1]), np.float32)
+        np.take(channels, self._patch, axis=0, out=image, mode="clip")
+        image[self._empty] = image[self._dark] = 0
+        return image.reshape(*self.has_patch.shape, channels.shape[1])
 
     def _dilated(self, images: np.ndarray) -> np.ndarray:
         """Return images with hidden texels filled and charts dilated."""
@@ -128,3 +132,8 @@ class LightmapStore:
         for dilation, image in zip(self._dilations, filled, strict=True):
             dilation.fill(image)
         return filled
+
+
+def _coloured(images: np.ndarray) -> np.ndarray:
+    """Return images of one channel or three, (..., c), with three, (..., 3)."""
+    return np.ascontiguousarray(np.broadcast_to(images, (*images.shape[:-1], 3)))

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 #: lightmap; of a processor to cast a ray or to draw a texel of a hemicube.
 _OPENING, _CHOOSING, _TEXEL, _RAY = 0.5, 0.5, 1e-7, 2e-7
 
+#: Seconds that a processor takes to denoise a texel.
+_FILTERED = 1.5e-6
+
 #: A graphics card casts rays faster than a processor by about this factor.
 _CARD = 500
 
@@ -67,7 +70,8 @@ class BakeStages(Schedule):
         patches    texels                  bounces     samples of patches, times sweeps
         direct     shadow rays             final       samples of patches
         choosing   once                    outputs     rays
-        texels     samples of patches      images      texels
+        texels     samples of patches      denoising   texels
+        images     texels
 
     paces  seconds that a unit of each stage took in earlier bakes, by its name; `learn` adds to them
     """
@@ -89,6 +93,8 @@ class BakeStages(Schedule):
         self.final = self._stage("Final gather", 0, _RAY)
         self.outputs = self._stage("Outputs", 0, _RAY)
         self.texels = self._stage("Texels", 0, _RAY)
+        filtered = texels * len(settings.light_outputs) if settings.denoise else 0
+        self.denoising = self._stage("Denoising", filtered, _FILTERED)
         self.images = self._stage("Images", texels * len(settings.outputs), _TEXEL)
         self._casting = (self.direct, self.visibility, self.bounces, self.final, self.outputs, self.texels)
         super().__init__(list(self._names))
@@ -106,6 +112,7 @@ class BakeStages(Schedule):
             "hemicubes": sum(stage.seconds for stage in solving),
             "outputs": self.outputs.seconds + self.images.seconds,
             "texels": self.texels.seconds,
+            "denoising": self.denoising.seconds,
         }
 
     def opened(self, card: bool) -> None:

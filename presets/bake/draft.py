@@ -5,5 +5,6 @@ import bpy
 settings = bpy.context.scene.hemibake
 
 settings.quality = "draft"
+settings.denoise = True
 settings.iterations = 50
 settings.tolerance = 0.01

@@ -5,5 +5,6 @@ import bpy
 settings = bpy.context.scene.hemibake
 
 settings.quality = "preview"
+settings.denoise = False
 settings.iterations = 50
 settings.tolerance = 0.002

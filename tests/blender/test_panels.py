@@ -289,7 +289,7 @@ def test_preset_is_custom_once_a_value_differs():
     import bpy
 
     settings = bpy.context.scene.hemibake
-    settings.quality = "draft"
+    settings.quality, settings.denoise = "draft", True
     settings.tolerance = 0.01
     assert draw("HEMIBAKE_PT_bake")[0] == "Draft"
     settings.iterations = 3

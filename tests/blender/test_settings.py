@@ -9,7 +9,7 @@ def read():
     import bpy
 
     settings = part("operators.bake_settings").read_settings(bpy.context.scene.hemibake)
-    return replace(settings, cache_dir=None)
+    return replace(settings, cache_dir=None, denoise_library=None)
 
 
 def unset_all():
@@ -52,12 +52,12 @@ def preferences():
         group.property_unset(name)
 
 
-MACHINE = {"memory_budget", "batch_bytes", "opencl_device"}
+MACHINE = {"memory_budget", "batch_bytes", "opencl_device", "denoise_device"}
 
 
 @pytest.mark.parametrize(
     ("name", "given", "taken"),
-    [("memory_budget", 3, 3 << 20), ("batch_bytes", 1, 1 << 20),
+    [("memory_budget", 3, 3 << 20), ("batch_bytes", 1, 1 << 20), ("denoise_device", "cuda", "cuda"),
      ("opencl_device", "CUDA: Card B", "CUDA: Card B"), ("opencl_device", "", None)],
 )  # fmt: skip
 def test_preferences_become_settings_of_every_scene(preferences, name, given, taken):

@@ -1,0 +1,55 @@
+"""Denoised bakes: nearer to the exact light, with nothing changed that is no light."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from engine import Settings
+from tests.analytic.drive import drive, drive_with_progress
+from tests.analytic.scenes import nine_quad_room
+from tests.gpu.test_hide_seams import tiles
+from tests.tools.real_denoiser import LIBRARY, needs_library
+
+#: 16 rays a patch are noisy.
+NOISY = Settings(
+    resolution=53, visibility="rays", samples=16, light_samples=4, iterations=2, intermediates=False,
+    outputs=("ambient_occlusion", "combined", "direct", "indirect", "shadow_mask"), ao_samples=16,
+    denoise_library=str(LIBRARY),
+)  # fmt: skip
+EXACT = replace(NOISY, samples=4096, light_samples=1024)
+
+
+def error(lightmap, exact, name):
+    off = (lightmap.passes[name] - exact.passes[name])[exact.known]
+    return np.sqrt(np.mean(off**2)) / exact.passes[name][exact.known].mean()
+
+
+@needs_library
+def test_denoised_light_is_nearer_to_the_exact_one_and_masks_keep_their_bits():
+    scene = tiles()
+    noisy, exact = drive(scene, NOISY), drive(scene, EXACT)
+    quiet = drive(scene, replace(NOISY, denoise=True))
+    assert (quiet.image == noisy.image).all() and (quiet.known == noisy.known).all()
+    for name in ("combined", "indirect"):
+        assert error(quiet, exact, name) < error(noisy, exact, name) / 1.5, name
+    for name in ("ambient_occlusion", "shadow_mask Lamp"):
+        assert (quiet.passes[name] == noisy.passes[name]).all(), name
+    assert any("Open Image Denoise 2" in reason for reason in quiet.report.reasons)
+    assert not quiet.report.warnings and quiet.report.seconds["denoising"] > 0
+
+
+@needs_library
+def test_denoising_is_a_stage_of_the_bake():
+    scene, settings = nine_quad_room(), replace(NOISY, resolution=64, outputs=("combined",), denoise=True)
+    stages = [progress.stage for progress in drive_with_progress(scene, settings)[1]]
+    assert stages.index("Texels") < stages.index("Denoising") < stages.index("Images")
+    without = [progress.stage for progress in drive_with_progress(scene, replace(settings, denoise=False))[1]]
+    assert "Denoising" not in without
+
+
+def test_a_library_that_cannot_be_loaded_leaves_the_lightmap_and_is_a_warning(tmp_path):
+    settings = replace(NOISY, resolution=64, outputs=("combined",), denoise_library=str(tmp_path / "no.so"))
+    noisy, kept = (drive(nine_quad_room(), replace(settings, denoise=on)) for on in (False, True))
+    assert (noisy.display == kept.display).all()
+    (warning,) = kept.report.warnings
+    assert warning.startswith("The lightmaps were not denoised. Open Image Denoise cannot be loaded")

@@ -1,0 +1,150 @@
+"""Measures what Denoise does to the error of lightmaps, in four scenes, and writes a picture of one.
+
+    python tools/denoise.py --scenes FOLDER [--only NAME ...] [--out out/denoise] [--page docs/quality.md]
+
+The truth is the mean of bakes with 1,024 rays a patch and 256 to each light. An error is the RMSE of texels
+that are not filled, relative to their mean. FOLDER holds house.glb, with an HDRI, and living_room.blend.
+With --page the table between the two marks of that file is replaced, and the picture is written beside it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path[:0] = [str(ROOT), str(ROOT / "examples")]
+
+from tools.headless import MODULE, blender, load, quiet_stdout  # noqa: E402
+
+_MARKS = ("<!-- denoise: made by tools/denoise.py -->", "<!-- end of denoise -->")
+
+#: Rays of a patch, with those to each light, that are measured; the first is that of the table's times.
+_RAYS = {64: 16, 32: 16, 16: 16}
+
+#: Bakes whose mean is the truth, and the settings of each.
+_BAKES, _TRUTH = 16, {"samples": 1024, "light_samples": 256}
+
+#: Names of the scenes: of a tool's or of a folder's.
+_SCENES = ("cornell", "sphere", "house", "living_room")
+
+#: Of which scene a picture is made, and the part of the lightmap's height that it shows.
+_PICTURE, _PART = "cornell", 0.5
+
+
+def main() -> None:
+    """Bake every scene with and without Denoise."""
+    options = parse()
+    with blender():
+        options.out.mkdir(parents=True, exist_ok=True)
+        lines = []
+        for name in options.only or _SCENES:
+            lines.append(_line(name, options))
+            print(lines[-1], flush=True)
+    if options.page:
+        _replace_table(options.page, lines)
+
+
+def parse() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--scenes", type=Path, required=True, help="folder with scenes")
+    parser.add_argument("--only", nargs="+", choices=_SCENES, help="names of scenes")
+    parser.add_argument("--resolution", type=int, default=256, help="of the lightmaps, texels")
+    parser.add_argument("--out", type=Path, default=ROOT / "out" / "denoise", help="folder of the picture")
+    parser.add_argument("--page", type=Path, help="page whose table is replaced")
+    options = parser.parse_args()
+    options.out = options.out.resolve()
+    return options
+
+
+def _build(name: str, folder: Path) -> None:
+    """Build or open a scene in an empty file."""
+    import bpy
+
+    from tools.verification import scenes, seam_scenes
+
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    scenes.register_files(folder)
+    if name == "cornell":
+        importlib.import_module("cornell_box").build()
+    else:
+        (scenes.SCENES | seam_scenes.SCENES)[name]()
+
+
+def _line(name: str, options: argparse.Namespace) -> str:
+    """Bake a scene; return its line of the table."""
+    import bpy
+
+    from tools.verification.run import read_for_bake
+
+    with quiet_stdout():
+        _build(name, options.scenes)
+        bpy.context.scene.hemibake.resolution = options.resolution
+        read, settings = read_for_bake(bpy.context)
+    settings = replace(settings, visibility="rays", intermediates=False)
+    truth = _truth(read.scene, settings)
+    figures, pairs = [], []
+    for rays, light_rays in _RAYS.items():
+        noisy = replace(settings, samples=rays, light_samples=light_rays, seed=4711)
+        pairs.append([_baked(read.scene, replace(noisy, denoise=on)) for on in (False, True)])
+        figures.append(" → ".join(f"{_error(lightmap, truth):.2%}" for lightmap in pairs[-1]))
+    plain, quiet = pairs[0]
+    if name == _PICTURE:
+        _write_picture([plain.display, quiet.display, truth], options.out / f"denoise_{name}.png")
+    times = plain.report.seconds["hemicubes"], quiet.report.seconds["denoising"]
+    return _cells(name, f"{plain.known.sum():,}", *figures, *(f"{seconds:.2f}" for seconds in times))
+
+
+def _truth(scene, settings) -> np.ndarray:
+    """Return the light without noise, as lightmaps show it."""
+    bakes = (_baked(scene, replace(settings, seed=seed, **_TRUTH)) for seed in range(_BAKES))
+    return sum(lightmap.display.astype(np.float64) for lightmap in bakes) / _BAKES
+
+
+def _baked(scene, settings):
+    """Return the lightmap of an engine's scene, from the worker as in a window."""
+    owner = importlib.import_module(f"{MODULE}.operators.worker_owner").owner
+    progress = importlib.import_module(f"{MODULE}.engine.progress")
+    return progress.finished(owner.bake_in_worker()(scene, settings))
+
+
+def _error(lightmap, truth: np.ndarray) -> float:
+    """Return the RMSE of the texels that are not filled, relative to their mean."""
+    exact = truth[lightmap.known]
+    return float(np.sqrt(np.mean((lightmap.display[lightmap.known] - exact) ** 2)) / exact.mean())
+
+
+def _write_picture(lightmaps: list[np.ndarray], path: Path) -> None:
+    """Write a part of some lightmaps beside each other, equally exposed."""
+    rows = int(_PART * lightmaps[0].shape[1])
+    pixels = np.concatenate([lightmap[0, :rows] for lightmap in lightmaps], axis=1)
+    pictures = load("operators.command_line.pictures")
+    with quiet_stdout():
+        pictures.write_png(pictures.exposed(pixels), path)
+
+
+def _cells(*cells: str) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _replace_table(page: Path, lines: list[str]) -> None:
+    """Replace the table between the marks of a page."""
+    text = page.read_text(encoding="utf-8")
+    before, rest = text.split(_MARKS[0])
+    _, after = rest.split(_MARKS[1])
+    titles = ["scene", "texels", *(f"{rays} rays" for rays in _RAYS), "s for bounces", "s to denoise"]
+    table = "\n".join([_cells(*titles), "|---" * len(titles) + "|", *lines])
+    date = time.strftime("%Y-%m-%d")
+    page.write_text(
+        f"{before}{_MARKS[0]}\n{table}\n\nMeasured on {date}.\n{_MARKS[1]}{after}", encoding="utf-8"
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -41,6 +41,7 @@ def _classes() -> tuple[type, ...]:
         bake,
         cancel,
         checks,
+        export,
         last_bake,
         lightmaps,
         preferences,
@@ -54,7 +55,7 @@ def _classes() -> tuple[type, ...]:
     )
 
     modules = (
-        properties, presets, bake, cancel, checks, unwrap, uv_modifiers, lightmaps, preview, select,
-        last_bake, preferences, self_test,
+        properties, presets, bake, cancel, checks, unwrap, uv_modifiers, lightmaps, preview, export,
+        select, last_bake, preferences, self_test,
     )  # fmt: skip
     return tuple(cls for module in modules for cls in module.CLASSES)

@@ -12,6 +12,15 @@ PATH_OPTIONS = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) 
 FILE_EVENTS = [name for name in ("save_pre", "blend_import_post") if hasattr(bpy.app.handlers, name)]
 
 
+def gltf_binary_data() -> type:
+    """Return what Blender's glTF exporter takes for bytes of a buffer; its module was renamed after 4.2."""
+    try:
+        from io_scene_gltf2.io.exp.binary_data import BinaryData
+    except ModuleNotFoundError:
+        from io_scene_gltf2.io.exp.gltf2_io_binary_data import BinaryData
+    return BinaryData
+
+
 def node_tree(datablock: bpy.types.Material | bpy.types.World) -> bpy.types.NodeTree | None:
     """Return the shader nodes in use, or None.
 

@@ -62,6 +62,7 @@ class HEMIBAKE_PT_lightmaps(SubPanel, bpy.types.Panel):
         row.operator("hemibake.lightmap_repack", text="Repack")
         row.operator("hemibake.lightmap_unwrap", text="Re-unwrap")
         layout.operator("hemibake.unwrap", icon="UV")
+        layout.operator("hemibake.export_for_engine", icon="EXPORT")
 
 
 def _figures(scene: bpy.types.Scene, entry: bpy.types.PropertyGroup) -> tuple[str, str, str]:

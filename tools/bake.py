@@ -43,7 +43,7 @@ def run(given: argparse.Namespace, heard: signals.Signals) -> dict:
         command.prepare(given)
         if given.verify is not None:
             check_verify(given.verify)
-        report = command.bake(given, heard)
+        report = command.export(given, command.bake(given, heard))
         if given.verify is not None:
             report["verify"], path = verify_bake(given.verify, given.out.resolve())
             report["files"].append(path)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from argparse import Namespace
 from pathlib import Path
 
-from .command import bake, check_paths, execute, prepare, save
+from .command import bake, check_paths, execute, export, prepare, save
 from .options import parser
 from .signals import Signals
 
@@ -46,4 +46,4 @@ def _bake(options: Namespace, signals: Signals) -> dict:
     check_paths(options)
     with signals.heard():
         prepare(options)
-        return save(options, bake(options, signals))
+        return save(options, export(options, bake(options, signals)))

@@ -52,11 +52,14 @@ def execute(arguments: Sequence[str], parser: Parser, work: Work) -> int:
 
 
 def check_paths(options: argparse.Namespace) -> None:
-    """Raise CommandError if there is no such scene, or the baked one could not be saved."""
+    """Raise CommandError if there is no such scene, or the baked one could not be saved or exported."""
     if options.scene is not None:
         _check_scene(options.scene.resolve())
-    if options.save_blend is not None:
-        _check_place(options.save_blend.resolve())
+    if options.export is not None and options.export.suffix.lower() not in _EXPORTED:
+        raise CommandError(f"'{options.export.name}' is no name of a glTF file: use {', '.join(_EXPORTED)}.")
+    for path in (options.export, options.save_blend):
+        if path is not None:
+            _check_place(path.resolve())
 
 
 def prepare(options: argparse.Namespace) -> None:
@@ -79,6 +82,17 @@ def bake(options: argparse.Namespace, signals: Signals) -> dict:
     report = json.loads(bpy.context.scene.hemibake.report)
     report["files"] += _write_pictures(report["images"], options.out.resolve())
     return report
+
+
+def export(options: argparse.Namespace, report: dict) -> dict:
+    """Write a glTF file with the lightmaps if that is asked for; return the report, with the file."""
+    import bpy
+
+    if options.export is None:
+        return report
+    path = str(options.export.resolve())
+    bpy.ops.hemibake.export_for_engine(filepath=path)
+    return {**report, "files": [*report["files"], path]}
 
 
 def save(options: argparse.Namespace, report: dict) -> dict:
@@ -150,6 +164,8 @@ def _start_empty() -> None:
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
 
 
+#: Endings of files that a scene can be exported to, and what opens each kind of scene.
+_EXPORTED = (".glb", ".gltf")
 _OPENERS = {".blend": _open_blend, ".glb": _import_gltf, ".gltf": _import_gltf, ".obj": _import_obj}
 
 

@@ -45,6 +45,12 @@ def parser(program: str, description: str) -> Parser:
         made.add_argument(f"--{name.replace('_', '-')}", type=kind, metavar=word, help=text)
     made.add_argument("--world", type=colour, metavar="R,G,B", help="replace the world by this radiance")
     made.add_argument("--save-blend", type=Path, metavar="FILE", help="save the baked scene")
+    made.add_argument(
+        "--export",
+        type=Path,
+        metavar="FILE",
+        help="write the baked scene as .glb or .gltf with lightmaps",
+    )
     made.add_argument("--json", action="store_true", help="end with one JSON object")
     return made
 

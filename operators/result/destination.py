@@ -56,9 +56,9 @@ def choose_destination(
     if relative and not bpy.data.filepath:
         return Destination(None, tuple(_names(scene.name, "", atlases, set(), lambda name: True)), directory)
     folder = Path(os.path.abspath(bpy.path.abspath(directory)))
-    blend = _blend_from(folder)
+    blend = blend_from(folder)
     try:
-        _try_folder(folder, changes)
+        try_folder(folder, changes)
         others = {path.name.casefold() for path in _files_of_other_scenes(scene) if path.parent == folder}
         stem = Path(bpy.data.filepath).stem if relative else ""
         known = read_manifest(folder)
@@ -70,7 +70,7 @@ def choose_destination(
         ) from error
 
 
-def _blend_from(folder: Path) -> str:
+def blend_from(folder: Path) -> str:
     """Return the path of the .blend as seen from a folder; absolute if it is on another drive."""
     blend = bpy.data.filepath
     try:
@@ -79,7 +79,7 @@ def _blend_from(folder: Path) -> str:
         return Path(blend).as_posix()
 
 
-def _try_folder(folder: Path, changes: Changes) -> None:
+def try_folder(folder: Path, changes: Changes) -> None:
     """Make a folder and write a file into it; raises OSError."""
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     changes.add(lambda: _remove_folders(made))

@@ -9,6 +9,7 @@ import time
 
 import pytest
 
+from tests.blender.gltf_file import GltfFile
 from tests.blender.things import SQUARE_UVS, furnace, part, pixels, square
 from tools.headless import ROOT, disable, enable
 
@@ -41,7 +42,7 @@ def test_scene_is_baked_and_told_as_one_json_object(tmp_path):
     import bpy
 
     (tmp_path / "scene.obj").write_text(OBJ)
-    out, blend = tmp_path / "out", tmp_path / "saved.blend"
+    out, blend, exported = tmp_path / "out", tmp_path / "saved.blend", tmp_path / "for web" / "saved.glb"
     done = command(
         tmp_path / "scene.obj",
         "--out",
@@ -54,13 +55,17 @@ def test_scene_is_baked_and_told_as_one_json_object(tmp_path):
         "1,2,3",
         "--save-blend",
         blend,
+        "--export",
+        exported,
         "--json",
     )
     assert done.returncode == 0, done.stderr
     (line,) = done.stdout.splitlines()
     facts = json.loads(line)
     assert facts["objects"] == 1 and facts["patches"] > 100
-    assert set(facts["files"]) == {str(out / "Lightmap.exr"), str(out / "Lightmap.png"), str(blend)}
+    files = (out / "Lightmap.exr", out / "Lightmap.png", exported, blend)
+    assert set(facts["files"]) == set(map(str, files))
+    assert GltfFile(exported).json["materials"][0]["extensions"]["MOZ_lightmap"]["texCoord"] == 1
     assert blend.is_file() and (out / "Lightmap.png").is_file()
     image = bpy.data.images.load(str(out / "Lightmap.exr"))
     image.colorspace_settings.name = "Linear Rec.709"

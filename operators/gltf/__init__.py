@@ -1,0 +1,1 @@
+"""glTF files with lightmaps, which Blender's own exporter writes."""

@@ -1,0 +1,86 @@
+"""glTF materials with lightmaps: copies of those that Blender's exporter has made."""
+
+from __future__ import annotations
+
+import copy
+
+from io_scene_gltf2.io.com import gltf2_io
+from io_scene_gltf2.io.com.gltf2_io_extensions import Extension
+
+from .encoded import RADIANCE, EncodedLightmap
+
+#: Of the glTF specification: GL_LINEAR, and GL_CLAMP_TO_EDGE.
+_LINEAR, _CLAMP = 9729, 33071
+
+#: Colour of a surface without a material, as in previews.
+_GREY = 0.8
+
+
+class LitMaterials:
+    """Materials with lightmaps, one for each of both; the second UV set is that of the lightmap.
+
+    binary  makes what the exporter takes for binary data; None if images are files of their own
+    uris    of these files, by the names of the lightmaps
+    """
+
+    def __init__(self, binary, uris: dict[str, str]) -> None:
+        self._binary, self._uris = binary, uris
+        self._sampler = gltf2_io.Sampler(None, None, _LINEAR, _LINEAR, None, _CLAMP, _CLAMP)
+        self._textures: dict[str, gltf2_io.Texture] = {}
+        self._materials: dict[tuple, tuple[gltf2_io.Material | None, gltf2_io.Material]] = {}
+
+    def lit(
+        self, material: gltf2_io.Material | None, lightmap: EncodedLightmap, swapped: int
+    ) -> gltf2_io.Material:
+        """Return a material that shows a lightmap.
+
+        swapped: UV set that changes places with the second one; 1 if none does
+        """
+        key = (id(material), lightmap.name, swapped)
+        if key not in self._materials:
+            made = _grey() if material is None else _swapped(material, swapped)
+            extension = {"index": self._texture(lightmap), "texCoord": 1, "intensity": lightmap.intensity}
+            lightmaps = {"MOZ_lightmap": Extension("MOZ_lightmap", extension, required=False)}
+            made.extensions = {**(made.extensions or {}), **lightmaps}
+            # The original is kept, too, so that nothing else gets its id.
+            self._materials[key] = material, made
+        return self._materials[key][1]
+
+    def _texture(self, lightmap: EncodedLightmap) -> gltf2_io.Texture:
+        """Return the texture of a lightmap; glTF itself knows no HDR images, MOZ_texture_rgbe does."""
+        if lightmap.name not in self._textures:
+            image, extensions = self._image(lightmap), None
+            if lightmap.kind == RADIANCE:
+                source = {"source": image}
+                extensions = {"MOZ_texture_rgbe": Extension("MOZ_texture_rgbe", source, required=False)}
+                image = None
+            texture = gltf2_io.Texture(extensions, None, lightmap.name, self._sampler, image)
+            self._textures[lightmap.name] = texture
+        return self._textures[lightmap.name]
+
+    def _image(self, lightmap: EncodedLightmap) -> gltf2_io.Image:
+        uri = self._uris.get(lightmap.name)
+        view = None if uri else self._binary(lightmap.data)
+        return gltf2_io.Image(view, None, None, lightmap.kind, lightmap.name, uri)
+
+
+def _grey() -> gltf2_io.Material:
+    """Return the material of a surface without one."""
+    factors = gltf2_io.MaterialPBRMetallicRoughness(
+        [_GREY, _GREY, _GREY, 1.0], None, None, None, 0.0, None, 1.0
+    )
+    return gltf2_io.Material(None, None, True, None, None, None, None, "No material", None, None, factors)
+
+
+def _swapped(value: object, swapped: int) -> object:
+    """Return a copy of a material, or of a part of one, whose textures have other UV sets; these stay."""
+    if isinstance(value, dict):
+        return {name: _swapped(part, swapped) for name, part in value.items()}
+    if not hasattr(value, "__dict__") or isinstance(value, gltf2_io.Texture):
+        return value
+    made = copy.copy(value)
+    for name, part in vars(value).items():
+        setattr(made, name, _swapped(part, swapped))
+    if hasattr(made, "tex_coord"):
+        made.tex_coord = {swapped: 1, 1: swapped}.get(made.tex_coord or 0, made.tex_coord)
+    return made

@@ -11,7 +11,7 @@ READY45 := .venv-bpy45/.ready
 WHEELS := out/wheels/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-4.5 test-long package test-package test-package-short test-gui gui-picture fuzz-short fuzz verify bench bench-gpu lint setup locks clean
+.PHONY: help demo test test-4.5 test-long package test-package test-package-short test-gui test-export gui-picture fuzz-short fuzz verify bench bench-gpu lint setup locks clean
 
 help: ## list the targets
 	@grep -E '^[a-z0-9.-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9.-]+):.*## /\1\t/' | expand -t 20
@@ -50,6 +50,9 @@ test-package-short: setup package ## the same in the Blenders that are there
 
 test-gui: setup $(WHEELS) ## bake, cancel, preview, undo and save in a real window of Debian's Blender; pictures in out/gui
 	.venv/bin/python -m pytest tests/gui
+
+test-export: setup ## show exported files with three.js in headless Chromium, pixel by pixel against the preview
+	.venv/bin/python -m pytest tests/export
 
 gui-picture: package ## take the picture of Blender in README.md anew
 	.venv/bin/python -m tools.gui.docs_picture out/package/hemibake-*-linux_x64.zip docs/blender.png

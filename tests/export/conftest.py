@@ -1,0 +1,24 @@
+"""Blender with Hemibake enabled, and engines that show what it exports."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from tools.engines import three
+from tools.headless import blender
+
+
+@pytest.fixture(scope="session")
+def engine():
+    """Return what renders exported files with three.js."""
+    missing = three.missing()
+    if missing:
+        pytest.skip(f"{missing}: exports are not shown with three.js")
+    three.install()
+    return three
+
+
+@pytest.fixture(scope="session")
+def hemibake() -> Iterator[None]:
+    with blender():
+        yield

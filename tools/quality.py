@@ -68,9 +68,8 @@ def main() -> None:
             print(f"{room}, {QUALITIES[name].label}: {figures}", flush=True)
     for name, (plain, denoised) in worst.items():
         quality = QUALITIES[name]
-        print(
-            f"{quality.label}: at most {plain:.2%}, described as {quality.error:.1%}; denoised {denoised:.2%}"
-        )
+        told = f"told as {quality.error:.1%} and {quality.denoised or 'nothing'}"
+        print(f"{quality.label}: at most {plain:.2%}, denoised {denoised:.2%}; {told}")
 
 
 def texels(room: str, values: dict) -> tuple[np.ndarray, float]:

@@ -36,8 +36,8 @@ Stands for Hemicube, Samples and Light Samples, and shows *Custom* where these a
 the largest RMSE of a lightmap, relative to the map's mean, in the rooms of `tools/quality.py`. Choosing a
 Hemicube sets Samples to 0, so that rays follow it.
 
-| Quality | Error | Hemicube | Samples | Light Samples |
-|---|---|---|---|---|
+| Quality | Error | with Denoise | Hemicube | Samples | Light Samples |
+|---|---|---|---|---|---|
 """
 
 _TABLE = """
@@ -63,7 +63,12 @@ def page() -> str:
 def _qualities() -> str:
     """Return the rows of the table of qualities."""
     rows = [
-        (f"**{quality.label}** `{name}`", f"{100 * quality.error:g} %", *quality.values.values())
+        (
+            f"**{quality.label}** `{name}`",
+            f"{100 * quality.error:g} %",
+            f"{100 * quality.denoised:g} %" if quality.denoised else "",
+            *quality.values.values(),
+        )
         for name, quality in QUALITIES.items()
     ]
     return "".join(f"| {' | '.join(map(str, row))} |\n" for row in rows)

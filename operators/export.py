@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import bpy
@@ -26,6 +27,14 @@ class HEMIBAKE_OT_export_for_engine(bpy.types.Operator, ExportHelper):
 
     filename_ext = ".glb"
     filter_glob: StringProperty(default="*.glb;*.gltf", options={"HIDDEN"})
+    file_format: EnumProperty(
+        name="Format",
+        description="Ending of the name that is typed; scripts say it by the path",
+        items=[
+            (".glb", "glTF Binary (.glb)", "One file"),
+            (".gltf", "glTF Separate (.gltf)", "Text, with geometry and images in files of their own"),
+        ],
+    )
     lightmaps: EnumProperty(
         name="Lightmaps",
         description="How the file holds the lightmaps, in the material extension MOZ_lightmap",
@@ -45,8 +54,14 @@ class HEMIBAKE_OT_export_for_engine(bpy.types.Operator, ExportHelper):
         default=True,
     )
 
-    #: The name that is typed decides between .glb and .gltf.
-    check_extension = None
+    def check(self, context: bpy.types.Context) -> bool:
+        """Give the name in the file browser the ending of the format."""
+        folder, name = os.path.split(self.filepath)
+        stem, ending = os.path.splitext(name)
+        stem = stem if ending.lower() in (".glb", ".gltf") else name
+        named = os.path.join(folder, stem + self.file_format) if name else self.filepath
+        changed, self.filepath = named != self.filepath, named
+        return changed
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -2,6 +2,7 @@
 
 import json
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -420,3 +421,19 @@ def test_edit_mode_is_left_alone(tmp_path):
         bpy.ops.hemibake.export_for_engine(filepath=str(tmp_path / "room.glb"))
     assert bpy.context.mode == "EDIT_MESH" and not files_below(tmp_path)
     bpy.ops.object.mode_set(mode="OBJECT")
+
+
+@pytest.mark.parametrize(
+    ("typed", "ending", "named"),
+    [
+        ("/a/room.v2", ".glb", "/a/room.v2.glb"),
+        ("/a/room.GLB", ".gltf", "/a/room.gltf"),
+        ("/a/", ".glb", "/a/"),
+        ("//room.gltf", ".gltf", "//room.gltf"),
+    ],
+)
+def test_file_browser_gives_names_the_ending_of_the_format(typed, ending, named):
+    browser = SimpleNamespace(filepath=typed, file_format=ending)
+    check = part("operators.export").HEMIBAKE_OT_export_for_engine.check
+    assert check(browser, None) == (typed != named)
+    assert browser.filepath == named

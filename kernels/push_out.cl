@@ -15,9 +15,9 @@ bool sees_backs_only(const Rays *rays, const Receiver *r, const float3 start, co
 }
 
 // xyz: the way out, 0 for none; w: how thick what the point is in is there, INFINITY if farther than `reach`, m.
-// walls: a triangle of it, -1 for points that are not inside.
+// walls: a triangle of it, -1 for points that are not inside; sides: those that it is so thick between.
 __kernel void push_out(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, const float reach,
-                       __global float4 *ways, __global int *walls, const int count)
+                       __global float4 *ways, __global int *walls, __global int2 *sides, const int count)
 {
     const int point = get_global_id(0);
     if (point >= count)
@@ -29,9 +29,11 @@ __kernel void push_out(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers,
     basis(r.geometric, &x, &y);
     ways[point] = (float4)(0.0f, 0.0f, 0.0f, INFINITY);
     walls[point] = -1;
+    sides[point] = (int2)(-1);
     if (!sees_backs_only(&rays, &r, start, x, y))
         return;
     float nearest = INFINITY, thickness = INFINITY, distances[WAYS];
+    int met[WAYS];
     for (int i = 0; i < WAYS; ++i) {
         const float angle = 2.0f * i / WAYS;
         const float3 direction = cospi(angle) * x + sinpi(angle) * y;
@@ -43,8 +45,11 @@ __kernel void push_out(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers,
             ways[point].xyz = (nearest + MARGIN * r.size + r.height) * direction;
             walls[point] = hit.triangle;
         }
-        if (i >= WAYS / 2)
-            thickness = fmin(thickness, distances[i] + distances[i - WAYS / 2]);
+        met[i] = hit.triangle;
+        if (i >= WAYS / 2 && distances[i] + distances[i - WAYS / 2] < thickness) {
+            thickness = distances[i] + distances[i - WAYS / 2];
+            sides[point] = (int2)(met[i], met[i - WAYS / 2]);
+        }
     }
     ways[point].w = thickness;
 }

@@ -12,6 +12,9 @@ from ..patches.geometry import PatchGeometry
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receivers import RECEIVER_SOURCE
 
+#: Two sides face apart if the cosine between their normals is less: those of a corner do not.
+_APART = -0.9
+
 #: A point may be this far off its triangle, in barycentrics, and still lie on it.
 _ON_TRIANGLE = 1e-6
 
@@ -21,7 +24,8 @@ class WaysOut:
     """The way out for points inside of something, (s, ...) each.
 
     offset     (s, 3) float32, m, along the surface to just outside of the nearest wall; 0 where there is none
-    thickness  (s,) float32, m, of what the point is in, along the surface; inf where it is farther
+    thickness  (s,) float32, m, of what the point is in, along the surface, between sides that face apart; inf
+               where there are none nearby
     wall       (s,) int32, a triangle of it; -1 for points that are not inside or find no way out
     """
 
@@ -44,17 +48,22 @@ def joined_ways(several: list[WaysOut]) -> WaysOut:
     return WaysOut(*(np.concatenate([getattr(ways, name) for ways in several]) for name in names))
 
 
-def ways_out(scene: RayScene, count: int, reach: float) -> WaysOut:
-    """Return the ways out of a ray scene's points; rays are as long as `reach` times the points' texels."""
+def ways_out(scene: RayScene, count: int, reach: float, normals: np.ndarray) -> WaysOut:
+    """Return the ways out of a ray scene's points; rays are as long as `reach` times the points' texels.
+
+    normals: (t, 3) float32, unit, of the triangles.
+    """
     compute, rays = scene.compute, scene.rays
     (kernel,) = rays.kernels((*RECEIVER_SOURCE, "looks.cl", "push_out.cl"), "push_out")
     flags = cl.mem_flags.READ_WRITE
-    ways, walls = (cl.Buffer(compute.context, flags, size * count) for size in (16, 4))
-    rays.run(kernel, count, scene.receivers, np.float32(reach), ways, walls, np.int32(count))
+    ways, walls, sides = (cl.Buffer(compute.context, flags, size * count) for size in (16, 4, 8))
+    rays.run(kernel, count, scene.receivers, np.float32(reach), ways, walls, sides, np.int32(count))
     way = download(compute, ways, (count, 4))
-    wall = np.empty(count, np.int32)
-    cl.enqueue_copy(compute.queue, wall, walls)
-    return WaysOut(way[:, :3].copy(), way[:, 3].copy(), wall)
+    wall, side = np.empty(count, np.int32), np.empty((count, 2), np.int32)
+    for array, buffer in ((wall, walls), (side, sides)):
+        cl.enqueue_copy(compute.queue, array, buffer)
+    apart = (normals[side[:, 0]] * normals[side[:, 1]]).sum(axis=1) < _APART
+    return WaysOut(way[:, :3].copy(), np.where(apart, way[:, 3], np.float32(np.inf)), wall)
 
 
 def pushed_barycentrics(geometry: PatchGeometry, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

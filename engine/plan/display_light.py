@@ -211,7 +211,7 @@ class _Points:
         lit: (s,) bool, those that a back lights are not inside.
         """
         samples, parts = self.samples, self.parts
-        ways = ways_out(self.rays, len(samples), self._side).without(lit)
+        ways = ways_out(self.rays, len(samples), self._side, self._steps.geometric).without(lit)
         inside = np.flatnonzero(ways.offset.any(axis=1))
         if not len(inside):
             return ways

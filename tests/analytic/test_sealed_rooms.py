@@ -123,12 +123,21 @@ def test_rooms_whose_walls_share_a_plane_are_named(visibility):
     assert told.objects == ("Lit", "Dark") and "lie exactly on one another" in told
 
 
-def test_a_box_on_the_floor_of_a_room_is_named_by_no_warning():
+@pytest.mark.parametrize("texel_samples", [1, 16])
+def test_a_box_on_the_floor_of_a_room_is_named_by_no_warning(texel_samples):
+    """It is thin across its corners, but not between sides that face apart."""
     atlas = Atlas(SETTINGS.resolution)
     hall = room(atlas, (0, 0, 0), (1.6, 0.8, 0.8), "Hall")
-    box = block(atlas, (0.6, 0.2, 0), (1.0, 0.6, 0.4), "Box")
+    box = block(atlas, (0.613, 0.2, 0), (1.0, 0.617, 0.4), "Box")
     scene = scene_of([hall, box], [lamp(LAMP)])
-    settings = Settings(resolution=128, hemicube=8, light_samples=4, iterations=2, visibility="rays")
+    settings = Settings(
+        resolution=128,
+        hemicube=8,
+        light_samples=4,
+        iterations=2,
+        visibility="rays",
+        texel_samples=texel_samples,
+    )
     assert not drive(scene, settings).report.warnings
 
 

@@ -34,32 +34,34 @@ class Difference:
 
 
 def compare(
-    ours: np.ndarray, known: np.ndarray, colour: np.ndarray, bakes: tuple[np.ndarray, np.ndarray]
+    ours: np.ndarray, known: np.ndarray, weight: np.ndarray, bakes: tuple[np.ndarray, np.ndarray]
 ) -> tuple[Difference, np.ndarray]:
     """Return the figures, and the difference relative to the mean, (atlases, h, w, 3), 0 where left out.
 
     ours     (atlases, h, w, 3) float32, E/pi
     known    (atlases, h, w) bool, has a patch that is not hidden inside of something
-    colour   (atlases, h, w, 3) float32, what is reflected, or the part of a texel in which it is more than 0:
-             Cycles tells no light in channels where it is 0
+    weight   (atlases, h, w, 3) float32, of each channel of each texel; 0 where it is not known
     bakes    two independent bakes of Cycles, (atlases, h, w, 4): the mean of (ours - first) times
              (ours - second) is the squared error without their noise
     """
     first, second = (bake[..., :3].astype(np.float64) for bake in bakes)
     baked = bakes[0][..., 3] > 0
-    used = (known & baked)[..., None] & (colour > BLACK)
+    used = (known & baked)[..., None] & (weight > 0)
     truth = (first + second) / 2
-    mean = truth[used].mean() if used.any() else 0.0
+    mean = np.average(truth[used], weights=weight[used]) if used.any() else 0.0
     if mean == 0:
         raise SystemExit("Cycles sees no light in this scene: there is nothing to compare.")
     edge = _edges(truth, used.any(axis=-1), mean)
     difference = np.where(used, (ours - truth) / mean, 0)
+    ours = ours.astype(np.float64)
+    error = (ours - first) * (ours - second)
+    noise = (first - second) ** 2
     return (
         Difference(
-            rmse=_root(ours, first, second, used) / mean,
-            bias=float((ours[used].mean(dtype=np.float64) - mean) / mean),
-            smooth=_root(ours, first, second, used & ~edge[..., None]) / mean,
-            noise=float(np.sqrt(np.mean((first[used] - second[used]) ** 2)) / 2 / mean),
+            rmse=_root(error, weight, used) / mean,
+            bias=float(np.average((ours - truth)[used], weights=weight[used]) / mean),
+            smooth=_root(error, weight, used & ~edge[..., None]) / mean,
+            noise=_root(noise, weight, used) / 2 / mean,
             texels=int(used.any(axis=-1).sum()),
             hidden=int((baked & ~used.any(axis=-1)).sum()),
             edges=float(edge[used.any(axis=-1)].mean()),
@@ -68,11 +70,11 @@ def compare(
     )
 
 
-def _root(ours: np.ndarray, first: np.ndarray, second: np.ndarray, used: np.ndarray) -> float:
-    """Return the root of the mean squared error without noise."""
+def _root(squares: np.ndarray, weight: np.ndarray, used: np.ndarray) -> float:
+    """Return the root of a weighted mean, 0 if that is negative."""
     if not used.any():
         return 0.0
-    return float(np.sqrt(max(0.0, np.mean((ours[used] - first[used]) * (ours[used] - second[used])))))
+    return float(np.sqrt(max(0.0, np.average(squares[used], weights=weight[used]))))
 
 
 def _edges(truth: np.ndarray, used: np.ndarray, mean: float) -> np.ndarray:

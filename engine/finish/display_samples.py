@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..patches.subdivision import Subdivision
-from ..patches.texel_clip import fan_areas
-from ..patches.texel_pieces import TexelPieces, border_pieces, joined_pieces, piece_outlines, pieces_at
+from ..patches.texel_pieces import TexelPieces, border_pieces, joined_pieces, pieces_at
 from ..scene.triangles import Triangles
 from .dilation import grown
+from .texel_points import place_points
 
 #: A texel is wholly covered from this part on; faces of a texel lie in one plane if the cosine between their
 #: normals is larger.
@@ -34,9 +34,6 @@ _FEWEST = 4
 
 #: Coverage below which a texel whose centre nobody covers shows nothing of its own.
 _SLIVER = 0.01
-
-#: Multipliers of the R2 sequence (Roberts 2018).
-_R2 = np.array([0.7548776662466927, 0.5698402909980532])
 
 
 @dataclass(frozen=True)
@@ -142,7 +139,10 @@ def _patches_of(parts: Subdivision, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def _shows_several(parts: Subdivision, border: TexelPieces, own: np.ndarray) -> np.ndarray:
-    """Return the texels, (atlases, r, r) bool, that are partly covered, or by faces of several planes."""
+    """Return the texels, (atlases, r, r) bool, that are partly covered, or by faces of several planes.
+
+    Those between others of their chart are left out: it shows in the light there whether they need points.
+    """
     key = border.atlas.astype(np.int64) * parts.patches.resolution**2 + border.texel
     covered = np.bincount(key, border.area, own.size)
     order = np.argsort(key, kind="stable")
@@ -154,8 +154,19 @@ def _shows_several(parts: Subdivision, border: TexelPieces, own: np.ndarray) -> 
     several[key[order[bent]]] = True
 
     # Of texels whose centre nobody covers, slivers are left to those beside them.
-    several &= (own.ravel() >= 0) | (covered > _SLIVER)
+    several &= np.where(own.ravel() >= 0, _at_an_end(own >= 0).ravel(), covered > _SLIVER)
     return several.reshape(own.shape)
+
+
+def _at_an_end(has_patch: np.ndarray) -> np.ndarray:
+    """Return the texels, (atlases, r, r) bool, that have no neighbour along an axis."""
+    end = np.zeros_like(has_patch)
+    for axis in (1, 2):
+        padded = np.pad(has_patch, [(0, 0), *((int(axis == a),) * 2 for a in (1, 2))])
+        size = has_patch.shape[axis]
+        before, after = (np.take(padded, range(start, start + size), axis=axis) for start in (0, 2))
+        end |= ~(before | after)
+    return end
 
 
 def _on_edge(own: np.ndarray, known: PatchLight) -> np.ndarray:
@@ -192,38 +203,16 @@ def _off_mean(values: np.ndarray, axis: int, floor: float) -> np.ndarray:
 
 
 def _samples_of(triangles: Triangles, pieces: TexelPieces, resolution: int, points: int) -> DisplaySamples:
-    """Return samples of pieces: so many `points` in each texel, spread evenly over what is covered of it."""
-    key = pieces.atlas.astype(np.int64) * resolution**2 + pieces.texel
-    order = np.argsort(key, kind="stable")
-    pieces, key = pieces.part(order), key[order]
-    count, weight = _shared_out(pieces.area, key, points)
-    chosen = np.flatnonzero(count)
-    pieces, count, weight = pieces.part(chosen), count[chosen], weight[chosen]
-    found = _points_in(triangles, pieces, resolution, count)
-    piece = np.repeat(np.arange(len(count)), count)
+    """Return the samples of texels whose pieces are given."""
+    pieces = pieces.part(
+        np.argsort(pieces.atlas.astype(np.int64) * resolution**2 + pieces.texel, kind="stable")
+    )
+    piece, weight, found = place_points(triangles, pieces, resolution, points)
     triangle, barycentric = pieces.triangle[piece], found.astype(np.float32)
     return DisplaySamples(
         pieces.atlas[piece], pieces.texel[piece], on_lightmap(triangles, triangle, barycentric, resolution),
-        weight[piece].astype(np.float32), triangle, barycentric,
+        weight.astype(np.float32), triangle, barycentric,
     )  # fmt: skip
-
-
-def _shared_out(area: np.ndarray, key: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return how many points each piece has, (m,) int64, and what each point weighs, (m,) float64.
-
-    key: of the texel of each piece, ascending. Along the pieces of a texel its points lie at even distances
-    (systematic sampling), so a piece has a point more or less than its area would have at most, and a texel
-    all of its points, however many triangles are in it.
-    """
-    starts = np.flatnonzero(np.r_[True, np.diff(key) > 0][: len(key)])
-    texel = np.repeat(np.arange(len(starts)), np.diff(np.r_[starts, len(key)]))
-    ends = np.cumsum(area, dtype=np.float64)
-    before = np.r_[0.0, ends][starts]
-    covered = np.r_[ends[starts[1:] - 1], ends[-1:]] - before
-    passed = np.floor((ends - before[texel]) / covered[texel] * points + 0.5).astype(np.int64)
-    count = np.diff(passed, prepend=0)
-    count[starts] = passed[starts]
-    return count, covered[texel] / points
 
 
 def on_lightmap(
@@ -232,39 +221,3 @@ def on_lightmap(
     """Return where points of triangles are on their lightmap, (s, 2) float32, texels."""
     uvs = np.einsum("sk,skd->sd", barycentric, triangles.uvs[triangle])
     return (uvs * resolution).astype(np.float32)
-
-
-def _points_in(triangles: Triangles, pieces: TexelPieces, resolution: int, count: np.ndarray) -> np.ndarray:
-    """Return the barycentrics of so many points of each piece, (s, 3) float64."""
-    found, first, last = [np.zeros((0, 3))], 0, 0
-    ends = np.cumsum(count)
-    for batch in pieces.batches():
-        outlines = piece_outlines(triangles, resolution, batch)
-        mine = count[last : last + len(batch)]
-        last += len(batch)
-        numbers = np.arange(first, ends[last - 1])
-        first = ends[last - 1]
-        found.append(_points_within(outlines, np.repeat(np.arange(len(batch)), mine), numbers)[:, 2:])
-    return np.concatenate(found)
-
-
-def _points_within(polygons: np.ndarray, polygon: np.ndarray, number: np.ndarray) -> np.ndarray:
-    """Return a point of each named polygon, (s, c) float64, spread evenly over those that are named in a row.
-
-    polygons: (m, k, c) float64, convex, positions first; polygon: (s,) int64, ascending. The points are those
-    of an R2 sequence with some numbers, (s,) int64: one coordinate chooses a triangle of the polygon's fan by
-    area, and what is left of it, with the other, a point in there.
-    """
-    unit = (0.5 + (number[:, None] + 1) * _R2) % 1
-    areas = fan_areas(polygons[:, :, :2])
-    ends = np.cumsum(areas, axis=1)
-    ends /= np.maximum(ends[:, -1:], 1e-300)
-    ends, starts = ends[polygon], np.c_[np.zeros(len(polygons)), ends[:, :-1]][polygon]
-    fan = np.minimum((unit[:, :1] >= ends).sum(axis=1), ends.shape[1] - 1)
-    row = np.arange(len(polygon))
-    width = np.maximum(ends[row, fan] - starts[row, fan], 1e-300)
-    root = np.sqrt(np.clip((unit[:, 0] - starts[row, fan]) / width, 0, 1))[:, None]
-    across = unit[:, 1:]
-    corner, second, third = (polygons[polygon, index] for index in (0, fan + 1, fan + 2))
-    points: np.ndarray = (1 - root) * corner + root * (1 - across) * second + root * across * third
-    return points

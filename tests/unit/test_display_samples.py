@@ -85,6 +85,17 @@ def test_a_square_half_a_texel_off_has_samples_at_its_border(points):
     assert (np.bincount(samples.texel)[np.unique(samples.texel)] >= points - 2).all()
 
 
+def test_borders_of_large_charts_need_samples_where_nobody_covers_the_centre():
+    """A square 0.3 texels off covers texels below and left by 0.7, those above and right by 0.3."""
+    parts = parts_of(SQUARE + 0.3 / 13)
+    texel = np.unique(display_samples(parts, 1, even(parts), 4).texel)
+    row, column = np.divmod(texel, RESOLUTION)
+    assert ((row == 9) | (column == 7)).all() and len(texel) == 6 + 7 - 1
+    strip = np.array([[(2, 3.3), (9, 3.3), (9, 4.1)], [(2, 3.3), (9, 4.1), (2, 4.1)]]) / 13
+    parts = parts_of(strip)
+    assert set(display_samples(parts, 1, even(parts), 4).texel // RESOLUTION) == {3, 4}
+
+
 def test_an_edge_of_light_has_samples_on_both_sides_and_a_slope_none():
     parts = parts_of(SQUARE)
     column = parts.patches.texel % RESOLUTION
@@ -95,6 +106,9 @@ def test_an_edge_of_light_has_samples_on_both_sides_and_a_slope_none():
     samples = display_samples(parts, 1, known, 4)
     assert set(samples.texel % RESOLUTION) == {3, 4}
     assert np.bincount(samples.texel, samples.weight)[samples.texel] == pytest.approx(1, rel=1e-4)
+    local = samples.position % 1
+    assert np.abs(np.abs(local - 0.5) - 0.25).max() < 1e-4
+    assert len(np.unique(np.c_[samples.texel, local > 0.5], axis=0)) == len(samples)
 
 
 def test_both_sides_of_a_border_of_what_is_hidden_have_samples():

@@ -1,4 +1,7 @@
-// 1 for patches that see the back of a triangle that shines.
+// Looks that may meet something else than a back: what has more sees enough to be no inside.
+#define OTHERS 3
+
+// 1 for patches that see little but backs, and among them that of a triangle that shines.
 __kernel void lit_by_backs(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const uchar *shines,
                            __global uchar *result, const int count)
 {
@@ -9,10 +12,13 @@ __kernel void lit_by_backs(RAYS_ARGUMENTS, __global const ReceiverRecord *receiv
     const Receiver r = load_receiver(receivers + patch);
     float3 x, y;
     basis(r.geometric, &x, &y);
-    uchar lit = 0;
-    for (int i = 0; i < LOOKS && !lit; ++i) {
+    int others = 0;
+    bool lit = false;
+    for (int i = 0; i < LOOKS && !lit && others <= OTHERS; ++i) {
         const Hit hit = nearest_hit(&rays, r.at + r.height * r.geometric, look(i, x, y, r.geometric), false);
-        lit = hit.triangle >= 0 && !hit.front && shines[hit.triangle];
+        const bool back = hit.triangle >= 0 && !hit.front;
+        lit = back && shines[hit.triangle];
+        others += !back;
     }
     result[patch] = lit;
 }

@@ -44,7 +44,7 @@ def patches_in_contact(scene: RayScene, count: int) -> np.ndarray:
 
 
 def patches_lit_by_backs(scene: RayScene, count: int, shines: np.ndarray) -> np.ndarray:
-    """Return which patches, (n,) bool, see the back of a triangle that shines.
+    """Return which of the patches that see little but backs see that of a triangle that shines, (n,) bool.
 
     shines: (t,) bool, of every triangle.
     """

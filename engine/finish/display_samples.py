@@ -104,9 +104,13 @@ def display_samples(
     triangles, resolution = parts.triangles, parts.patches.resolution
     shape = (atlases, resolution, resolution)
     own = _patches_of(parts, shape)
-    border = border_pieces(triangles, atlases, resolution)
-    several = _shows_several(parts, border, own)
-    chosen, points = _affordable((several | _on_edge(own, known)).ravel(), points)
+    edge = _on_edge(own, known)
+
+    # Of texels between others of their chart it shows in the light whether they need points.
+    unknown = (own < 0) | _at_an_end(own >= 0)
+    border = border_pieces(triangles, edge | unknown)
+    several = unknown & _shows_several(parts, border, own)
+    chosen, points = _affordable((several | edge).ravel(), points)
 
     # Texels that one triangle fills are pieces, too.
     key = border.atlas.astype(np.int64) * resolution**2 + border.texel
@@ -139,10 +143,7 @@ def _patches_of(parts: Subdivision, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def _shows_several(parts: Subdivision, border: TexelPieces, own: np.ndarray) -> np.ndarray:
-    """Return the texels, (atlases, r, r) bool, that are partly covered, or by faces of several planes.
-
-    Those between others of their chart are left out: it shows in the light there whether they need points.
-    """
+    """Return the texels, (atlases, r, r) bool, that are partly covered, or by faces of several planes."""
     key = border.atlas.astype(np.int64) * parts.patches.resolution**2 + border.texel
     covered = np.bincount(key, border.area, own.size)
     order = np.argsort(key, kind="stable")
@@ -154,7 +155,7 @@ def _shows_several(parts: Subdivision, border: TexelPieces, own: np.ndarray) -> 
     several[key[order[bent]]] = True
 
     # Of texels whose centre nobody covers, slivers are left to those beside them.
-    several &= np.where(own.ravel() >= 0, _at_an_end(own >= 0).ravel(), covered > _SLIVER)
+    several &= (own.ravel() >= 0) | (covered > _SLIVER)
     return several.reshape(own.shape)
 
 

@@ -53,23 +53,27 @@ def joined_pieces(several: list[TexelPieces]) -> TexelPieces:
                          for name in TexelPieces.__dataclass_fields__))  # fmt: skip
 
 
-def border_pieces(triangles: Triangles, atlases: int, resolution: int) -> TexelPieces:
-    """Return the pieces of all texels, of the first atlases, that a triangle touches and does not fill.
+def border_pieces(triangles: Triangles, wanted: np.ndarray) -> TexelPieces:
+    """Return the pieces of wanted texels, (atlases, r, r) bool, that a triangle touches and does not fill.
 
     A texel that no border of a triangle crosses has no piece here: one triangle fills it, or none touches it.
     """
+    atlases, resolution, _ = wanted.shape
     chosen = np.flatnonzero(triangles.atlas < atlases)
     size = np.ptp(triangles.uvs[chosen], axis=1).sum(axis=1, dtype=np.float64) * resolution
     batch = np.cumsum(np.minimum(size, 2 * resolution) + 2) // _BATCH
     parts = np.split(chosen, np.flatnonzero(np.diff(batch)) + 1)
-    return joined_pieces([_border_pieces_of(triangles, resolution, part) for part in parts])
+    return joined_pieces([_border_pieces_of(triangles, wanted, part) for part in parts])
 
 
-def _border_pieces_of(triangles: Triangles, resolution: int, chosen: np.ndarray) -> TexelPieces:
+def _border_pieces_of(triangles: Triangles, wanted: np.ndarray, chosen: np.ndarray) -> TexelPieces:
     """Return the border pieces of some triangles."""
+    resolution = wanted.shape[1]
     index, row, column = _border_texels(triangles.uvs[chosen].astype(np.float64) * resolution, resolution)
-    texel = (row * resolution + column).astype(np.int32)
-    return pieces_at(triangles, resolution, chosen[index].astype(np.int32), texel)
+    triangle = chosen[index].astype(np.int32)
+    here = wanted[triangles.atlas[triangle], row, column]
+    texel = (row * resolution + column)[here].astype(np.int32)
+    return pieces_at(triangles, resolution, triangle[here], texel)
 
 
 def pieces_at(triangles: Triangles, resolution: int, triangle: np.ndarray, texel: np.ndarray) -> TexelPieces:

@@ -31,6 +31,11 @@ def all_areas(triangles):
     )
 
 
+def everywhere(atlases):
+    """Return all texels."""
+    return np.ones((atlases, RESOLUTION, RESOLUTION), bool)
+
+
 def nasty_uvs():
     """Return random triangles, slivers, ones smaller than a texel, on texel borders, and beyond the map."""
     rng = np.random.default_rng(11)
@@ -46,7 +51,7 @@ def nasty_uvs():
 def test_pieces_are_all_texels_that_are_partly_covered():
     triangles = triangles_of(nasty_uvs())
     areas = all_areas(triangles)
-    pieces = border_pieces(triangles, 1, RESOLUTION)
+    pieces = border_pieces(triangles, everywhere(1))
     found = np.zeros_like(areas)
     np.add.at(found, (pieces.triangle, pieces.texel), pieces.area)
     partly = (areas > 1e-6) & (areas < 1 - 1e-6)
@@ -60,7 +65,7 @@ def test_pieces_are_all_texels_that_are_partly_covered():
 
 def test_barycentrics_belong_to_the_positions():
     triangles = triangles_of(nasty_uvs())
-    pieces = border_pieces(triangles, 1, RESOLUTION)
+    pieces = border_pieces(triangles, everywhere(1))
     outlines = piece_outlines(triangles, RESOLUTION, pieces)
     row, column = np.divmod(pieces.texel, RESOLUTION)
     here = (outlines[:, :, :2] + np.stack([column, row], axis=1)[:, None]) / RESOLUTION
@@ -69,9 +74,20 @@ def test_barycentrics_belong_to_the_positions():
     assert outlines[:, :, :2].min() >= -1e-9 and outlines[:, :, :2].max() <= 1 + 1e-9
 
 
+def test_pieces_are_those_of_wanted_texels():
+    triangles = triangles_of(nasty_uvs())
+    wanted = np.random.default_rng(2).random((1, RESOLUTION, RESOLUTION)) < 0.3
+    every = border_pieces(triangles, everywhere(1))
+    some = border_pieces(triangles, wanted)
+    here = wanted.ravel()[every.texel]
+    assert 0 < here.sum() < len(every)
+    for name in ("atlas", "texel", "triangle", "area"):
+        assert np.array_equal(getattr(some, name), getattr(every, name)[here])
+
+
 def test_pieces_fill_the_texels_of_an_axis_aligned_square():
     triangles = triangles_of(nasty_uvs()[100:102])
-    pieces = border_pieces(triangles, 1, RESOLUTION)
+    pieces = border_pieces(triangles, everywhere(1))
     covered = np.bincount(pieces.texel, pieces.area, RESOLUTION**2)
     assert covered[covered > 0] == pytest.approx(1)
     assert len(pieces.texel) <= 2 * (covered > 0).sum()
@@ -79,6 +95,6 @@ def test_pieces_fill_the_texels_of_an_axis_aligned_square():
 
 def test_atlases_of_occluders_have_no_pieces_and_nothing_gives_nothing():
     triangles = triangles_of(nasty_uvs()[:7], [0, 1, 2, 0, 1, 2, 0])
-    pieces = border_pieces(triangles, 2, RESOLUTION)
+    pieces = border_pieces(triangles, everywhere(2))
     assert set(pieces.atlas) == {0, 1} and set(pieces.triangle) == {0, 1, 3, 4, 6}
     assert len(pieces_at(triangles, RESOLUTION, np.zeros(0, np.int32), np.zeros(0, np.int32)).area) == 0

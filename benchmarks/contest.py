@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks.curves import Point
 from tools.headless import MODULE, quiet_stdout
 from tools.verification.cycles import RealisedScene
-from tools.verification.difference import Difference, compare
+from tools.verification.difference import Difference, compare, weight_of
 
 #: Seeds of the two halves of the reference, and of what is measured against them.
 _HALVES, _SEED = (1, 2), 3
@@ -77,7 +77,7 @@ class Reference:
 
     def compare(self, image: np.ndarray, known: np.ndarray) -> Difference:
         """Return how far an image, (atlases, h, w, 3), is from Cycles on the known texels."""
-        return compare(image, known, self._colour, self._halves)[0]
+        return compare(image, known, weight_of(self._colour), self._halves)[0]
 
 
 def hemibake_curve(

@@ -13,7 +13,7 @@ import numpy as np
 from tools.headless import MODULE
 from tools.verification.block_means import block_means, block_shares
 from tools.verification.cycles import realised
-from tools.verification.difference import BLACK
+from tools.verification.difference import weight_of
 from tools.verification.doubled import doubled_texels
 
 #: Width of a texel, in those that Cycles bakes of it.
@@ -46,7 +46,7 @@ def bake_areas(context, read, settings, samples: int) -> TexelAreas:
         bakes = reference.bake(count, 1), reference.bake(count, 2)
         colour = reference.colour()
     visible = visible_texels(read.scene, fine) & (bakes[0][..., 3] > 0)
-    known = visible[..., None] & (colour > BLACK)
+    known = visible[..., None] & (weight_of(colour) > 0)
     share = block_shares(known, FINER)
     first, second = (_with_alpha(block_means(bake[..., :3], known, FINER), share) for bake in bakes)
     return TexelAreas((first, second), share)

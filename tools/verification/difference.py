@@ -33,6 +33,15 @@ class Difference:
     edges: float
 
 
+def weight_of(colour: np.ndarray) -> np.ndarray:
+    """Return the weight of channels, (atlases, h, w, 3) float32, that reflect something.
+
+    colour: what is reflected; Cycles tells no light in channels where it is 0.
+    """
+    weight: np.ndarray = (colour > BLACK).astype(np.float32)
+    return weight
+
+
 def compare(
     ours: np.ndarray, known: np.ndarray, weight: np.ndarray, bakes: tuple[np.ndarray, np.ndarray]
 ) -> tuple[Difference, np.ndarray]:

@@ -11,7 +11,7 @@ import numpy as np
 from tools.headless import MODULE, load, quiet_stdout
 from tools.verification.areas import bake_areas, subdivided
 from tools.verification.cycles import realised
-from tools.verification.difference import BLACK, Difference, compare
+from tools.verification.difference import Difference, compare, weight_of
 from tools.verification.doubled import doubled_texels
 
 
@@ -48,7 +48,7 @@ def verify(context, samples: int) -> Comparison:
             colour = reference.colour()
         means = bake_areas(context, read, settings, samples)
         known = known_texels(lightmap, read.scene, settings)
-    figures, difference = compare(lightmap.display, known, (colour > BLACK).astype(np.float32), bakes)
+    figures, difference = compare(lightmap.display, known, weight_of(colour), bakes)
     areas, area_difference = compare(lightmap.display, lightmap.known, means.share, means.bakes)
     notes = [*read.notes, *lightmap.report.warnings]
     return Comparison(figures, areas, difference, area_difference, notes)

@@ -68,9 +68,6 @@ class HEMIBAKE_OT_export_for_engine(bpy.types.Operator, ExportHelper):
         if not any(entry.image for entry in context.scene.hemibake.lightmaps):
             cls.poll_message_set("There is no lightmap to export: bake first")
             return False
-        if context.mode != "OBJECT":
-            cls.poll_message_set("Scenes are exported in Object Mode")
-            return False
         return poll_idle(cls)
 
     def execute(self, context: bpy.types.Context) -> set[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -55,6 +55,12 @@ def export_for_engine(context: bpy.types.Context, path: Path, kind: str, use_fil
     """
     if path.suffix.lower() not in (".glb", ".gltf"):
         raise EngineError(f"'{path.name}' is no name of a glTF file: let it end with .glb or .gltf.")
+    with _object_mode(context):
+        return _export(context, path, kind, use_files)
+
+
+def _export(context: bpy.types.Context, path: Path, kind: str, use_files: bool) -> Exported:
+    """Do so in Object Mode, the only one that Blender's exporter knows."""
     surfaces = Surfaces(context)
     missing = [image for image in surfaces.images if not image.size[0]]
     usable = [image for image in surfaces.images if image.size[0]]
@@ -149,6 +155,30 @@ class _Export:
                 f"'{others[0]}' in '{folder}' is not of an earlier export of '{self._path.name}'. "
                 "Choose another name or folder."
             )
+
+
+@contextmanager
+def _object_mode(context: bpy.types.Context) -> Iterator[None]:
+    """Leave another mode meanwhile, with all objects that are edited together; the selection stays."""
+    if context.mode == "OBJECT":
+        yield
+        return
+    objects, mode = context.view_layer.objects, context.view_layer.objects.active.mode
+    edited = [obj for obj in objects if obj.mode == mode]
+    selected = [obj for obj in objects if obj.select_get()]
+    bpy.ops.object.mode_set(mode="OBJECT")
+    try:
+        yield
+    finally:
+        # Blender enters a mode with all objects that are selected.
+        _select(objects, edited)
+        bpy.ops.object.mode_set(mode=mode)
+        _select(objects, selected)
+
+
+def _select(objects: Iterable[bpy.types.Object], selected: Sequence[bpy.types.Object]) -> None:
+    for obj in objects:
+        obj.select_set(obj in selected)
 
 
 @contextmanager

@@ -411,16 +411,30 @@ def test_errors_in_the_middle_leave_everything(tmp_path, monkeypatch):
         assert not hasattr(part("engine").__class__, "glTF2ExportUserExtension")
 
 
-def test_edit_mode_is_left_alone(tmp_path):
+@pytest.mark.parametrize("mode", ["EDIT", "SCULPT"])
+def test_modes_stay(tmp_path, mode):
+    """Two objects are edited together, another one is selected; one of both is not any more."""
     import bpy
 
-    bpy.context.view_layer.objects.active = furnace()
+    room, other, third = furnace(), square("Other", None), square("Third", None)
+    other.location.z, third.location.z = 0.3, 0.6
     bake()
-    bpy.ops.object.mode_set(mode="EDIT")
-    with pytest.raises(RuntimeError, match="poll"):
-        bpy.ops.hemibake.export_for_engine(filepath=str(tmp_path / "room.glb"))
-    assert bpy.context.mode == "EDIT_MESH" and not files_below(tmp_path)
+    bpy.context.view_layer.objects.active = room
+    for obj in (room, other, third):
+        obj.select_set(obj is not third)
+    bpy.ops.object.mode_set(mode=mode)
+    other.select_set(False)
+    third.select_set(True)
+    before, modes = snapshot(), [obj.mode for obj in bpy.data.objects]
+    assert modes.count(mode) == (2 if mode == "EDIT" else 1)
+    file = export(tmp_path / "room.glb")
+    assert snapshot() == before and [obj.mode for obj in bpy.data.objects] == modes
+    (tmp_path / "file").write_text("no folder")
+    refusal(tmp_path / "file" / "room.glb")
+    assert snapshot() == before and [obj.mode for obj in bpy.data.objects] == modes
     bpy.ops.object.mode_set(mode="OBJECT")
+    for obj in (room, other, third):
+        assert_object_lit(file, obj)
 
 
 @pytest.mark.parametrize(

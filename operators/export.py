@@ -15,7 +15,7 @@ from .telling import tell
 from .worker_owner import poll_idle
 
 #: Encodings of lightmaps in the file, by the names that people choose.
-_KINDS = {"HDR": "image/vnd.radiance", "PNG": "image/png"}
+_KINDS = {"HDR": "image/vnd.radiance", "PNG": "image/png", "NONE": ""}
 
 
 class HEMIBAKE_OT_export_for_engine(bpy.types.Operator, ExportHelper):
@@ -45,6 +45,7 @@ class HEMIBAKE_OT_export_for_engine(bpy.types.Operator, ExportHelper):
                 "Colours of any brightness; three.js and Hubs read them (MOZ_texture_rgbe)",
             ),
             ("PNG", "PNG", "8 bits a channel: dark places have steps; for readers of MOZ_lightmap alone"),
+            ("NONE", "None", "Final UVs only; for engines that read no MOZ_lightmap, or refuse Radiance HDR"),
         ],
     )
     use_files: BoolProperty(

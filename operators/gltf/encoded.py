@@ -20,7 +20,7 @@ class EncodedLightmap:
     """A lightmap as an image file; irradiance E, W/m^2 = texel * intensity.
 
     data  the bytes of the file
-    kind  its MIME type, which tells its encoding
+    kind  its MIME type, which tells its encoding; "" if the glTF file does without it
     """
 
     name: str
@@ -46,6 +46,8 @@ def encode(name: str, pixels: np.ndarray, kind: str, folder: Path) -> EncodedLig
 
     folder  for an unfinished file
     """
+    if not kind:
+        return EncodedLightmap(name, b"", kind, IRRADIANCE)
     path = folder / "lightmap"
     if kind == RADIANCE:
         _save(path, pixels, "HDR", is_float=True)

@@ -50,7 +50,7 @@ def export_for_engine(context: bpy.types.Context, path: Path, kind: str, use_fil
     """Write the visible objects as glTF with lightmaps; raises EngineError, with no file changed.
 
     path       ends with .glb or .gltf
-    kind       encoding of the lightmaps in it, a MIME type
+    kind       encoding of the lightmaps in it, a MIME type; "" for none
     use_files  write them as OpenEXR, too, with a manifest
     """
     if path.suffix.lower() not in (".glb", ".gltf"):
@@ -136,6 +136,8 @@ class _Export:
         """Write the lightmaps as files of their own and return their URIs by the lightmaps' names."""
         uris = {}
         for image, lightmap in lightmaps.items():
+            if not lightmap.kind:
+                continue
             name = f"{self._stems[image]}{lightmap.suffix}"
             (self._made / name).write_bytes(lightmap.data)
             uris[lightmap.name] = quote(name)

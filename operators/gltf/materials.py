@@ -31,17 +31,20 @@ class LitMaterials:
 
     def lit(
         self, material: gltf2_io.Material | None, lightmap: EncodedLightmap, swapped: int
-    ) -> gltf2_io.Material:
-        """Return a material that shows a lightmap.
+    ) -> gltf2_io.Material | None:
+        """Return a material that shows a lightmap, if the file has it.
 
         swapped: UV set that changes places with the second one; 1 if none does
         """
+        if not lightmap.kind and (material is None or swapped == 1):
+            return material
         key = (id(material), lightmap.name, swapped)
         if key not in self._materials:
             made = _grey() if material is None else _swapped(material, swapped)
-            extension = {"index": self._texture(lightmap), "texCoord": 1, "intensity": lightmap.intensity}
-            lightmaps = {"MOZ_lightmap": Extension("MOZ_lightmap", extension, required=False)}
-            made.extensions = {**(made.extensions or {}), **lightmaps}
+            if lightmap.kind:
+                extension = {"index": self._texture(lightmap), "texCoord": 1, "intensity": lightmap.intensity}
+                lightmaps = {"MOZ_lightmap": Extension("MOZ_lightmap", extension, required=False)}
+                made.extensions = {**(made.extensions or {}), **lightmaps}
             # The original is kept, too, so that nothing else gets its id.
             self._materials[key] = material, made
         return self._materials[key][1]

@@ -103,7 +103,8 @@ def test_objects_on_each_other_have_their_places(tmp_path):
     assert len({image["name"] for image in file.json["images"]}) == len(file.json["images"]) == 3
 
 
-def test_textures_keep_their_uv_set(tmp_path):
+@pytest.mark.parametrize("kind", ["HDR", "NONE"])
+def test_textures_keep_their_uv_set(tmp_path, kind):
     """The lightmap's layer is the third one of an object, and the first one of another."""
     import bpy
 
@@ -122,11 +123,16 @@ def test_textures_keep_their_uv_set(tmp_path):
             uvs = SQUARE_UVS if name == "Lightmap" else np.array(SQUARE_UVS) * (place + 2)
             obj.data.uv_layers.new(name=name).uv.foreach_set("vector", np.ravel(uvs))
         objects.append(obj)
+    bare = square("Bare", SQUARE_UVS)
+    bare.location.x = 2000
     bake()
-    file = export(tmp_path / "textured.glb")
+    file = export(tmp_path / "textured.glb", lightmaps=kind)
+    assert ("MOZ_lightmap" in file.json.get("extensionsUsed", ())) == (kind == "HDR")
+    assert len(file.json["images"]) == (2 if kind == "HDR" else 1)
     for obj in objects:
-        assert_object_lit(file, obj)
         (node,) = file.nodes(obj.name)
+        place = obj.hemibake.uv_scale, tuple(obj.hemibake.uv_offset)
+        np.testing.assert_allclose(file.corners(node), expected(obj, "Lightmap", *place), atol=2e-5)
         (primitive,) = file.primitives(node)
         texture = file.json["materials"][primitive["material"]]["pbrMetallicRoughness"]["baseColorTexture"]
         shown = file.corners(node, texture.get("texCoord", 0))

@@ -51,10 +51,7 @@ def main() -> None:
                 bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
                 scenes.SCENES[name]()
             resolution, samples = scenes.ROOMS.get(name, (64, options.samples))
-            settings = bpy.context.scene.hemibake
-            settings.resolution, settings.hemicube = resolution, "64"
-            settings.tolerance, settings.light_samples = 0.001, 128
-            settings.texel_samples = str(options.texel_samples)
+            set_up(bpy.context.scene.hemibake, resolution, options.texel_samples)
             started = time.perf_counter()
             try:
                 found = verify(bpy.context, samples)
@@ -83,10 +80,20 @@ def parse() -> argparse.Namespace:
     parser.add_argument(
         "--scenes", type=Path, default=ROOT.parent / "shared" / "scenes", help="folder of files"
     )
-    parser.add_argument("--texel-samples", type=int, default=1, help="as the setting Texel Samples")
+    parser.add_argument(
+        "--texel-samples", type=int, help="as the setting of that name; its default without it"
+    )
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "verify", help="folder for the pictures")
     parser.add_argument("--table", type=Path, help="Markdown file whose table is replaced")
     return parser.parse_args()
+
+
+def set_up(settings, resolution: int, texel_samples: int | None) -> None:
+    """Choose accurate settings for a scene."""
+    settings.resolution, settings.hemicube = resolution, "64"
+    settings.tolerance, settings.light_samples = 0.001, 128
+    if texel_samples:
+        settings.texel_samples = str(texel_samples)
 
 
 def error_type() -> type[Exception]:

@@ -29,13 +29,13 @@ _MARKS = ("<!-- denoise: made by tools/denoise.py -->", "<!-- end of denoise -->
 _RAYS = {64: 16, 32: 16, 16: 16}
 
 #: Bakes whose mean is the truth, and the settings of each.
-_BAKES, _TRUTH = 16, {"samples": 1024, "light_samples": 256}
+_BAKES, _TRUTH = 8, {"samples": 1024, "light_samples": 256}
 
 #: Names of the scenes: of a tool's or of a folder's.
 _SCENES = ("cornell", "sphere", "house", "living_room")
 
-#: Of which scene a picture is made, and the part of the lightmap's height that it shows.
-_PICTURE, _PART = "cornell", 0.5
+#: Of which scene a picture is made, the part of the width that it shows, and the pixels of a texel.
+_PICTURE, _PART, _ENLARGED = "cornell", 0.5, 3
 
 
 def main() -> None:
@@ -121,9 +121,10 @@ def _error(lightmap, truth: np.ndarray) -> float:
 
 
 def _write_picture(lightmaps: list[np.ndarray], path: Path) -> None:
-    """Write a part of some lightmaps beside each other, equally exposed."""
-    rows = int(_PART * lightmaps[0].shape[1])
-    pixels = np.concatenate([lightmap[0, :rows] for lightmap in lightmaps], axis=1)
+    """Write a corner of some lightmaps beside each other, equally exposed."""
+    width = int(_PART * lightmaps[0].shape[1])
+    corners = [lightmap[0, :width, :width] for lightmap in lightmaps]
+    pixels = np.concatenate(corners, axis=1).repeat(_ENLARGED, axis=0).repeat(_ENLARGED, axis=1)
     pictures = load("operators.command_line.pictures")
     with quiet_stdout():
         pictures.write_png(pictures.exposed(pixels), path)

@@ -93,6 +93,14 @@ def test_a_failure_leaves_the_light_and_is_a_warning(fake, monkeypatch):
     ]
 
 
+def test_a_cancel_between_two_windows_frees_the_device(fake):
+    step = Denoising(known_texels(), Settings(denoise_library="there"))
+    work = step.run({"combined": np.ones((2, 53, 53, 3), np.float32)})
+    assert [next(work), next(work)] == [0.0, 0.5]
+    work.close()
+    assert fake.last.released and len(fake.last.seen) == 1 and not step.warnings
+
+
 def test_a_card_that_is_not_there_is_a_warning_and_the_processor_denoises(fake, monkeypatch):
     class OnlyProcessor(FakeDevice):
         def __init__(self, library, kind):

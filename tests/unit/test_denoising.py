@@ -93,6 +93,15 @@ def test_a_failure_leaves_the_light_and_is_a_warning(fake, monkeypatch):
     ]
 
 
+def test_charts_narrower_than_three_texels_keep_their_light(fake):
+    known = known_texels()
+    known[:, 5:20, 44:46] = known[:, 50, 3:40] = True
+    image = np.where(known[..., None], np.float32(0.7), 0) * np.ones(3, np.float32)
+    quiet, _ = denoised(known, {"combined": image})
+    np.testing.assert_allclose(quiet["combined"][known_texels()], 0.7 + 0.7 / 0.18, rtol=1e-5)
+    assert (quiet["combined"][known & ~known_texels()] == np.float32(0.7)).all()
+
+
 def test_a_cancel_between_two_windows_frees_the_device(fake):
     step = Denoising(known_texels(), Settings(denoise_library="there"))
     work = step.run({"combined": np.ones((2, 53, 53, 3), np.float32)})

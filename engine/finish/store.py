@@ -136,4 +136,4 @@ class LightmapStore:
 
 def _coloured(images: np.ndarray) -> np.ndarray:
     """Return images of one channel or three, (..., c), with three, (..., 3)."""
-    return np.ascontiguousarray(np.broadcast_to(images, (*images.shape[:-1], 3)))
+    return images if images.shape[-1] == 3 else np.repeat(images, 3, axis=-1)

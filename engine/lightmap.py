@@ -54,8 +54,9 @@ class Lightmap:
     has_patch  (atlases, h, w) bool, texels that are patches
     known      (atlases, h, w) bool, texels of `display` that are not filled
     passes     every output asked for, as `display`, by name: "combined", "direct", "indirect" (E/pi),
-               "ambient_occlusion" (1 where nothing is near), and "shadow_mask NAME" for each light (1
-               where it is seen whole)
+               "ambient_occlusion" (1 where nothing is near), "shadow_mask NAME" for each light (1
+               where it is seen whole), and, signed, "L0", "L1 x", "L1 y", "L1 z" and "dominant_direction"
+               (see `finish.outputs.directional_maps`)
     """
 
     atlases: tuple[str, ...]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
+from .errors import SettingsError
 from .setting import (
     PREFERENCES,
     Description,
@@ -48,8 +49,18 @@ _OUTPUTS = {
     "indirect": Option("Indirect", "Light that other surfaces reflect"),
     "ambient_occlusion": Option("Ambient Occlusion", "Part of the hemisphere without a surface nearby"),
     "shadow_mask": Option("Shadow Masks", "A map for each light: 1 where it is seen whole, 0 in its shadow"),
+    "directional": Option(
+        "Directional",
+        "Four maps beside Combined, L0 and L1 x, y, z: a normal map n in world space shows L0 + L1 . n",
+    ),
+    "dominant_direction": Option(
+        "Dominant Direction",
+        "A map beside Combined of where most light comes from, in world space: where a normal map turns the "
+        "normal m to n, it shows Combined (1 + Direction . (n - m))",
+    ),
 }
 _LIGHT = ("combined", "direct", "indirect")
+_DIRECTIONAL = ("directional", "dominant_direction")
 _PATCH_GROUPS = {
     0: Option("Automatic", "Squares of 4 x 4 patches if memory is short"),
     1: Option("Off", "Every patch is solved on its own"),
@@ -267,6 +278,16 @@ class Settings:
         return tuple(name for name in self.outputs if name in _LIGHT)
 
     @property
+    def directional(self) -> bool:
+        """True if an output tells where light comes from."""
+        return not set(_DIRECTIONAL).isdisjoint(self.outputs)
+
+    @property
+    def only_light(self) -> bool:
+        """True if all outputs are black where there is no light."""
+        return set(self.outputs) <= {*_LIGHT, *_DIRECTIONAL}
+
+    @property
     def bounces(self) -> bool:
         """True if an output holds light that was reflected."""
         return not {"combined", "indirect"}.isdisjoint(self.outputs)
@@ -298,6 +319,22 @@ def shown_in(panel: str) -> list[str]:
 
 
 def check_settings(settings: Settings) -> None:
-    """Raise a SettingsError that names the first setting out of its range."""
+    """Raise a SettingsError that names the first setting out of its range, or at odds with others."""
     for name, description in descriptions().items():
         description.check(name, getattr(settings, name))
+    if settings.directional:
+        _check_directional(settings)
+
+
+def _check_directional(settings: Settings) -> None:
+    """Raise a SettingsError if directional maps cannot be made, or would have nothing to go with."""
+    if "combined" not in settings.outputs:
+        raise SettingsError(
+            f"outputs is {', '.join(settings.outputs)}; directional maps go with the lightmap of all light: "
+            "choose combined, too."
+        )
+    if settings.method == "paper":
+        raise SettingsError(
+            "method is paper, whose hemicubes tell no directions; choose auto, cached or stream, or leave "
+            "directional and dominant_direction out of outputs."
+        )

@@ -18,6 +18,7 @@ float seen(const Rays *rays, const Receiver *r, const float3 p, const Sample *s)
 typedef struct {
     float3 light;
     float unshadowed;  // its luminance if nothing cast a shadow
+    L1 l1;             // of the light (tilt.cl)
 } Sum;
 
 // Consecutive samples of one emitter of one radiance. Its light is known but for the shadows: samples only
@@ -25,6 +26,7 @@ typedef struct {
 typedef struct {
     float expected;    // samples
     float shadowed, unshadowed;
+    float3 tilted;     // `tilt_of` the samples, times what is shadowed of each
     float3 open;       // its whole light, mean over the texel
 } Run;
 
@@ -49,20 +51,21 @@ void finish_run(const Run *run, Sum *sum)
         return;
     const float3 open = run->open / fmin(run->expected, 1.0f);
     sum->light += open * (run->shadowed / run->unshadowed);
+    add_l1(&sum->l1, open / run->unshadowed, run->tilted);
     sum->unshadowed += luminance(open);
 }
 
 // E/pi of emitters at each patch. Samples go to emitters by systematic resampling: in proportion to what
 // they may bring, so that many emitters cost little more than one. rgb of the result is the light; a its
-// luminance if nothing cast a shadow.
+// luminance if nothing cast a shadow. DIRECTIONAL: the L1 of the light, too, x, y and z of each patch.
 __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const Emitter *emitters,
                      __global const LightNode *light_nodes, const int root, __global const Modulation *modulations,
                      __global const float *profiles, const int budget,
                      __global const float4 *radiance, __global const uint *texel_to_patch, __global const float2 *uvs,
                      const int resolution, __global const float4 *sky_pixels, __global const float *cumulative,
                      __global const int *listed, const int sky_width, const int sky_height, const int sky_count,
-                     const float sky_total, const uint seed, __global float4 *result, const int start,
-                     const int end)
+                     const float sky_total, const uint seed, __global float4 *l1,
+                     __global float4 *result, const int start, const int end)
 {
     const int patch = start + get_global_id(0);
     if (patch >= end)
@@ -79,8 +82,8 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
     Walk walk;
     start_walk(&walk, root, budget / total);
     float2 span = (float2)(0.0f);
-    Sum sum = {(float3)(0.0f), 0.0f};
-    Run run = {0.0f, 0.0f, 0.0f, (float3)(0.0f)};
+    Sum sum = {(float3)(0.0f)};
+    Run run = {0.0f};
     float tried = 0.0f, through = 0.0f;
     int emitter = -1;
     for (int index = 0; index < budget && total > 0.0f; ++index) {
@@ -89,6 +92,7 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
             emitter = next_emitter(&walk, &lights, &r, index + offset, &span);
             run.expected = span.y;
             run.shadowed = run.unshadowed = tried = through = 0.0f;
+            run.tilted = (float3)(0.0f);
             if (emitter >= 0 && emitters[emitter].uniform)
                 run.open = open_over_texel(emitters + emitter, &r);
         }
@@ -116,16 +120,24 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
             through += visible;
             tried += 1.0f;
         }
+        const float3 tilt = tilt_of(s.direction, r.normal);
         if (e->uniform) {
             run.unshadowed += luminance(brought);
             run.shadowed += luminance(brought) * visible;
+            run.tilted += luminance(brought) * visible * tilt;
         } else {
             sum.unshadowed += luminance(brought);
             sum.light += brought * visible;
+            add_l1(&sum.l1, brought * visible, tilt);
         }
     }
     finish_run(&run, &sum);
     result[patch] = (float4)(sum.light, sum.unshadowed);
+#ifdef DIRECTIONAL
+    l1[3 * (size_t)patch] = sum.l1.x;
+    l1[3 * (size_t)patch + 1] = sum.l1.y;
+    l1[3 * (size_t)patch + 2] = sum.l1.z;
+#endif
 }
 
 // The fraction of each patch's hemisphere, weighted by the cosine, in which nothing is nearer than `reach`.

@@ -28,23 +28,32 @@ float4 sum_of_group(const float4 value, __local float4 *partial)
 }
 
 // What the samples of a view add up to: in rgb the static light, which no bounce changes, of the surroundings
-// and of the backs' emission, in a the fraction of the view that no back takes; and the fraction that patches take.
+// and of the backs' emission, in a the fraction of the view that no back takes; the fraction that patches take;
+// and the L1 of the light (tilt.cl).
 typedef struct {
     float4 light;
     float patches;
+    L1 l1;
 } ViewSum;
 
+// Add light that comes from a direction with this `tilt_of`; w to the fraction that no back takes.
+void add_light(ViewSum *sum, const float4 light, const float3 tilt)
+{
+    sum->light += light;
+    add_l1(&sum->l1, light.xyz, tilt);
+}
+
 // Count what a sample meets in a direction in world space; return the patch if it is a front, else 0.
-uint count_sample(const uint seen, const float weight, const float3 world, __global const float4 *emission,
-                  __global const float4 *sky, const int2 sky_size, ViewSum *sum)
+uint count_sample(const uint seen, const float weight, const float3 world, const float3 tilt,
+                  __global const float4 *emission, __global const float4 *sky, const int2 sky_size, ViewSum *sum)
 {
     if (seen == SKY) {
-        sum->light += weight * (float4)(surroundings(world, sky, sky_size).xyz, 1.0f);
+        add_light(sum, weight * (float4)(surroundings(world, sky, sky_size).xyz, 1.0f), tilt);
         return 0;
     }
     if (seen & BACK) {
         const uint entry = seen & ~BACK;
-        sum->light += weight * (float4)(emission[entry].xyz, entry ? 0.0f : 1.0f);
+        add_light(sum, weight * (float4)(emission[entry].xyz, entry ? 0.0f : 1.0f), tilt);
         return 0;
     }
     sum->light.w += weight;
@@ -52,8 +61,21 @@ uint count_sample(const uint seen, const float weight, const float3 world, __glo
     return seen;
 }
 
+// The sum of a group, x, y and z one after the other.
+void store_l1(const L1 *l1, const int patch, __global float4 *stored, __local float4 *partial)
+{
+    const float4 x = sum_of_group(l1->x, partial);
+    const float4 y = sum_of_group(l1->y, partial);
+    const float4 z = sum_of_group(l1->z, partial);
+    if (get_local_id(0) == 0) {
+        stored[3 * (size_t)patch] = x;
+        stored[3 * (size_t)patch + 1] = y;
+        stored[3 * (size_t)patch + 2] = z;
+    }
+}
+
 void store_view(const ViewSum sum, const int patch, __global float4 *static_light,
-                __global float *patches_seen, __local float4 *partial)
+                __global float *patches_seen, __global float4 *l1, __local float4 *partial)
 {
     const float4 light = sum_of_group(sum.light, partial);
     const float4 patches = sum_of_group((float4)(sum.patches), partial);
@@ -61,4 +83,7 @@ void store_view(const ViewSum sum, const int patch, __global float4 *static_ligh
         static_light[patch] = light;
         patches_seen[patch] = patches.x;
     }
+#ifdef DIRECTIONAL
+    store_l1(&sum.l1, patch, l1, partial);
+#endif
 }

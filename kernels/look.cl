@@ -1,5 +1,4 @@
-// What patches see, found with rays. COSINE: samples are distributed by the cosine and weigh the same;
-// else they are the texels of a hemicube.
+// What patches see, found with rays along the samples of their views.
 
 typedef struct {
     __global const float2 *uvs;          // of each corner of each triangle on its lightmap
@@ -7,41 +6,6 @@ typedef struct {
     __global const uint *texel_to_patch; // patch + 1 of each texel of each lightmap, or 0
     int resolution;
 } Lightmaps;
-
-typedef struct {
-    float3 eye, right, up, normal, horizon;
-    uint2 shift;
-} View;
-
-// Where a patch looks from, turned about its normal at random for life (engine/visibility/views/hemicube.py: rotations).
-View view_of(const Receiver *r, const int patch, const uint salt, const int rotate)
-{
-    const uint mixed = hash((uint)patch ^ salt);
-    float3 x, y;
-    basis(r->normal, &x, &y);
-    const float angle = rotate ? (float)mixed * (1.0f / 2147483648.0f) - 1.0f : 0.0f;
-    const float c = cospi(angle), s = sinpi(angle);
-    const uint2 shift = (uint2)(mixed, hash(mixed));
-    const View view = {r->at + r->height * r->geometric, c * x + s * y, c * y - s * x, r->normal, r->geometric,
-                       rotate ? shift : (uint2)(0)};
-    return view;
-}
-
-// The direction of a sample in world space.
-#ifdef COSINE
-float3 sample_direction(const View *view, const int i, __global const uint2 *sequence, const int n)
-{
-    const float2 u = convert_float2((sequence[i] + view->shift) >> 8) * (1.0f / 16777216.0f);
-    const float2 q = disk(u);
-    return q.x * view->right + q.y * view->up + sqrt(1.0f - u.x) * view->normal;
-}
-#else
-float3 sample_direction(const View *view, const int i, __global const float *multiplier, const int n)
-{
-    const float3 d = texel_direction(i % n, i / n, n);
-    return d.x * view->right + d.y * view->up + d.z * view->normal;
-}
-#endif
 
 // The patch, its back or the surroundings, as in identity hemicubes.
 uint look_along(const Rays *rays, const Lightmaps *lightmaps, const float3 origin, const float3 direction)
@@ -57,13 +21,6 @@ uint look_along(const Rays *rays, const Lightmaps *lightmaps, const float3 origi
     return lightmaps->texel_to_patch[row * lightmaps->resolution + texel.x] | (hit.front ? 0u : BACK);
 }
 
-#ifdef COSINE
-#define SAMPLES __global const uint2 *pattern
-#define WEIGHT(i) (1.0f / samples)
-#else
-#define SAMPLES __global const float *pattern
-#define WEIGHT(i) pattern[i]
-#endif
 #define LOOK_ARGUMENTS RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const float2 *uvs, \
     __global const int *atlases, __global const uint *texel_to_patch, const int resolution, \
     __global const float4 *emission, __global const float4 *sky, const int sky_width, const int sky_height, \
@@ -71,45 +28,49 @@ uint look_along(const Rays *rays, const Lightmaps *lightmaps, const float3 origi
 
 // Which patches the patches of this launch see, a row of numbers each. One patch a group.
 __kernel void look(LOOK_ARGUMENTS, const int start, const int cached_from, __global Front *cache,
-                   __global float4 *static_light, __global float *patches_seen, __local float4 *partial)
+                   __global float4 *static_light, __global float *patches_seen, __global float4 *static_l1,
+                   __local float4 *partial)
 {
     const int patch = start + get_group_id(0);
     const Rays rays = RAYS;
     const Lightmaps lightmaps = {uvs, atlases, texel_to_patch, resolution};
     const Receiver receiver = load_receiver(receivers + patch);
     const View view = view_of(&receiver, patch, salt, rotate);
-    ViewSum sum = {(float4)(0.0f), 0.0f};
+    ViewSum sum = {(float4)(0.0f)};
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
         const float3 direction = sample_direction(&view, i, pattern, n);
         uint front = 0;
         if (dot(direction, view.horizon) > 0.0f) {
             const uint seen = look_along(&rays, &lightmaps, view.eye, direction);
-            front = count_sample(seen, WEIGHT(i), direction, emission, sky, (int2)(sky_width, sky_height), &sum);
+            const float3 tilt = tilt_of(direction, view.normal);
+            front = count_sample(seen, WEIGHT(i), direction, tilt, emission, sky, (int2)(sky_width, sky_height),
+                                 &sum);
         }
         cache[(size_t)(patch - cached_from) * samples + i] = front;
     }
-    store_view(sum, patch, static_light, patches_seen, partial);
+    store_view(sum, patch, static_light, patches_seen, static_l1, partial);
 }
 
 // The light that the patches of this launch gather, without keeping what they see.
 __kernel void gather_rays(LOOK_ARGUMENTS, const int start, __global const float4 *radiance,
                           __global float4 *gathered_light, __global float *patches_seen,
-                          __local float4 *partial)
+                          __global float4 *gathered_l1, __local float4 *partial)
 {
     const int patch = start + get_group_id(0);
     const Rays rays = RAYS;
     const Lightmaps lightmaps = {uvs, atlases, texel_to_patch, resolution};
     const Receiver receiver = load_receiver(receivers + patch);
     const View view = view_of(&receiver, patch, salt, rotate);
-    ViewSum sum = {(float4)(0.0f), 0.0f};
+    ViewSum sum = {(float4)(0.0f)};
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
         const float3 direction = sample_direction(&view, i, pattern, n);
         if (dot(direction, view.horizon) <= 0.0f)
             continue;
         const uint seen = look_along(&rays, &lightmaps, view.eye, direction);
-        const uint front = count_sample(seen, WEIGHT(i), direction, emission, sky, (int2)(sky_width, sky_height),
-                                        &sum);
-        sum.light += WEIGHT(i) * (float4)(radiance[front].xyz, 0.0f);
+        const float3 tilt = tilt_of(direction, view.normal);
+        const uint front = count_sample(seen, WEIGHT(i), direction, tilt, emission, sky,
+                                        (int2)(sky_width, sky_height), &sum);
+        add_light(&sum, WEIGHT(i) * (float4)(radiance[front].xyz, 0.0f), tilt);
     }
-    store_view(sum, patch, gathered_light, patches_seen, partial);
+    store_view(sum, patch, gathered_light, patches_seen, gathered_l1, partial);
 }

@@ -13,23 +13,23 @@ __kernel void resolve(__global const uint *hemicubes, __global const float *mult
                       __global const float4 *sky, const int sky_width, const int sky_height,
                       const int columns, const int n, const int first, const int cached_from,
                       __global Front *cache, __global float4 *static_light, __global float *patches_seen,
-                      __local float4 *partial)
+                      __global float4 *static_l1, __local float4 *partial)
 {
     const int slot = get_group_id(0), samples = 3 * n * n;
     __global const Frame *frame = frames + slot;
     const float3 right = vload3(0, frame->right), up = vload3(0, frame->up), normal = vload3(0, frame->normal);
     const float3 horizon = vload3(0, frame->horizon);
-    ViewSum sum = {(float4)(0.0f), 0.0f};
+    ViewSum sum = {(float4)(0.0f)};
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
         const int x = i % n, y = i / n;
         const float3 d = texel_direction(x, y, n);
         uint front = 0;
         if (dot(d, horizon) > 0.0f) {
             const float3 world = d.x * right + d.y * up + d.z * normal;
-            front = count_sample(hemicubes[texel_of(slot, x, y, columns, n)], multiplier[i], world, emission,
-                                 sky, (int2)(sky_width, sky_height), &sum);
+            front = count_sample(hemicubes[texel_of(slot, x, y, columns, n)], multiplier[i], world,
+                                 tilt_of(world, normal), emission, sky, (int2)(sky_width, sky_height), &sum);
         }
         cache[(size_t)(first + slot - cached_from) * samples + i] = front;
     }
-    store_view(sum, first + slot, static_light, patches_seen, partial);
+    store_view(sum, first + slot, static_light, patches_seen, static_l1, partial);
 }

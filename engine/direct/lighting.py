@@ -24,6 +24,8 @@ class DirectLighting:
 
     emission_left  (n, 3) float32, radiance of each patch that hemicubes have to see
     sky_left       (h, w, 3) float32, radiance of the sky that hemicubes have to see
+    l1             (n, 3, 3) float32, of the sampled light once it is gathered: of each axis of the world its
+                   rgb, see kernels/tilt.cl; (0, 3, 3) unless the settings ask for directional maps
     warnings       sentences for the user
     """
 
@@ -33,6 +35,7 @@ class DirectLighting:
         self._lamps = [lamp.relative_to(parts.triangles.origin) for lamp in shining_lights(scene)]
         self._shadow_rays: ShadowRays | None = None
         self.warnings: list[str] = []
+        self.l1 = self._no_l1()
 
         # Small bright surfaces and bright sky, unless hemicubes are to see everything as in the paper.
         emission = parts.surfaces.emission
@@ -54,7 +57,8 @@ class DirectLighting:
         """Return E/pi of the sampled light, (n, 3) float32; yield the fraction done."""
         if not (self._lamps or len(self._bright.triangles) or self._sky.bright is not None):
             return np.zeros((self._ray_scene.count, 3), np.float32)
-        return (yield from self._casting().gather())
+        light, self.l1 = yield from self._casting().gather()
+        return light
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
         """Return how much of a shining lamp each patch sees, (n,) float32; yield the fraction done."""
@@ -89,8 +93,12 @@ class DirectLighting:
         """Return the same light as it comes to the patches of another ray scene, by other numbers of rays."""
         other = copy(self)
         other._ray_scene, other._settings, other.warnings = points, settings, []
-        other._shadow_rays = self._cast_from(points, settings)
+        other._shadow_rays, other.l1 = self._cast_from(points, settings), other._no_l1()
         return other
+
+    def _no_l1(self) -> np.ndarray:
+        """Return the L1 of no light."""
+        return np.zeros((self._ray_scene.count if self._settings.directional else 0, 3, 3), np.float32)
 
     def _cast_from(self, points: RayScene, settings: Settings) -> ShadowRays:
         """Return what casts rays from the patches of a ray scene."""

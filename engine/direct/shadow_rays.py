@@ -7,7 +7,7 @@ from collections.abc import Generator, Sequence
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import download, upload, upload_float4
+from ..device.buffers import download, upload, upload_float4, zeros
 from ..device.kernel import Kernel
 from ..device.slices import sliced
 from ..patches.subdivision import Subdivision
@@ -19,7 +19,7 @@ from .light_tree import LIGHT_NODE, LIGHT_TREE_SOURCE, build_light_tree
 from .modulation import pack_modulations
 from .sky import solid_angles
 
-_SOURCE = (*LIGHT_TREE_SOURCE, "direct.cl")
+_SOURCE = (*LIGHT_TREE_SOURCE, "tilt.cl", "direct.cl")
 
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
@@ -45,9 +45,11 @@ class ShadowRays:
         compute, rays = receivers.compute, receivers.rays
         self._compute, self._rays, self._settings = compute, rays, settings
         self._count = receivers.count
-        self._direct, self._occlusion = rays.kernels(_SOURCE, "direct", "occlusion")
+        options = ("-DDIRECTIONAL",) if settings.directional else ()
+        self._direct, self._occlusion = rays.kernels(_SOURCE, "direct", "occlusion", options=options)
         self._receivers = receivers.receivers
         self._result = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * self._count)
+        self._l1 = zeros(compute, 48 * self._count) if settings.directional else None
 
         # Emitters: each lamp's, the surfaces', the sky's.
         modulations, profiles, numbers = pack_modulations(lamps)
@@ -59,13 +61,18 @@ class ShadowRays:
         self._glow = self._glow_arguments(parts)
         self._sky = self._sky_arguments(sky)
 
-    def gather(self) -> Generator[float, None, np.ndarray]:
-        """Return E/pi of all emitters at every patch, (n, 3) float32; yield the fraction done."""
+    def gather(self) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
+        """Return E/pi of all emitters at every patch, (n, 3) float32, and its L1; yield the fraction done.
+
+        The L1, see kernels/tilt.cl, is (n, 3, 3) float32, of each axis of the world its rgb; (0, 3, 3) unless
+        the settings ask for directional maps.
+        """
         groups = [group for group in self._groups if len(group)]
         if not groups:
-            return np.zeros((self._count, 3), np.float32)
+            return np.zeros((self._count, 3), np.float32), self._read_l1()
         budget = self._settings.light_samples * min(len(groups), MOST_LIGHTS)
-        return (yield from self._light(EMITTER.joined(groups), budget))[:, :3].copy()
+        light = yield from self._light(EMITTER.joined(groups), budget)
+        return light[:, :3].copy(), self._read_l1()
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
         """Return how much of its light a lamp brings to each patch, (n,) float32; yield the fraction done.
@@ -93,9 +100,15 @@ class ShadowRays:
         arguments = (
             upload(self._compute, emitters), upload(self._compute, nodes), np.int32(tree.root),
             *self._modulations, np.int32(budget),
-            *self._glow, *self._sky, np.uint32(self._settings.seed),
+            *self._glow, *self._sky, np.uint32(self._settings.seed), self._l1,
         )  # fmt: skip
         return (yield from self._sliced(self._direct, arguments))
+
+    def _read_l1(self) -> np.ndarray:
+        """Return the L1 of the light that was computed last, (n, 3, 3) float32; (0, 3, 3) without one."""
+        if self._l1 is None:
+            return np.zeros((0, 3, 3), np.float32)
+        return download(self._compute, self._l1, (self._count, 3, 4))[..., :3].copy()
 
     def _sliced(self, kernel: Kernel, arguments: tuple) -> Generator[float, None, np.ndarray]:
         """Run a kernel over all patches, some at a time, and return its result, (n, 4) float32."""

@@ -25,6 +25,8 @@ def output_names(scene: Scene, settings: Settings) -> list[str]:
     for name in settings.outputs:
         if name == "shadow_mask":
             names += [f"{name} {light.name}" for light in shining_lights(scene)]
+        elif name == "directional":
+            names += DIRECTIONAL_MAPS
         else:
             names.append(name)
     if not names:
@@ -36,6 +38,12 @@ def output_names(scene: Scene, settings: Settings) -> list[str]:
         names[index] = _unused(name, taken)
         taken.add(names[index])
     return names
+
+
+#: The maps of the output "directional", whose L0 + L1 . n' is E/pi of a normal n' in world space.
+DIRECTIONAL_MAPS = ("L0", "L1 x", "L1 y", "L1 z")
+
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
 class Light(Protocol):
@@ -54,6 +62,10 @@ class Light(Protocol):
     @property
     def indirect(self) -> np.ndarray:
         """Of light that was."""
+        ...
+
+    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+        """L1 of all light but the sampled, (n, 3, 3); see `Sweep.gather_l1`."""
         ...
 
 
@@ -81,18 +93,46 @@ class Outputs:
         first, *_ = (*self._settings.light_outputs, "direct")
         return _light(first, solution)
 
-    def make(self, solution: Light) -> Generator[float, None, dict[str, np.ndarray]]:
-        """Make every output, (n, 3) or (n,) float32, by name; yield the fraction done of each."""
+    def make(self, solution: Light, normals: np.ndarray) -> Generator[float, None, dict[str, np.ndarray]]:
+        """Make every output, (n, 3) or (n,) float32, by name; yield the fraction done of each.
+
+        normals  (n, 3) float32, unit, world space, of the surface at each point
+        """
         made: dict[str, np.ndarray] = {}
         masks = iter(range(len(self._names)))
+        directional: dict[str, np.ndarray] = {}
+        if self._settings.directional:
+            l1 = self._lighting.l1 + (yield from solution.gather_l1())
+            directional = directional_maps(solution.irradiance, l1, normals)
         for name in self._names:
-            if name in self._settings.light_outputs:
+            if name in directional:
+                made[name] = directional[name]
+            elif name in self._settings.light_outputs:
                 made[name] = _light(name, solution)
             elif name == "ambient_occlusion":
                 made[name] = yield from self._lighting.ambient_occlusion()
             else:
                 made[name] = yield from self._lighting.shadow_mask(next(masks))
         return made
+
+
+def directional_maps(irradiance: np.ndarray, l1: np.ndarray, normals: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the maps that shade normal maps, (n, 3) float32 each, by name.
+
+    irradiance  (n, 3) float32, E/pi
+    l1          (n, 3, 3) float32, of each axis of the world its rgb
+    normals     (n, 3) float32, unit, world space
+
+    E(n')/pi = E(n)/pi + l1 . (n' - n) is L0 + L1 . n'. The dominant direction D is the luminance of l1 in
+    parts of that of E/pi: E(n')/pi is about E(n)/pi (1 + D . (n' - n)).
+    """
+    l0 = irradiance - np.einsum("nac,na->nc", l1, normals)
+    luminance = irradiance @ _LUMINANCE
+    direction = np.divide(
+        l1 @ _LUMINANCE, luminance[:, None], out=np.zeros_like(normals), where=luminance[:, None] > 0
+    )
+    maps = (l0, *l1.transpose(1, 0, 2), direction)
+    return dict(zip((*DIRECTIONAL_MAPS, "dominant_direction"), maps, strict=True))
 
 
 def _light(name: str, solution: Light) -> np.ndarray:

@@ -38,3 +38,7 @@ class FinalGather:
         self.radiance = upload_float4(self._compute, radiance, first=1)
         yield from self._sweep.gather(self, 0)
         return download(self._compute, self._gathered, (self.count, 4))
+
+    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+        """Return the L1 of what was gathered last; see `Sweep.gather_l1`."""
+        return (yield from self._sweep.gather_l1())

@@ -11,6 +11,7 @@ from ..gather.cached import CachedSweep, RayStreamSweep, StreamSweep
 from ..gather.final_gather import FinalGather
 from ..gather.glsl_cached import fits_glsl_cache
 from ..gather.hemicube_gather import Gather, GlslGather, PaperGather
+from ..gather.l1_gather import L1Gather, NoL1
 from ..gather.sweep import Sweep
 from ..patches.subdivision import Subdivision
 from ..settings import Settings
@@ -82,6 +83,7 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Choic
     groups = PatchGroups(job.rays, job.parts, width)
     squares = replace(
         job,
+        settings=replace(job.settings, outputs=job.settings.light_outputs),
         parts=groups.parts,
         rays=groups.rays,
         emission=groups.mean(job.emission),
@@ -176,7 +178,8 @@ def _choose_sweep(job: SolveJob, identity: Identity) -> tuple[Sweep, str, str]:
     """Return how identities become light, the method's name, and why."""
     sizes = memory_clause(job, identity.row_bytes * job.count)
     if is_kept(job, identity):
-        return CachedSweep(job.opencl, identity, job.count), "cached", f"It is kept: {sizes}."
+        sweep = CachedSweep(job.opencl, identity, job.count, _l1_gather(job, identity))
+        return sweep, "cached", f"It is kept: {sizes}."
     why = f"It is found anew in every iteration: {sizes}."
     if job.settings.method == "stream":
         why = "It is found anew in every iteration: the settings ask for it."
@@ -185,7 +188,15 @@ def _choose_sweep(job: SolveJob, identity: Identity) -> tuple[Sweep, str, str]:
 
 def _stream(job: SolveJob, identity: Identity) -> Sweep:
     """Return how identities become light without being kept."""
+    l1 = _l1_gather(job, identity)
     if isinstance(identity, RayIdentity):
-        return RayStreamSweep(job.opencl, identity, job.count)
+        return RayStreamSweep(job.opencl, identity, job.count, l1)
     fitting = min(memory_budget(job), job.settings.batch_bytes) // identity.row_bytes
-    return StreamSweep(job.opencl, identity, job.count, max(fitting, identity.batch))
+    return StreamSweep(job.opencl, identity, job.count, max(fitting, identity.batch), l1)
+
+
+def _l1_gather(job: SolveJob, identity: Identity) -> L1Gather | NoL1:
+    """Return what gathers L1 for directional maps, if the settings ask for any."""
+    if not job.settings.directional:
+        return NoL1()
+    return L1Gather(job.opencl, identity, job.rays.receivers, job.settings, job.count)

@@ -156,7 +156,8 @@ def _gather(what: DisplayJob, settled: np.ndarray, points: _Points) -> Generator
     receivers = Receivers(points.parts, points.rays, sampled)
     last, _ = last_gather(what.solved, what.choice, receivers, settings)
     yield from _between(0.3, 0.8, last.gather(settled))
-    values = yield from _between(0.8, 1.0, Outputs(what.scene, settings, lighting).make(last))
+    outputs = Outputs(what.scene, settings, lighting)
+    values = yield from _between(0.8, 1.0, outputs.make(last, points.parts.geometry.normal))
     visible = ~is_hidden(last.gathered[:, 3], lighting.near_faces())
     return _Batch(points.samples, ways, visible, last.irradiance, values)
 

@@ -69,4 +69,4 @@ class SolveJob:
     def dark(self) -> bool:
         """True if no light reaches any patch, and nothing but light is asked for."""
         lit = self.gathers_direct or self.sampled_light.any()
-        return not lit and self.settings.light_outputs == self.settings.outputs
+        return not lit and self.settings.only_light

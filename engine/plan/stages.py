@@ -95,7 +95,8 @@ class BakeStages(Schedule):
         self.texels = self._stage("Texels", 0, _RAY)
         filtered = texels * len(settings.light_outputs) if settings.denoise else 0
         self.denoising = self._stage("Denoising", filtered, _FILTERED)
-        self.images = self._stage("Images", texels * len(settings.outputs), _TEXEL)
+        maps = len(settings.outputs) + 3 * ("directional" in settings.outputs)
+        self.images = self._stage("Images", texels * maps, _TEXEL)
         self._casting = (self.direct, self.visibility, self.bounces, self.final, self.outputs, self.texels)
         super().__init__(list(self._names))
         self._size(int(_COVERAGE * texels))
@@ -199,8 +200,9 @@ class BakeStages(Schedule):
         self.direct.amount = patches * settings.light_samples * min(self._lamps + 1, MOST_LIGHTS)
         self.visibility.amount = patches * expected_samples(settings)
         self._samples_of_sweep = int(self.visibility.amount)
-        rays = settings.ao_samples * ("ambient_occlusion" in settings.outputs)
+        rays: float = settings.ao_samples * ("ambient_occlusion" in settings.outputs)
         rays += settings.light_samples * self._lamps * ("shadow_mask" in settings.outputs)
+        rays += _LOOK_UP * expected_samples(settings) * settings.directional
         self.outputs.amount = patches * rays
         if settings.texel_samples > 1 and settings.method != "paper":
             self.texels.amount = _REFINED * patches * expected_samples(settings)

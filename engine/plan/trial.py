@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import pyopencl as cl
 
+from ..device.buffers import zeros
 from ..visibility.identity import Identity, SeenBuffers
 from ..visibility.raster.identity import RasterIdentity
 from ..visibility.rays.identity import RayIdentity
@@ -84,8 +85,10 @@ def _time(job: SolveJob, identity: Identity, tried: int) -> float:
     compute, first = job.opencl, (job.count - tried) // 2
     sizes = (identity.row_bytes * tried, 16 * job.count, 4 * job.count)
     cache, static_light, seen = (cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size) for size in sizes)
+    l1 = zeros(compute, 48 * job.count) if job.settings.directional else None
+    buffers = SeenBuffers(cache, first, static_light, seen, l1)
     began = time.perf_counter()
-    for _ in identity.find(first, first + tried, SeenBuffers(cache, first, static_light, seen)):
+    for _ in identity.find(first, first + tried, buffers):
         pass
     compute.queue.finish()
     return time.perf_counter() - began

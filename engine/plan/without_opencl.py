@@ -9,8 +9,13 @@ from ..errors import DeviceError
 from ..scene.model import Scene, shining_lights
 from ..settings import Settings
 
-#: Outputs that take rays.
-_RAY_OUTPUTS = {"ambient_occlusion": "ambient occlusion", "shadow_mask": "shadow masks"}
+#: Outputs that OpenCL alone makes.
+_RAY_OUTPUTS = {
+    "ambient_occlusion": "ambient occlusion",
+    "shadow_mask": "shadow masks",
+    "directional": "directional maps",
+    "dominant_direction": "the dominant direction",
+}
 
 
 def without_opencl(devices: Devices, scene: Scene, settings: Settings) -> tuple[Settings, tuple[str, ...]]:

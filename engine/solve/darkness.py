@@ -21,6 +21,11 @@ class Darkness:
         self.gathered = np.zeros((count, 4), np.float32)
         self.irradiance = self.direct = self.indirect = self.settled = self.gathered[:, :3]
 
+    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+        """Return the L1 of no light, (n, 3, 3) float32."""
+        yield 1.0
+        return np.zeros((len(self.gathered), 3, 3), np.float32)
+
     def iteration(self) -> Generator[float, None, None]:
         """Do nothing."""
         yield 1.0

@@ -103,6 +103,10 @@ class DeviceRadiosity:
         change, relative, flux = self._read_sums(1)[0]
         return Step(change / self.count, relative / self.count, np.pi * flux * self.area)
 
+    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+        """Return the L1 of the last sweep; see `solve.Radiosity.gather_l1`."""
+        return (yield from self._sweep.gather_l1())
+
     def iterate(self, column: int) -> np.ndarray:
         """Return E/pi and the fraction that is no back, (n, 4) float32, of a column."""
         return download(self._compute, self._gathered, (self.count, 4), 16 * self.count * column)

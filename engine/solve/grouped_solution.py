@@ -57,6 +57,10 @@ class GroupedSolution:
             return
         yield from self._last.gather(self._solver.irradiance)
 
+    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+        """Return the L1 of the last gather; see `solver.Radiosity.gather_l1`."""
+        return (yield from self._last.gather_l1())
+
     @property
     def gathered(self) -> np.ndarray:
         """E/pi and the fraction that is no back, (n, 4) float32; before the last gather of the groups."""

@@ -6,6 +6,7 @@ from collections.abc import Generator
 
 import numpy as np
 
+from ..errors import DeviceError
 from ..gather.hemicube_gather import Gather
 from .solver import PLAIN_COLUMNS, Step, Sums
 
@@ -77,6 +78,10 @@ class HostRadiosity:
         flux = np.pi * (self._areas * (self._reflectance * step).sum(axis=1, dtype=np.float64)).sum()
         self._irradiance = following
         return Step(float(change.mean()), float(relative.mean()), float(flux))
+
+    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+        """Raise DeviceError: hemicubes that are summed at once tell no directions."""
+        raise DeviceError("Directional maps need OpenCL, and method auto, cached or stream.")
 
     def iterate(self, column: int) -> np.ndarray:
         """Return E/pi and the fraction that is no back, (n, 4) float32, of a column: a copy."""

@@ -44,6 +44,10 @@ class LastGather:
             self.direct = self.gathered[:, :3]
         self.done = True
 
+    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+        """Return the L1 of all light but the sampled, (n, 3, 3) float32; see `Sweep.gather_l1`."""
+        return (yield from self._final.gather_l1())
+
     @property
     def irradiance(self) -> np.ndarray:
         """E/pi of all light, (n, 3) float32."""

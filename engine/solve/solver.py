@@ -81,12 +81,22 @@ class Radiosity(Protocol):
     def iterate(self, column: int) -> np.ndarray:
         """Return E/pi and the fraction that is no back, (n, 4) float32, of a column: a copy."""
 
+    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+        """Return the L1 of the last sweep, (n, 3, 3) float32, see `Sweep.gather_l1`; yield the fraction done.
+
+        Raises DeviceError where no directions are known.
+        """
+
 
 class Solution(Protocol):
     """What is known of a bake's light; see `Solver`."""
 
     def iteration(self) -> Generator[float, None, None]:
         """Sweep once; yield the fraction done."""
+
+    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+        """Return the L1 of the light of the last iteration; see `Radiosity.gather_l1`."""
+        ...
 
     @property
     def iterations(self) -> int:
@@ -236,6 +246,10 @@ class Solver:
         Acceleration lets patches below the mean weigh alike; factors are of errors relative to own light.
         """
         return _DARK if self._anderson is None else 1.0
+
+    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+        """Return the L1 of the last sweep; see `Radiosity.gather_l1`."""
+        return (yield from self._radiosity.gather_l1())
 
     def _mixture(self, sums: Sums) -> tuple[np.ndarray, np.ndarray]:
         """Return weights of the columns, (columns, 3), and the ambient light, (3,)."""

@@ -13,9 +13,12 @@ from ..device.buffers import upload_float4
 from ..device.compute import Compute
 
 
-def sample_options(size: int) -> tuple[str, ...]:
-    """Return the build options of kernels that read or write samples of `size` bytes."""
-    return ("-DNARROW",) if size == 2 else ()
+def identity_options(size: int, directional: bool = False) -> tuple[str, ...]:
+    """Return the build options of kernels that read or write samples of `size` bytes.
+
+    directional  True if they sum the L1 of light, too, see kernels/tilt.cl
+    """
+    return (*(("-DNARROW",) if size == 2 else ()), *(("-DDIRECTIONAL",) if directional else ()))
 
 
 @dataclass(frozen=True)
@@ -27,12 +30,15 @@ class SeenBuffers:
     static_light  float4 of each patch: E/pi of sky and backs, which no bounce changes, and the fraction of
                   the view that is no back
     patches_seen  float of each patch: the fraction of its view that other patches take
+    static_l1     3 float4 of each patch, x, y and z: the L1 of the static light, see kernels/tilt.cl; None
+                  unless the settings ask for directional maps
     """
 
     cache: cl.Buffer
     cached_from: int
     static_light: cl.Buffer
     patches_seen: cl.Buffer
+    static_l1: cl.Buffer | None = None
 
 
 class Identity(Protocol):

@@ -13,7 +13,7 @@ from ...device.graphics import Graphics
 from ...device.share import HostCopy
 from ...patches.subdivision import Subdivision
 from ...settings import Settings
-from ..identity import SeenBuffers, Surroundings, sample_options
+from ..identity import SeenBuffers, Surroundings, identity_options
 from ..samples import sample_bytes
 from ..views.hemicube import multiplier_map
 from ..views.hemicubes import Hemicubes
@@ -46,8 +46,9 @@ class RasterIdentity:
         self.samples = len(multiplier)
         size = sample_bytes(parts.sources)
         self.row_bytes = size * self.samples
-        source = ("hemicube.cl", "identity.cl", FRAME, "resolve.cl")
-        (self._resolve,) = compute.kernels(source, "resolve", options=sample_options(size))
+        source = ("hemicube.cl", "tilt.cl", "identity.cl", FRAME, "resolve.cl")
+        options = identity_options(size, settings.directional)
+        (self._resolve,) = compute.kernels(source, "resolve", options=options)
         self._weights = upload(compute, multiplier)
 
     def find(self, first: int, last: int, seen: SeenBuffers) -> Generator[float, None, None]:
@@ -68,5 +69,5 @@ class RasterIdentity:
             surroundings.emission, surroundings.sky, surroundings.width, surroundings.height,
             np.int32(self._tiles.columns), np.int32(self._tiles.n), np.int32(start),
             np.int32(seen.cached_from), seen.cache, seen.static_light, seen.patches_seen,
-            cl.LocalMemory(16 * group),
+            seen.static_l1, cl.LocalMemory(16 * group),
         )  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+from dataclasses import dataclass
 
 import numpy as np
 import pyopencl as cl
@@ -13,12 +14,26 @@ from ...device.kernel import Kernel
 from ...device.slices import sliced
 from ...patches.subdivision import Subdivision
 from ...settings import Settings
-from ..identity import SeenBuffers, Surroundings, sample_options
+from ..identity import SeenBuffers, Surroundings, identity_options
 from ..samples import ray_count, sample_bytes
 from ..views.directions import r2_sequence
 from ..views.hemicube import multiplier_map, rotation_salt
 from .ray_scene import RayScene
 from .receivers import RECEIVER_SOURCE
+
+
+@dataclass(frozen=True)
+class GatheredBuffers:
+    """Where `RayIdentity.gather` writes on the OpenCL device.
+
+    light         float4 of each patch: E/pi of all that is seen, and the fraction that is no back
+    patches_seen  float of each patch: the fraction of its view that other patches take
+    l1            3 float4 of each patch, see `SeenBuffers.static_l1`
+    """
+
+    light: cl.Buffer
+    patches_seen: cl.Buffer
+    l1: cl.Buffer | None
 
 
 class RayIdentity:
@@ -47,8 +62,9 @@ class RayIdentity:
         size = sample_bytes(sources.sources)
         self.row_bytes = size * self.samples
         self.batch = 1
-        options = ("-DDITHERED", *sample_options(size), *(() if hemicube else ("-DCOSINE",)))
-        source = (*RECEIVER_SOURCE, "hemicube.cl", "identity.cl", "look.cl")
+        options = ("-DDITHERED", *identity_options(size, settings.directional))
+        options += () if hemicube else ("-DCOSINE",)
+        source = (*RECEIVER_SOURCE, "hemicube.cl", "tilt.cl", "identity.cl", "views.cl", "look.cl")
         self._look, self._gather_rays = rays.kernels(source, "look", "gather_rays", options=options)
         triangles = sources.triangles
         arrays = (triangles.uvs, triangles.atlas, sources.texel_to_patch)
@@ -62,17 +78,14 @@ class RayIdentity:
 
     def find(self, first: int, last: int, seen: SeenBuffers) -> Generator[float, None, None]:
         """Find what the patches first ... last see; yield the fraction done."""
-        outputs = (np.int32(seen.cached_from), seen.cache, seen.static_light, seen.patches_seen)
+        kept = (np.int32(seen.cached_from), seen.cache)
+        outputs = (*kept, seen.static_light, seen.patches_seen, seen.static_l1)
         yield from self._run(self._look, first, last, outputs)
 
-    def gather(
-        self, count: int, radiance: cl.Buffer, light: cl.Buffer, patches_seen: cl.Buffer
-    ) -> Generator[float, None, None]:
-        """Gather from radiance, float4 of each source + 1, into light, float4 of each patch; keep nothing.
-
-        light  E/pi of all that is seen, and the fraction that is no back
-        """
-        yield from self._run(self._gather_rays, 0, count, (radiance, light, patches_seen))
+    def gather(self, count: int, radiance: cl.Buffer, seen: GatheredBuffers) -> Generator[float, None, None]:
+        """Gather from radiance, float4 of each source + 1, for the first `count` patches; keep nothing."""
+        outputs = (radiance, seen.light, seen.patches_seen, seen.l1)
+        yield from self._run(self._gather_rays, 0, count, outputs)
 
     def _run(self, kernel: Kernel, first: int, last: int, outputs: tuple) -> Generator[float, None, None]:
         """Run a kernel over patches first ... last, slice by slice, one work group for each patch."""

@@ -1,0 +1,34 @@
+// What light is to tilted normals: E(n')/pi = E(n)/pi + l1 . (n' - n), a vector l1 for each channel.
+
+// rgb of each axis of the world; adding to it is free unless DIRECTIONAL is defined.
+typedef struct {
+    float4 x, y, z;
+} L1;
+
+// The l1 of light from a direction, of any length, that brings E(n)/pi = 1 to a normal. Least squares over
+// normals as rough surfaces have them (Beckmann and Spizzichino 1963, slope 0.4), of the cosine times the shadow
+// that bumps cast on each other (Estevez, Lecocq and Stein, "A Microfacet-Based Shadowing Function to Solve the
+// Bump Terminator Problem", Ray Tracing Gems 2019), as Cycles has it. Across the normal and along it these are
+// functions of the cosine, here polynomials: tests/gpu/test_tilt.py makes them anew.
+float3 tilt_of(const float3 direction, const float3 normal)
+{
+#ifdef DIRECTIONAL
+    const float3 d = normalize(direction);
+    const float c = clamp(dot(d, normal), 0.0f, 1.0f);
+    const float across = 1.9247f + c * (3.6855f + c * (-17.2852f + c * (25.1434f + c * (-16.7719f + c * 4.3033f))));
+    const float along = 3.3526f + c * (-9.9261f + c * (31.4087f + c * (-63.948f + c * (62.3533f - c * 22.2586f))));
+    return across * d + (along - across * c) * normal;
+#else
+    return (float3)(0.0f);
+#endif
+}
+
+// Add light, E(n)/pi, with its `tilt_of`.
+void add_l1(L1 *l1, const float3 light, const float3 tilt)
+{
+#ifdef DIRECTIONAL
+    l1->x.xyz += tilt.x * light;
+    l1->y.xyz += tilt.y * light;
+    l1->z.xyz += tilt.z * light;
+#endif
+}

@@ -1,0 +1,45 @@
+// The views of patches: where each looks from, and the directions and weights of its samples. COSINE: these are
+// distributed by the cosine and weigh the same; else they are the texels of a hemicube.
+
+typedef struct {
+    float3 eye, right, up, normal, horizon;
+    uint2 shift;
+} View;
+
+// Where a patch looks from, turned about its normal at random for life (engine/visibility/views/hemicube.py: rotations).
+View view_of(const Receiver *r, const int patch, const uint salt, const int rotate)
+{
+    const uint mixed = hash((uint)patch ^ salt);
+    float3 x, y;
+    basis(r->normal, &x, &y);
+    const float angle = rotate ? (float)mixed * (1.0f / 2147483648.0f) - 1.0f : 0.0f;
+    const float c = cospi(angle), s = sinpi(angle);
+    const uint2 shift = (uint2)(mixed, hash(mixed));
+    const View view = {r->at + r->height * r->geometric, c * x + s * y, c * y - s * x, r->normal, r->geometric,
+                       rotate ? shift : (uint2)(0)};
+    return view;
+}
+
+// The direction of a sample in world space.
+#ifdef COSINE
+float3 sample_direction(const View *view, const int i, __global const uint2 *sequence, const int n)
+{
+    const float2 u = convert_float2((sequence[i] + view->shift) >> 8) * (1.0f / 16777216.0f);
+    const float2 q = disk(u);
+    return q.x * view->right + q.y * view->up + sqrt(1.0f - u.x) * view->normal;
+}
+#else
+float3 sample_direction(const View *view, const int i, __global const float *multiplier, const int n)
+{
+    const float3 d = texel_direction(i % n, i / n, n);
+    return d.x * view->right + d.y * view->up + d.z * view->normal;
+}
+#endif
+
+#ifdef COSINE
+#define SAMPLES __global const uint2 *pattern
+#define WEIGHT(i) (1.0f / samples)
+#else
+#define SAMPLES __global const float *pattern
+#define WEIGHT(i) pattern[i]
+#endif

@@ -30,6 +30,11 @@ class HemibakeLightmapProperties(bpy.types.PropertyGroup):
 
     name: StringProperty(name="Atlas")
     image: PointerProperty(type=bpy.types.Image, name="Image")
+    directional: BoolProperty(
+        name="Directional",
+        description="The last bake of the lightmap wrote its directional maps, too",
+        options={"HIDDEN"},
+    )
     packing: StringProperty(
         name="Packing",
         description="Digest of how the charts of the lightmap were packed last",

@@ -302,10 +302,15 @@ class Run:
                 images.remember(scene, name, image)
 
     def _remember_use(self, lightmap: Lightmap) -> None:
-        """Write on the scene how much of each atlas has patches, where all of its objects were baked."""
+        """Write on the scene whether each atlas has directional maps, and how much of it has patches.
+
+        That is known where all of its objects were baked.
+        """
         known = self._context.scene.hemibake.lightmaps
         kept = {atlas for atlas, _ in self._kept.objects()}
         for atlas, has_patch in zip(lightmap.atlases, lightmap.has_patch, strict=True):
+            if atlas in known:
+                known[atlas].directional = "directional" in self._settings.outputs
             if atlas in known and atlas not in kept:
                 known[atlas].used = 100 * float(has_patch.mean())
 

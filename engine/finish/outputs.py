@@ -43,6 +43,14 @@ def output_names(scene: Scene, settings: Settings) -> list[str]:
 #: The maps of the output "directional", whose L0 + L1 . n' is E/pi of a normal n' in world space.
 DIRECTIONAL_MAPS = ("L0", "L1 x", "L1 y", "L1 z")
 
+#: How maps of directions are read: n is the normal of the surface, n' one that a normal map makes of it.
+DECODING = {
+    **dict.fromkeys(
+        DIRECTIONAL_MAPS, "max(0, L0 + L1x n'.x + L1y n'.y + L1z n'.z), n' unit, world space, z up"
+    ),
+    "dominant_direction": "combined max(0, 1 + D . (n' - n)), D = rgb, signed, world space, z up",
+}
+
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 

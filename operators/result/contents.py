@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ...engine.finish.outputs import output_names
+from ...engine.finish.outputs import DECODING, output_names
 from ...engine.settings import Settings
 from ..lookup import find_all
 from ..scene import ReadScene
@@ -19,10 +19,15 @@ def lightmap_contents(read: ReadScene, settings: Settings, uv_layer: str, kept: 
     for atlas, obj in kept.objects():
         objects.setdefault(atlas, []).append({"object": obj.name, **_as_before(obj)})
     return [
-        {"atlas": atlas, "output": output, "objects": objects.get(atlas, [])}
+        {"atlas": atlas, "output": output, **_decoding(output), "objects": objects.get(atlas, [])}
         for output in output_names(read.scene, settings)
         for atlas in read.scene.atlases
     ]
+
+
+def _decoding(output: str) -> dict[str, str]:
+    """Return how a map of directions is read, JSON-ready; nothing of other outputs."""
+    return {"decode": DECODING[output]} if output in DECODING else {}
 
 
 def _objects_by_atlas(read: ReadScene, uv_layer: str) -> dict[str, list[dict]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import bpy
 
@@ -17,11 +18,13 @@ class ShownLightmap:
     """Where the light of an object is: lightmap uv = uv of the layer * scale + offset.
 
     images   of which an object without instances has one
+    l1       of each axis of the world the L1 maps beside the images; empty if some have none
     table    places of the object's instances instead of scale and offset, see `instance_places`
     buckets  of the table
     """
 
     images: tuple[bpy.types.Image, ...]
+    l1: tuple[tuple[bpy.types.Image, ...], ...]
     uv_layer: str
     scale: float = 1.0
     offset: tuple[float, float] = (0.0, 0.0)
@@ -29,32 +32,75 @@ class ShownLightmap:
     buckets: int = 0
 
 
-def lightmap_colour(tree: bpy.types.NodeTree, lightmap: ShownLightmap) -> bpy.types.NodeSocket:
-    """Return the light of a surface: UV Map -> scale, offset -> Image Texture."""
-    nodes = _Row(tree)
-    uv = nodes.make("ShaderNodeUVMap", uv_map=lightmap.uv_layer)
-    if lightmap.table is None:
+class LightmapNodes:
+    """Nodes of a tree that read the light of a surface: UV Map -> scale, offset -> Image Texture.
+
+    colour  E/pi of the surface
+    """
+
+    def __init__(self, tree: bpy.types.NodeTree, lightmap: ShownLightmap) -> None:
+        self._nodes, self._lightmap = _Row(tree), lightmap
+        uv = self._nodes.make("ShaderNodeUVMap", uv_map=lightmap.uv_layer)
+        self._is_image: tuple[bpy.types.NodeSocket, ...] = ()
+        self._uv = self._placed(uv) if lightmap.table is None else self._placed_by_number(uv, lightmap.table)
+        self.colour = self._light(lightmap.images)
+
+    @property
+    def has_directions(self) -> bool:
+        """Whether there are maps to shade tilted normals with."""
+        return bool(self._lightmap.l1)
+
+    def shaded(self, normal: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+        """Return E/pi of a normal n' in world space: E(n)/pi + L1 . (n' - n), not below 0."""
+        nodes = self._nodes
+        surface = nodes.make("ShaderNodeNewGeometry").node.outputs["Normal"]
+        tilt = nodes.make("ShaderNodeSeparateXYZ", nodes.vector("SUBTRACT", normal, surface)).node.outputs
+        light = self.colour
+        for l1, along in zip(self._l1, tilt, strict=True):
+            light = nodes.vector("MULTIPLY_ADD", l1, along, light)
+        return nodes.vector("MAXIMUM", light, (0.0, 0.0, 0.0))
+
+    @cached_property
+    def _l1(self) -> list[bpy.types.NodeSocket]:
+        """The L1 of the light, axis after axis."""
+        return [self._light(images) for images in self._lightmap.l1]
+
+    def _placed(self, uv: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+        """Return the lightmap UV of an object."""
+        lightmap = self._lightmap
         scale, offset = (lightmap.scale, lightmap.scale, 1.0), (*lightmap.offset, 0.0)
-        return nodes.picture(lightmap.images[0], nodes.vector("MULTIPLY_ADD", uv, scale, offset))
+        return self._nodes.vector("MULTIPLY_ADD", uv, scale, offset)
 
-    # The place of this instance, by its random number r: bucket floor(r B), then slot frac(r B) m of it.
-    info = nodes.make("ShaderNodeObjectInfo").node.outputs["Random"]
-    number = nodes.number("MULTIPLY", nodes.number("MINIMUM", info, 1 - 2**-24), float(lightmap.buckets))
-    bucket = nodes.number("FLOOR", number)
-    head = nodes.make("ShaderNodeSeparateXYZ", nodes.texel(lightmap.table, bucket)).node.outputs
-    slot = nodes.number(
-        "FLOOR", nodes.number("MULTIPLY", nodes.number("SUBTRACT", number, bucket), head["Y"])
-    )
-    place = nodes.texel(lightmap.table, nodes.number("ADD", slot, head["X"]))
-    scale = nodes.make("ShaderNodeSeparateXYZ", place).node.outputs["Z"]
-    moved = nodes.vector("MULTIPLY_ADD", uv, scale, place)
+    def _placed_by_number(self, uv: bpy.types.NodeSocket, table: bpy.types.Image) -> bpy.types.NodeSocket:
+        """Return the lightmap UV of an instance, and find which of the images is its.
 
-    # Only the image whose index the place has counts.
-    light: Feed = (0.0, 0.0, 0.0)
-    for index, image in enumerate(lightmap.images):
-        is_it = nodes.number("COMPARE", place.node.outputs["Alpha"], float(index), 0.5)
-        light = nodes.vector("MULTIPLY_ADD", nodes.picture(image, moved), is_it, light)
-    return light
+        Its place comes by its random number r: bucket floor(r B), then slot frac(r B) m of it.
+        """
+        nodes, buckets = self._nodes, float(self._lightmap.buckets)
+        info = nodes.make("ShaderNodeObjectInfo").node.outputs["Random"]
+        number = nodes.number("MULTIPLY", nodes.number("MINIMUM", info, 1 - 2**-24), buckets)
+        bucket = nodes.number("FLOOR", number)
+        head = nodes.make("ShaderNodeSeparateXYZ", nodes.texel(table, bucket)).node.outputs
+        slot = nodes.number(
+            "FLOOR", nodes.number("MULTIPLY", nodes.number("SUBTRACT", number, bucket), head["Y"])
+        )
+        place = nodes.texel(table, nodes.number("ADD", slot, head["X"]))
+        scale = nodes.make("ShaderNodeSeparateXYZ", place).node.outputs["Z"]
+        self._is_image = tuple(
+            nodes.number("COMPARE", place.node.outputs["Alpha"], float(index), 0.5)
+            for index in range(len(self._lightmap.images))
+        )
+        return nodes.vector("MULTIPLY_ADD", uv, scale, place)
+
+    def _light(self, images: tuple[bpy.types.Image, ...]) -> bpy.types.NodeSocket:
+        """Return the colour of the image that counts, of one for each lightmap."""
+        nodes = self._nodes
+        if not self._is_image:
+            return nodes.picture(images[0], self._uv)
+        light: Feed = (0.0, 0.0, 0.0)
+        for image, is_it in zip(images, self._is_image, strict=True):
+            light = nodes.vector("MULTIPLY_ADD", nodes.picture(image, self._uv), is_it, light)
+        return light
 
 
 class _Row:

@@ -46,7 +46,7 @@ def write_manifest(
 ) -> None:
     """Write the manifest that a folder has once staged files have got their names; raises OSError.
 
-    facts  of each file: "blend", "atlas", "output", "objects"
+    facts  of each file: "blend", "atlas", "output", "objects", and "decode" if a formula is needed to read it
     """
     known = {name: entry for name, entry in read_manifest(folder).items() if (folder / name).exists()}
     for new, name, fact in zip(staged, names, facts, strict=True):

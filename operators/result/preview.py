@@ -13,6 +13,7 @@ import numpy as np
 
 from ..scene.objects.meshes import read_array
 from ..scene.uvs.lightmap_layer import lightmap_layer
+from .directional_images import l1_images
 from .instance_places import InstancePlace, instance_places, place_table
 from .lightmap_nodes import ShownLightmap
 from .preview_material import MARK, preview_material, remove_unused_previews
@@ -52,7 +53,7 @@ def show_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> tupl
         else:
             shown += 1
             _remember(obj)
-            lightmap = _shown_lightmap(obj, instances.get(obj), scene.hemibake.uv_layer)
+            lightmap = _shown_lightmap(obj, instances.get(obj), scene)
             for slot in obj.material_slots:
                 _show_slot(slot, lightmap, made)
     return shown, notes
@@ -104,12 +105,13 @@ def _show_slot(slot: bpy.types.MaterialSlot, lightmap: ShownLightmap, made: dict
 
 
 def _shown_lightmap(
-    obj: bpy.types.Object, instances: list[InstancePlace] | None, uv_layer: str
+    obj: bpy.types.Object, instances: list[InstancePlace] | None, scene: bpy.types.Scene
 ) -> ShownLightmap:
     """Return where the light of an object, or of all its instances, is; the layer where it was not baked."""
     own = obj.hemibake
     if instances is None:
-        return ShownLightmap((own.image,), own.uv_layer, own.uv_scale, tuple(own.uv_offset))
+        l1 = l1_images(scene, [own.image])
+        return ShownLightmap((own.image,), l1, own.uv_layer, own.uv_scale, tuple(own.uv_offset))
     images = tuple(dict.fromkeys(place.image for place in instances))
     table = place_table(instances, images)
     rows, width, _ = table.texels.shape
@@ -119,6 +121,5 @@ def _shown_lightmap(
     image[MARK], image.alpha_mode = True, "CHANNEL_PACKED"
     image.pixels.foreach_set(table.texels.reshape(-1))
     image.pack()
-    return ShownLightmap(
-        images, own.uv_layer or lightmap_layer(obj, uv_layer), table=image, buckets=table.buckets
-    )
+    layer = own.uv_layer or lightmap_layer(obj, scene.hemibake.uv_layer)
+    return ShownLightmap(images, l1_images(scene, images), layer, table=image, buckets=table.buckets)

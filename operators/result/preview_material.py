@@ -11,7 +11,7 @@ from __future__ import annotations
 import bpy
 
 from ..compat import new_node_tree, node_tree
-from .lightmap_nodes import ShownLightmap, lightmap_colour
+from .lightmap_nodes import LightmapNodes, ShownLightmap
 from .nodes import Feed, feed, feeding_output, make_node
 
 #: Custom property that marks a preview material, and what is made for it alone: node groups and images.
@@ -92,7 +92,7 @@ class _LitTree:
 
     def __init__(self, tree: bpy.types.NodeTree, lightmap: ShownLightmap) -> None:
         self._tree, self._lightmap = tree, lightmap
-        self._light: bpy.types.NodeSocket | None = None
+        self._light: LightmapNodes | None = None
 
     def make(
         self, kind: str, beside: bpy.types.Node, column: int, *inputs: Feed, **settings: object
@@ -111,7 +111,7 @@ class _LitTree:
     def reflected(self, node: bpy.types.Node, colour: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
         """Return a shader of the colour that an input has x lightmap."""
         label = "Reflectance x lightmap"
-        inputs = (colour, self._lightmap_colour())
+        inputs = (colour, self._light_on(node))
         product = self.make("ShaderNodeVectorMath", node, 1, *inputs, operation="MULTIPLY", label=label)
         return self.make("ShaderNodeEmission", node, 2, product)
 
@@ -119,11 +119,14 @@ class _LitTree:
         """Remove a node."""
         self._tree.nodes.remove(node)
 
-    def _lightmap_colour(self) -> bpy.types.NodeSocket:
-        """Return the lightmap's colour, of which there are nodes once in a tree."""
+    def _light_on(self, node: bpy.types.Node) -> bpy.types.NodeSocket:
+        """Return E/pi of a shader: of its normal, if one feeds it and the lightmap has directional maps."""
         if self._light is None:
-            self._light = lightmap_colour(self._tree, self._lightmap)
-        return self._light
+            self._light = LightmapNodes(self._tree, self._lightmap)
+        normal = feeding_output(node.inputs["Normal"]) if "Normal" in node.inputs else None
+        if normal is None or not self._light.has_directions:
+            return self._light.colour
+        return self._light.shaded(normal)
 
 
 def _holds(socket: bpy.types.NodeSocket, value: float) -> bool:

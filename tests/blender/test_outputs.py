@@ -30,6 +30,42 @@ def test_direct_and_indirect_light_are_images_of_their_own():
     assert mean_of_patches("Lightmap indirect") == pytest.approx(1, rel=0.02)
 
 
+def test_directional_maps_are_images_with_a_formula_in_the_manifest(tmp_path):
+    """In a furnace all light is even: L0 and L1 along the normal make it up."""
+    import json
+
+    import bpy
+
+    furnace()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "furnace.blend"))
+    bake("combined", "directional", "dominant_direction")
+    names = [
+        "Lightmap",
+        *(f"Lightmap {name}" for name in ("L0", "L1 x", "L1 y", "L1 z", "dominant direction")),
+    ]
+    assert report()["images"] == names
+    assert bpy.context.scene.hemibake.lightmaps["Lightmap"].directional
+    lit = pixels(bpy.data.images["Lightmap"])[..., 0] > 0
+    l0, *l1 = (pixels(bpy.data.images[name])[..., :3] for name in names[1:5])
+    length = np.sqrt(sum(axis**2 for axis in l1))
+    assert np.median(length[lit]) == pytest.approx(1.24, rel=0.05)
+    assert np.median((l0 + length)[lit]) == pytest.approx(2, rel=0.01)
+    entries = json.loads((tmp_path / "lightmaps" / "hemibake.json").read_text())["lightmaps"]
+    decoded = {entry["output"]: entry.get("decode", "") for entry in entries.values()}
+    assert decoded["combined"] == "" and decoded["L1 y"].startswith("max(0, L0 + L1x n'.x")
+    bake("combined")
+    assert not bpy.context.scene.hemibake.lightmaps["Lightmap"].directional
+
+
+def test_directional_maps_alone_are_refused():
+    import bpy
+
+    furnace()
+    bpy.context.scene.hemibake.outputs = {"directional"}
+    with pytest.raises(RuntimeError, match="choose combined, too"):
+        bpy.ops.hemibake.bake()
+
+
 def test_direct_light_alone_takes_one_iteration():
     furnace()
     bake("direct")

@@ -134,6 +134,23 @@ def metal():
     return nodes.done(nodes.principled(Base_Color=(0.9, 0.7, 0.4, 1), Metallic=0.6, Roughness=0.0))
 
 
+def embossed():
+    """A normal map: tilts of 20 degrees about, another one in each of 35 cells."""
+    import bpy
+
+    image = bpy.data.images.new("Normals", 7, 5, float_buffer=True, is_data=True)
+    normals = np.random.default_rng(11).normal(size=(5, 7, 3)) * (0.3, 0.3, 0) + (0, 0, 1)
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    values = np.concatenate([0.5 + 0.5 * normals, np.ones((5, 7, 1))], axis=2)
+    image.pixels.foreach_set(values.astype(np.float32).reshape(-1))
+    image.pack()
+    nodes = Nodes()
+    uv = nodes.add("UVMap", {"uv_map": "Picture"})
+    colour = nodes.add("TexImage", {"image": image, "interpolation": "Closest"}, Vector=uv)
+    normal = nodes.add("NormalMap", {"uv_map": "Picture"}, Color=colour)
+    return nodes.done(nodes.principled(Base_Color=(0.8, 0.6, 0.3, 1), Normal=normal))
+
+
 SURFACES = [textured, leaf, blended, culled, glowing, mixed, procedural, grouped, metal]
 
 
@@ -212,6 +229,28 @@ def test_preview_looks_like_the_original(stage, tmp_path, surface):
         stage.world = None
     difference = preview_differs(stage, tmp_path)
     assert difference < 0.006
+
+
+@pytest.mark.parametrize("turn", [(0, 0, 0), (0, 0, 2.1)])
+def test_directional_maps_shade_normal_maps(stage, tmp_path, turn):
+    """As the original, where a plain lightmap is flat; the maps are of the world, however objects turn."""
+    import bpy
+
+    obj = shown_square(embossed())
+    obj.rotation_euler = turn
+    obj.location = (0, 0, 0) if turn == (0, 0, 0) else (1.1, 0.3, 0)
+    original = render(stage, tmp_path, 128)
+    stage.hemibake.outputs = {"combined", "directional"}
+    bpy.ops.hemibake.bake()
+    assert bpy.ops.hemibake.preview() == {"FINISHED"}
+    bpy.data.objects["Sun"].hide_render, stage.world = True, None
+    shaded = render(stage, tmp_path, 16)
+    bpy.ops.hemibake.preview()
+    stage.hemibake.lightmaps["Lightmap"].directional = False
+    bpy.ops.hemibake.preview()
+    flat = render(stage, tmp_path, 16)
+    errors = [np.sqrt(((shown - original) ** 2).mean()) / original.mean() for shown in (shaded, flat)]
+    assert errors[0] < 0.02 and errors[0] < 0.4 * errors[1]
 
 
 def by_collections(source, places):

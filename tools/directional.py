@@ -1,0 +1,146 @@
+"""Measures how near the preview's normal maps are to Cycles', and the time that directional maps take.
+
+The Cornell box with normals that are tilted in cells of 5 cm, and the same room without its ceiling in sun
+and sky: the original in its light and the preview in the dark are rendered with the same camera; blocks of
+2 x 2 pixels are compared. Light comes from the same bakes with and without directional maps.
+
+    python tools/directional.py [--slope 0.33] [--samples 512]      # about five minutes on two cores
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from tools.headless import blender
+
+_WIDTH, _BLOCK = 128, 2
+
+
+def main() -> None:
+    """Render and compare both scenes."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "--slope", type=float, default=0.33, help="root mean square of the tilted normals' slope"
+    )
+    parser.add_argument("--samples", type=int, default=512, help="of a pixel")
+    parser.add_argument("--resolution", type=int, default=256)
+    options = parser.parse_args()
+    with blender(), tempfile.TemporaryDirectory() as folder:
+        for name, make in {"cornell": _cornell, "yard": _yard}.items():
+            _compare(name, make, options, Path(folder))
+
+
+def _compare(name, make, options, folder: Path) -> None:
+    import bpy
+
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    make()
+    for material in bpy.data.materials:
+        _tilt(material, options.slope)
+    scene = bpy.context.scene
+    original = _render(scene, folder, options.samples)
+    settings = scene.hemibake
+    settings.resolution, settings.samples, settings.visibility = options.resolution, 2048, "rays"
+    for outputs in ({"combined"}, {"combined", "directional"}) * 2:
+        settings.outputs = outputs
+        bpy.ops.hemibake.bake()
+        seconds = json.loads(settings.report)["seconds"]
+        print(name, sorted(outputs), {key: round(value, 2) for key, value in seconds.items()}, flush=True)
+    bpy.ops.hemibake.preview()
+    for light in bpy.data.lights:
+        light.energy = 0
+    scene.world = None
+    shaded = _render(scene, folder, 64)
+    bpy.ops.hemibake.preview()
+    settings.lightmaps["Lightmap"].directional = False
+    bpy.ops.hemibake.preview()
+    flat = _render(scene, folder, 64)
+    counts = (original.max(axis=2) < 5) & (original.max(axis=2) > 0)
+    for title, shown in (("L0 + L1 . n", shaded), ("without", flat)):
+        off = np.abs(shown - original).mean(axis=2)[counts] / original.mean(axis=2)[counts]
+        mean = np.abs(shown - original)[counts].mean() / original[counts].mean()
+        print(f"{name}, {title}: mean {mean:.1%} of the light, median {np.median(off):.1%}", flush=True)
+
+
+def _cornell() -> None:
+    from examples import cornell_box
+
+    cornell_box.build()
+
+
+def _yard() -> None:
+    """The room without its ceiling, in the light of a sun and of a blue sky."""
+    import bpy
+
+    _cornell()
+    for name in ("Ceiling", "Light", "Front Wall"):
+        bpy.data.objects.remove(bpy.data.objects[name])
+    scene = bpy.context.scene
+    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    sun.data.energy, sun.data.angle, sun.rotation_euler = 3.0, 0.05, (0.6, 0.3, 0)
+    scene.collection.objects.link(sun)
+    scene.world = bpy.data.worlds.new("Sky")
+    if scene.world.node_tree is None:
+        scene.world.use_nodes = True
+    background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
+    background.inputs["Color"].default_value = (0.5, 0.6, 0.8, 1)
+
+
+def _tilt(material, slope: float) -> None:
+    """Feed the shader a normal that a number for each cell of space tilts."""
+    tree = material.node_tree
+    shader = tree.nodes["Principled BSDF"]
+    geometry, noise = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("NewGeometry", "TexWhiteNoise"))
+
+    def vector(operation: str, *inputs):
+        node = tree.nodes.new("ShaderNodeVectorMath")
+        node.operation = operation
+        for socket, source in zip(node.inputs, inputs, strict=False):
+            if isinstance(source, tuple):
+                socket.default_value = source
+            else:
+                tree.links.new(source, socket)
+        return node.outputs[0]
+
+    cells = vector("SNAP", vector("ADD", geometry.outputs["Position"], (0.021,) * 3), (0.05,) * 3)
+    tree.links.new(cells, noise.inputs["Vector"])
+
+    # Uniform numbers in [-1/2, 1/2] of variance 1/12 along two tangents.
+    amount = (slope * np.sqrt(6),) * 3
+    away = vector("MULTIPLY", vector("SUBTRACT", noise.outputs["Color"], (0.5,) * 3), amount)
+    tree.links.new(
+        vector("NORMALIZE", vector("ADD", geometry.outputs["Normal"], away)), shader.inputs["Normal"]
+    )
+
+
+def _render(scene, folder: Path, samples: int) -> np.ndarray:
+    """Return means of blocks of pixels, (h, w, 3)."""
+    import bpy
+
+    scene.render.engine, scene.cycles.samples, scene.cycles.use_denoising = "CYCLES", samples, False
+    scene.cycles.max_bounces = scene.cycles.diffuse_bounces = 32
+    scene.cycles.device, scene.cycles.sample_clamp_indirect = "CPU", 0.0
+    scene.render.resolution_x = scene.render.resolution_y = _WIDTH
+    scene.render.resolution_percentage = 100
+    scene.view_settings.view_transform = "Raw"
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    scene.render.filepath = str(folder / f"{len(list(folder.iterdir()))}.exr")
+    bpy.ops.render.render(write_still=True)
+    image = bpy.data.images.load(scene.render.filepath)
+    pixels = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(pixels)
+    bpy.data.images.remove(image)
+    side = _WIDTH // _BLOCK
+    return pixels.reshape(side, _BLOCK, side, _BLOCK, 4)[..., :3].mean(axis=(1, 3))
+
+
+if __name__ == "__main__":
+    main()

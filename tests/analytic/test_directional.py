@@ -129,17 +129,17 @@ def test_bright_sky_and_dim_sky_give_one_sum():
 def test_ways_agree_on_a_room_with_bounces(way):
     changes = {
         "resolution": 128,
-        "hemicube": 32,
-        "samples": 1024,
+        "hemicube": 16,
+        "samples": 512,
         "sample_emission": False,
-        "tolerance": 1e-3,
+        "iterations": 2,
     }
     truth = drive(nine_quad_room(), dataclasses.replace(SETTINGS, **changes))
     other = drive(nine_quad_room(), dataclasses.replace(SETTINGS, **changes, **WAYS[way], seed=1))
     scale = truth.passes["combined"][truth.has_patch].mean()
     for name in ("L1 x", "L1 y", "L1 z"):
         difference = np.abs(truth.passes[name] - other.passes[name])[truth.has_patch].mean()
-        assert difference < 0.06 * scale, (name, difference / scale)
+        assert difference < 0.08 * scale, (name, difference / scale)
 
 
 def test_groups_and_texel_samples_bring_the_same_directions():

@@ -231,14 +231,17 @@ def test_preview_looks_like_the_original(stage, tmp_path, surface):
     assert difference < 0.006
 
 
-@pytest.mark.parametrize("turn", [(0, 0, 0), (0, 0, 2.1)])
-def test_directional_maps_shade_normal_maps(stage, tmp_path, turn):
+@pytest.mark.parametrize(
+    ("turn", "scale", "location"),
+    [(0.0, (1, 1, 1), (0, 0, 0)), (2.1, (1, 1, 1), (1.1, 0.3, 0)), (0.4, (-1, 1, 1), (1, -0.2, 0))],
+    ids=["plain", "turned", "mirrored"],
+)
+def test_directional_maps_shade_normal_maps(stage, tmp_path, turn, scale, location):
     """As the original, where a plain lightmap is flat; the maps are of the world, however objects turn."""
     import bpy
 
     obj = shown_square(embossed())
-    obj.rotation_euler = turn
-    obj.location = (0, 0, 0) if turn == (0, 0, 0) else (1.1, 0.3, 0)
+    obj.rotation_euler.z, obj.scale, obj.location = turn, scale, location
     original = render(stage, tmp_path, 128)
     stage.hemibake.outputs = {"combined", "directional"}
     bpy.ops.hemibake.bake()

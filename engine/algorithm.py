@@ -125,7 +125,12 @@ def _finished(
     """Return the images to keep of what texels show, (atlases, r, r, 3 or 1) float32, by name."""
     if settings.denoise:
         light = {name: shown[name] for name in settings.light_outputs}
-        shown |= yield from stages.run(stages.denoising, denoising.run(light))
+        quiet = yield from stages.run(stages.denoising, denoising.run(light))
+
+        # L0 + L1 . n stays what the surface itself shows.
+        if "L0" in shown:
+            shown["L0"] = shown["L0"] + quiet["combined"] - shown["combined"]
+        shown |= quiet
     yield stages.begin(stages.images)
     if settings.hide_seams:
         store.hide_seams(triangles)

@@ -717,6 +717,22 @@ EXAMPLES: dict[str, Case] = {
         for way in ("raster", "rays")
     },
     **{
+        f"directional maps, {way}, {method}": Case(
+            (Shape("floor"),),
+            lamps=(Lamp("area", size=(3e6, 1.0)), Lamp("sun")),
+            sky=_WHITE,
+            room=0.5,
+            settings={
+                **_SMALL,
+                "outputs": ("combined", "directional", "dominant_direction"),
+                "visibility": way,
+                "method": method,
+            },
+        )
+        for way in ("raster", "rays")
+        for method in ("cached", "stream")
+    },
+    **{
         f"a room of {scale:g} m": Case(
             scale=scale, room=0.5, settings={**_SMALL, "iterations": 20, "tolerance": 0.0}
         )

@@ -44,16 +44,17 @@ void add_light(ViewSum *sum, const float4 light, const float3 tilt)
 }
 
 // Count what a sample meets in a direction in world space; return the patch if it is a front, else 0.
-uint count_sample(const uint seen, const float weight, const float3 world, const float3 tilt,
+uint count_sample(const uint seen, const float weight, const float3 world, const float3 normal,
                   __global const float4 *emission, __global const float4 *sky, const int2 sky_size, ViewSum *sum)
 {
     if (seen == SKY) {
-        add_light(sum, weight * (float4)(surroundings(world, sky, sky_size).xyz, 1.0f), tilt);
+        const float3 light = surroundings(world, sky, sky_size).xyz;
+        add_light(sum, weight * (float4)(light, 1.0f), tilt_of(world, normal));
         return 0;
     }
     if (seen & BACK) {
         const uint entry = seen & ~BACK;
-        add_light(sum, weight * (float4)(emission[entry].xyz, entry ? 0.0f : 1.0f), tilt);
+        add_light(sum, weight * (float4)(emission[entry].xyz, entry ? 0.0f : 1.0f), tilt_of(world, normal));
         return 0;
     }
     sum->light.w += weight;

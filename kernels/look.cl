@@ -42,9 +42,8 @@ __kernel void look(LOOK_ARGUMENTS, const int start, const int cached_from, __glo
         uint front = 0;
         if (dot(direction, view.horizon) > 0.0f) {
             const uint seen = look_along(&rays, &lightmaps, view.eye, direction);
-            const float3 tilt = tilt_of(direction, view.normal);
-            front = count_sample(seen, WEIGHT(i), direction, tilt, emission, sky, (int2)(sky_width, sky_height),
-                                 &sum);
+            front = count_sample(seen, WEIGHT(i), direction, view.normal, emission, sky,
+                                 (int2)(sky_width, sky_height), &sum);
         }
         cache[(size_t)(patch - cached_from) * samples + i] = front;
     }
@@ -67,10 +66,9 @@ __kernel void gather_rays(LOOK_ARGUMENTS, const int start, __global const float4
         if (dot(direction, view.horizon) <= 0.0f)
             continue;
         const uint seen = look_along(&rays, &lightmaps, view.eye, direction);
-        const float3 tilt = tilt_of(direction, view.normal);
-        const uint front = count_sample(seen, WEIGHT(i), direction, tilt, emission, sky,
+        const uint front = count_sample(seen, WEIGHT(i), direction, view.normal, emission, sky,
                                         (int2)(sky_width, sky_height), &sum);
-        add_light(&sum, WEIGHT(i) * (float4)(radiance[front].xyz, 0.0f), tilt);
+        add_light(&sum, WEIGHT(i) * (float4)(radiance[front].xyz, 0.0f), tilt_of(direction, view.normal));
     }
     store_view(sum, patch, gathered_light, patches_seen, gathered_l1, partial);
 }

@@ -27,7 +27,7 @@ __kernel void resolve(__global const uint *hemicubes, __global const float *mult
         if (dot(d, horizon) > 0.0f) {
             const float3 world = d.x * right + d.y * up + d.z * normal;
             front = count_sample(hemicubes[texel_of(slot, x, y, columns, n)], multiplier[i], world,
-                                 tilt_of(world, normal), emission, sky, (int2)(sky_width, sky_height), &sum);
+                                 normal, emission, sky, (int2)(sky_width, sky_height), &sum);
         }
         cache[(size_t)(first + slot - cached_from) * samples + i] = front;
     }

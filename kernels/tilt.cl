@@ -5,19 +5,26 @@ typedef struct {
     float4 x, y, z;
 } L1;
 
-// The l1 of light from a direction, of any length, that brings E(n)/pi = 1 to a normal. Least squares over
-// normals as rough surfaces have them (Beckmann and Spizzichino 1963, slope 0.4), of the cosine times the shadow
-// that bumps cast on each other (Estevez, Lecocq and Stein, "A Microfacet-Based Shadowing Function to Solve the
-// Bump Terminator Problem", Ray Tracing Gems 2019), as Cycles has it. Across the normal and along it these are
-// functions of the cosine, here polynomials: tests/gpu/test_tilt.py makes them anew.
+// The l1 of light that brings E(n)/pi = 1: what its direction's part across the normal is multiplied with, and the
+// part along the normal, functions of their cosine. Least squares over normals as rough surfaces have them (Beckmann and Spizzichino 1963, slope
+// 0.4), of the cosine times the shadow that bumps cast on each other (Estevez, Lecocq and Stein, "A Microfacet-Based
+// Shadowing Function to Solve the Bump Terminator Problem", Ray Tracing Gems 2019), as Cycles has it; here
+// polynomials, which tests/gpu/test_tilt.py makes anew.
+float2 tilt_factors(const float c)
+{
+    return (float2)(
+        1.9247f + c * (3.6855f + c * (-17.2852f + c * (25.1434f + c * (-16.7719f + c * 4.3033f)))),
+        3.3526f + c * (-9.9261f + c * (31.4087f + c * (-63.948f + c * (62.3533f - c * 22.2586f)))));
+}
+
+// The l1 of light from a direction, of any length.
 float3 tilt_of(const float3 direction, const float3 normal)
 {
 #ifdef DIRECTIONAL
     const float3 d = normalize(direction);
     const float c = clamp(dot(d, normal), 0.0f, 1.0f);
-    const float across = 1.9247f + c * (3.6855f + c * (-17.2852f + c * (25.1434f + c * (-16.7719f + c * 4.3033f))));
-    const float along = 3.3526f + c * (-9.9261f + c * (31.4087f + c * (-63.948f + c * (62.3533f - c * 22.2586f))));
-    return across * d + (along - across * c) * normal;
+    const float2 factors = tilt_factors(c);
+    return factors.x * d + (factors.y - factors.x * c) * normal;
 #else
     return (float3)(0.0f);
 #endif

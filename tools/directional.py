@@ -46,7 +46,7 @@ def _compare(name, make, options, folder: Path) -> None:
     for material in bpy.data.materials:
         _tilt(material, options.slope)
     scene = bpy.context.scene
-    original = _render(scene, folder, options.samples)
+    original, again = (_render(scene, folder, options.samples, seed) for seed in (1, 2))
     settings = scene.hemibake
     settings.resolution, settings.samples, settings.visibility = options.resolution, 2048, "rays"
     for outputs in ({"combined"}, {"combined", "directional"}) * 2:
@@ -63,11 +63,14 @@ def _compare(name, make, options, folder: Path) -> None:
     settings.lightmaps["Lightmap"].directional = False
     bpy.ops.hemibake.preview()
     flat = _render(scene, folder, 64)
-    counts = (original.max(axis=2) < 5) & (original.max(axis=2) > 0)
-    for title, shown in (("L0 + L1 . n", shaded), ("without", flat)):
+    counts = (original.max(axis=2) < 5) & (flat.max(axis=2) > 0)
+    for title, shown in (("L0 + L1 . n", shaded), ("without", flat), ("Cycles itself, by noise", again)):
         off = np.abs(shown - original).mean(axis=2)[counts] / original.mean(axis=2)[counts]
         mean = np.abs(shown - original)[counts].mean() / original[counts].mean()
         print(f"{name}, {title}: mean {mean:.1%} of the light, median {np.median(off):.1%}", flush=True)
+    both = [(shown - original)[counts] * (shown - again)[counts] for shown in (shaded, flat)]
+    exact = [np.sqrt(max(product.mean(), 0)) / original[counts].mean() for product in both]
+    print(f"{name}, RMS without noise: {exact[0]:.1%}, without directional maps {exact[1]:.1%}", flush=True)
 
 
 def _cornell() -> None:
@@ -121,11 +124,12 @@ def _tilt(material, slope: float) -> None:
     )
 
 
-def _render(scene, folder: Path, samples: int) -> np.ndarray:
+def _render(scene, folder: Path, samples: int, seed: int = 0) -> np.ndarray:
     """Return means of blocks of pixels, (h, w, 3)."""
     import bpy
 
     scene.render.engine, scene.cycles.samples, scene.cycles.use_denoising = "CYCLES", samples, False
+    scene.cycles.seed = seed
     scene.cycles.max_bounces = scene.cycles.diffuse_bounces = 32
     scene.cycles.device, scene.cycles.sample_clamp_indirect = "CPU", 0.0
     scene.render.resolution_x = scene.render.resolution_y = _WIDTH

@@ -51,7 +51,7 @@ class L1Gather:
         options += ("-DCOSINE",) if even else ()
         source = (*RECEIVER_SOURCE, "hemicube.cl", "tilt.cl", "identity.cl", "views.cl", "gather_l1.cl")
         (self._gather,) = compute.kernels(source, "gather_l1", options=options)
-        pattern = r2_sequence(identity.samples) if identity.multiplier is None else identity.multiplier
+        pattern = _disk(identity.samples) if identity.multiplier is None else identity.multiplier
         self._samples = (
             upload(compute, pattern), np.int32(identity.samples), np.int32(settings.hemicube),
             np.uint32(rotation_salt(settings.seed)), np.int32(settings.rotate),
@@ -82,3 +82,13 @@ class L1Gather:
     def values(self) -> np.ndarray:
         """Return the L1 of all patches, (n, 3, 3) float32: of each axis of the world its rgb."""
         return download(self._compute, self.result, (self._count, 3, 4))[..., :3].copy()
+
+
+def _disk(count: int) -> np.ndarray:
+    """Return where cosine-distributed samples are on the disk below them, (count, 4) float32.
+
+    Cosine and sine of the angle, and the squared radius, of `views.directions.r2_sequence`; 0.
+    """
+    radius, turns = (r2_sequence(count) / 2.0**32).T
+    angle = 2 * np.pi * turns
+    return np.stack([np.cos(angle), np.sin(angle), radius, np.zeros(count)], axis=1).astype(np.float32)

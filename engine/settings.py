@@ -154,7 +154,7 @@ class Settings:
         64, "Light Samples", "Shadow rays from each patch to each light", Span(1, 4096, "rays")
     )
     texel_samples: int = described(
-        1,
+        4,
         "Texel Samples",
         "Points at which light is gathered in each texel that shows more than one thing: at borders of "
         "charts, on edges of light, where surfaces cut each other; 1 for the texel's centre alone",

@@ -8,3 +8,4 @@ settings.quality = "draft"
 settings.denoise = True
 settings.iterations = 50
 settings.tolerance = 0.01
+settings.texel_samples = "1"

@@ -8,3 +8,4 @@ settings.quality = "high"
 settings.denoise = False
 settings.iterations = 50
 settings.tolerance = 0.002
+settings.texel_samples = "4"

@@ -211,7 +211,7 @@ def test_patch_groups_bring_the_same_light(visibility):
     outputs = ("combined", "direct", "indirect")
     settings = Settings(
         resolution=128, hemicube=16, samples=512, tolerance=1e-3, visibility=visibility, outputs=outputs,
-        sample_emission=False,
+        sample_emission=False, texel_samples=1,
     )  # fmt: skip
     own, grouped = (
         drive(nine_quad_room(), dataclasses.replace(settings, patch_groups=width)) for width in (1, 2)

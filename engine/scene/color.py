@@ -11,3 +11,11 @@ def srgb_to_linear(values: np.ndarray) -> np.ndarray:
         values <= 0.04045, values / 12.92, ((np.maximum(values, 0) + 0.055) / 1.055) ** 2.4
     ).astype(values.dtype)
     return linear
+
+
+def linear_to_srgb(values: np.ndarray) -> np.ndarray:
+    """Return scene-linear values from 0 on as display values (IEC 61966-2-1)."""
+    display: np.ndarray = np.where(
+        values <= 0.0031308, 12.92 * values, 1.055 * values ** (1 / 2.4) - 0.055
+    ).astype(values.dtype)
+    return display

@@ -7,6 +7,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from ...engine.scene.color import linear_to_srgb
+
 
 def read_pixels(image: bpy.types.Image) -> np.ndarray:
     """Return an image's colours, (h, w, 3) float32, bottom row first."""
@@ -19,12 +21,11 @@ def exposed(pixels: np.ndarray) -> np.ndarray:
     """Return scene-linear colours as sRGB in [0, 1].
 
     Exposure: the 99th percentile of the brightest channel of all texels that are not black becomes
-    white; what is brighter is clipped. sRGB transfer curve: IEC 61966-2-1.
+    white; what is brighter is clipped.
     """
     brightness = pixels.max(axis=-1)
     lit = brightness[brightness > 0]
-    linear = np.clip(pixels / np.percentile(lit, 99) if len(lit) else pixels, 0, 1)
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    return linear_to_srgb(np.clip(pixels / np.percentile(lit, 99) if len(lit) else pixels, 0, 1))
 
 
 def write_png(pixels: np.ndarray, path: Path) -> None:

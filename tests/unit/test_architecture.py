@@ -13,8 +13,8 @@ ROOT = Path(__file__).resolve().parents[2]
 ORDERS = {
     "engine": [
         "worker", "__init__", "self_test", "session", "algorithm", "plan", "finish", "solve", "gather",
-        "direct", "reference", "visibility", "patches", "denoise", "device", "unwrap", "scene", "settings",
-        "setting", "quality", "lightmap", "naming", "progress", "errors",
+        "direct", "reference", "visibility", "patches", "denoise", "device", "unwrap", "encoding", "scene",
+        "settings", "setting", "quality", "lightmap", "naming", "progress", "errors",
     ],
     "operators/scene": [
         "__init__", "overlaps", "targets", "density", "read", "read_stages", "fingerprints", "faults",

@@ -1,0 +1,53 @@
+"""What all encodings of light have in common."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+
+class Encoding(Protocol):
+    """Light as texels of one byte a channel.
+
+    Light is E/pi, (h, w, 3) floats, scene-linear Rec.709; texels are (h, w, channels) uint8.
+    """
+
+    @property
+    def largest(self) -> float:
+        """The largest value of a channel; what is brighter becomes this."""
+        ...
+
+    @property
+    def smallest(self) -> float:
+        """The least value of the brightest channel that does not become black."""
+        ...
+
+    @property
+    def intensity(self) -> float:
+        """What the formula's light is to be multiplied by."""
+        ...
+
+    @property
+    def formula(self) -> str:
+        """The light of a texel in GLSL: `rgb` and `a` are the texel's in [0, 1], `intensity` as above."""
+        ...
+
+    def encode(self, light: np.ndarray) -> np.ndarray:
+        """Return light as texels."""
+        ...
+
+    def decode(self, texels: np.ndarray) -> np.ndarray:
+        """Return texels as light, float32."""
+        ...
+
+
+def brightest_channel(light: np.ndarray) -> np.ndarray:
+    """Return the largest of the three channels, (h, w, 3) -> (h, w, 1)."""
+    brightest: np.ndarray = light.max(axis=-1, keepdims=True)
+    return brightest
+
+
+def rounded(values: np.ndarray) -> np.ndarray:
+    """Return values as the nearest bytes."""
+    return np.clip(np.rint(values), 0, 255).astype(np.uint8)

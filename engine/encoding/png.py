@@ -1,0 +1,42 @@
+"""PNG files (ISO/IEC 15948), as bytes."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+
+import numpy as np
+
+_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+
+#: Colour types of three and four channels, without and with alpha.
+_COLOUR_TYPE = {3: 2, 4: 6}
+
+#: Number of the filter that stores each byte as its difference from the one of the pixel to the left.
+_SUB = 1
+
+
+def png_bytes(texels: np.ndarray, srgb: bool) -> bytes:
+    """Return a PNG file of texels, (h, w, 3 or 4) uint8, bottom row first.
+
+    srgb  the colours are sRGB; otherwise they are numbers, and the file says nothing of their colours
+    """
+    height, width, channels = texels.shape
+    header = struct.pack(">IIBBBBB", width, height, 8, _COLOUR_TYPE[channels], 0, 0, 0)
+    chunks = [(b"IHDR", header), (b"IDAT", zlib.compress(_filtered(texels[::-1]))), (b"IEND", b"")]
+    if srgb:
+        chunks.insert(1, (b"sRGB", b"\0"))
+    return _SIGNATURE + b"".join(_chunk(*chunk) for chunk in chunks)
+
+
+def _filtered(rows: np.ndarray) -> bytes:
+    """Return rows, (h, w, channels) uint8, each after the number of its filter."""
+    differences = rows.copy()
+    differences[:, 1:] -= rows[:, :-1]
+    numbers = np.full((len(rows), 1), _SUB, np.uint8)
+    return np.concatenate([numbers, differences.reshape(len(rows), -1)], axis=1).tobytes()
+
+
+def _chunk(name: bytes, data: bytes) -> bytes:
+    """Return a chunk: length, name, data, check sum of name and data."""
+    return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))

@@ -1,0 +1,56 @@
+"""Light as a colour and a divisor: RGBD."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .encoding import brightest_channel, rounded
+
+
+@dataclass(frozen=True)
+class Rgbd:
+    """RGBD: four channels, light = range / 255 * rgb^gamma / a.
+
+    The divisor is rounded down, so that colours stay at most 1; light below range / 255 has divisor 1 and is
+    as in a picture. Babylon.js stores its environments so (`toRGBD` of its shaders: range 255, gamma 2.2).
+
+    range  the brightest light
+    """
+
+    range: float = 1.0
+    gamma: float = 2.2
+
+    @property
+    def largest(self) -> float:
+        """A colour of 1, divided by the least divisor, 1/255."""
+        return self.range
+
+    @property
+    def smallest(self) -> float:
+        """Half of the first step of the colour, divided by 1."""
+        return float(self.intensity * (0.5 / 255) ** self.gamma)
+
+    @property
+    def intensity(self) -> float:
+        """Light of a white texel whose divisor is 1."""
+        return self.range / 255
+
+    @property
+    def formula(self) -> str:
+        """The power is of the colour alone."""
+        return f"light = intensity * pow(rgb, {self.gamma:g}) / a"
+
+    def encode(self, light: np.ndarray) -> np.ndarray:
+        """Return light as texels."""
+        values = np.clip(light.astype(np.float64), 0, self.range) / self.intensity
+        divisor = np.floor(255 / np.maximum(brightest_channel(values), 1))
+        colours = 255 * np.minimum(values * divisor / 255, 1) ** (1 / self.gamma)
+        return np.concatenate([rounded(colours), divisor.astype(np.uint8)], axis=-1)
+
+    def decode(self, texels: np.ndarray) -> np.ndarray:
+        """Return texels as light, float32."""
+        values = texels.astype(np.float64) / 255
+        light: np.ndarray = self.intensity * values[..., :3] ** self.gamma / values[..., 3:]
+        return light.astype(np.float32)

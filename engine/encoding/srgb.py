@@ -1,0 +1,48 @@
+"""Light as sRGB colours, as any picture viewer shows them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..scene.color import linear_to_srgb, srgb_to_linear
+from .encoding import rounded
+
+
+@dataclass(frozen=True)
+class Srgb:
+    """sRGB (IEC 61966-2-1) of light that is multiplied by 2^exposure first; three channels.
+
+    exposure  stops
+    """
+
+    exposure: float = 0.0
+
+    @property
+    def largest(self) -> float:
+        """White."""
+        return self.intensity
+
+    @property
+    def smallest(self) -> float:
+        """Half of the first step, which lies on the straight part of the curve."""
+        return self.intensity * 0.5 / 255 / 12.92
+
+    @property
+    def intensity(self) -> float:
+        """What exposure took away."""
+        return float(2.0**-self.exposure)
+
+    @property
+    def formula(self) -> str:
+        """An image that is loaded as sRGB is decoded already."""
+        return "light = intensity * mix(rgb / 12.92, pow((rgb + 0.055) / 1.055, 2.4), rgb > 0.04045)"
+
+    def encode(self, light: np.ndarray) -> np.ndarray:
+        """Return light as texels."""
+        return rounded(255 * linear_to_srgb(np.clip(light / self.intensity, 0, 1)))
+
+    def decode(self, texels: np.ndarray) -> np.ndarray:
+        """Return texels as light, float32."""
+        return np.float32(self.intensity) * srgb_to_linear(texels.astype(np.float32) / 255)

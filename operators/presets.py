@@ -13,6 +13,7 @@ import bpy
 from bl_operators.presets import AddPresetBase
 
 from ..engine.settings import kept_with_scene
+from .file_format import format_properties
 from .lightmap_size import size_properties
 
 #: Folder of Hemibake's own presets, and the one of people's within Blender's folder of presets.
@@ -20,7 +21,7 @@ _OWN = Path(__file__).parents[1] / "presets" / "bake"
 _FOLDER = "hemibake/bake"
 
 #: What belongs to one scene and not to a preset.
-_APART = ("seed", "patch_file", "planned_width")
+_APART = ("seed", "patch_file", "planned_width", "file_name")
 
 
 class Preset(NamedTuple):
@@ -91,7 +92,9 @@ class HEMIBAKE_OT_preset_add(AddPresetBase, bpy.types.Operator):
     preset_subdir = _FOLDER
     preset_defines = ["settings = bpy.context.scene.hemibake"]
     preset_values = [
-        f"settings.{name}" for name in (*kept_with_scene(), *size_properties()) if name not in _APART
+        f"settings.{name}"
+        for name in (*kept_with_scene(), *size_properties(), *format_properties())
+        if name not in _APART
     ]
 
     def execute(self, context: bpy.types.Context) -> set[str]:

@@ -17,6 +17,7 @@ from bpy.props import (
 from ..engine.quality import QUALITIES
 from ..engine.settings import Settings, kept_with_scene
 from .compat import PATH_OPTIONS
+from .file_format import format_properties
 from .lightmap_list import unlisted
 from .lightmap_size import size_properties
 from .quality_property import follow_hemicube, quality_property
@@ -127,6 +128,7 @@ HemibakeSceneProperties.__annotations__.update(
 )
 HemibakeSceneProperties.__annotations__["quality"] = quality_property()
 HemibakeSceneProperties.__annotations__.update(size_properties())
+HemibakeSceneProperties.__annotations__.update(format_properties())
 
 
 #: An object that overrides one of another file keeps what is chosen for it, and what was baked.

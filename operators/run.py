@@ -23,10 +23,12 @@ from ..engine.settings import Settings
 from .bake_settings import read_settings
 from .changes import Changes
 from .checks import IdleCheck
+from .file_format import chosen_format
 from .lightmap_size import chosen_width, width_for
 from .lookup import find
 from .result import images
-from .result.contents import lightmap_contents
+from .result.clipping import clipping_notes
+from .result.contents import chosen_names, lightmap_contents
 from .result.destination import choose_destination
 from .result.kept_texels import KeptTexels
 from .run_stages import RunStages
@@ -183,8 +185,13 @@ class Run:
     def _choose_destination(self) -> None:
         """Decide where the lightmaps go, and see whether they can."""
         scene = self._context.scene
-        self._names = _image_names(self._read.scene, self._settings)
-        self._destination = choose_destination(scene, self._names, scene.hemibake.directory, self._changes)
+        properties, resolution = scene.hemibake, self._settings.resolution
+        atlases, outputs = self._read.scene.atlases, output_names(self._read.scene, self._settings)
+        self._names = _image_names(atlases, outputs)
+        chosen = chosen_names(properties.file_name, scene, atlases, outputs, resolution)
+        self._destination = choose_destination(
+            scene, self._names, properties.directory, self._changes, chosen_format(properties), chosen
+        )
         self._stages.expect(self._read.scene, self._settings, len(self._names))
         partial = self._target != "ALL"
         self._kept = KeptTexels(self._context, self._read, self._names, self._settings, partial)
@@ -258,7 +265,7 @@ class Run:
         pixels = self._kept.merge(np.concatenate(list(lightmap.passes.values())))
         self._show(pixels)
         targets = [find(bpy.data.images, uid) for uid in self._images]
-        files = self._store(targets, pixels)
+        files, clipped = self._store(targets, pixels, lightmap)
         self._keep_images()
         self._remember_use(lightmap)
         lost = self._lost_uvs()
@@ -267,20 +274,25 @@ class Run:
         self._stages.has_saved()
         owner.paces.update(lightmap.report.paces)
         keep_paces(owner.paces)
-        report = self._report(lightmap, [image.name for image in targets], files, lost)
+        names = [image.name for image in targets]
+        report = self._report(lightmap, names, files, clipped, lost)
         scene = find(bpy.data.scenes, self._context.scene_uid)
         if scene is not None:
             scene.hemibake.report = json.dumps(report)
         return report
 
-    def _store(self, targets: list[bpy.types.Image], lightmaps: np.ndarray) -> list[str]:
-        """Store lightmaps and return their files."""
+    def _store(
+        self, targets: list[bpy.types.Image], pixels: np.ndarray, lightmap: Lightmap
+    ) -> tuple[list[str], list[str]]:
+        """Store lightmaps; return their files, and what these cannot hold."""
         try:
             contents = lightmap_contents(self._read, self._settings, self._uv_layer, self._kept)
-            return images.store(targets, lightmaps, self._destination, contents)
+            files = images.store(targets, pixels, self._destination, contents)
         except EngineError as error:
             self.failure = str(error)
-            return []
+            return [], []
+        notes = clipping_notes(self._read, files[-len(pixels) :], lightmap.has_patch)
+        return [str(self._destination.folder / file.name) for file in files], list(notes)
 
     def _show(self, lightmaps: np.ndarray) -> None:
         """Put lightmaps, (m, h, w, 3), into the first m images; images that are gone are made anew."""
@@ -351,15 +363,22 @@ class Run:
             if uid in editable and uid not in lost:
                 editable[uid].hemibake.fingerprint = fingerprint
 
-    def _report(self, lightmap: Lightmap, names: list[str], files: list[str], lost: dict[int, str]) -> dict:
+    def _report(
+        self,
+        lightmap: Lightmap,
+        names: list[str],
+        files: list[str],
+        clipped: list[str],
+        lost: dict[int, str],
+    ) -> dict:
         facts = lightmap.report
-        notes = [*self._read.notes, *facts.warnings]
+        notes = [*self._read.notes, *facts.warnings, *clipped]
         if lost:
             sentence = "These objects lost their lightmap UVs during the bake, as by an undo: {}. Bake again."
             notes.append(naming(sentence, list(lost.values())))
         if self._destination.folder is None:
             notes.append(
-                "The .blend is not saved yet: the lightmaps are packed into it. Save it to write EXR files."
+                "The .blend is not saved yet: the lightmaps are packed into it. Save it to write files."
             )
         notes = list(dict.fromkeys(notes))
         seconds = {**self._seconds, **facts.seconds, "total": time.perf_counter() - self._start}
@@ -397,8 +416,7 @@ def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _image_names(scene: Scene, settings: Settings) -> list[str]:
+def _image_names(atlases: Sequence[str], outputs: Sequence[str]) -> list[str]:
     """Return the name of every image: the atlas, and for outputs after the first what it shows, too."""
-    _, *others = output_names(scene, settings)
-    labels = [name.replace("_", " ", 1) for name in others]
-    return [*scene.atlases, *(f"{atlas} {label}" for label in labels for atlas in scene.atlases)]
+    labels = [name.replace("_", " ", 1) for name in outputs[1:]]
+    return [*atlases, *(f"{atlas} {label}" for label in labels for atlas in atlases)]

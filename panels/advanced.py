@@ -8,14 +8,14 @@ from ..engine.settings import shown_in
 from .sidebar import SubPanel, split_properties
 
 #: Settings of the add-on that the engine does not know.
-_OWN = ("uv_layer", "padding", "mip_level", "directory")
+_OWN = ("uv_layer", "padding", "mip_level")
 
 #: Headings of the groups that follow the settings without one.
 _GROUPS = (("memory", "Memory"), ("paper", "Method Paper"))
 
 
 class HEMIBAKE_PT_advanced(SubPanel, bpy.types.Panel):
-    """Technical settings of the bake, and where lightmaps and their UVs are kept."""
+    """Technical settings of the bake and of lightmap UVs."""
 
     bl_label = "Advanced"
     bl_options = {"DEFAULT_CLOSED"}

@@ -1,4 +1,4 @@
-"""What a bake gives."""
+"""What a bake gives, and in which files."""
 
 from __future__ import annotations
 
@@ -6,9 +6,19 @@ import bpy
 
 from .sidebar import SubPanel, split_properties
 
+#: Settings that only some formats have.
+_OF_FORMAT = {
+    "exr": ("exr_depth", "exr_codec"),
+    "hdr": (),
+    "png": ("exposure",),
+    "rgbm": ("light_range", "light_gamma"),
+    "rgbd": ("light_range", "light_gamma"),
+    "logluv": (),
+}
+
 
 class HEMIBAKE_PT_outputs(SubPanel, bpy.types.Panel):
-    """Outputs of the bake, and how ambient occlusion is sampled."""
+    """Outputs of the bake, how ambient occlusion is sampled, and the files."""
 
     bl_label = "Outputs"
     bl_options = {"DEFAULT_CLOSED"}
@@ -20,6 +30,8 @@ class HEMIBAKE_PT_outputs(SubPanel, bpy.types.Panel):
         if "ambient_occlusion" in settings.outputs:
             layout.prop(settings, "ao_samples")
             layout.prop(settings, "ao_distance")
+        for name in ("directory", "file_name", "file_format", *_OF_FORMAT[settings.file_format]):
+            layout.prop(settings, name)
 
 
 CLASSES = (HEMIBAKE_PT_outputs,)

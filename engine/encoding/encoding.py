@@ -6,6 +6,9 @@ from typing import Protocol
 
 import numpy as np
 
+#: Texels that are encoded at a time.
+_BAND = 1 << 18
+
 
 class Encoding(Protocol):
     """Light as texels of one byte a channel.
@@ -21,6 +24,11 @@ class Encoding(Protocol):
     @property
     def smallest(self) -> float:
         """The least value of the brightest channel that does not become black."""
+        ...
+
+    @property
+    def signed(self) -> bool:
+        """True if it holds negative values, too."""
         ...
 
     @property
@@ -40,6 +48,13 @@ class Encoding(Protocol):
     def decode(self, texels: np.ndarray) -> np.ndarray:
         """Return texels as light, float32."""
         ...
+
+
+def encode_in_bands(encoding: Encoding, light: np.ndarray) -> np.ndarray:
+    """Return light as texels, some rows at a time: encoders calculate with several doubles a channel."""
+    rows = max(_BAND // light.shape[1], 1)
+    bands = (light[start : start + rows] for start in range(0, len(light), rows))
+    return np.concatenate([encoding.encode(band) for band in bands])
 
 
 def brightest_channel(light: np.ndarray) -> np.ndarray:

@@ -30,6 +30,11 @@ class Srgb:
         return self.intensity * 0.5 / 255 / 12.92
 
     @property
+    def signed(self) -> bool:
+        """Bytes have no sign."""
+        return False
+
+    @property
     def intensity(self) -> float:
         """What exposure took away."""
         return float(2.0**-self.exposure)

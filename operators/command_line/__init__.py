@@ -10,9 +10,9 @@ from .options import parser
 from .signals import Signals
 
 _DESCRIPTION = """Bake the lightmaps of the file that is open, or of a .blend, .glb, .gltf or .obj.
-The folder receives an .exr and a .png picture of each lightmap. With --json the last line on standard
-output is one JSON object: what the bake did (exit code 0), or {"error": ...} (exit code 1; 130 after
-Ctrl+C, 143 after SIGTERM)."""
+The folder receives an .exr and a .png picture of each lightmap, or what --file-format says. With --json
+the last line on standard output is one JSON object: what the bake did (exit code 0), or {"error": ...}
+(exit code 1; 130 after Ctrl+C, 143 after SIGTERM)."""
 
 _commands: list = []
 

@@ -72,15 +72,20 @@ def prepare(options: argparse.Namespace) -> None:
 
 
 def bake(options: argparse.Namespace, signals: Signals) -> dict:
-    """Bake the open scene, write a picture of each lightmap, too, and return the report."""
+    """Bake the open scene, write a picture of each lightmap that has none, and return the report."""
     import bpy
+
+    from ..file_format import ENCODED
+    from .pictures import write_pictures
 
     # The operator raises RuntimeError with its message if it fails.
     signals.check()
     bpy.ops.hemibake.bake()
     signals.check()
     report = json.loads(bpy.context.scene.hemibake.report)
-    report["files"] += _write_pictures(report["images"], options.out.resolve())
+    if bpy.context.scene.hemibake.file_format not in ENCODED:
+        images = [bpy.data.images[name] for name in report["images"]]
+        report["files"] += write_pictures(images, options.out.resolve())
     return report
 
 
@@ -221,21 +226,6 @@ def _refusal(setting: bpy.types.Property, value: object) -> str:
         typed = ", ".join(sorted(value)) if isinstance(value, set) else str(value)
         return f"{setting.identifier} is {typed}; choose one of {', '.join(setting.enum_items.keys())}."
     return f"{setting.identifier} is {value}, which is far out of its range."
-
-
-def _write_pictures(images: list[str], out: Path) -> list[str]:
-    """Write a picture of each lightmap beside its EXR file and return the paths."""
-    import bpy
-
-    from .pictures import exposed, read_pixels, write_png
-
-    paths = []
-    for name in images:
-        image = bpy.data.images[name]
-        path = out / Path(image.filepath).with_suffix(".png").name
-        write_png(exposed(read_pixels(image)), path)
-        paths.append(str(path))
-    return paths
 
 
 def _tell(report: dict, as_json: bool) -> None:

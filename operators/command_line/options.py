@@ -13,13 +13,20 @@ from ...engine.setting import Description, DeviceName, FilePath, OneOf, Size, So
 from ...engine.settings import Settings, chosen_by_people, descriptions
 
 #: Options that set what the add-on adds to the engine's settings: the type, what stands for it, and the help.
-OWN: dict[str, tuple[type, str, str]] = {
+OWN: dict[str, tuple[Callable[[str], Any], str, str]] = {
     "texels_per_metre": (float, "N", "instead of a resolution"),
     "largest_width": (int, "TEXELS", "greatest width that texels per metre may lead to"),
     "lightmap_count": (int, "N", "lightmaps that new lightmap UVs are spread over"),
     "padding": (int, "TEXELS", "between charts of new lightmap UVs"),
     "mip_level": (int, "N", "coarsest mip level at which charts keep the padding"),
     "uv_layer": (str, "NAME", "name of the lightmap UV layer"),
+    "file_name": (str, "TEMPLATE", "name of the files, such as {file}_{lightmap}_{output}"),
+    "file_format": (str.lower, "FORMAT", "exr, hdr, png, rgbm, rgbd or logluv"),
+    "exr_depth": (str, "BITS", "of a channel of OpenEXR: 32 or 16"),
+    "exr_codec": (str.lower, "CODEC", "of OpenEXR: zip, piz, dwaa, dwab or none"),
+    "exposure": (float, "STOPS", "that light is raised by before it is written as a PNG"),
+    "light_range": (float, "N", "brightest light of RGBM and RGBD; 0 for that of the brightest texel"),
+    "light_gamma": (float, "N", "power of the decoder of RGBM and RGBD"),
 }
 
 

@@ -2,12 +2,43 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
 import numpy as np
 
 from ...engine.scene.color import linear_to_srgb
+from ..result.destination import blend_from
+from ..result.files import replace_all, staging_folder
+from ..result.manifest import NAME, is_ours, read_manifest, write_manifest
+
+
+def write_pictures(images: Sequence[bpy.types.Image], folder: Path) -> list[str]:
+    """Write a picture of each lightmap beside its file and return the paths; raises OSError or RuntimeError.
+
+    The manifest knows them, so that they are replaced by those of the next bake; a file of that name that
+    is not ours stays, and the picture gets a number.
+    """
+    shown = [Path(image.filepath).name for image in images]
+    names = [_free_name(folder, Path(name).stem) for name in shown]
+    with staging_folder(folder) as staging:
+        staged = [staging / f"{index}.png" for index in range(len(names))]
+        for image, path in zip(images, staged, strict=True):
+            write_png(exposed(read_pixels(image)), path)
+        facts = [{"blend": blend_from(folder), "picture_of": name} for name in shown]
+        write_manifest(staging / NAME, folder, staged, names, facts)
+        replace_all([staging / NAME, *staged], [folder / name for name in (NAME, *names)], staging)
+    return [str(folder / name) for name in names]
+
+
+def _free_name(folder: Path, stem: str) -> str:
+    """Return the name of a picture that replaces no file of others."""
+    known, blend = read_manifest(folder), blend_from(folder)
+    names = (f"{stem}{number}.png" for number in ("", *(f".{count:03d}" for count in range(1, 10**6))))
+    paths = (folder / name for name in names)
+    return next(path.name for path in paths if not os.path.lexists(path) or is_ours(known, path, blend))
 
 
 def read_pixels(image: bpy.types.Image) -> np.ndarray:

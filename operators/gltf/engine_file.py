@@ -16,9 +16,11 @@ from ...engine.naming import naming
 from ..changes import Changes
 from ..command_line.pictures import read_pixels
 from ..compat import gltf_binary_data
-from ..result.destination import blend_from, file_name, try_folder
-from ..result.exr import write_exr
+from ..file_format import PLAIN
+from ..result.destination import blend_from, try_folder
+from ..result.file_names import file_name
 from ..result.files import reason, replace_all, staging_folder
+from ..result.lightmap_files import LightmapFile
 from ..result.manifest import NAME, is_ours, read_manifest, write_manifest
 from ..result.preview import hide_preview, previewed, show_preview
 from .encoded import EncodedLightmap, encode
@@ -115,11 +117,13 @@ class _Export:
         """Write the lightmaps as OpenEXR, with a manifest of which object shows which."""
         folder, names, facts = self._path.parent, [], []
         for image, stem in self._stems.items():
-            names.append(f"{stem}.exr")
-            write_exr(self._made / names[-1], read_pixels(image))
             objects = [_fact(surface) for surface in lit if surface.place.image == image]
             origin = {"blend": blend_from(folder), "export": self._path.name}
-            facts.append({**origin, "atlas": image.name, "output": output, "objects": objects})
+            fact = {**origin, "atlas": image.name, "output": output, "objects": objects}
+            file = LightmapFile(f"{stem}.exr", PLAIN, None, read_pixels(image), fact)
+            file.write(self._made / file.name)
+            names.append(file.name)
+            facts.append(file.entry)
         self._manifest = [self._staging / NAME]
         write_manifest(self._manifest[0], folder, [self._made / name for name in names], names, facts)
 

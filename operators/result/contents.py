@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
+
 import bpy
 
 from ...engine.finish.outputs import DECODING, output_names
@@ -10,6 +13,7 @@ from ..lookup import find_all
 from ..scene import ReadScene
 from ..scene.place import Place
 from ..scene.uvs.lightmap_layer import lightmap_layer
+from .file_names import names_by_template
 from .kept_texels import KeptTexels
 
 
@@ -28,6 +32,23 @@ def lightmap_contents(read: ReadScene, settings: Settings, uv_layer: str, kept: 
 def _decoding(output: str) -> dict[str, str]:
     """Return how a map of directions is read, JSON-ready; nothing of other outputs."""
     return {"decode": DECODING[output]} if output in DECODING else {}
+
+
+def chosen_names(
+    template: str, scene: bpy.types.Scene, atlases: Sequence[str], outputs: Sequence[str], resolution: int
+) -> list[str]:
+    """Return the names that a person's template gives to the files of lightmaps, in the same order.
+
+    Raises SettingsError, see `names_by_template`; there are none without a template.
+    """
+    known = {
+        "file": Path(bpy.data.filepath).stem or "untitled",
+        "scene": scene.name,
+        "format": scene.hemibake.file_format,
+        "resolution": str(resolution),
+    }
+    images = [{**known, "lightmap": atlas, "output": output} for output in outputs for atlas in atlases]
+    return names_by_template(template.strip(), images) if template.strip() else []
 
 
 def _objects_by_atlas(read: ReadScene, uv_layer: str) -> dict[str, list[dict]]:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import os
-import re
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,11 +12,10 @@ import bpy
 
 from ...engine.errors import EngineError
 from ..changes import Changes
+from ..file_format import PLAIN, FileFormat
+from .file_names import file_name
 from .files import reason
-from .manifest import is_ours, read_manifest
-
-#: Longest file name without its ending, bytes: file systems allow 255 in all.
-_LONGEST = 200
+from .manifest import NAME, is_ours, read_manifest
 
 
 @dataclass(frozen=True)
@@ -25,49 +23,102 @@ class Destination:
     """Where the lightmaps of a bake go.
 
     folder     None where the .blend has no folder yet: they are packed into it
-    names      file name of each lightmap
+    stems      file name of each lightmap, without its ending
     packed_as  folder that packed images name as theirs
     blend      the .blend as seen from the folder, empty for one that is not saved
+    format     of the files
     """
 
     folder: Path | None
-    names: tuple[str, ...]
+    stems: tuple[str, ...]
     packed_as: str
     blend: str = ""
+    format: FileFormat = PLAIN
+
+    @property
+    def names(self) -> list[str]:
+        """Name of the file of each lightmap that Blender shows."""
+        return [f"{stem}{self.format.endings[0]}" for stem in self.stems]
 
     @property
     def paths(self) -> list[Path]:
-        """The path of each lightmap."""
+        """Path of the file of each lightmap that Blender shows."""
         return [self.folder / name for name in self.names] if self.folder else []
 
 
 def choose_destination(
-    scene: bpy.types.Scene, atlases: Sequence[str], directory: str, changes: Changes
+    scene: bpy.types.Scene,
+    atlases: Sequence[str],
+    directory: str,
+    changes: Changes,
+    format: FileFormat = PLAIN,
+    chosen: Sequence[str] = (),
 ) -> Destination:
-    """Return where the lightmaps of a scene go; raises EngineError if nothing can be written there.
+    """Return where the lightmaps of a scene go; raises EngineError if they cannot be written there.
 
     Files are called after the .blend and the atlas, and after the atlas alone in a folder that is not
     relative to the .blend; also after the scene if another scene has that file. A file that another
     .blend or anything but Hemibake wrote is not replaced: ours then gets a number.
+
+    chosen  names of a person's instead, without endings, all different: where one is taken is an error
     """
     if not directory.strip():
         raise EngineError("There is no folder for the lightmaps. Choose one, such as //lightmaps/.")
     relative = directory.startswith("//")
     if relative and not bpy.data.filepath:
-        return Destination(None, tuple(_names(scene.name, "", atlases, set(), lambda name: True)), directory)
+        stems = chosen or _stems(scene.name, "", atlases, set(), lambda stem: True)
+        return Destination(None, tuple(stems), directory, format=format)
     folder = Path(os.path.abspath(bpy.path.abspath(directory)))
     blend = blend_from(folder)
     try:
         try_folder(folder, changes)
-        others = {path.name.casefold() for path in _files_of_other_scenes(scene) if path.parent == folder}
-        stem = Path(bpy.data.filepath).stem if relative else ""
-        known = read_manifest(folder)
-        names = _names(scene.name, stem, atlases, others, lambda name: _is_free(known, folder / name, blend))
-        return Destination(folder, tuple(names), directory, blend)
+        taken = _Taken(scene, folder, blend, format.endings)
+        if chosen:
+            taken.check(chosen)
+        else:
+            stem = Path(bpy.data.filepath).stem if relative else ""
+            chosen = tuple(_stems(scene.name, stem, atlases, taken.of_scenes, taken.is_free))
+        return Destination(folder, tuple(chosen), directory, blend, format)
     except OSError as error:
         raise EngineError(
             f"The lightmaps cannot be written to '{folder}': {reason(error)}. Choose another folder."
         ) from error
+
+
+class _Taken:
+    """Which names of files of a folder are others'.
+
+    of_scenes  those of other scenes of the .blend, in lower case, without their endings
+    """
+
+    def __init__(self, scene: bpy.types.Scene, folder: Path, blend: str, endings: Sequence[str]) -> None:
+        self._folder, self._blend, self._endings = folder, blend, endings
+        self._known = read_manifest(folder)
+        others = _files_of_other_scenes(scene)
+        self.of_scenes = {path.stem.casefold() for path in others if path.parent == folder}
+
+    def is_free(self, stem: str) -> bool:
+        """Return whether there is no file of a name, or only such as Hemibake wrote for the same .blend."""
+        return all(self._may_write(f"{stem}{ending}") for ending in self._endings)
+
+    def check(self, stems: Sequence[str]) -> None:
+        """Raise EngineError if one of some names is not free."""
+        for stem in stems:
+            if stem.casefold() in self.of_scenes:
+                raise EngineError(
+                    f"The lightmap '{stem}' of another scene is in '{self._folder}'. Add {{scene}} to the "
+                    "name of the files, or choose another folder."
+                )
+            for name in (f"{stem}{ending}" for ending in self._endings):
+                if not self._may_write(name):
+                    raise EngineError(
+                        f"'{self._folder / name}' is not a lightmap of this .blend as Hemibake wrote it, so "
+                        "it stays. Choose another name or folder, or move that file away."
+                    )
+
+    def _may_write(self, name: str) -> bool:
+        path = self._folder / name
+        return name != NAME and (not os.path.lexists(path) or is_ours(self._known, path, self._blend))
 
 
 def blend_from(folder: Path) -> str:
@@ -103,13 +154,10 @@ def _files_of_other_scenes(scene: bpy.types.Scene) -> Iterator[Path]:
                 yield Path(os.path.abspath(bpy.path.abspath(entry.image.filepath_raw)))
 
 
-def _is_free(known: dict[str, dict], path: Path, blend: str) -> bool:
-    """Return whether there is no such file, or one that Hemibake wrote for the same .blend."""
-    return not os.path.lexists(path) or is_ours(known, path, blend)
-
-
-def _names(scene: str, stem: str, atlases: Sequence[str], others: set[str], is_free) -> Iterator[str]:
-    """Yield a file name for each atlas, different from each other and from `others` in any case."""
+def _stems(
+    scene: str, stem: str, atlases: Sequence[str], others: set[str], is_free: Callable[[str], bool]
+) -> Iterator[str]:
+    """Yield a name for each atlas, different from each other and from `others` in any case."""
     taken = set(others)
     for atlas in atlases:
         name = next(
@@ -122,18 +170,11 @@ def _names(scene: str, stem: str, atlases: Sequence[str], others: set[str], is_f
 
 
 def _candidates(scene: str, stem: str, atlas: str, others: set[str]) -> Iterator[str]:
-    """Yield file names for an atlas, the best first."""
+    """Yield names for an atlas, the best first."""
     parts = [part for part in (stem, atlas) if part]
-    if f"{file_name('_'.join(parts))}.exr".casefold() in others:
+    if file_name("_".join(parts)).casefold() in others:
         parts.insert(-1, scene)
     base = file_name("_".join(parts))
-    yield f"{base}.exr"
+    yield base
     for number in range(1, 10**6):
-        yield f"{base}.{number:03d}.exr"
-
-
-def file_name(name: str) -> str:
-    """Return a name without what file systems refuse: reserved characters, dots at the end, great length."""
-    plain = re.sub(r'[<>:"/\\|?*\x00-\x1f]', "_", name)
-    short = plain.encode()[:_LONGEST].decode(errors="ignore").rstrip(". ")
-    return short or "Lightmap"
+        yield f"{base}.{number:03d}"

@@ -7,33 +7,49 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from ...engine.encoding.half import Half
+from ..file_format import PLAIN, FileFormat
 from .files import try_to_write
 
-#: Bytes of a pixel: four channels of 32 bits.
+#: More bytes than a pixel takes: three channels of 32 bits, and its part of the header.
 _PIXEL = 16
 
 
-def write_exr(path: Path, pixels: np.ndarray) -> None:
-    """Write pixels, (h, w, 3) float32 scene-linear, bottom row first, bit-exact.
+def write_exr(path: Path, pixels: np.ndarray, format: FileFormat = PLAIN) -> None:
+    """Write pixels, (h, w, 3) float32 scene-linear, bottom row first; bit-exact without a loss by format.
 
     Raises OSError or RuntimeError.
-    `Image.save` converts generated float images to the display's colours unless they are marked as
-    data, so a data image that lives only here is saved.
+    Blender converts generated float images to the display's colours unless they are marked as data, so a
+    data image that lives only here is saved. Depth and codec are a scene's, so one is made that holds them.
     """
     height, width = pixels.shape[:2]
     image = bpy.data.images.new("hemibake", width, height, alpha=True, float_buffer=True, is_data=True)
+    scene = bpy.data.scenes.new("hemibake")
     try:
-        image.pixels.foreach_set(rgba(pixels))
-        image.filepath_raw = str(path)
-        image.file_format = "OPEN_EXR"
-        image.save()
+        _set_up(scene.render.image_settings, format)
+        image.pixels.foreach_set(rgba(_held(pixels, format)))
+        image.save_render(str(path), scene=scene)
         _check_end(path)
     except RuntimeError:
         # Blender takes a full disk for an invalid argument: writing as much tells what it was.
         try_to_write(path, image.size[0] * image.size[1] * _PIXEL)
         raise
     finally:
+        bpy.data.scenes.remove(scene)
         bpy.data.images.remove(image)
+
+
+def _set_up(settings: bpy.types.ImageFormatSettings, format: FileFormat) -> None:
+    """Choose what OpenEXR files hold, and how they are compressed."""
+    if hasattr(settings, "media_type"):
+        settings.media_type = "IMAGE"
+    settings.file_format, settings.color_mode = "OPEN_EXR", "RGB"
+    settings.color_depth, settings.exr_codec = str(format.depth), format.codec.upper()
+
+
+def _held(pixels: np.ndarray, format: FileFormat) -> np.ndarray:
+    """Return pixels within what a channel holds: half floats would be infinite beyond."""
+    return np.clip(pixels, -Half().largest, Half().largest) if format.stores_half else pixels
 
 
 def _check_end(path: Path) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -11,8 +13,9 @@ from ...engine.errors import EngineError
 from ..changes import Changes
 from ..lookup import find
 from .destination import Destination
-from .exr import rgba, write_exr
+from .exr import rgba
 from .files import reason, replace_all, staging_folder
+from .lightmap_files import LightmapFile, lightmap_files
 from .manifest import NAME, write_manifest
 
 #: Custom property that marks an image as ours; its value is the atlas name.
@@ -61,21 +64,22 @@ def show(image: bpy.types.Image, pixels: np.ndarray) -> None:
 
 def store(
     images: list[bpy.types.Image], lightmaps: np.ndarray, destination: Destination, facts: list[dict]
-) -> list[str]:
-    """Write each lightmap as 32-bit EXR, let its image use the file, and return the paths.
+) -> list[LightmapFile]:
+    """Write the files of each lightmap, let its image use the one that Blender shows, and return them.
 
     images     show the lightmaps already
     lightmaps  (images, h, w, 3) float32, scene-linear, bottom row first
     facts      what the manifest tells of each
 
-    Without a folder the images are packed into the .blend and the list is empty. If the files cannot
+    Without a folder the images are packed into the .blend and there are no files. If the files cannot
     be written those that were there stay, the images are packed, and an EngineError says so.
     """
     if destination.folder is None:
         _pack_all(images, destination)
         return []
+    files = list(lightmap_files(lightmaps, destination, facts))
     try:
-        _write_all(lightmaps, destination, facts)
+        _write_all(files, destination)
     except (OSError, RuntimeError) as error:
         _pack_all(images, destination)
         raise EngineError(
@@ -84,7 +88,7 @@ def store(
         ) from error
     for image, path in zip(images, destination.paths, strict=True):
         _use_file(image, str(path))
-    return [str(path) for path in destination.paths]
+    return files
 
 
 def _belongs_to_another(image: bpy.types.Image, scene: bpy.types.Scene) -> bool:
@@ -102,15 +106,16 @@ def _new_image(scene: bpy.types.Scene, atlas: str, resolution: int) -> bpy.types
     return image
 
 
-def _write_all(lightmaps: np.ndarray, destination: Destination, facts: list[dict]) -> None:
+def _write_all(files: Sequence[LightmapFile], destination: Destination) -> None:
     """Write all files and the manifest, or none: the manifest comes first and knows old and new files."""
-    with staging_folder(destination.folder) as staging:
-        staged = [staging / f"{index}.exr" for index in range(len(lightmaps))]
-        for path, pixels in zip(staged, lightmaps, strict=True):
-            write_exr(path, pixels)
-        manifest, entries = staging / NAME, [{"blend": destination.blend, **fact} for fact in facts]
-        write_manifest(manifest, destination.folder, staged, destination.names, entries)
-        replace_all([manifest, *staged], [destination.folder / NAME, *destination.paths], staging)
+    folder, names = destination.folder, [file.name for file in files]
+    with staging_folder(folder) as staging:
+        staged = [staging / f"{index}{Path(name).suffix}" for index, name in enumerate(names)]
+        for path, file in zip(staged, files, strict=True):
+            file.write(path)
+        manifest, entries = staging / NAME, [{"blend": destination.blend, **file.entry} for file in files]
+        write_manifest(manifest, folder, staged, names, entries)
+        replace_all([manifest, *staged], [folder / name for name in (NAME, *names)], staging)
 
 
 def _use_file(image: bpy.types.Image, path: str) -> None:

@@ -1,11 +1,18 @@
 """The manifest beside lightmap files: what made each of them, and which objects show it.
 
-A folder of lightmaps holds one `hemibake.json`:
+A folder of lightmaps holds one `hemibake.json`; docs/formats.md explains it:
 
-    {"lightmaps": {"house_Lightmap.exr": {
+    {"version": 2,
+     "lightmaps": {"house_Lightmap.png": {
         "blend": "../house.blend", "atlas": "Lightmap", "output": "combined",
-        "encoding": "OpenEXR, 32-bit float, scene-linear Rec.709", "sha256": "...", "replaced": "...",
-        "objects": [{"object": "Floor", "uv_layer": "Lightmap", "scale": 1.0, "offset": [0.0, 0.0]}]}}}
+        "objects": [{"object": "Floor", "uv_layer": "Lightmap", "scale": 1.0, "offset": [0.0, 0.0]}],
+        "format": "rgbm", "encoding": "PNG, 8-bit RGBM, no colour space",
+        "intensity": 34.4932, "decode_texel": "light = ...", "range": 34.4932, "gamma": 2.2,
+        "sha256": "...", "replaced": "..."}},
+     "objects": [{"object": "Floor", "uv_layer": "Lightmap", "scale": 1.0, "offset": [0.0, 0.0],
+        "blend": "../house.blend", "maps": {"combined": "house_Lightmap.png"}}]}
+
+`objects` says the same as `lightmaps` from the side of an object; files that only Blender shows are left out.
 
 A file is Hemibake's as long as its bytes are those that were written, `sha256`, or those that it replaced,
 `replaced`: a bake may have been killed when the manifest was written and the file was not.
@@ -15,15 +22,15 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
 #: File name of the manifest.
 NAME = "hemibake.json"
 
-#: How the pixels of a lightmap file are stored.
-ENCODING = "OpenEXR, 32-bit float, scene-linear Rec.709"
+#: Of the layout of the manifest.
+_VERSION = 2
 
 
 def read_manifest(folder: Path) -> dict[str, dict]:
@@ -46,16 +53,30 @@ def write_manifest(
 ) -> None:
     """Write the manifest that a folder has once staged files have got their names; raises OSError.
 
-    facts  of each file: "blend", "atlas", "output", "objects", and "decode" if a formula is needed to read it
+    facts  of each file: "blend", "atlas", "output", "objects", how it is encoded, and "decode" if a formula
+           is needed to use it
     """
     known = {name: entry for name, entry in read_manifest(folder).items() if (folder / name).exists()}
     for new, name, fact in zip(staged, names, facts, strict=True):
+        known.pop(name, None)
         sha256 = _checksum(new)
         before = _checksum(folder / name) if (folder / name).exists() else sha256
-        known[name] = {**fact, "encoding": ENCODING, "sha256": sha256}
+        known[name] = {**fact, "sha256": sha256}
         if before != sha256:
             known[name]["replaced"] = before
-    path.write_text(json.dumps({"lightmaps": known}, indent=1), encoding="utf-8")
+    manifest = {"version": _VERSION, "lightmaps": known, "objects": _by_object(known)}
+    path.write_text(json.dumps(manifest, indent=1), encoding="utf-8")
+
+
+def _by_object(known: Mapping[str, dict]) -> list[dict]:
+    """Return what is known of files as the maps of each object, by their outputs; the last written count."""
+    found: dict[str, dict] = {}
+    for name, entry in known.items():
+        for place in entry.get("objects", ()) if "shown_for" not in entry else ():
+            key = json.dumps([entry.get("blend"), place], sort_keys=True)
+            maps = found.setdefault(key, {**place, "blend": entry.get("blend"), "maps": {}})["maps"]
+            maps[entry["output"]] = name
+    return list(found.values())
 
 
 def _checksum(path: Path) -> str:

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -242,6 +243,27 @@ def test_installed_command_bakes_the_open_file(tmp_path, capfd):
 
 
 @pytest.mark.usefixtures("signals_as_before")
+def test_pictures_replace_those_of_the_last_bake_and_no_others(tmp_path, capfd):
+    """Then the same name in a format that is a PNG itself: the picture's place is its own."""
+    furnace()
+    (tmp_path / "Lightmap.png").write_text("mine")
+    sizes = ("--out", tmp_path, "--resolution", 16, "--hemicube", 8, "--json")
+    for _ in range(2):
+        code, lines = installed(capfd, *sizes)
+        names = {Path(path).name for path in json.loads(lines[-1])["files"]}
+        assert code == 0 and names == {"Lightmap.exr", "Lightmap.001.png"}
+    assert (tmp_path / "Lightmap.png").read_text() == "mine"
+    (tmp_path / "Lightmap.png").unlink()
+    installed(capfd, *sizes)
+    words = ("--file-format", "RGBM", "--light-range", 8, "--file-name", "{lightmap}")
+    code, lines = installed(capfd, *sizes, *words)
+    names = {Path(path).name for path in json.loads(lines[-1])["files"]}
+    assert code == 0 and names == {"Lightmap.exr", "Lightmap.png"}
+    known = json.loads((tmp_path / "hemibake.json").read_text())["lightmaps"]["Lightmap.png"]
+    assert (known["format"], known["range"]) == ("rgbm", 8)
+
+
+@pytest.mark.usefixtures("signals_as_before")
 def test_installed_command_takes_settings_of_the_machine(tmp_path, capfd):
     furnace()
     preferences = part("operators.preferences").machine_properties()
@@ -288,6 +310,8 @@ def test_installed_command_tells_the_same_as_the_tool(tmp_path, capfd):
         (("--out", "out", "--resolution", 0, "--json"), "resolution is 0; choose 8 to 16384 texels."),
         (("missing.obj", "--out", "out", "--json"), "There is no file"),
         (("--out", "out", "--verify", "--json"), "unrecognized arguments: --verify"),
+        (("--out", "out", "--file-format", "tiff", "--json"), "file_format is tiff; choose one of exr, hdr"),
+        (("--out", "out", "--file-name", "{map}", "--json"), "has an unknown field {map}"),
     ],
 )
 def test_error_of_the_installed_command_is_one_json_object_and_exit_code_1(

@@ -409,9 +409,13 @@ def test_errors_in_the_middle_leave_everything(tmp_path, monkeypatch):
     def fail(*arguments):
         raise RuntimeError("no space left")
 
-    for name, where in (("_moved", "hooks"), ("write_exr", "engine_file"), ("replace_all", "engine_file")):
+    for name, where in (
+        ("_moved", "gltf.hooks"),
+        ("write_exr", "result.lightmap_files"),
+        ("replace_all", "gltf.engine_file"),
+    ):
         with monkeypatch.context() as patch:
-            patch.setattr(part(f"operators.gltf.{where}"), name, fail)
+            patch.setattr(part(f"operators.{where}"), name, fail)
             assert "no space left" in refusal(tmp_path / "room.gltf")
         assert files_below(tmp_path) == before and snapshot() == scene
         assert not hasattr(part("engine").__class__, "glTF2ExportUserExtension")

@@ -94,6 +94,10 @@ def test_panels_show_every_setting_once(devices):
         "lightmap_count",
         "padding",
         "mip_level",
+        "file_name",
+        "file_format",
+        "exr_depth",
+        "exr_codec",
     }
     assert set(settings) == (people | own) - hidden
     assert len(settings) == len(set(settings))

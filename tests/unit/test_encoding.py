@@ -2,10 +2,14 @@
 
 import struct
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from engine.encoding.clipping import find_clipping
+from engine.encoding.encoding import encode_in_bands
+from engine.encoding.half import Half
 from engine.encoding.logluv import LogLuv
 from engine.encoding.png import png_bytes
 from engine.encoding.radiance import radiance_bytes
@@ -13,6 +17,8 @@ from engine.encoding.rgbd import Rgbd
 from engine.encoding.rgbe import Rgbe
 from engine.encoding.rgbm import Rgbm
 from engine.encoding.srgb import Srgb
+
+ROOT = Path(__file__).resolve().parents[2]
 
 ENCODINGS = [
     Srgb(),
@@ -119,6 +125,11 @@ def test_formula_is_what_decoding_does(encoding):
     assert decoded.reshape(*texels.shape[:2], 3) == pytest.approx(encoding.decode(texels), rel=2e-5, abs=1e-7)
 
 
+def test_bands_are_the_whole():
+    light = colours(1e-3, 10, (997, 541))
+    assert (encode_in_bands(Rgbm(10.0), light) == Rgbm(10.0).encode(light)).all()
+
+
 def test_radiance_of_known_bytes():
     """2^(e - 136) * mantissa: 1 is 128 * 2^-7."""
     light = np.array([[[1.0, 0.5, 0.25], [255.9, 0.0, 1.1], [0.999, 0.0, 0.0]]], np.float32)
@@ -210,3 +221,29 @@ def test_radiance_picture_holds_the_texels(width):
     assert (read_radiance(data)[::-1] == texels).all()
     if width > 1000:
         assert len(data) < 0.8 * texels.size
+
+
+def test_table_of_the_documentation_holds(monkeypatch):
+    """What docs/formats.md tells of formats that need no Blender is what they lose now."""
+    monkeypatch.syspath_prepend(str(ROOT / "tools"))
+    import formats
+
+    told, losses = formats.told(), formats.losses_of_encodings()
+    assert set(told) == set(losses) | set(formats.OPENEXR)
+    for name, loss in losses.items():
+        assert [loss.mean, loss.p99, loss.dark] == pytest.approx(told[name], rel=0.06), name
+
+
+def test_clipping_is_of_counted_texels_alone():
+    light = np.zeros((3, 5, 3), np.float32)
+    light[0, 1], light[1, 2, 2], light[2, 3, 0], light[2, 4] = 5, 2.5, 1e-7, (0.1, 2, 0)
+    counted = np.ones((3, 5), bool)
+    counted[0, 1] = False
+    clipping = find_clipping(light, Srgb(-1.0), counted)
+    assert np.argwhere(clipping.bright).tolist() == [[1, 2]]
+    assert np.argwhere(clipping.dark).tolist() == [[2, 3]]
+    assert not clipping.negative.any()
+    light[0, 0] = (3, -0.5, 0)
+    assert np.argwhere(find_clipping(light, Rgbm(4.0), counted).negative).tolist() == [[0, 0]]
+    half = find_clipping(light, Half(), counted)
+    assert not half.dark.any() and not half.negative.any()

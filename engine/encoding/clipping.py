@@ -1,0 +1,52 @@
+"""Texels that an encoding cannot hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+
+class Limits(Protocol):
+    """What an encoding holds, see `Encoding`."""
+
+    @property
+    def largest(self) -> float:
+        """The largest value of a channel."""
+        ...
+
+    @property
+    def smallest(self) -> float:
+        """The least value of the brightest channel that does not become black."""
+        ...
+
+    @property
+    def signed(self) -> bool:
+        """True if it holds negative values, too."""
+        ...
+
+
+@dataclass(frozen=True)
+class Clipping:
+    """Texels of a lightmap beyond the limits of an encoding, (h, w) bool.
+
+    bright    brighter than it holds
+    dark      not black, and black in it
+    negative  below 0 in a channel, which becomes 0: no light is, but a map of its direction
+    """
+
+    bright: np.ndarray
+    dark: np.ndarray
+    negative: np.ndarray
+
+
+def find_clipping(light: np.ndarray, limits: Limits, counted: np.ndarray) -> Clipping:
+    """Return the texels of a lightmap, (h, w, 3), that an encoding cannot hold.
+
+    counted  (h, w) bool: no others are looked at
+    """
+    brightest = light.max(axis=-1)
+    dark = (brightest > 0) & (brightest < limits.smallest)
+    negative = (light < 0).any(axis=-1) & (not limits.signed)
+    return Clipping(counted & (brightest > limits.largest), counted & dark, counted & negative)

@@ -1,0 +1,89 @@
+"""Tells what the files of lightmaps cannot hold."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from ...engine.encoding.clipping import Limits, find_clipping
+from ...engine.encoding.srgb import Srgb
+from ...engine.naming import Note, naming
+from ..file_format import RANGED
+from ..scene import ReadScene
+from ..scene.uvs.uv_faults import covered_texels
+from .lightmap_files import LightmapFile
+
+#: Share of a lightmap's texels that may become black without a word: the far end of a light's fading.
+_DARK = 0.01
+
+
+def clipping_notes(read: ReadScene, files: Sequence[LightmapFile], has_patch: np.ndarray) -> Iterator[Note]:
+    """Yield a sentence for each thing that a file cannot hold of its lightmap.
+
+    files      one a lightmap, atlas after atlas for each output
+    has_patch  (atlases, h, w) bool, texels that are baked: no others count
+    """
+    for index, file in enumerate(files):
+        limits, atlas = file.format.limits(file.encoding), index % len(has_patch)
+        if limits is None:
+            continue
+        for sentence, texels in _sentences(file, limits, has_patch[atlas]):
+            yield naming(sentence, _objects_at(read, atlas, texels))
+
+
+def _sentences(file: LightmapFile, limits: Limits, counted: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield what a file cannot hold, with {} for its objects, and the texels, (h, w) bool."""
+    clipping, all_texels = find_clipping(file.light, limits, counted), max(int(counted.sum()), 1)
+    bright, dark, negative = (
+        max(texels.sum() / all_texels, 0.001) if texels.any() else 0.0
+        for texels in (clipping.bright, clipping.dark, clipping.negative)
+    )
+    if bright:
+        yield _too_bright(file, limits, clipping.bright, bright), clipping.bright
+    if dark > _DARK:
+        sentence = f"{dark:.1%} of its texels became black, being darker than {limits.smallest:.2g}, of {{}}"
+        yield f"'{file.name}': {sentence}. {_remedy_for_dark(file)}.", clipping.dark
+    if negative:
+        sentence = f"{negative:.1%} of its texels have negative channels, which became 0, of {{}}"
+        yield f"'{file.name}': {sentence}. Choose OpenEXR for this output.", clipping.negative
+
+
+def _too_bright(file: LightmapFile, limits: Limits, clipped: np.ndarray, share: float) -> str:
+    """Return what became of texels that are too bright, a share of all, with {} for their objects."""
+    brightest = np.where(clipped, file.light.max(axis=-1), -np.inf)
+    row, column = np.unravel_index(int(brightest.argmax()), clipped.shape)
+    height, width = clipped.shape
+    most = float(brightest.max())
+    return (
+        f"'{file.name}': {share:.1%} of its texels were clipped to {limits.largest:.5g}, "
+        f"of {{}}. The brightest had {most:.5g}, at texel {column}, {row}, UV {(column + 0.5) / width:.3f}, "
+        f"{(row + 0.5) / height:.3f}. {_remedy_for_bright(file, most)}."
+    )
+
+
+def _remedy_for_bright(file: LightmapFile, most: float) -> str:
+    """Return what holds light up to a value."""
+    if isinstance(file.encoding, Srgb) and np.isfinite(most):
+        return f"Choose an Exposure of {np.floor(-10 * np.log2(most)) / 10:g}, or another format"
+    if file.format.name in RANGED:
+        return f"Choose a Range of {1.001 * most:.4g} or more, or 0"
+    return "Choose OpenEXR with full floats"
+
+
+def _remedy_for_dark(file: LightmapFile) -> str:
+    if isinstance(file.encoding, Srgb):
+        return "Raise the Exposure, or choose another format"
+    return "Choose a higher Gamma, or another format" if file.format.name in RANGED else "Choose full floats"
+
+
+def _objects_at(read: ReadScene, atlas: int, texels: np.ndarray) -> list[str]:
+    """Return the names of the objects that have charts at texels of an atlas, (h, w) bool."""
+    resolution = len(texels)
+    chosen = np.pad(texels, ((0, 0), (0, 1))).ravel()
+    names = [
+        mesh.name
+        for mesh in read.scene.meshes
+        if mesh.atlas == atlas and chosen[covered_texels(mesh.uvs, resolution)[0]].any()
+    ]
+    return list(dict.fromkeys(names))

@@ -1,0 +1,72 @@
+"""Names of files after a person's template."""
+
+from __future__ import annotations
+
+import re
+import string
+from collections.abc import Mapping, Sequence
+
+from ...engine.errors import SettingsError
+
+#: What a template may name.
+FIELDS = ("file", "scene", "lightmap", "output", "format", "resolution")
+
+_KNOWN = f"Fields are {', '.join(f'{{{field}}}' for field in FIELDS)}."
+
+#: Longest file name without its ending, bytes: file systems allow 255 in all.
+_LONGEST = 200
+
+
+def names_by_template(template: str, images: Sequence[Mapping[str, str]]) -> list[str]:
+    """Return the names, without endings, that a template gives to images.
+
+    images  of each the values of FIELDS
+
+    Raises SettingsError for what is no template, and for one that gives several images one name.
+    """
+    parts = _parts(template)
+    names = [file_name("".join(text + values.get(field, "") for text, field in parts)) for values in images]
+    first: dict[str, Mapping[str, str]] = {}
+    for name, values in zip(names, images, strict=True):
+        same = first.setdefault(name.casefold(), values)
+        if same is not values:
+            raise SettingsError(
+                f"The name '{template}' makes one file, '{name}', of {_told(same)} and {_told(values)}. "
+                f"{_remedy(template, same, values)}."
+            )
+    return names
+
+
+def file_name(name: str) -> str:
+    """Return a name without what file systems refuse: reserved characters, dots at the end, great length."""
+    plain = re.sub(r'[<>:"/\\|?*\x00-\x1f]', "_", name)
+    short = plain.encode()[:_LONGEST].decode(errors="ignore").rstrip(". ")
+    return short or "Lightmap"
+
+
+def _parts(template: str) -> list[tuple[str, str]]:
+    """Return a template as pairs of a text and the field after it; raises SettingsError."""
+    try:
+        parsed = list(string.Formatter().parse(template))
+    except ValueError as error:
+        raise SettingsError(f"The name '{template}' has a brace without its other one. {_KNOWN}") from error
+    for text, field, how, conversion in parsed:
+        if field is not None and (field not in FIELDS or how or conversion):
+            written = "".join(
+                (field, *(("!", conversion) if conversion else ()), *((":", how) if how else ()))
+            )
+            raise SettingsError(f"The name '{template}' has an unknown field {{{written}}}. {_KNOWN}")
+        if "/" in text or "\\" in text:
+            raise SettingsError(f"The name '{template}' names a folder. Choose it under Folder.")
+    return [(text, field or "") for text, field, *_ in parsed]
+
+
+def _told(values: Mapping[str, str]) -> str:
+    return f"'{values['lightmap']}' ({values['output'].replace('_', ' ')})"
+
+
+def _remedy(template: str, one: Mapping[str, str], other: Mapping[str, str]) -> str:
+    """Return what tells two images apart."""
+    fields = [f"{{{field}}}" for field in FIELDS if one[field].casefold() != other[field].casefold()]
+    missing = [field for field in fields if field not in template]
+    return f"Add {' and '.join(missing)} to it" if missing else "Give one of them another name"

@@ -1,0 +1,104 @@
+"""The files of lightmaps: what is in each, and what the manifest tells of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...engine.encoding.encoding import Encoding, encode_in_bands
+from ...engine.encoding.png import png_bytes
+from ...engine.encoding.radiance import radiance_bytes
+from ...engine.encoding.srgb import Srgb
+from ..file_format import FileFormat
+from .destination import Destination
+from .exr import write_exr
+
+
+@dataclass(frozen=True)
+class LightmapFile:
+    """A file of a lightmap.
+
+    name      with its ending
+    format    of this file
+    encoding  what makes bytes of light; None for OpenEXR
+    light     (h, w, 3) float32, scene-linear, bottom row first
+    facts     what the manifest tells of the lightmap
+    """
+
+    name: str
+    format: FileFormat
+    encoding: Encoding | None
+    light: np.ndarray
+    facts: dict
+
+    def write(self, path: Path) -> None:
+        """Write the file under a path; raises OSError or RuntimeError."""
+        if self.encoding is None:
+            write_exr(path, self.light, self.format)
+            return
+        texels = encode_in_bands(self.encoding, self.light)
+        if self.format.name == "hdr":
+            path.write_bytes(radiance_bytes(texels))
+        else:
+            path.write_bytes(png_bytes(texels, srgb=isinstance(self.encoding, Srgb)))
+
+    @property
+    def entry(self) -> dict:
+        """What the manifest tells of the file."""
+        told = {"format": self.format.name, "encoding": _in_words(self.format), "intensity": 1.0}
+        if self.encoding is not None:
+            told |= {
+                "intensity": self.encoding.intensity,
+                "decode_texel": self.encoding.formula,
+                "range": self.encoding.largest,
+                **_parameters(self.encoding),
+            }
+        return {**self.facts, **told}
+
+
+def lightmap_files(
+    lightmaps: np.ndarray, destination: Destination, facts: Sequence[dict]
+) -> Iterator[LightmapFile]:
+    """Yield the files of lightmaps, (m, h, w, 3) float32; those that Blender shows before those for engines.
+
+    facts  what the manifest tells of each lightmap, its output among it
+    """
+    outputs = [fact["output"] for fact in facts]
+    brightest = _brightest(lightmaps, outputs)
+    chosen, shown = destination.format, destination.format.shown
+    for light, name, output, fact in zip(lightmaps, destination.names, outputs, facts, strict=True):
+        told = fact if shown == chosen else {**fact, "shown_for": f"{Path(name).stem}{chosen.endings[-1]}"}
+        yield LightmapFile(name, shown, shown.encoding(output, brightest[output]), light, told)
+    for light, stem, output, fact in zip(lightmaps, destination.stems, outputs, facts, strict=True):
+        if shown != chosen:
+            encoding = chosen.encoding(output, brightest[output])
+            yield LightmapFile(f"{stem}{chosen.endings[-1]}", chosen, encoding, light, fact)
+
+
+def _brightest(lightmaps: np.ndarray, outputs: Sequence[str]) -> dict[str, float]:
+    """Return the brightest value of all lightmaps of each output."""
+    found: dict[str, float] = {}
+    for light, output in zip(lightmaps, outputs, strict=True):
+        found[output] = max(found.get(output, 0.0), float(light.max()))
+    return found
+
+
+def _in_words(format: FileFormat) -> str:
+    """Return how the pixels of a file are stored."""
+    match format.name:
+        case "exr":
+            bits = 16 if format.stores_half else 32
+            return f"OpenEXR, {bits}-bit float, scene-linear Rec.709"
+        case "hdr":
+            return "Radiance RGBE, scene-linear Rec.709"
+        case "png":
+            return "PNG, 8-bit sRGB"
+    return f"PNG, 8-bit {format.name.upper() if format.name != 'logluv' else 'LogLuv'}, no colour space"
+
+
+def _parameters(encoding: Encoding) -> dict[str, float]:
+    """Return what an encoding was made with, by name."""
+    return {name: getattr(encoding, name) for name in ("exposure", "gamma") if hasattr(encoding, name)}

@@ -32,10 +32,11 @@ def main() -> None:
     )
     parser.add_argument("--samples", type=int, default=512, help="of a pixel")
     parser.add_argument("--resolution", type=int, default=256)
+    parser.add_argument("--scenes", nargs="+", choices=list(_SCENES), default=list(_SCENES))
     options = parser.parse_args()
     with blender(), tempfile.TemporaryDirectory() as folder:
-        for name, make in {"cornell": _cornell, "yard": _yard}.items():
-            _compare(name, make, options, Path(folder))
+        for name in options.scenes:
+            _compare(name, _SCENES[name], options, Path(folder))
 
 
 def _compare(name, make, options, folder: Path) -> None:
@@ -71,6 +72,9 @@ def _compare(name, make, options, folder: Path) -> None:
     both = [(shown - original)[counts] * (shown - again)[counts] for shown in (shaded, flat)]
     exact = [np.sqrt(max(product.mean(), 0)) / original[counts].mean() for product in both]
     print(f"{name}, RMS without noise: {exact[0]:.1%}, without directional maps {exact[1]:.1%}", flush=True)
+    bright = shaded[counts].mean() / original[counts].mean()
+    off = np.abs(shaded / bright - original).mean(axis=2)[counts] / original.mean(axis=2)[counts]
+    print(f"{name}, the preview is {bright - 1:+.1%} brighter; else median {np.median(off):.1%}", flush=True)
 
 
 def _cornell() -> None:
@@ -95,6 +99,9 @@ def _yard() -> None:
         scene.world.use_nodes = True
     background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
     background.inputs["Color"].default_value = (0.5, 0.6, 0.8, 1)
+
+
+_SCENES = {"cornell": _cornell, "yard": _yard}
 
 
 def _tilt(material, slope: float) -> None:

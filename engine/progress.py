@@ -60,6 +60,7 @@ class Stage:
     amount    of work, in a unit of its own such as texels or rays; may be corrected while it is done
     pace      seconds that a unit is expected to take
     measured  whether that pace was measured, by earlier work or in a trial; else it is a guess
+    like      a stage of the same kind of work: its pace, once known, counts in place of a guess
     forecast  seconds that are left as the work itself tells; NaN if it does not
     done      units that are done
     seconds   spent on it
@@ -69,6 +70,7 @@ class Stage:
     amount: float = 1.0
     pace: float = 0.0
     measured: bool = False
+    like: Stage | None = None
     forecast: float = math.nan
     done: float = 0.0
     seconds: float = 0.0
@@ -84,22 +86,30 @@ class Stage:
     @property
     def known(self) -> bool:
         """Whether the time that is left rests on a measurement."""
-        return self.measured or not math.isnan(self.forecast) or self.done > self._start[0]
+        alike = self.like is not None and self.like.known
+        return self.measured or alike or not math.isnan(self.forecast) or self.done > self._start[0]
 
     @property
     def seconds_left(self) -> float:
-        """Seconds that the rest is expected to take: by its pace so far, at first by the expected one.
+        """Seconds that the rest is expected to take."""
+        if not math.isnan(self.forecast):
+            return self.forecast
+        return max(self.amount - self.done, 0.0) * self._likely_pace
+
+    @property
+    def _likely_pace(self) -> float:
+        """Seconds a unit: by its pace so far, at first by the expected one.
 
         The mean of both is geometric, since paces are wrong by factors, either way.
         """
-        if not math.isnan(self.forecast):
-            return self.forecast
-        left = max(self.amount - self.done, 0.0)
+        alike = self.like if not self.measured and self.like is not None and self.like.known else None
+        expected = self.pace if alike is None else alike._likely_pace
         done, seconds = self.done - self._start[0], self.seconds - self._start[1]
-        if done <= 0 or seconds <= 0 or self.pace <= 0:
-            return left * self.pace
-        trust = seconds / (seconds + (_PRIOR if self.measured else _GUESS))
-        return left * self.pace ** (1 - trust) * (seconds / done) ** trust
+        if done <= 0 or seconds <= 0 or expected <= 0:
+            return expected
+        trust = seconds / (seconds + (_GUESS if alike is None and not self.measured else _PRIOR))
+        pace: float = expected ** (1 - trust) * (seconds / done) ** trust
+        return pace
 
 
 class Schedule:

@@ -93,6 +93,7 @@ class BakeStages(Schedule):
         self.final = self._stage("Final gather", 0, _RAY)
         self.outputs = self._stage("Outputs", 0, _RAY)
         self.texels = self._stage("Texels", 0, _RAY)
+        self.texels.like = self.visibility
         filtered = texels * len(settings.light_outputs) if settings.denoise else 0
         self.denoising = self._stage("Denoising", filtered, _FILTERED)
         maps = len(settings.outputs) + 3 * ("directional" in settings.outputs)

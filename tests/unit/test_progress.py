@@ -81,6 +81,17 @@ def test_seconds_left_are_unknown_until_something_was_measured(clock):
     assert told[50] == pytest.approx(25, rel=0.2) and told[-1] == 0
 
 
+def test_work_alike_is_foretold_from_what_was_measured(clock):
+    """Both stages take 3 s for a unit, 30 times as long as guessed."""
+    first, second = Stage("A", 5, 0.1), Stage("B", 7, 0.1)
+    second.like = first
+    schedule = Schedule([first, second])
+    told = [(step.seconds_left, clock.now) for step in schedule.run(first, work(clock, 15, 5))]
+    told += [(step.seconds_left, clock.now) for step in schedule.run(second, work(clock, 21, 7))]
+    assert math.isnan(told[0][0])
+    assert all(left == pytest.approx(clock.now - now, rel=0.1) for left, now in told[2:])
+
+
 @pytest.mark.parametrize("slow", [1, 3, 20])
 def test_it_is_even_where_all_takes_longer_than_guessed_by_the_same_factor(clock, slow):
     """As on a busy machine, or where drivers compile: the percentage does not run ahead."""

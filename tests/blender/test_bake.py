@@ -118,10 +118,9 @@ def test_stored_pixels_are_those_of_the_engine_bit_by_bit(tmp_path):
     changes, scene = part("operators.changes").Changes(), bpy.context.scene
     values = np.random.default_rng(3).normal(0, 100, (1, 8, 8, 3)).astype(np.float32)
     image = images.lightmap_image(scene, "Noise", 8, changes)
-    paths = images.store(
-        [image], values, destination.choose_destination(scene, ["Noise"], str(tmp_path), changes), [{}]
-    )
-    assert (read_exr(Path(paths[0]))[..., :3] == values[0]).all()
+    chosen = destination.choose_destination(scene, ["Noise"], str(tmp_path), changes)
+    images.store([image], values, chosen, [{"output": "combined"}])
+    assert (read_exr(chosen.paths[0])[..., :3] == values[0]).all()
     assert (pixels(image)[..., :3] == values[0]).all()
 
 

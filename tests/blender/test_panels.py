@@ -294,7 +294,7 @@ def test_preset_is_custom_once_a_value_differs():
 
     settings = bpy.context.scene.hemibake
     settings.quality, settings.denoise = "draft", True
-    settings.tolerance = 0.01
+    settings.tolerance, settings.texel_samples = 0.01, "1"
     assert draw("HEMIBAKE_PT_bake")[0] == "Draft"
     settings.iterations = 3
     assert draw("HEMIBAKE_PT_bake")[0] == "Custom"

@@ -92,7 +92,9 @@ class KeptTexels:
             uvs = _lightmap_uvs(obj, depsgraph)
             if uvs is not None:
                 _claim(owner, uvs, _KEPT)
-        for _ in range(self._settings.dilation):
+
+        # Texels that a chart touches without covering their centres lie around those that it does.
+        for _ in range(self._settings.dilation + 1):
             _grow(owner)
         return owner == _KEPT
 

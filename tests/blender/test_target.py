@@ -15,7 +15,7 @@ def settings():
     import bpy
 
     settings = bpy.context.scene.hemibake
-    settings.resolution, settings.dilation = SIDE, 3
+    settings.resolution, settings.dilation = SIDE, 2
     return settings
 
 
@@ -94,7 +94,7 @@ def test_margins_are_shared_by_the_nearest_chart(pair):
     bake(pair[1])
     after = light()
     assert np.array_equal(after[:, 23], before[:, 23]) and np.array_equal(after[5:42, 1], before[5:42, 1])
-    assert after[5:42, 25] == pytest.approx(after[5:42, 26], rel=0.2)
+    assert after[5:42, 25].mean() == pytest.approx(after[5:42, 26].mean(), rel=0.1)
 
 
 def test_objects_without_light_yet_stay_dark(pair):

@@ -19,11 +19,12 @@ NAME = "Lightmap UVs"
 
 @pytest.fixture
 def chair():
-    """A row of five bevelled cubes with lightmap UVs."""
+    """A row of five bevelled cubes with gaps between them and lightmap UVs."""
     import bpy
 
     obj = mesh_object("Chair", CUBE, INWARD, surface=material("Wood", emission=0.5))
-    obj.modifiers.new("Array", "ARRAY").count = 5
+    array = obj.modifiers.new("Array", "ARRAY")
+    array.count, array.relative_offset_displace = 5, (1.3, 0, 0)
     obj.modifiers.new("Bevel", "BEVEL").width = 0.07
     bpy.ops.hemibake.unwrap()
     return obj

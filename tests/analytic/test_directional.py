@@ -26,6 +26,9 @@ WAYS = {
     "streamed raster": {"method": "stream", "visibility": "raster"},
 }
 
+#: The same for tests: streams are the slow ones.
+EVERY_WAY = [pytest.param(way, marks=pytest.mark.long) if way.startswith("streamed") else way for way in WAYS]
+
 
 def maps(scene, **changes):
     """Return E/pi, L0 and L1, axis after axis, mean over all patches, (3,), (3,), (3, 3)."""
@@ -55,7 +58,7 @@ def sun_from(direction, strength=(5.0, 3, 1)):
     )
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("way", EVERY_WAY)
 def test_a_uniform_sky_lights_by_how_much_of_it_a_normal_sees(way):
     """L1 points along the normal; its length is that of the fit, whichever way samples go."""
     light = directions(5000)
@@ -125,7 +128,7 @@ def test_bright_sky_and_dim_sky_give_one_sum():
     assert sampled == pytest.approx(seen, rel=0.04, abs=0.02 * np.abs(seen).max())
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("way", EVERY_WAY)
 def test_ways_agree_on_a_room_with_bounces(way):
     changes = {
         "resolution": 128,
@@ -142,6 +145,7 @@ def test_ways_agree_on_a_room_with_bounces(way):
         assert difference < 0.08 * scale, (name, difference / scale)
 
 
+@pytest.mark.long
 def test_groups_and_texel_samples_bring_the_same_directions():
     changes = {"resolution": 128, "hemicube": 16, "samples": 512, "sample_emission": False}
     plain = drive(nine_quad_room(), dataclasses.replace(SETTINGS, **changes))

@@ -144,7 +144,9 @@ def test_inside_of_a_sphere_of_arbitrary_colours():
     assert np.abs(np.average(relative, axis=0, weights=area)).max() < 0.003
 
 
-@pytest.mark.parametrize("hemicube", [8, 16, 32, 64, pytest.param(128, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "hemicube", [8, 16, 32, *(pytest.param(width, marks=pytest.mark.long) for width in (64, 128))]
+)
 def test_error_by_hemicube_width(hemicube):
     # Points on grids of 16 x 16 and 32 x 32 a wall: either alone is lucky at one width, unlucky at another.
     squares = [light_room_error(resolution, hemicube) for resolution in (64, 128)]

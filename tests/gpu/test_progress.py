@@ -68,6 +68,7 @@ def check(scene, settings, stages):
     assert steps[-1].seconds_left == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("changes", [{"visibility": "rays", "samples": 8192}, {"method": "paper"}])
 def test_seconds_left_are_right_within_a_factor_of_three_at_half_time(changes):
     settings = replace(SETTINGS, iterations=50, tolerance=0.005, **changes)

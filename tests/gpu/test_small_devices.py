@@ -33,6 +33,7 @@ def large():
     return bakes(4096)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("limit", "arguments"), [(256, ()), (256, ("card",)), (32, ("card",)), (1, ())])
 def test_small_work_groups_bake_the_same(large, limit, arguments):
     assert bakes(limit, *arguments) == pytest.approx(large, rel=1e-5)

@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import importlib
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,11 +21,14 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT), str(ROOT / "examples")]
 
 from tools.headless import MODULE, blender, load, quiet_stdout  # noqa: E402
+from tools.page_table import replace_table, table_row  # noqa: E402
 
 _MARKS = ("<!-- denoise: made by tools/denoise.py -->", "<!-- end of denoise -->")
 
 #: Rays of a patch, with those to each light, that are measured; the first is that of the table's times.
 _RAYS = {64: 16, 32: 16, 16: 16}
+
+_TITLES = ("scene", "texels", *(f"{rays} rays" for rays in _RAYS), "s for bounces", "s to denoise")
 
 #: Bakes whose mean is the truth, and the settings of each.
 _BAKES, _TRUTH = 8, {"samples": 1024, "light_samples": 256}
@@ -48,7 +50,7 @@ def main() -> None:
             lines.append(_line(name, options))
             print(lines[-1], flush=True)
     if options.page:
-        _replace_table(options.page, lines)
+        replace_table(options.page, _MARKS, _TITLES, lines)
 
 
 def parse() -> argparse.Namespace:
@@ -98,7 +100,7 @@ def _line(name: str, options: argparse.Namespace) -> str:
     if name == _PICTURE:
         _write_picture([plain.display, quiet.display, truth], options.out / f"denoise_{name}.png")
     times = plain.report.seconds["hemicubes"], quiet.report.seconds["denoising"]
-    return _cells(name, f"{plain.known.sum():,}", *figures, *(f"{seconds:.2f}" for seconds in times))
+    return table_row(name, f"{plain.known.sum():,}", *figures, *(f"{seconds:.2f}" for seconds in times))
 
 
 def _truth(scene, settings) -> np.ndarray:
@@ -128,23 +130,6 @@ def _write_picture(lightmaps: list[np.ndarray], path: Path) -> None:
     pictures = load("operators.command_line.pictures")
     with quiet_stdout():
         pictures.write_png(pictures.exposed(pixels), path)
-
-
-def _cells(*cells: str) -> str:
-    return f"| {' | '.join(cells)} |"
-
-
-def _replace_table(page: Path, lines: list[str]) -> None:
-    """Replace the table between the marks of a page."""
-    text = page.read_text(encoding="utf-8")
-    before, rest = text.split(_MARKS[0])
-    _, after = rest.split(_MARKS[1])
-    titles = ["scene", "texels", *(f"{rays} rays" for rays in _RAYS), "s for bounces", "s to denoise"]
-    table = "\n".join([_cells(*titles), "|---" * len(titles) + "|", *lines])
-    date = time.strftime("%Y-%m-%d")
-    page.write_text(
-        f"{before}{_MARKS[0]}\n{table}\n\nMeasured on {date}.\n{_MARKS[1]}{after}", encoding="utf-8"
-    )
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import importlib
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,6 +19,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 from tools.headless import MODULE, blender, load, quiet_stdout  # noqa: E402
+from tools.page_table import replace_table, table_row  # noqa: E402
 
 _MARKS = ("<!-- seams: made by tools/seams.py -->", "<!-- end of seams -->")
 
@@ -49,7 +49,7 @@ def main() -> None:
             lines.append(_line(name, SCENES[name].__doc__, options))
             print(lines[-1], flush=True)
     if options.page:
-        _replace_table(options.page, lines)
+        replace_table(options.page, _MARKS, _TITLES, lines)
 
 
 def parse() -> argparse.Namespace:
@@ -119,24 +119,8 @@ def _changed(plain, fitted, border) -> float:
 
 def _row(title, length, before, after, changed, added) -> str:
     figures = [f"{one:.2%} → {other:.3%}" for one, other in zip(before, after, strict=True)]
-    return _cells(
+    return table_row(
         title, f"{length:.1f}", *figures, f"{before[0] / after[0]:.0f}×", f"{changed:.2%}", f"{added:.2f}"
-    )
-
-
-def _cells(*cells: str) -> str:
-    return f"| {' | '.join(cells)} |"
-
-
-def _replace_table(page: Path, lines: list[str]) -> None:
-    """Replace the table between the marks of a page."""
-    text = page.read_text(encoding="utf-8")
-    before, rest = text.split(_MARKS[0])
-    _, after = rest.split(_MARKS[1])
-    table = "\n".join([_cells(*_TITLES), "|---" * len(_TITLES) + "|", *lines])
-    date = time.strftime("%Y-%m-%d")
-    page.write_text(
-        f"{before}{_MARKS[0]}\n{table}\n\nMeasured on {date}.\n{_MARKS[1]}{after}", encoding="utf-8"
     )
 
 

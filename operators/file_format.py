@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import bpy
 from bpy.props import EnumProperty, FloatProperty, StringProperty
 
-from ..engine.encoding.clipping import Limits
-from ..engine.encoding.encoding import Encoding
+from ..engine.encoding.encoding import Encoding, Limits
 from ..engine.encoding.half import Half
 from ..engine.encoding.logluv import LogLuv
 from ..engine.encoding.rgbd import Rgbd

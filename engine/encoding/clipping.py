@@ -3,28 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
-
-class Limits(Protocol):
-    """What an encoding holds, see `Encoding`."""
-
-    @property
-    def largest(self) -> float:
-        """The largest value of a channel."""
-        ...
-
-    @property
-    def smallest(self) -> float:
-        """The least value of the brightest channel that does not become black."""
-        ...
-
-    @property
-    def signed(self) -> bool:
-        """True if it holds negative values, too."""
-        ...
+from .encoding import Limits
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,8 @@ import numpy as np
 _BAND = 1 << 18
 
 
-class Encoding(Protocol):
-    """Light as texels of one byte a channel.
-
-    Light is E/pi, (h, w, 3) floats, scene-linear Rec.709; texels are (h, w, channels) uint8.
-    """
+class Limits(Protocol):
+    """What can be held of light."""
 
     @property
     def largest(self) -> float:
@@ -30,6 +27,13 @@ class Encoding(Protocol):
     def signed(self) -> bool:
         """True if it holds negative values, too."""
         ...
+
+
+class Encoding(Limits, Protocol):
+    """Light as texels of one byte a channel.
+
+    Light is E/pi, (h, w, 3) floats, scene-linear Rec.709; texels are (h, w, channels) uint8.
+    """
 
     @property
     def intensity(self) -> float:

@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from ...engine.encoding.clipping import Limits, find_clipping
+from ...engine.encoding.clipping import find_clipping
+from ...engine.encoding.encoding import Limits
 from ...engine.encoding.srgb import Srgb
 from ...engine.naming import Note, naming
 from ..file_format import RANGED

@@ -20,17 +20,20 @@ demo: $(READY50) ## bake a Cornell box headless; pictures and lightmap in out/de
 	@tools/system_packages.sh .venv/bin/python
 	.venv/bin/python tools/demo.py --out out/demo
 
+# Test files are spread over processes, each with a Blender of its own, of half a gigabyte.
+PARALLEL := --numprocesses auto --maxprocesses 4 --dist loadfile
+
 test: lint ## lint, then all tests in Blender 5.0
-	.venv/bin/python -m pytest
+	.venv/bin/python -m pytest $(PARALLEL)
 
 test-4.5: setup $(READY45) ## the tests of Blender in 4.5
-	.venv-bpy45/bin/python -m pytest tests/blender
+	.venv-bpy45/bin/python -m pytest tests/blender $(PARALLEL)
 
 test-long: setup ## the tests that take minutes
-	.venv/bin/python -m pytest -m long
+	.venv/bin/python -m pytest -m long $(PARALLEL)
 
 fuzz-short: setup ## 300 random scenes and 60 random .blend files, the same ones in every run
-	.venv/bin/python -m pytest tests/fuzz
+	.venv/bin/python -m pytest tests/fuzz $(PARALLEL)
 
 fuzz: SEED := $(or $(SEED),$(shell date +%s))
 fuzz: setup ## 3,000 random scenes and 500 random .blend files, about an hour; SEED=N repeats a run

@@ -6,6 +6,7 @@ from argparse import Namespace
 from pathlib import Path
 
 from .command import bake, check_paths, execute, export, prepare, save
+from .merge import merge_parser, merge_parts
 from .options import parser
 from .signals import Signals
 
@@ -18,14 +19,15 @@ _commands: list = []
 
 
 def register() -> None:
-    """Add the command to Blender."""
+    """Add the commands to Blender."""
     import bpy
 
     _commands.append(bpy.utils.register_cli_command("hemibake", main))
+    _commands.append(bpy.utils.register_cli_command("hemibake_merge", main_of_merge))
 
 
 def unregister() -> None:
-    """Take the command away again."""
+    """Take the commands away again."""
     import bpy
 
     while _commands:
@@ -39,6 +41,11 @@ def main(arguments: list[str]) -> int:
         "scene", type=Path, nargs="?", help=".blend, .glb, .gltf or .obj; the file that is open without one"
     )
     return execute(arguments, options, _bake)
+
+
+def main_of_merge(arguments: list[str]) -> int:
+    """Merge the reports of parts that were baked apart, and return the exit code."""
+    return execute(arguments, merge_parser("blender -c hemibake_merge"), merge_parts)
 
 
 def _bake(options: Namespace, signals: Signals) -> dict:

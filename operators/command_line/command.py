@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 from ...engine.setting import PREFERENCES
 from ...engine.settings import kept_with_scene, shown_in
 from .options import OWN, CommandError, Parser, parse
+from .part import choose_part
 from .quiet import quiet_stdout
 from .signals import Signals, Stopped
 
@@ -57,15 +58,16 @@ def check_paths(options: argparse.Namespace) -> None:
         _check_scene(options.scene.resolve())
     if options.export is not None and options.export.suffix.lower() not in _EXPORTED:
         raise CommandError(f"'{options.export.name}' is no name of a glTF file: use {', '.join(_EXPORTED)}.")
-    for path in (options.export, options.save_blend):
+    for path in (options.export, options.save_blend, options.report):
         if path is not None:
             _check_place(path.resolve())
 
 
 def prepare(options: argparse.Namespace) -> None:
-    """Open the scene, if one is named, and give it the world and the settings of the options."""
+    """Open what is named, all of it or a part, and give it the world and the settings of the options."""
     if options.scene is not None:
         _open_scene(options.scene.resolve())
+    choose_part(options)
     if options.world is not None:
         _replace_world(options.world)
     apply_settings(options)
@@ -101,15 +103,17 @@ def export(options: argparse.Namespace, report: dict) -> dict:
 
 
 def save(options: argparse.Namespace, report: dict) -> dict:
-    """Save the baked scene if that is asked for; return the report, with the file."""
+    """Save the baked scene and the report if that is asked for; return the report, with the scene's file."""
     import bpy
 
-    if options.save_blend is None:
-        return report
-    path = options.save_blend.resolve()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True)
-    return {**report, "files": [*report["files"], str(path)]}
+    if options.save_blend is not None:
+        path = options.save_blend.resolve()
+        path.parent.mkdir(parents=True, exist_ok=True)
+        bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True)
+        report = {**report, "files": [*report["files"], str(path)]}
+    if options.report is not None:
+        options.report.resolve().write_text(json.dumps(report, allow_nan=False, indent=1), encoding="utf-8")
+    return report
 
 
 def _check_scene(scene: Path) -> None:
@@ -132,7 +136,7 @@ def _check_place(path: Path) -> None:
         if not writable:
             raise PermissionError(f"'{path}' is read-only")
     except OSError as error:
-        raise CommandError(f"The scene cannot be saved as '{path}': {error}. Choose another path.") from error
+        raise CommandError(f"Nothing can be written to '{path}': {error}. Choose another path.") from error
 
 
 def _open_scene(path: Path) -> None:

@@ -58,8 +58,19 @@ def parser(program: str, description: str) -> Parser:
         metavar="FILE",
         help="write the baked scene as .glb or .gltf with lightmaps",
     )
+    made.add_argument("--report", type=Path, metavar="FILE", help="write what the bake did as JSON")
     made.add_argument("--json", action="store_true", help="end with one JSON object")
+    _add_part(made)
     return made
+
+
+def _add_part(parser: argparse.ArgumentParser) -> None:
+    """Add the options that name a part of the file; see `choose_part`."""
+    group = parser.add_argument_group("a part of the file; all else still shades and reflects")
+    group.add_argument("--scene-name", metavar="NAME", help="bake this scene instead of the active one")
+    part = group.add_mutually_exclusive_group()
+    part.add_argument("--collection", metavar="NAME", help="bake the objects of this collection")
+    part.add_argument("--lightmap", metavar="NAME", help="bake the objects of this lightmap")
 
 
 def parse(parser: Parser, arguments: Sequence[str]) -> argparse.Namespace:

@@ -64,8 +64,12 @@ def write_manifest(
         known[name] = {**fact, "sha256": sha256}
         if before != sha256:
             known[name]["replaced"] = before
-    manifest = {"version": _VERSION, "lightmaps": known, "objects": _by_object(known)}
-    path.write_text(json.dumps(manifest, indent=1), encoding="utf-8")
+    path.write_text(json.dumps(manifest(known), indent=1), encoding="utf-8")
+
+
+def manifest(known: Mapping[str, dict]) -> dict:
+    """Return what a manifest holds, of what is known of each file."""
+    return {"version": _VERSION, "lightmaps": dict(known), "objects": _by_object(known)}
 
 
 def _by_object(known: Mapping[str, dict]) -> list[dict]:

@@ -323,7 +323,7 @@ def test_error_of_the_installed_command_is_one_json_object_and_exit_code_1(
     assert code == 1 and words in json.loads(lines[-1])["error"]
 
 
-def test_command_comes_and_goes_with_the_add_on(monkeypatch):
+def test_commands_come_and_go_with_the_add_on(monkeypatch):
     import bpy
 
     there = []
@@ -336,7 +336,8 @@ def test_command_comes_and_goes_with_the_add_on(monkeypatch):
     monkeypatch.setattr(bpy.utils, "register_cli_command", register)
     monkeypatch.setattr(bpy.utils, "unregister_cli_command", lambda handle: there.pop())
     enable()
-    assert there == [("hemibake", part("operators.command_line").main)]
+    commands = part("operators.command_line")
+    assert there == [("hemibake", commands.main), ("hemibake_merge", commands.main_of_merge)]
     disable()
     assert there == []
     monkeypatch.undo()

@@ -1,0 +1,114 @@
+"""`blender -b -c hemibake_merge FOLDER`: one report and one manifest of parts that were baked apart.
+
+Each part has a folder of its own in FOLDER, with the report that `--report` wrote beside its lightmaps:
+
+    FOLDER/hall/report.json    FOLDER/hall/hemibake.json    FOLDER/hall/hall_Lightmap.exr
+    FOLDER/yard/report.json    ...
+    FOLDER/report.json and FOLDER/hemibake.json are what is written
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..result.manifest import NAME, manifest, read_manifest
+from .options import CommandError, Parser
+from .signals import Signals
+
+#: File name of the report of a part, and of all.
+REPORT = "report.json"
+
+
+def merge_parser(program: str) -> Parser:
+    """Return a parser of the options of a merge."""
+    made = Parser(
+        prog=program,
+        description="Merge the reports and manifests of parts that were baked into folders of one folder.",
+    )
+    made.add_argument("folder", type=Path, help="that holds the folders of the parts")
+    made.add_argument("--parts", nargs="+", metavar="NAME", help="names of the folders; all by default")
+    made.add_argument("--json", action="store_true", help="end with one JSON object")
+    return made
+
+
+def merge_parts(options: argparse.Namespace, _: Signals) -> dict:
+    """Merge the parts of a folder, write the report and the manifest, and return the report.
+
+    Raises CommandError if a part has no report, or none that can be read; OSError if nothing can be written.
+    """
+    folder, parts = options.folder.resolve(), options.parts
+    names = sorted(path.parent.name for path in folder.glob(f"*/{REPORT}")) if parts is None else list(parts)
+    if not names:
+        raise CommandError(
+            f"No folder in '{folder}' holds a {REPORT}: bake each part with --out {folder / 'PART'} "
+            f"--report {folder / 'PART' / REPORT}."
+        )
+    reports = {name: _read(folder / name / REPORT) for name in names}
+    whole = _sum(reports)
+    _write(folder / NAME, manifest(_lightmaps(folder, names)))
+    _write(folder / REPORT, whole)
+    return whole
+
+
+def _read(path: Path) -> dict:
+    try:
+        report = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise CommandError(
+            f"Part '{path.parent.name}' was not baked, there is no report of it: {error}"
+        ) from error
+    except ValueError as error:
+        raise CommandError(f"'{path}' is no report of a bake: {error}. Bake that part again.") from error
+    if not isinstance(report, dict) or not report.keys() >= _TOTALS:
+        raise CommandError(f"'{path}' is no report of a bake. Bake that part again.")
+    return report
+
+
+#: Entries of a report that are needed of each part.
+_TOTALS = {"objects", "patches", "iterations", "seconds", "files", "warnings"}
+
+
+def _sum(reports: dict[str, dict]) -> dict:
+    """Return one report of several: sums, the most iterations, files, warnings, and each of them by name."""
+    seconds = Counter()
+    for report in reports.values():
+        seconds.update(report["seconds"])
+    return {
+        "objects": sum(report["objects"] for report in reports.values()),
+        "patches": sum(report["patches"] for report in reports.values()),
+        "iterations": max(report["iterations"] for report in reports.values()),
+        "seconds": dict(seconds),
+        "files": [file for report in reports.values() for file in report["files"]],
+        "warnings": [
+            f"{name}: {warning}" for name, report in reports.items() for warning in report["warnings"]
+        ],
+        "parts": reports,
+    }
+
+
+def _lightmaps(folder: Path, names: Sequence[str]) -> dict[str, dict]:
+    """Return what the manifests of parts tell of their files, by paths from the folder."""
+    return {
+        f"{name}/{file}": {**entry, **_moved(entry, name)}
+        for name in names
+        for file, entry in read_manifest(folder / name).items()
+    }
+
+
+def _moved(entry: dict, name: str) -> dict:
+    """Return the path of a part's .blend from the folder; nothing where it was never saved."""
+    blend = entry.get("blend") or ""
+    relative = blend and not os.path.isabs(blend)
+    return {"blend": Path(os.path.normpath(Path(name, blend))).as_posix()} if relative else {}
+
+
+def _write(path: Path, facts: dict) -> None:
+    """Replace a file as a whole."""
+    staged = path.with_suffix(".part")
+    staged.write_text(json.dumps(facts, indent=1), encoding="utf-8")
+    staged.replace(path)

@@ -1,0 +1,70 @@
+"""A part of a file's scenes to bake: one scene, the objects of a collection, or those of a lightmap."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from .options import CommandError
+
+if TYPE_CHECKING:
+    import bpy
+
+
+def choose_part(options: argparse.Namespace) -> None:
+    """Make the named scene active, and the objects of the named part the target of the bake.
+
+    Raises CommandError if there is no such scene, collection or lightmap, or nothing in it.
+    """
+    if options.scene_name is not None:
+        _show_scene(options.scene_name)
+    if options.collection is not None:
+        _select(_objects_of_collection(options.collection), f"collection '{options.collection}'")
+    if options.lightmap is not None:
+        _select(_objects_of_lightmap(options.lightmap), f"lightmap '{options.lightmap}'")
+
+
+def _show_scene(name: str) -> None:
+    import bpy
+
+    if name not in bpy.data.scenes:
+        raise CommandError(f"There is no scene '{name}': the file has {_listed(bpy.data.scenes.keys())}.")
+    bpy.context.window.scene = bpy.data.scenes[name]
+
+
+def _objects_of_collection(name: str) -> list[bpy.types.Object]:
+    import bpy
+
+    collections = bpy.context.scene.collection.children_recursive
+    for collection in collections:
+        if collection.name == name:
+            return list(collection.all_objects)
+    names = [collection.name for collection in collections]
+    raise CommandError(f"There is no collection '{name}' in this scene: it has {_listed(names)}.")
+
+
+def _objects_of_lightmap(name: str) -> list[bpy.types.Object]:
+    import bpy
+
+    from ..lightmap_list import members
+
+    found = members(bpy.context.scene, name)
+    if not found:
+        raise CommandError(f"No object of this scene has its light in a lightmap '{name}'.")
+    return found
+
+
+def _select(objects: list[bpy.types.Object], part: str) -> None:
+    """Let objects be all that is selected, and what is selected the target."""
+    import bpy
+
+    layer = bpy.context.view_layer
+    for obj in layer.objects:
+        obj.select_set(obj in objects, view_layer=layer)
+    if not any(obj.select_get(view_layer=layer) for obj in layer.objects):
+        raise CommandError(f"Nothing in {part} is shown in this scene: there is nothing to bake.")
+    bpy.context.scene.hemibake.target = "SELECTED"
+
+
+def _listed(names) -> str:
+    return ", ".join(f"'{name}'" for name in sorted(names)) or "none"

@@ -15,6 +15,7 @@ from .finish.denoising import Denoising
 from .finish.outputs import Outputs
 from .finish.store import LightmapStore
 from .lightmap import Lightmap, Report
+from .patches.areas import surface_areas
 from .patches.occluders import place_occluders
 from .patches.subdivision import subdivide
 from .plan.choose import Choice, choose_solver
@@ -81,7 +82,7 @@ def _bake(
 
     # All other light is gathered: through hemicubes drawn in every iteration (IV.B), or what is kept of them.
     yield stages.begin(stages.choosing)
-    left, area = (lighting.emission_left, lighting.sky_left), parts.geometry.area
+    left, area = (lighting.emission_left, lighting.sky_left), surface_areas(parts.triangles, parts.geometry)
     job = SolveJob(graphics, compute, parts, rays, *left, sampled, area, settings)
     solution, choice, solved = choose_solver(job)
     near = lighting.near_faces()
@@ -109,9 +110,17 @@ def _bake(
     dark = note_back_to_back(scene, parts, rays, solution.gathered[:, 3], near)
     warnings = (*notes, *parts.warnings, *lighting.warnings, *dark, *lit.warnings, *denoising.warnings)
     choice = replace(choice, reasons=(*choice.reasons, *lit.reasons, *denoising.reasons))
-    report = _summary(solution, settings, choice, len(parts.patches), stages.seconds, devices, warnings)
-    image, display = store.image(next(iter(made.values()))), next(iter(passes.values()))
-    return Lightmap(atlases, image, display, store.has_patch, store.known, report, passes)
+    facts = (settings, choice, len(parts.patches), stages.seconds, devices, warnings)
+    report = _summary(solution, solved.parts.surfaces.emission, *facts)
+    return Lightmap(
+        atlases,
+        store.image(next(iter(made.values()))),
+        next(iter(passes.values())),
+        store.has_patch,
+        store.known,
+        report,
+        passes,
+    )
 
 
 def _finished(
@@ -141,6 +150,7 @@ def _finished(
 
 def _summary(
     solution: Solution,
+    emission: np.ndarray,
     settings: Settings,
     choice: Choice,
     patches: int,
@@ -162,4 +172,5 @@ def _summary(
         devices={"gl": devices.graphics.name} | ({"cl": devices.compute.name} if devices.compute else {}),
         warnings=warnings,
         integrator=choice.integrator,
+        energy=solution.energy(emission),
     )

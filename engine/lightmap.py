@@ -8,6 +8,30 @@ import numpy as np
 
 
 @dataclass(frozen=True)
+class Energy:
+    """Where the light of a bake goes: emitted = absorbed + escaped + residual, W, mean of the channels.
+
+    emitted   what fronts of patches emit, and what else reaches them: of lamps, the sky, backs that shine
+    absorbed  by fronts, and by backs that fronts see, which are black
+    escaped   what fronts send to where nothing is
+    residual  what the last iteration reflected, which nobody has gathered yet
+
+    What lamps send past all patches is in none of them.
+    """
+
+    emitted: float
+    absorbed: float
+    escaped: float
+    residual: float
+
+    @property
+    def missing(self) -> float:
+        """What is missing on the right side, as a fraction of what is emitted; 0 in the dark."""
+        rest = self.emitted - self.absorbed - self.escaped - self.residual
+        return rest / self.emitted if self.emitted > 0 else 0.0
+
+
+@dataclass(frozen=True)
 class Report:
     """The facts of a bake.
 
@@ -25,6 +49,8 @@ class Report:
     warnings    sentences for the user
     integrator  what summed the hemicubes: "opencl", or "glsl" for OpenGL's compute shaders
     paces       seconds that a unit of each stage took, in this bake or earlier ones, see `BakeStages`
+    energy      where the light goes; None without an iteration, and where hemicubes are summed at once, by
+                method "paper" or without OpenCL: these do not tell what part of a view patches take
     """
 
     patches: int
@@ -41,6 +67,7 @@ class Report:
     warnings: tuple[str, ...] = ()
     integrator: str = "opencl"
     paces: dict[str, float] = field(default_factory=dict)
+    energy: Energy | None = None
 
 
 @dataclass(frozen=True)

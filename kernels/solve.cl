@@ -79,6 +79,32 @@ __kernel void mix_iterates(__global const float4 *gathered, __global const float
     sums[get_global_id(0)] = acc;
 }
 
+// Where light goes, times area: what arrives, what is reflected of it, what is sent out to where nothing is and
+// to backs, what comes from sources, what of the newest defect is under way to other patches. One sum for each
+// work item.
+__kernel void balance(__global const float4 *gathered, __global const float4 *defects, const int newest,
+                      __global const float4 *reflectance, __global const float4 *emitted,
+                      __global const float4 *direct, __global const float *area,
+                      __global const float *patches_seen, const int count, __global float4 *sums)
+{
+    float4 acc[6];
+    for (int k = 0; k < 6; ++k)
+        acc[k] = (float4)(0.0f);
+    for (int i = get_global_id(0); i < count; i += get_global_size(0)) {
+        const float4 light = gathered[(size_t)newest * count + i];
+        const float no_back = light.w, seen = patches_seen[i];
+        const float4 reflected = reflectance[i] * light, sent = emitted[i] + reflected;
+        acc[0] += area[i] * light;
+        acc[1] += area[i] * reflected;
+        acc[2] += area[i] * (no_back - seen) * sent;
+        acc[3] += area[i] * (1.0f - no_back) * sent;
+        acc[4] += area[i] * (direct[i] + (1.0f - seen) * emitted[i]);
+        acc[5] += area[i] * seen * reflectance[i] * defects[(size_t)newest * count + i];
+    }
+    for (int k = 0; k < 6; ++k)
+        sums[k * get_global_size(0) + get_global_id(0)] = acc[k];
+}
+
 // The sums of all work items together, in a fixed order; one number a group.
 __kernel void add_up(__global const float4 *sums, const int items, __global float4 *totals, __local float4 *partial)
 {

@@ -53,6 +53,15 @@ def summary(report: dict[str, Any]) -> str:
     return ", ".join([*parts, f"{report['seconds']['total']:.1f} s"])
 
 
+def energy_balance(report: dict[str, Any]) -> str:
+    """Return where the light of a bake went, in one line; empty if that is not known, or in the dark."""
+    energy = report.get("energy") or {}
+    if not energy.get("emitted") or None in energy.values():
+        return ""
+    parts = [f"{energy[name] / energy['emitted']:.1%} {name}" for name in ("absorbed", "escaped", "residual")]
+    return f"Energy: {energy['emitted']:.3g} W = {' + '.join(parts)}, off by {abs(energy['missing']):.2%}"
+
+
 def warnings_with_objects(report: dict[str, Any]) -> list[tuple[str, list[str]]]:
     """Return the warnings of a report, each with the names of the objects that it is about."""
     warnings = report["warnings"]

@@ -7,14 +7,14 @@ import math
 import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import bpy
 import numpy as np
 
 from ..engine.errors import EngineError, OverlapError
 from ..engine.finish.outputs import output_names
-from ..engine.lightmap import Lightmap
+from ..engine.lightmap import Energy, Lightmap
 from ..engine.naming import naming, objects_of
 from ..engine.plan.stages import Extent
 from ..engine.progress import Progress, finished
@@ -396,6 +396,7 @@ class Run:
             "residual": _number(facts.residual),
             "converged": bool(facts.converged),
             "energies": [_number(energy) for energy in facts.energies],
+            "energy": _energy(facts.energy),
             "seconds": {stage: round(float(value), 4) for stage, value in seconds.items()},
             "devices": dict(facts.devices),
             "images": names,
@@ -414,6 +415,13 @@ def _missing(names: list[str]) -> list[str]:
 def _number(value: float) -> float | None:
     """Return a number as JSON takes it: None if it is NaN or infinite."""
     return float(value) if math.isfinite(value) else None
+
+
+def _energy(energy: Energy | None) -> dict[str, float | None] | None:
+    """Return where the light of a bake goes as JSON takes it: W, and what is missing as a fraction."""
+    if energy is None:
+        return None
+    return {name: _number(value) for name, value in {**asdict(energy), "missing": energy.missing}.items()}
 
 
 def _image_names(atlases: Sequence[str], outputs: Sequence[str]) -> list[str]:

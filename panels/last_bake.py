@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import bpy
 
-from ..operators.last_bake import last_failure, last_report, summary, warnings_with_objects
+from ..operators.last_bake import energy_balance, last_failure, last_report, summary, warnings_with_objects
 from .sidebar import SubPanel
 from .wrapped_text import draw_text, line_width
 
@@ -28,6 +28,7 @@ class HEMIBAKE_PT_last_bake(SubPanel, bpy.types.Panel):
             draw_text(layout.box(), failure, width, "CANCEL")
         if report:
             draw_text(layout, summary(report), width)
+            draw_text(layout, energy_balance(report), width)
             for warning, names in warnings_with_objects(report):
                 _draw_warning(layout.box(), warning, _present(context, names), width)
         layout.operator("hemibake.copy_report", text="Copy Report", icon="COPYDOWN")

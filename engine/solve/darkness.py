@@ -6,6 +6,8 @@ from collections.abc import Generator
 
 import numpy as np
 
+from ..lightmap import Energy
+
 
 class Darkness:
     """A `Solution` that is done from the start; see `Solver`."""
@@ -25,6 +27,10 @@ class Darkness:
         """Return the L1 of no light, (n, 3, 3) float32."""
         yield 1.0
         return np.zeros((len(self.gathered), 3, 3), np.float32)
+
+    def energy(self, emission: np.ndarray) -> Energy:
+        """Return that there is no light; see `solver.Solution.energy`."""
+        return Energy(0.0, 0.0, 0.0, 0.0)
 
     def iteration(self) -> Generator[float, None, None]:
         """Do nothing."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+from dataclasses import fields
 
 import numpy as np
 import pyopencl as cl
@@ -10,7 +11,7 @@ import pyopencl as cl
 from ..device.buffers import download, upload, upload_float4, zeros
 from ..device.compute import Compute
 from ..gather.sweep import Sweep
-from .solver import Step, Sums
+from .solver import Balance, Step, Sums
 
 #: Work items of the kernels that sum over patches, and of a group that adds their sums up: on a graphics
 #: card, and on a processor. Many items keep float32 sums exact.
@@ -42,9 +43,10 @@ class DeviceRadiosity:
         self._compute, self._queue, self._sweep = compute, compute.queue, sweep
         self.count, self.area = len(reflectance), float(area.sum(dtype=np.float64))
         self.columns, self._pairs = columns, np.triu_indices(columns)
-        names = ("begin", "products", "mix_iterates", "add_up")
+        names = ("begin", "products", "mix_iterates", "balance", "add_up")
         options = (f"-DCOLUMNS={columns}",)
-        begin, self._products, self._mix, self._add_up = compute.kernels("solve.cl", *names, options=options)
+        kernels = compute.kernels("solve.cl", *names, options=options)
+        begin, self._products, self._mix, self._balance, self._add_up = kernels
         self._emission, self._reflectance = emission, upload_float4(compute, reflectance)
         self._sampled_light = upload_float4(compute, sampled_light)
 
@@ -63,7 +65,7 @@ class DeviceRadiosity:
         kind = 0 if compute.group > 1 else 1
         self._items, self._adding = _ITEMS[kind], self._add_up.group(_ADDING[kind])[0]
 
-        # Sums of kernels/solve.cl: a product for each pair of columns, and three more.
+        # Sums of kernels/solve.cl: a product for each pair of columns, and three more; a balance has no more.
         self._numbers = len(self._pairs[0]) + 3
         self._sums, self._totals = (zeros(compute, 16 * self._numbers * items) for items in (self._items, 1))
         self._mixture = np.zeros((columns + 1, 4), np.float32)
@@ -102,6 +104,16 @@ class DeviceRadiosity:
         )  # fmt: skip
         change, relative, flux = self._read_sums(1)[0]
         return Step(change / self.count, relative / self.count, np.pi * flux * self.area)
+
+    def balance(self, newest: int, emission: np.ndarray, direct: np.ndarray) -> Balance:
+        """Return where light goes; see `solve.Radiosity.balance`."""
+        emitted, first = upload_float4(self._compute, emission), upload_float4(self._compute, direct)
+        self._balance(
+            self._queue, (self._items,), None,
+            self._gathered, self._defects, np.int32(newest), self._reflectance, emitted, first, self._area,
+            self.patches_seen, np.int32(self.count), self._sums,
+        )  # fmt: skip
+        return Balance(*(self._read_sums(len(fields(Balance))) * self.area))
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
         """Return the L1 of the last sweep; see `solve.Radiosity.gather_l1`."""

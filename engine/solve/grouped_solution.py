@@ -6,6 +6,7 @@ from collections.abc import Generator
 
 import numpy as np
 
+from ..lightmap import Energy
 from .last_gather import LastGather
 from .patch_groups import PatchGroups
 from .solver import Solver
@@ -56,6 +57,10 @@ class GroupedSolution:
             yield from self._solver.iteration()
             return
         yield from self._last.gather(self._solver.irradiance)
+
+    def energy(self, emission: np.ndarray) -> Energy | None:
+        """Return where the light of the groups goes; see `solver.Solution.energy`."""
+        return self._solver.energy(emission)
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
         """Return the L1 of the last gather; see `solver.Radiosity.gather_l1`."""

@@ -79,6 +79,9 @@ class HostRadiosity:
         self._irradiance = following
         return Step(float(change.mean()), float(relative.mean()), float(flux))
 
+    def balance(self, newest: int, emission: np.ndarray, direct: np.ndarray) -> None:
+        """Return None: hemicubes that are summed at once do not tell sky from patches."""
+
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
         """Raise DeviceError: hemicubes that are summed at once tell no directions."""
         raise DeviceError("Directional maps need OpenCL, and method auto, cached or stream.")

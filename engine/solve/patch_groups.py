@@ -30,14 +30,15 @@ class PatchGroups:
     rays   casts rays from them
     """
 
-    def __init__(self, rays: RayScene, parts: Subdivision, width: int) -> None:
+    def __init__(self, rays: RayScene, parts: Subdivision, area: np.ndarray, width: int) -> None:
+        """Take what casts rays from patches, their area, (n,) float32, m^2, and the width of a square."""
         leader = _leaders(rays, parts, width)
         leading = np.flatnonzero(leader == np.arange(len(leader)))
         number = np.zeros(len(leader), np.int64)
         number[leading] = np.arange(len(leading))
         self.group = number[leader]
         self._members = np.bincount(self.group, minlength=len(leading)).astype(np.float32)
-        self.area = self.mean(parts.geometry.area) * self._members
+        self.area = self.mean(area) * self._members
         surfaces = PatchSurfaces(self.mean(parts.surfaces.reflectance), self.mean(parts.surfaces.emission))
         entries = np.concatenate([[0], self.group + 1]).astype(np.uint32)
         self.parts = replace(

@@ -8,6 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
+from ..lightmap import Energy
 from ..settings import Settings
 from .anderson import Anderson
 
@@ -38,6 +39,33 @@ class Sums:
     reflected: np.ndarray
     seen: np.ndarray
     total: float
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Where light goes: radiance times area, summed over all patches, (3,) float64 each, W/sr.
+
+    incident   gathered
+    reflected  of it
+    escaped    sent out to where nothing is
+    on_backs   sent out to backs
+    sources    gathered of light that was not reflected, and emitted to where no patch is
+    under_way  reflected by the last sweep, to be gathered by the next
+    """
+
+    incident: np.ndarray
+    reflected: np.ndarray
+    escaped: np.ndarray
+    on_backs: np.ndarray
+    sources: np.ndarray
+    under_way: np.ndarray
+
+    @property
+    def energy(self) -> Energy:
+        """The same as flux."""
+        absorbed = self.incident - self.reflected + self.on_backs
+        flows = (self.sources, absorbed, self.escaped, self.under_way)
+        return Energy(*(float(np.pi * flow.mean()) for flow in flows))
 
 
 @dataclass(frozen=True)
@@ -81,6 +109,13 @@ class Radiosity(Protocol):
     def iterate(self, column: int) -> np.ndarray:
         """Return E/pi and the fraction that is no back, (n, 4) float32, of a column: a copy."""
 
+    def balance(self, newest: int, emission: np.ndarray, direct: np.ndarray) -> Balance | None:
+        """Return where light goes after a sweep; None where it is not known what part of a view patches take.
+
+        emission  (n, 3) float32, radiance of each patch, all of it
+        direct    (n, 3) float32, E/pi of light that was not reflected
+        """
+
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
         """Return the L1 of the last sweep, (n, 3, 3) float32, see `Sweep.gather_l1`; yield the fraction done.
 
@@ -97,6 +132,12 @@ class Solution(Protocol):
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
         """Return the L1 of the light of the last iteration; see `Radiosity.gather_l1`."""
         ...
+
+    def energy(self, emission: np.ndarray) -> Energy | None:
+        """Return where the light goes, see `Report`.
+
+        emission: (m, 3) float32, radiance of what the patches see, themselves or groups of them, all of it.
+        """
 
     @property
     def iterations(self) -> int:
@@ -250,6 +291,13 @@ class Solver:
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
         """Return the L1 of the last sweep; see `Radiosity.gather_l1`."""
         return (yield from self._radiosity.gather_l1())
+
+    def energy(self, emission: np.ndarray) -> Energy | None:
+        """Return where the light goes; see `Solution.energy`."""
+        if not self._steps:
+            return None
+        balance = self._radiosity.balance(self._newest, emission, self.direct)
+        return None if balance is None else balance.energy
 
     def _mixture(self, sums: Sums) -> tuple[np.ndarray, np.ndarray]:
         """Return weights of the columns, (columns, 3), and the ambient light, (3,)."""

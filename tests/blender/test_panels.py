@@ -255,6 +255,32 @@ def test_last_bake_is_summed_up_and_has_each_warning_whole_with_what_it_is_about
     assert shown.count("hemibake.select_objects") == 1 and shown[-1] == "hemibake.copy_report"
 
 
+ENERGY = {"emitted": 12.341, "absorbed": 11.98, "escaped": 0.34, "residual": 0.011, "missing": 0.00081}
+
+
+def test_where_the_light_went_is_told_if_it_is_known():
+    import bpy
+
+    for energy, line in (
+        (ENERGY, "Energy: 12.3 W = 97.1% absorbed + 2.8% escaped + 0.1% residual, off by 0.08%"),
+        (None, ""),
+        ({**dict.fromkeys(ENERGY, 0.0)}, ""),
+        ({**ENERGY, "emitted": None}, ""),
+    ):
+        bpy.context.scene.hemibake.report = json.dumps({**REPORT, "energy": energy})
+        shown = " ".join(draw("HEMIBAKE_PT_last_bake"))
+        assert line in shown and ("Energy" in shown) == bool(line)
+
+
+def test_energy_of_a_furnace_is_absorbed():
+    furnace()
+    import bpy
+
+    bpy.ops.hemibake.bake()
+    energy = json.loads(bpy.context.scene.hemibake.report)["energy"]
+    assert energy["absorbed"] == pytest.approx(energy["emitted"], rel=2e-3) and energy["emitted"] > 0
+
+
 def test_report_of_an_earlier_version_is_shown():
     import bpy
 

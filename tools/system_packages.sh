@@ -40,10 +40,20 @@ opengl_packages() {
         echo libegl1 libgl1 libgl1-mesa-dri
 }
 
-# OpenCL: a kernel built as the engine does it; the PoCL of the requirements is older than recent processors.
+# OpenCL: a kernel built and run as the engine does it. The PoCL of the requirements is older than recent
+# processors; any PoCL calls the linker of binutils when a kernel is first run, and ends the process without it.
 opencl_packages() {
-    "$python" -c "from engine.device.compute import Compute; Compute()" 2>/dev/null ||
-        echo pocl-opencl-icd
+    run_kernel 2>/dev/null || echo binutils pocl-opencl-icd
+}
+
+run_kernel() {
+    "$python" -c "
+import numpy as np
+from engine.device.buffers import upload_float4
+from engine.device.compute import Compute
+compute = Compute()
+upload_float4(compute, np.zeros((1, 3), np.float32))
+compute.queue.finish()"
 }
 
 missing() {
@@ -71,6 +81,6 @@ packages=$(missing)
 if [ -n "$packages" ]; then
     echo "These libraries are still missing although their packages are installed: $packages" >&2
     "$python" -c "from engine.device.graphics import Graphics; Graphics()" || true
-    "$python" -c "from engine.device.compute import Compute; Compute()" || true
+    run_kernel || true
     exit 1
 fi

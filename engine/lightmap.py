@@ -83,7 +83,8 @@ class Lightmap:
     passes     every output asked for, as `display`, by name: "combined", "direct", "indirect" (E/pi),
                "ambient_occlusion" (1 where nothing is near), "shadow_mask NAME" for each light (1
                where it is seen whole), and, signed, "L0", "L1 x", "L1 y", "L1 z" and "dominant_direction"
-               (see `finish.outputs.directional_maps`)
+               (see `finish.outputs.directional_maps`), "SH L0" and signed "SH L1 x", "SH L1 y", "SH L1 z"
+               (see `finish.outputs.projected_maps`)
     """
 
     atlases: tuple[str, ...]

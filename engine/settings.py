@@ -58,9 +58,14 @@ _OUTPUTS = {
         "A map beside Combined of where most light comes from, in world space: where a normal map turns the "
         "normal m to n, it shows Combined (1 + Direction . (n - m))",
     ),
+    "spherical_harmonics": Option(
+        "Spherical Harmonics",
+        "Four maps beside Combined as Bakery has them, SH L0, and SH L1 x, y, z in parts of it, from -1 to "
+        "1: a normal map n in world space shows SH L0 (1 + 2 SH L1 . n)",
+    ),
 }
 _LIGHT = ("combined", "direct", "indirect")
-_DIRECTIONAL = ("directional", "dominant_direction")
+_DIRECTIONAL = ("directional", "dominant_direction", "spherical_harmonics")
 _PATCH_GROUPS = {
     0: Option("Automatic", "Squares of 4 x 4 patches if memory is short"),
     1: Option("Off", "Every patch is solved on its own"),
@@ -283,6 +288,11 @@ class Settings:
         return not set(_DIRECTIONAL).isdisjoint(self.outputs)
 
     @property
+    def projected(self) -> bool:
+        """True if that is told by a projection on spherical harmonics instead of a fit."""
+        return "spherical_harmonics" in self.outputs
+
+    @property
     def only_light(self) -> bool:
         """True if all outputs are black where there is no light."""
         return set(self.outputs) <= {*_LIGHT, *_DIRECTIONAL}
@@ -333,8 +343,13 @@ def _check_directional(settings: Settings) -> None:
             f"outputs is {', '.join(settings.outputs)}; directional maps go with the lightmap of all light: "
             "choose combined, too."
         )
+    if settings.projected and not {"directional", "dominant_direction"}.isdisjoint(settings.outputs):
+        raise SettingsError(
+            f"outputs is {', '.join(settings.outputs)}; spherical_harmonics tells where light comes from in "
+            "another way than directional and dominant_direction: bake one of both."
+        )
     if settings.method == "paper":
         raise SettingsError(
             "method is paper, whose hemicubes tell no directions; choose auto, cached or stream, or leave "
-            "directional and dominant_direction out of outputs."
+            "directional, dominant_direction and spherical_harmonics out of outputs."
         )

@@ -10,12 +10,22 @@ typedef struct {
 // 0.4), of the cosine times the shadow that bumps cast on each other (Estevez, Lecocq and Stein, "A Microfacet-Based
 // Shadowing Function to Solve the Bump Terminator Problem", Ray Tracing Gems 2019), as Cycles has it; here
 // polynomials, which tests/gpu/test_tilt.py makes anew.
+#ifndef PROJECTED
 float2 tilt_factors(const float c)
 {
     return (float2)(
         1.9247f + c * (3.6855f + c * (-17.2852f + c * (25.1434f + c * (-16.7719f + c * 4.3033f)))),
         3.3526f + c * (-9.9261f + c * (31.4087f + c * (-63.948f + c * (62.3533f - c * 22.2586f)))));
 }
+#else
+// PROJECTED on spherical harmonics instead: the mean radiance over the sphere along the normal, across it twice
+// the mean of radiance times direction. Light that grazes the surface counts less, so that it adds no noise.
+#define LEAST_COSINE 0.015625f
+float2 tilt_factors(const float c)
+{
+    return (float2)(0.5f, 0.25f) / fmax(c, LEAST_COSINE);
+}
+#endif
 
 // The l1 of light from a direction, of any length.
 float3 tilt_of(const float3 direction, const float3 normal)

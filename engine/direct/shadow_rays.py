@@ -13,6 +13,7 @@ from ..device.slices import sliced
 from ..patches.subdivision import Subdivision
 from ..scene.model import Light
 from ..settings import MOST_LIGHTS, Settings
+from ..visibility.identity import directional_options
 from ..visibility.rays.ray_scene import RayScene
 from .emitters import EMITTER, BrightTriangles, lamp_records, sky_record, surface_records
 from .light_tree import LIGHT_NODE, LIGHT_TREE_SOURCE, build_light_tree
@@ -45,7 +46,7 @@ class ShadowRays:
         compute, rays = receivers.compute, receivers.rays
         self._compute, self._rays, self._settings = compute, rays, settings
         self._count = receivers.count
-        options = ("-DDIRECTIONAL",) if settings.directional else ()
+        options = directional_options(settings)
         self._direct, self._occlusion = rays.kernels(_SOURCE, "direct", "occlusion", options=options)
         self._receivers = receivers.receivers
         self._result = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * self._count)

@@ -25,8 +25,8 @@ def output_names(scene: Scene, settings: Settings) -> list[str]:
     for name in settings.outputs:
         if name == "shadow_mask":
             names += [f"{name} {light.name}" for light in shining_lights(scene)]
-        elif name == "directional":
-            names += DIRECTIONAL_MAPS
+        elif name in MAPS_OF:
+            names += MAPS_OF[name]
         else:
             names.append(name)
     if not names:
@@ -43,15 +43,29 @@ def output_names(scene: Scene, settings: Settings) -> list[str]:
 #: The maps of the output "directional", whose L0 + L1 . n' is E/pi of a normal n' in world space.
 DIRECTIONAL_MAPS = ("L0", "L1 x", "L1 y", "L1 z")
 
+#: The maps of the output "spherical_harmonics"; see `projected_maps`.
+PROJECTED_MAPS = ("SH L0", "SH L1 x", "SH L1 y", "SH L1 z")
+
+#: Maps of both signs; all others hold light or fractions.
+SIGNED_MAPS = (*DIRECTIONAL_MAPS, *PROJECTED_MAPS[1:], "dominant_direction")
+
+#: Outputs that are several maps.
+MAPS_OF = {"directional": DIRECTIONAL_MAPS, "spherical_harmonics": PROJECTED_MAPS}
+
 #: How maps of directions are read: n is the normal of the surface, n' one that a normal map makes of it.
 DECODING = {
     **dict.fromkeys(
         DIRECTIONAL_MAPS, "max(0, L0 + L1x n'.x + L1y n'.y + L1z n'.z), n' unit, world space, z up"
     ),
+    **dict.fromkeys(
+        PROJECTED_MAPS,
+        "SH L0 max(0, 1 + 2 (SH L1x n'.x + SH L1y n'.y + SH L1z n'.z)), n' unit, world space, z up",
+    ),
     "dominant_direction": "combined max(0, 1 + D . (n' - n)), D = rgb, signed, world space, z up",
 }
 
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+#: Of Rec.709.
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
 class Light(Protocol):
@@ -111,7 +125,8 @@ class Outputs:
         directional: dict[str, np.ndarray] = {}
         if self._settings.directional:
             l1 = self._lighting.l1 + (yield from solution.gather_l1())
-            directional = directional_maps(solution.irradiance, l1, normals)
+            maps = projected_maps if self._settings.projected else directional_maps
+            directional = maps(solution.irradiance, l1, normals)
         for name in self._names:
             if name in directional:
                 made[name] = directional[name]
@@ -135,12 +150,31 @@ def directional_maps(irradiance: np.ndarray, l1: np.ndarray, normals: np.ndarray
     parts of that of E/pi: E(n')/pi is about E(n)/pi (1 + D . (n' - n)).
     """
     l0 = irradiance - np.einsum("nac,na->nc", l1, normals)
-    luminance = irradiance @ _LUMINANCE
+    luminance = irradiance @ LUMINANCE
     direction = np.divide(
-        l1 @ _LUMINANCE, luminance[:, None], out=np.zeros_like(normals), where=luminance[:, None] > 0
+        l1 @ LUMINANCE, luminance[:, None], out=np.zeros_like(normals), where=luminance[:, None] > 0
     )
     maps = (l0, *l1.transpose(1, 0, 2), direction)
     return dict(zip((*DIRECTIONAL_MAPS, "dominant_direction"), maps, strict=True))
+
+
+def projected_maps(irradiance: np.ndarray, sums: np.ndarray, normals: np.ndarray) -> dict[str, np.ndarray]:
+    """Return light projected on the first two bands of spherical harmonics, (n, 3) float32 each, by name.
+
+    irradiance  (n, 3) float32, E/pi
+    sums        (n, 3, 3) float32, of each axis of the world its rgb: along the normal SH L0, across it L1
+    normals     (n, 3) float32, unit, world space
+
+    Light L of the normal's hemisphere gives the irradiance E(n')/pi = L0 + L1 . n' of these bands, with L0
+    the mean of L over the sphere, and L1 twice that of L times its direction (Ramamoorthi and Hanrahan
+    2001): the part of L1 along the normal is E(n)/2 pi. SH L1 is L1 / (2 L0), whose length is at most 1.
+    """
+    l0 = np.einsum("nac,na->nc", sums, normals)
+    l1 = sums + normals[:, :, None] * (0.5 * irradiance - l0)[:, None]
+    parts = np.divide(0.5 * l1, l0[:, None], out=np.zeros_like(l1), where=l0[:, None] > 0)
+    length = np.sqrt(np.einsum("nac,nac->nc", parts, parts))[:, None]
+    maps = (l0, *(parts / np.maximum(length, 1)).transpose(1, 0, 2))
+    return dict(zip(PROJECTED_MAPS, maps, strict=True))
 
 
 def _light(name: str, solution: Light) -> np.ndarray:

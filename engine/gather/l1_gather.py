@@ -11,7 +11,7 @@ from ..device.buffers import download, upload, zeros
 from ..device.compute import Compute
 from ..device.slices import sliced
 from ..settings import Settings
-from ..visibility.identity import Identity, identity_options
+from ..visibility.identity import Identity, directional_options, identity_options
 from ..visibility.rays.receivers import RECEIVER_SOURCE
 from ..visibility.views.directions import r2_sequence
 from ..visibility.views.hemicube import rotation_salt
@@ -47,7 +47,8 @@ class L1Gather:
     ) -> None:
         self._compute, self._receivers, self._count = compute, receivers, count
         even = identity.multiplier is None
-        options = identity_options(identity.row_bytes // identity.samples, directional=True)
+        size = identity.row_bytes // identity.samples
+        options = (*identity_options(size), *directional_options(settings))
         options += ("-DCOSINE",) if even else ()
         source = (*RECEIVER_SOURCE, "hemicube.cl", "tilt.cl", "identity.cl", "views.cl", "gather_l1.cl")
         (self._gather,) = compute.kernels(source, "gather_l1", options=options)

@@ -15,6 +15,7 @@ _RAY_OUTPUTS = {
     "shadow_mask": "shadow masks",
     "directional": "directional maps",
     "dominant_direction": "the dominant direction",
+    "spherical_harmonics": "spherical harmonics",
 }
 
 

@@ -11,14 +11,18 @@ import pyopencl as cl
 
 from ..device.buffers import upload_float4
 from ..device.compute import Compute
+from ..settings import Settings
 
 
-def identity_options(size: int, directional: bool = False) -> tuple[str, ...]:
-    """Return the build options of kernels that read or write samples of `size` bytes.
+def identity_options(size: int) -> tuple[str, ...]:
+    """Return the build options of kernels that read or write samples of `size` bytes."""
+    return ("-DNARROW",) if size == 2 else ()
 
-    directional  True if they sum the L1 of light, too, see kernels/tilt.cl
-    """
-    return (*(("-DNARROW",) if size == 2 else ()), *(("-DDIRECTIONAL",) if directional else ()))
+
+def directional_options(settings: Settings) -> tuple[str, ...]:
+    """Return the build options of kernels that sum the L1 of light, if the settings ask for it."""
+    projected = ("-DPROJECTED",) if settings.projected else ()
+    return ("-DDIRECTIONAL", *projected) if settings.directional else ()
 
 
 @dataclass(frozen=True)

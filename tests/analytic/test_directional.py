@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from engine import Light, Scene, Settings, SettingsError
+from engine.finish.outputs import PROJECTED_MAPS
 from engine.settings import check_settings
 from tests.analytic.drive import drive
 from tests.analytic.scenes import material, nine_quad_room, quads, rectangle
@@ -36,6 +37,15 @@ def maps(scene, **changes):
     shown = {name: image[lightmap.has_patch].mean(axis=0) for name, image in lightmap.passes.items()}
     l1 = np.stack([shown[f"L1 {axis}"] for axis in "xyz"])
     return shown["combined"], shown["L0"], l1, shown["dominant_direction"]
+
+
+def projected(scene, **changes):
+    """Return SH L0 and SH L1, axis after axis, mean over all patches, (3,), (3, 3)."""
+    settings = dataclasses.replace(SETTINGS, outputs=("combined", "spherical_harmonics"), **changes)
+    lightmap = drive(scene, settings)
+    means = {name: image[lightmap.has_patch].mean(axis=0) for name, image in lightmap.passes.items()}
+    assert list(means) == ["combined", *PROJECTED_MAPS]
+    return means["SH L0"], np.stack([means[f"SH L1 {axis}"] for axis in "xyz"])
 
 
 def square(edges=(X, Y), reflectance=0.0, size=0.02):
@@ -84,6 +94,35 @@ def test_a_sun_lights_tilted_normals_by_their_cosine(edges, angle):
         tilted = np.cos(tilt) * normal + np.sin(tilt) * across
         assert l0 + tilted @ l1 == pytest.approx(strength / np.pi * (tilted @ towards), rel=0.03)
     assert dominant @ towards > 0.99 * np.linalg.norm(dominant)
+
+
+@pytest.mark.parametrize("way", EVERY_WAY)
+def test_spherical_harmonics_are_the_means_of_radiance_and_of_its_direction(way):
+    """Over the whole sphere, of which half a sky of three colours lights the square from one side."""
+    radiance = np.array([1.0, 2, 3])
+    world = sky(64, lambda direction: np.where(direction @ (X + 0.5 * Y) > 0, 1.0, 0.1))
+    l0, l1 = projected(scene_of(square((Y, Z)), world=world * radiance), **WAYS[way])
+    light = directions(40000)[:, [2, 0, 1]]
+    seen = np.where(light @ (X + 0.5 * Y) > 0, 1.0, 0.1)
+    assert l0 == pytest.approx(0.5 * seen.mean() * radiance, rel=0.015)
+    expected = (light * seen[:, None]).mean(axis=0) / seen.mean()
+    assert l1 == pytest.approx(np.tile(expected[:, None], 3), abs=0.01)
+
+
+@pytest.mark.parametrize("angle", [0, 40, 80])
+def test_spherical_harmonics_of_a_sun_point_at_it(angle):
+    """SH L1 has length 1, SH L0 a quarter of the sun's E/pi across its rays."""
+    towards = np.cos(np.radians(angle)) * Z + np.sin(np.radians(angle)) * X
+    strength = np.array([5.0, 3, 1])
+    l0, l1 = projected(scene_of(square(), [sun_from(towards, strength)]))
+    assert l0 == pytest.approx(strength / (4 * np.pi), rel=1e-3)
+    assert l1 == pytest.approx(np.tile(towards[:, None], 3), abs=2e-3)
+
+
+def test_spherical_harmonics_are_told_apart_from_the_fit():
+    outputs = ("combined", "dominant_direction", "spherical_harmonics")
+    with pytest.raises(SettingsError, match="bake one of both"):
+        check_settings(dataclasses.replace(SETTINGS, outputs=outputs))
 
 
 @pytest.mark.parametrize("lamp", ["area", "point", "spot"])

@@ -13,7 +13,7 @@ from ...device.graphics import Graphics
 from ...device.share import HostCopy
 from ...patches.subdivision import Subdivision
 from ...settings import Settings
-from ..identity import SeenBuffers, Surroundings, identity_options
+from ..identity import SeenBuffers, Surroundings, directional_options, identity_options
 from ..samples import sample_bytes
 from ..views.hemicube import multiplier_map
 from ..views.hemicubes import Hemicubes
@@ -47,7 +47,7 @@ class RasterIdentity:
         size = sample_bytes(parts.sources)
         self.row_bytes = size * self.samples
         source = ("hemicube.cl", "tilt.cl", "identity.cl", FRAME, "resolve.cl")
-        options = identity_options(size, settings.directional)
+        options = (*identity_options(size), *directional_options(settings))
         (self._resolve,) = compute.kernels(source, "resolve", options=options)
         self._weights = upload(compute, multiplier)
 

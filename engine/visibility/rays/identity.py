@@ -14,7 +14,7 @@ from ...device.kernel import Kernel
 from ...device.slices import sliced
 from ...patches.subdivision import Subdivision
 from ...settings import Settings
-from ..identity import SeenBuffers, Surroundings, identity_options
+from ..identity import SeenBuffers, Surroundings, directional_options, identity_options
 from ..samples import ray_count, sample_bytes
 from ..views.directions import r2_sequence
 from ..views.hemicube import multiplier_map, rotation_salt
@@ -62,7 +62,7 @@ class RayIdentity:
         size = sample_bytes(sources.sources)
         self.row_bytes = size * self.samples
         self.batch = 1
-        options = ("-DDITHERED", *identity_options(size, settings.directional))
+        options = ("-DDITHERED", *identity_options(size), *directional_options(settings))
         options += () if hemicube else ("-DCOSINE",)
         source = (*RECEIVER_SOURCE, "hemicube.cl", "tilt.cl", "identity.cl", "views.cl", "look.cl")
         self._look, self._gather_rays = rays.kernels(source, "look", "gather_rays", options=options)

@@ -11,22 +11,22 @@ import numpy as np
 from .device.devices import Devices
 from .direct.back_to_back import note_back_to_back
 from .direct.lighting import DirectLighting
+from .finish.carried_maps import carried_maps, restored_maps
 from .finish.denoising import Denoising
 from .finish.outputs import Outputs
 from .finish.store import LightmapStore
 from .lightmap import Lightmap, Report
 from .patches.areas import surface_areas
 from .patches.occluders import place_occluders
-from .patches.subdivision import subdivide
+from .patches.subdivision import Subdivision, subdivide
 from .plan.choose import Choice, choose_solver
-from .plan.display_light import DisplayJob, light_in_texels
+from .plan.display_light import DisplayJob, DisplayLight, light_in_texels
 from .plan.limits import check_limits, check_patch_count
 from .plan.solve_job import SolveJob
 from .plan.stages import BakeStages
 from .plan.without_opencl import without_opencl
 from .progress import Progress
 from .scene.model import Scene
-from .scene.triangles import Triangles
 from .settings import Settings
 from .solve.solver import Solution
 from .visibility.rays.ray_scene import RayScene
@@ -105,8 +105,7 @@ def _bake(
     # Images without noise and seams, and with dilated charts (VI.B).
     store.refine(lit.means(settings.resolution))
     denoising = Denoising(store.known, settings)
-    shown = {name: store.texels(values, lit.values.get(name)) for name, values in made.items()}
-    passes = yield from _finished(stages, store, denoising, settings, parts.triangles, shown)
+    passes = yield from _finished(stages, store, denoising, settings, parts, made, lit)
     dark = note_back_to_back(scene, parts, rays, solution.gathered[:, 3], near)
     warnings = (*notes, *parts.warnings, *lighting.warnings, *dark, *lit.warnings, *denoising.warnings)
     choice = replace(choice, reasons=(*choice.reasons, *lit.reasons, *denoising.reasons))
@@ -123,26 +122,43 @@ def _bake(
     )
 
 
+def _quiet(
+    denoising: Denoising, settings: Settings, shown: dict[str, np.ndarray], normals: np.ndarray
+) -> Generator[float, None, dict[str, np.ndarray]]:
+    """Return maps of light, and of where it comes from, without noise, by name; yield the fraction done.
+
+    shown    what texels show, (atlases, r, r, 3) float32, by name
+    normals  of the texels, (atlases, r, r, 3) float32
+    """
+    light = {name: shown[name] for name in settings.light_outputs} | carried_maps(shown)
+    filtered = yield from denoising.run(light)
+    if filtered is light:
+        return {}
+    quiet = {name: filtered[name] for name in settings.light_outputs}
+    return quiet | restored_maps(shown, filtered, normals)
+
+
 def _finished(
     stages: BakeStages,
     store: LightmapStore,
     denoising: Denoising,
     settings: Settings,
-    triangles: Triangles,
-    shown: dict[str, np.ndarray],
+    parts: Subdivision,
+    made: dict[str, np.ndarray],
+    lit: DisplayLight,
 ) -> Generator[Progress, None, dict[str, np.ndarray]]:
-    """Return the images to keep of what texels show, (atlases, r, r, 3 or 1) float32, by name."""
-    if settings.denoise:
-        light = {name: shown[name] for name in settings.light_outputs}
-        quiet = yield from stages.run(stages.denoising, denoising.run(light))
+    """Return the images to keep, (atlases, r, r, 3) float32, by name.
 
-        # L0 + L1 . n stays what the surface itself shows.
-        if "L0" in shown:
-            shown["L0"] = shown["L0"] + quiet["combined"] - shown["combined"]
-        shown |= quiet
+    made  of each output the values of the patches
+    lit   of the samples of texels
+    """
+    shown = {name: store.texels(values, lit.values.get(name)) for name, values in made.items()}
+    if settings.denoise:
+        normals = store.texels(parts.geometry.normal, lit.normals)
+        shown |= yield from stages.run(stages.denoising, _quiet(denoising, settings, shown, normals))
     yield stages.begin(stages.images)
     if settings.hide_seams:
-        store.hide_seams(triangles)
+        store.hide_seams(parts.triangles)
     passes = {name: store.final(images) for name, images in shown.items()}
     yield stages.end()
     return passes

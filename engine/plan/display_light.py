@@ -53,6 +53,7 @@ class DisplayLight:
     """What display samples receive.
 
     visible  (s,) bool, samples that somebody sees
+    normals  (s, 3) float32, unit, world space
     values   (s, 3) or (s,) float32 of every output, by name; of none without samples
     reasons   sentences for the report
     warnings  sentences for the user
@@ -60,6 +61,7 @@ class DisplayLight:
 
     samples: DisplaySamples
     visible: np.ndarray
+    normals: np.ndarray
     values: dict[str, np.ndarray]
     reasons: tuple[str, ...]
     warnings: tuple[str, ...] = ()
@@ -120,7 +122,7 @@ def _why_centres_only(job: SolveJob, choice: Choice) -> str:
 
 def _nothing(*reasons: str) -> DisplayLight:
     """Return the light of no samples, and why there are none."""
-    return DisplayLight(no_samples(), np.zeros(0, bool), {}, reasons)
+    return DisplayLight(no_samples(), np.zeros(0, bool), np.zeros((0, 3), np.float32), {}, reasons)
 
 
 @dataclass(frozen=True)
@@ -133,6 +135,7 @@ class _Batch:
     samples: DisplaySamples
     ways: WaysOut
     visible: np.ndarray
+    normals: np.ndarray
     irradiance: np.ndarray
     values: dict[str, np.ndarray]
 
@@ -157,17 +160,19 @@ def _gather(what: DisplayJob, settled: np.ndarray, points: _Points) -> Generator
     last, _ = last_gather(what.solved, what.choice, receivers, settings)
     yield from _between(0.3, 0.8, last.gather(settled))
     outputs = Outputs(what.scene, settings, lighting)
-    values = yield from _between(0.8, 1.0, outputs.make(last, points.parts.geometry.normal))
+    normals = points.parts.geometry.normal
+    values = yield from _between(0.8, 1.0, outputs.make(last, normals))
     visible = ~is_hidden(last.gathered[:, 3], lighting.near_faces())
-    return _Batch(points.samples, ways, visible, last.irradiance, values)
+    return _Batch(points.samples, ways, visible, normals, last.irradiance, values)
 
 
 def _joined(what: DisplayJob, lit: list[_Batch]) -> DisplayLight:
     """Return the light of all batches, and what the report says of it."""
     samples = joined_samples([batch.samples for batch in lit])
     ways = joined_ways([batch.ways for batch in lit])
-    visible, irradiance = (
-        np.concatenate([getattr(batch, name) for batch in lit]) for name in ("visible", "irradiance")
+    visible, normals, irradiance = (
+        np.concatenate([getattr(batch, name) for batch in lit])
+        for name in ("visible", "normals", "irradiance")
     )
     values = {name: np.concatenate([batch.values[name] for batch in lit]) for name in lit[0].values}
     parts = what.job.parts
@@ -177,7 +182,7 @@ def _joined(what: DisplayJob, lit: list[_Batch]) -> DisplayLight:
         "more than their centre."
     )
     warnings = note_thin_walls(what.scene, parts, samples, ways, visible, irradiance)
-    return DisplayLight(samples, visible, values, (reason,), tuple(warnings))
+    return DisplayLight(samples, visible, normals, values, (reason,), tuple(warnings))
 
 
 class _Points:

@@ -63,6 +63,12 @@ class Extent:
         return cls(len(scene.atlases), triangles, len(shining_lights(scene)))
 
 
+def _filtered_images(settings: Settings) -> int:
+    """Return how many images Denoise filters of a lightmap: two a signed map, see `finish.carried_maps`."""
+    carried = {"directional": 6, "spherical_harmonics": 7, "dominant_direction": 2}
+    return len(settings.light_outputs) + sum(carried.get(name, 0) for name in settings.outputs)
+
+
 class BakeStages(Schedule):
     """What a bake does, one stage after the other; each counts its work in units of its own.
 
@@ -94,9 +100,9 @@ class BakeStages(Schedule):
         self.outputs = self._stage("Outputs", 0, _RAY)
         self.texels = self._stage("Texels", 0, _RAY)
         self.texels.like = self.visibility
-        filtered = texels * len(settings.light_outputs) if settings.denoise else 0
+        filtered = texels * _filtered_images(settings) if settings.denoise else 0
         self.denoising = self._stage("Denoising", filtered, _FILTERED)
-        maps = len(settings.outputs) + 3 * ("directional" in settings.outputs)
+        maps = len(settings.outputs) + 3 * ("directional" in settings.outputs or settings.projected)
         self.images = self._stage("Images", texels * maps, _TEXEL)
         self._casting = (self.direct, self.visibility, self.bounces, self.final, self.outputs, self.texels)
         super().__init__(list(self._names))

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from engine import Settings
 from tests.analytic.drive import drive, drive_with_progress
@@ -36,6 +37,31 @@ def test_denoised_light_is_nearer_to_the_exact_one_and_masks_keep_their_bits():
         assert (quiet.passes[name] == noisy.passes[name]).all(), name
     assert any("Open Image Denoise 2" in reason for reason in quiet.report.reasons)
     assert not quiet.report.warnings and quiet.report.seconds["denoising"] > 0
+
+
+def off_identity(lightmap) -> np.ndarray:
+    """Return how far L0 + L1 . n is from the light, (atlases, r, r), for the axis n that suits best."""
+    passes = lightmap.passes
+    along = passes["combined"] - passes["L0"]
+    off = [np.abs(along - sign * passes[f"L1 {axis}"]).max(axis=-1) for axis in "xyz" for sign in (1, -1)]
+    nearest: np.ndarray = np.min(off, axis=0)
+    return nearest
+
+
+@needs_library
+@pytest.mark.parametrize("output", ["directional", "spherical_harmonics", "dominant_direction"])
+def test_denoised_directional_maps_are_nearer_to_the_exact_ones(output):
+    """And L0 + L1 . n is still the light of walls, whose normals are axes of the world."""
+    changes = {"outputs": ("combined", output), "resolution": 128, "texel_samples": 1, "hide_seams": False}
+    noisy, exact = (drive(nine_quad_room(), replace(base, **changes)) for base in (NOISY, EXACT))
+    quiet = drive(nine_quad_room(), replace(NOISY, **changes, denoise=True))
+    for name in quiet.passes:
+        off = [lightmap.passes[name] - exact.passes[name] for lightmap in (quiet, noisy)]
+        errors = [np.sqrt(np.mean(values[exact.known] ** 2)) for values in off]
+        assert errors[0] < errors[1] / 1.5, (name, errors)
+    if output == "directional":
+        counts = quiet.known & (off_identity(noisy) < 1e-5)
+        assert counts.mean() > 0.4 and off_identity(quiet)[counts].max() < 1e-4
 
 
 @needs_library

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import bpy
 from bpy.props import EnumProperty, FloatProperty, StringProperty
 
+from ..engine.encoding.biased import Biased
 from ..engine.encoding.encoding import Encoding, Limits
 from ..engine.encoding.half import Half
 from ..engine.encoding.logluv import LogLuv
@@ -14,13 +15,14 @@ from ..engine.encoding.rgbd import Rgbd
 from ..engine.encoding.rgbe import Rgbe
 from ..engine.encoding.rgbm import Rgbm
 from ..engine.encoding.srgb import Srgb
+from ..engine.finish.outputs import PROJECTED_MAPS, SIGNED_MAPS
 from .translations import CONTEXT
 
 #: By name: label and description.
 FORMATS = {
     "exr": ("OpenEXR", "Floats, as they are: exact in 32 bits"),
     "hdr": ("Radiance HDR", "Three mantissas and an exponent: off by at most 0.4% of the brightest channel"),
-    "png": ("PNG", "8-bit sRGB, as pictures have it: light above white is clipped, see Exposure"),
+    "png": ("PNG", "sRGB, as pictures have it: light above white is clipped, see Exposure"),
     "rgbm": ("PNG, RGBM", "8-bit colour and multiplier, see Range: for shaders that decode it"),
     "rgbd": ("PNG, RGBD", "8-bit colour and divisor, see Range: for shaders that decode it"),
     "logluv": ("PNG, LogLuv", "Logarithm of the luminance, and chromaticity: for shaders that decode it"),
@@ -33,6 +35,11 @@ ENCODED = ("png", "rgbm", "rgbd", "logluv")
 RANGED = ("rgbm", "rgbd")
 
 _DEPTHS = {"32": ("Float (Full)", "32 bits a channel"), "16": ("Float (Half)", "16 bits a channel, to 65504")}
+
+_PNG_DEPTHS = {
+    "8": ("8", "What every program reads: dark light has visible steps"),
+    "16": ("16", "16 bits a channel: no visible steps in light of four decades"),
+}
 
 _CODECS = {
     "zip": ("ZIP", "Without loss, 16 rows at a time"),
@@ -47,6 +54,9 @@ _LOSSY = ("dwaa", "dwab")
 
 #: Outputs that are no light: 1 is the most they can be, whatever the exposure.
 _FRACTIONS = ("ambient_occlusion", "shadow_mask")
+
+#: Bits of a channel of PNG files of signed maps, whose dark parts share a range with the brightest.
+_SIGNED_DEPTH = 16
 
 
 def format_properties() -> dict:
@@ -76,6 +86,12 @@ def format_properties() -> dict:
             description="How OpenEXR files are compressed",
             items=_items(_CODECS),
             default="zip",
+        ),
+        "png_depth": EnumProperty(
+            name="Color Depth",
+            description="Bits of a channel of PNG files",
+            items=_items(_PNG_DEPTHS),
+            default="8",
         ),
         "exposure": FloatProperty(
             name="Exposure",
@@ -115,12 +131,13 @@ def _items(choices: dict[str, tuple[str, str]]) -> list[tuple[str, str, str]]:
 class FileFormat:
     """How lightmaps are written.
 
-    name      key of FORMATS
-    depth     bits of a channel of OpenEXR
-    codec     compression of OpenEXR
-    exposure  of PNG, stops
-    range     of RGBM and RGBD; 0 for that of the brightest texel
-    gamma     of RGBM and RGBD
+    name       key of FORMATS
+    depth      bits of a channel of OpenEXR
+    codec      compression of OpenEXR
+    exposure   of PNG, stops
+    range      of RGBM and RGBD; 0 for that of the brightest texel
+    gamma      of RGBM and RGBD
+    png_depth  bits of a channel of PNG
     """
 
     name: str = "exr"
@@ -129,6 +146,16 @@ class FileFormat:
     exposure: float = 0.0
     range: float = 0.0
     gamma: float = 2.2
+    png_depth: int = 8
+
+    def of(self, output: str) -> FileFormat:
+        """Return the format of a map of an output: signed maps need one that holds both signs.
+
+        Radiance HDR has none: it is OpenEXR then. What is PNG is biased, see `Biased`.
+        """
+        if output not in SIGNED_MAPS or self.name == "exr":
+            return self
+        return FileFormat("png", png_depth=_SIGNED_DEPTH) if self.name in ENCODED else PLAIN
 
     @property
     def label(self) -> str:
@@ -155,14 +182,16 @@ class FileFormat:
     def encoding(self, output: str, brightest: float) -> Encoding | None:
         """Return what makes bytes of the light of an output; None for OpenEXR.
 
-        brightest  of all lightmaps of the output
+        brightest  of all lightmaps of the output; the largest value of either sign of a signed one
         """
         fraction = output.startswith(_FRACTIONS)
         match self.name:
             case "hdr":
                 return Rgbe()
+            case "png" if output in SIGNED_MAPS:
+                return Biased(1.0 if output in PROJECTED_MAPS else brightest or 1.0, self.png_depth)
             case "png":
-                return Srgb(0.0 if fraction else self.exposure)
+                return Srgb(0.0 if fraction else self.exposure, self.png_depth)
             case "logluv":
                 return LogLuv()
             case "rgbm" | "rgbd":
@@ -188,4 +217,5 @@ def chosen_format(settings: bpy.types.PropertyGroup) -> FileFormat:
         settings.exposure,
         settings.light_range,
         settings.light_gamma,
+        int(settings.png_depth),
     )

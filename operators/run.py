@@ -189,8 +189,9 @@ class Run:
         atlases, outputs = self._read.scene.atlases, output_names(self._read.scene, self._settings)
         self._names = _image_names(atlases, outputs)
         chosen = chosen_names(properties.file_name, scene, atlases, outputs, resolution)
+        formats = [chosen_format(properties).of(output) for output in outputs for _ in atlases]
         self._destination = choose_destination(
-            scene, self._names, properties.directory, self._changes, chosen_format(properties), chosen
+            scene, self._names, properties.directory, self._changes, formats, chosen
         )
         self._stages.expect(self._read.scene, self._settings, len(self._names))
         partial = self._target != "ALL"

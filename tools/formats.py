@@ -20,6 +20,7 @@ import numpy as np
 from headless import MODULE, ROOT, blender
 
 sys.path.insert(0, str(ROOT))
+from engine.encoding.biased import Biased
 from engine.encoding.encoding import Encoding
 from engine.encoding.logluv import LogLuv
 from engine.encoding.png import png_bytes
@@ -41,6 +42,8 @@ DARKEST, BRIGHTEST = 1e-3, 16.0
 ENCODINGS: dict[str, tuple[Encoding, Callable[[np.ndarray], bytes]]] = {
     "Radiance HDR": (Rgbe(), radiance_bytes),
     "PNG, sRGB, Exposure −4": (Srgb(-4.0), lambda texels: png_bytes(texels, srgb=True)),
+    "PNG, 16 bits, sRGB, Exposure −4": (Srgb(-4.0, 16), lambda texels: png_bytes(texels, srgb=True)),
+    "PNG, 16 bits, biased, range 16": (Biased(16.0), lambda texels: png_bytes(texels, srgb=False)),
     "RGBM, Range 16, Gamma 2.2": (Rgbm(16.0, 2.2), lambda texels: png_bytes(texels, srgb=False)),
     "RGBM, Range 16, Gamma 1": (Rgbm(16.0, 1.0), lambda texels: png_bytes(texels, srgb=False)),
     "RGBD, Range 16, Gamma 2.2": (Rgbd(16.0, 2.2), lambda texels: png_bytes(texels, srgb=False)),

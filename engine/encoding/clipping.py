@@ -13,14 +13,12 @@ from .encoding import Limits
 class Clipping:
     """Texels of a lightmap beyond the limits of an encoding, (h, w) bool.
 
-    bright    brighter than it holds
-    dark      not black, and black in it
-    negative  below 0 in a channel, which becomes 0: no light is, but a map of its direction
+    bright  brighter than it holds
+    dark    not black, and black in it
     """
 
     bright: np.ndarray
     dark: np.ndarray
-    negative: np.ndarray
 
 
 def find_clipping(light: np.ndarray, limits: Limits, counted: np.ndarray) -> Clipping:
@@ -28,7 +26,6 @@ def find_clipping(light: np.ndarray, limits: Limits, counted: np.ndarray) -> Cli
 
     counted  (h, w) bool: no others are looked at
     """
-    brightest = light.max(axis=-1)
+    brightest = np.abs(light).max(axis=-1)
     dark = (brightest > 0) & (brightest < limits.smallest)
-    negative = (light < 0).any(axis=-1) & (not limits.signed)
-    return Clipping(counted & (brightest > limits.largest), counted & dark, counted & negative)
+    return Clipping(counted & (brightest > limits.largest), counted & dark)

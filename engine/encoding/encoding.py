@@ -23,16 +23,11 @@ class Limits(Protocol):
         """The least value of the brightest channel that does not become black."""
         ...
 
-    @property
-    def signed(self) -> bool:
-        """True if it holds negative values, too."""
-        ...
-
 
 class Encoding(Limits, Protocol):
-    """Light as texels of one byte a channel.
+    """Light as texels of whole numbers.
 
-    Light is E/pi, (h, w, 3) floats, scene-linear Rec.709; texels are (h, w, channels) uint8.
+    Light is E/pi, (h, w, 3) floats, scene-linear Rec.709; texels are (h, w, channels) uint8 or uint16.
     """
 
     @property
@@ -70,3 +65,14 @@ def brightest_channel(light: np.ndarray) -> np.ndarray:
 def rounded(values: np.ndarray) -> np.ndarray:
     """Return values as the nearest bytes."""
     return np.clip(np.rint(values), 0, 255).astype(np.uint8)
+
+
+def quantised(values: np.ndarray, bits: int) -> np.ndarray:
+    """Return values from 0 to 1 as whole numbers of 8 or 16 bits, of which the largest is 1."""
+    levels = np.rint(largest_level(bits) * np.clip(values.astype(np.float64), 0, 1))
+    return levels.astype(np.uint8 if bits == 8 else np.uint16)
+
+
+def largest_level(bits: int) -> int:
+    """Return the largest number of 8 or 16 bits."""
+    return (1 << bits) - 1

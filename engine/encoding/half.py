@@ -18,8 +18,3 @@ class Half:
     def smallest(self) -> float:
         """Half of the least subnormal value."""
         return 2.0**-25
-
-    @property
-    def signed(self) -> bool:
-        """Floats have a sign."""
-        return True

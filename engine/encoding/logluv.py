@@ -42,11 +42,6 @@ class LogLuv:
         return float(2.0**_FIRST * 2 ** (1 / _STEPS) / _TO_XYZ[1].min())
 
     @property
-    def signed(self) -> bool:
-        """Bytes have no sign."""
-        return False
-
-    @property
     def intensity(self) -> float:
         """The luminance is absolute."""
         return 1.0

@@ -17,20 +17,26 @@ _SUB = 1
 
 
 def png_bytes(texels: np.ndarray, srgb: bool) -> bytes:
-    """Return a PNG file of texels, (h, w, 3 or 4) uint8, bottom row first.
+    """Return a PNG file of texels, (h, w, 3 or 4) uint8 or uint16, bottom row first.
 
     srgb  the colours are sRGB; otherwise they are numbers, and the file says nothing of their colours
     """
     height, width, channels = texels.shape
-    header = struct.pack(">IIBBBBB", width, height, 8, _COLOUR_TYPE[channels], 0, 0, 0)
-    chunks = [(b"IHDR", header), (b"IDAT", zlib.compress(_filtered(texels[::-1]))), (b"IEND", b"")]
+    bits = 8 * texels.itemsize
+    header = struct.pack(">IIBBBBB", width, height, bits, _COLOUR_TYPE[channels], 0, 0, 0)
+    chunks = [(b"IHDR", header), (b"IDAT", zlib.compress(_filtered(_bytes(texels[::-1])))), (b"IEND", b"")]
     if srgb:
         chunks.insert(1, (b"sRGB", b"\0"))
     return _SIGNATURE + b"".join(_chunk(*chunk) for chunk in chunks)
 
 
+def _bytes(texels: np.ndarray) -> np.ndarray:
+    """Return texels, (h, w, channels) uint8 or uint16, as (h, w, bytes) uint8, high bytes first."""
+    return np.ascontiguousarray(texels, texels.dtype.newbyteorder(">")).view(np.uint8)
+
+
 def _filtered(rows: np.ndarray) -> bytes:
-    """Return rows, (h, w, channels) uint8, each after the number of its filter."""
+    """Return rows, (h, w, bytes of a texel) uint8, each after the number of its filter."""
     differences = rows.copy()
     differences[:, 1:] -= rows[:, :-1]
     numbers = np.full((len(rows), 1), _SUB, np.uint8)

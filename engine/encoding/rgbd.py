@@ -33,11 +33,6 @@ class Rgbd:
         return float(self.intensity * (0.5 / 255) ** self.gamma)
 
     @property
-    def signed(self) -> bool:
-        """Bytes have no sign."""
-        return False
-
-    @property
     def intensity(self) -> float:
         """Light of a white texel whose divisor is 1."""
         return self.range / 255

@@ -31,11 +31,6 @@ class Rgbe:
         return 2.0**-(_BIAS)
 
     @property
-    def signed(self) -> bool:
-        """Bytes have no sign."""
-        return False
-
-    @property
     def intensity(self) -> float:
         """The exponent is absolute."""
         return 1.0

@@ -33,11 +33,6 @@ class Rgbm:
         return float(self.range * (0.5 / 255**2) ** self.gamma)
 
     @property
-    def signed(self) -> bool:
-        """Bytes have no sign."""
-        return False
-
-    @property
     def intensity(self) -> float:
         """The range."""
         return self.range

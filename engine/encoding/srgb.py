@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..scene.color import linear_to_srgb, srgb_to_linear
-from .encoding import rounded
+from .encoding import largest_level, quantised
 
 
 @dataclass(frozen=True)
@@ -15,9 +15,11 @@ class Srgb:
     """sRGB (IEC 61966-2-1) of light that is multiplied by 2^exposure first; three channels.
 
     exposure  stops
+    bits      of a channel, 8 or 16
     """
 
     exposure: float = 0.0
+    bits: int = 8
 
     @property
     def largest(self) -> float:
@@ -27,12 +29,7 @@ class Srgb:
     @property
     def smallest(self) -> float:
         """Half of the first step, which lies on the straight part of the curve."""
-        return self.intensity * 0.5 / 255 / 12.92
-
-    @property
-    def signed(self) -> bool:
-        """Bytes have no sign."""
-        return False
+        return self.intensity * 0.5 / largest_level(self.bits) / 12.92
 
     @property
     def intensity(self) -> float:
@@ -46,8 +43,10 @@ class Srgb:
 
     def encode(self, light: np.ndarray) -> np.ndarray:
         """Return light as texels."""
-        return rounded(255 * linear_to_srgb(np.clip(light / self.intensity, 0, 1)))
+        return quantised(linear_to_srgb(np.clip(light / self.intensity, 0, 1)), self.bits)
 
     def decode(self, texels: np.ndarray) -> np.ndarray:
         """Return texels as light, float32."""
-        return np.float32(self.intensity) * srgb_to_linear(texels.astype(np.float32) / 255)
+        return np.float32(self.intensity) * srgb_to_linear(
+            texels.astype(np.float32) / largest_level(self.bits)
+        )

@@ -23,6 +23,7 @@ OWN: dict[str, tuple[Callable[[str], Any], str, str]] = {
     "file_name": (str, "TEMPLATE", "name of the files, such as {file}_{lightmap}_{output}"),
     "file_format": (str.lower, "FORMAT", "exr, hdr, png, rgbm, rgbd or logluv"),
     "exr_depth": (str, "BITS", "of a channel of OpenEXR: 32 or 16"),
+    "png_depth": (str, "BITS", "of a channel of PNG: 8 or 16"),
     "exr_codec": (str.lower, "CODEC", "of OpenEXR: zip, piz, dwaa, dwab or none"),
     "exposure": (float, "STOPS", "that light is raised by before it is written as a PNG"),
     "light_range": (float, "N", "brightest light of RGBM and RGBD; 0 for that of the brightest texel"),

@@ -36,23 +36,20 @@ def clipping_notes(read: ReadScene, files: Sequence[LightmapFile], has_patch: np
 def _sentences(file: LightmapFile, limits: Limits, counted: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
     """Yield what a file cannot hold, with {} for its objects, and the texels, (h, w) bool."""
     clipping, all_texels = find_clipping(file.light, limits, counted), max(int(counted.sum()), 1)
-    bright, dark, negative = (
+    bright, dark = (
         max(texels.sum() / all_texels, 0.001) if texels.any() else 0.0
-        for texels in (clipping.bright, clipping.dark, clipping.negative)
+        for texels in (clipping.bright, clipping.dark)
     )
     if bright:
         yield _too_bright(file, limits, clipping.bright, bright), clipping.bright
     if dark > _DARK:
         sentence = f"{dark:.1%} of its texels became black, being darker than {limits.smallest:.2g}, of {{}}"
         yield f"'{file.name}': {sentence}. {_remedy_for_dark(file)}.", clipping.dark
-    if negative:
-        sentence = f"{negative:.1%} of its texels have negative channels, which became 0, of {{}}"
-        yield f"'{file.name}': {sentence}. Choose OpenEXR for this output.", clipping.negative
 
 
 def _too_bright(file: LightmapFile, limits: Limits, clipped: np.ndarray, share: float) -> str:
     """Return what became of texels that are too bright, a share of all, with {} for their objects."""
-    brightest = np.where(clipped, file.light.max(axis=-1), -np.inf)
+    brightest = np.where(clipped, np.abs(file.light).max(axis=-1), -np.inf)
     row, column = np.unravel_index(int(brightest.argmax()), clipped.shape)
     height, width = clipped.shape
     most = float(brightest.max())

@@ -26,19 +26,20 @@ class Destination:
     stems      file name of each lightmap, without its ending
     packed_as  folder that packed images name as theirs
     blend      the .blend as seen from the folder, empty for one that is not saved
-    format     of the files
+    formats    of each lightmap's files
     """
 
     folder: Path | None
     stems: tuple[str, ...]
     packed_as: str
     blend: str = ""
-    format: FileFormat = PLAIN
+    formats: tuple[FileFormat, ...] = ()
 
     @property
     def names(self) -> list[str]:
         """Name of the file of each lightmap that Blender shows."""
-        return [f"{stem}{self.format.endings[0]}" for stem in self.stems]
+        pairs = zip(self.stems, self.formats, strict=True)
+        return [f"{stem}{format.endings[0]}" for stem, format in pairs]
 
     @property
     def paths(self) -> list[Path]:
@@ -51,7 +52,7 @@ def choose_destination(
     atlases: Sequence[str],
     directory: str,
     changes: Changes,
-    format: FileFormat = PLAIN,
+    formats: Sequence[FileFormat] = (),
     chosen: Sequence[str] = (),
 ) -> Destination:
     """Return where the lightmaps of a scene go; raises EngineError if they cannot be written there.
@@ -60,25 +61,28 @@ def choose_destination(
     relative to the .blend; also after the scene if another scene has that file. A file that another
     .blend or anything but Hemibake wrote is not replaced: ours then gets a number.
 
-    chosen  names of a person's instead, without endings, all different: where one is taken is an error
+    formats  of each lightmap's files; OpenEXR without any
+    chosen   names of a person's instead, without endings, all different: where one is taken is an error
     """
+    formats = tuple(formats) or (PLAIN,) * len(atlases)
     if not directory.strip():
         raise EngineError("There is no folder for the lightmaps. Choose one, such as //lightmaps/.")
     relative = directory.startswith("//")
     if relative and not bpy.data.filepath:
         stems = chosen or _stems(scene.name, "", atlases, set(), lambda stem: True)
-        return Destination(None, tuple(stems), directory, format=format)
+        return Destination(None, tuple(stems), directory, formats=formats)
     folder = Path(os.path.abspath(bpy.path.abspath(directory)))
     blend = blend_from(folder)
     try:
         try_folder(folder, changes)
-        taken = _Taken(scene, folder, blend, format.endings)
+        endings = dict.fromkeys(ending for format in formats for ending in format.endings)
+        taken = _Taken(scene, folder, blend, tuple(endings))
         if chosen:
             taken.check(chosen)
         else:
             stem = Path(bpy.data.filepath).stem if relative else ""
             chosen = tuple(_stems(scene.name, stem, atlases, taken.of_scenes, taken.is_free))
-        return Destination(folder, tuple(chosen), directory, blend, format)
+        return Destination(folder, tuple(chosen), directory, blend, formats)
     except OSError as error:
         raise EngineError(
             f"The lightmaps cannot be written to '{folder}': {reason(error)}. Choose another folder."

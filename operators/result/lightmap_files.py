@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...engine.encoding.biased import Biased
 from ...engine.encoding.encoding import Encoding, encode_in_bands
 from ...engine.encoding.png import png_bytes
 from ...engine.encoding.radiance import radiance_bytes
@@ -48,7 +49,7 @@ class LightmapFile:
     @property
     def entry(self) -> dict:
         """What the manifest tells of the file."""
-        told = {"format": self.format.name, "encoding": _in_words(self.format), "intensity": 1.0}
+        told = {"format": self.format.name, "encoding": _in_words(self), "intensity": 1.0}
         if self.encoding is not None:
             told |= {
                 "intensity": self.encoding.intensity,
@@ -66,28 +67,30 @@ def lightmap_files(
 
     facts  what the manifest tells of each lightmap, its output among it
     """
-    outputs = [fact["output"] for fact in facts]
-    brightest = _brightest(lightmaps, outputs)
-    chosen, shown = destination.format, destination.format.shown
-    for light, name, output, fact in zip(lightmaps, destination.names, outputs, facts, strict=True):
-        told = fact if shown == chosen else {**fact, "shown_for": f"{Path(name).stem}{chosen.endings[-1]}"}
-        yield LightmapFile(name, shown, shown.encoding(output, brightest[output]), light, told)
-    for light, stem, output, fact in zip(lightmaps, destination.stems, outputs, facts, strict=True):
-        if shown != chosen:
-            encoding = chosen.encoding(output, brightest[output])
+    brightest = _brightest(lightmaps, [fact["output"] for fact in facts])
+    each = list(zip(lightmaps, destination.stems, destination.formats, facts, strict=True))
+    for light, stem, chosen, fact in each:
+        shown, output = chosen.shown, fact["output"]
+        told = fact if shown == chosen else {**fact, "shown_for": f"{stem}{chosen.endings[-1]}"}
+        encoding = shown.encoding(output, brightest[output])
+        yield LightmapFile(f"{stem}{shown.endings[0]}", shown, encoding, light, told)
+    for light, stem, chosen, fact in each:
+        if chosen.shown != chosen:
+            encoding = chosen.encoding(fact["output"], brightest[fact["output"]])
             yield LightmapFile(f"{stem}{chosen.endings[-1]}", chosen, encoding, light, fact)
 
 
 def _brightest(lightmaps: np.ndarray, outputs: Sequence[str]) -> dict[str, float]:
-    """Return the brightest value of all lightmaps of each output."""
+    """Return the largest value, of either sign, of all lightmaps of each output."""
     found: dict[str, float] = {}
     for light, output in zip(lightmaps, outputs, strict=True):
-        found[output] = max(found.get(output, 0.0), float(light.max()))
+        found[output] = max(found.get(output, 0.0), float(np.abs(light).max()))
     return found
 
 
-def _in_words(format: FileFormat) -> str:
+def _in_words(file: LightmapFile) -> str:
     """Return how the pixels of a file are stored."""
+    format = file.format
     match format.name:
         case "exr":
             bits = 16 if format.stores_half else 32
@@ -95,7 +98,8 @@ def _in_words(format: FileFormat) -> str:
         case "hdr":
             return "Radiance RGBE, scene-linear Rec.709"
         case "png":
-            return "PNG, 8-bit sRGB"
+            biased = isinstance(file.encoding, Biased)
+            return f"PNG, {format.png_depth}-bit {'biased, no colour space' if biased else 'sRGB'}"
     return f"PNG, 8-bit {format.name.upper() if format.name != 'logluv' else 'LogLuv'}, no colour space"
 
 

@@ -137,6 +137,51 @@ def test_depths_and_codecs_of_openexr(tmp_path, depth, codec):
     assert read[40:] == pytest.approx(light[40:], rel=0.02 if codec in ("dwaa", "dwab") else 5e-4)
 
 
+@pytest.mark.parametrize("name", FORMATS)
+def test_signed_maps_keep_their_sign_in_every_format(settings, tmp_path, name):
+    """As OpenEXR where the format holds floats, else as biased PNG, which the manifest tells to decode."""
+    import bpy
+
+    settings.file_format, settings.outputs = name, {"combined", "directional"}
+    settings.exposure = -2.0
+    glow(1.0)
+    bake()
+    assert report()["warnings"] == []
+    known, signs = manifest(tmp_path)["lightmaps"], set()
+    for output in ("L0", "L1 x", "L1 y", "L1 z"):
+        shown = pixels(bpy.data.images[f"Lightmap {output}"])[..., :3]
+        (file,) = (
+            file for file, entry in known.items() if entry["output"] == output and "shown_for" not in entry
+        )
+        entry, read = known[file], loaded(tmp_path / "lightmaps" / file)[..., :3]
+        assert entry["format"] == ("exr" if name in ("exr", "hdr") else "png")
+        if entry["format"] == "png":
+            assert entry["decode_texel"] == "light = intensity * (2.0 * rgb - 1.0)"
+            read = entry["intensity"] * (2 * read - 1)
+        assert read == pytest.approx(shown, abs=2e-5 * np.abs(shown).max())
+        signs |= set(np.sign(shown).ravel())
+    assert {-1, 1} < signs
+
+
+@pytest.mark.parametrize("outputs", [{"combined"}, {"combined", "spherical_harmonics"}])
+def test_png_of_16_bits(settings, tmp_path, outputs):
+    """SH L1 has the fixed range that engines expect, the others have 16 bits because they were asked for."""
+    import bpy
+
+    settings.file_format, settings.png_depth, settings.exposure = "png", "16", -2.0
+    settings.outputs = outputs
+    glow(1.5)
+    bake()
+    known = manifest(tmp_path)["lightmaps"]
+    image = pixels(bpy.data.images["Lightmap"])[..., :3]
+    entry = known["house_Lightmap.png"]
+    assert entry["encoding"] == "PNG, 16-bit sRGB" and entry["intensity"] == 4
+    read = loaded(tmp_path / "lightmaps" / "house_Lightmap.png", "sRGB")[..., :3]
+    assert 4 * read == pytest.approx(image, rel=5e-4, abs=1e-4)
+    ranges = {entry["intensity"] for entry in known.values() if entry["output"].startswith("SH L1")}
+    assert ranges == ({1} if len(outputs) > 1 else set())
+
+
 def test_exposure_and_range_leave_fractions_alone(settings, tmp_path):
     settings.file_format, settings.exposure = "png", 4.0
     settings.outputs = {"combined", "ambient_occlusion"}

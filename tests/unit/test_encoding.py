@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from engine.encoding.biased import Biased
 from engine.encoding.clipping import find_clipping
 from engine.encoding.encoding import encode_in_bands
 from engine.encoding.half import Half
@@ -23,6 +24,7 @@ ROOT = Path(__file__).resolve().parents[2]
 ENCODINGS = [
     Srgb(),
     Srgb(-3.7),
+    Srgb(1.3, 16),
     Rgbm(34.493242),
     Rgbm(64.0, 2.0),
     Rgbm(0.013, 1.0),
@@ -52,6 +54,7 @@ def errors(encoding, light: np.ndarray) -> np.ndarray:
     ("encoding", "low", "bound"),
     [
         (Srgb(-3.7), 0.2, 0.03),
+        (Srgb(-3.7, 16), 0.02, 0.001),
         (Rgbm(34.493242), 1e-2, 0.01),
         (Rgbm(64.0, 2.0), 1e-2, 0.01),
         (Rgbm(0.013, 1.0), 0.002, 0.02),
@@ -64,7 +67,8 @@ def errors(encoding, light: np.ndarray) -> np.ndarray:
 def test_light_comes_back(encoding, low, bound):
     light = colours(low, min(encoding.largest, 10.0))
     texels = encoding.encode(light)
-    assert texels.dtype == np.uint8 and texels.shape[:2] == light.shape[:2] and texels.shape[2] in (3, 4)
+    assert texels.dtype == (np.uint16 if encoding == Srgb(-3.7, 16) else np.uint8)
+    assert texels.shape[:2] == light.shape[:2] and texels.shape[2] in (3, 4)
     assert encoding.decode(texels).dtype == np.float32
     assert errors(encoding, light).max() < bound
 
@@ -106,8 +110,8 @@ def test_a_second_round_changes_nothing_more_than_a_step(encoding):
 
 
 def glsl(formula: str, texels: np.ndarray, intensity: float) -> np.ndarray:
-    """Return what a formula of a few words of GLSL makes of texels, (n, c) uint8."""
-    channels = texels.astype(np.float64) / 255
+    """Return what a formula of a few words of GLSL makes of texels, (n, c) uint8 or uint16."""
+    channels = texels.astype(np.float64) / np.iinfo(texels.dtype).max
     rgb = channels[:, :3].view(type("Vector", (np.ndarray,), {
         name: property(lambda self, at=at: self[:, at]) for at, name in enumerate("rgb")}))  # fmt: skip
     words = {
@@ -123,6 +127,23 @@ def test_formula_is_what_decoding_does(encoding):
     texels = encoding.encode(colours(1e-2, min(encoding.largest, 10.0)))
     decoded = glsl(encoding.formula, texels.reshape(-1, texels.shape[-1]), encoding.intensity)
     assert decoded.reshape(*texels.shape[:2], 3) == pytest.approx(encoding.decode(texels), rel=2e-5, abs=1e-7)
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+@pytest.mark.parametrize("range", [1e-3, 1.0, 7.5])
+def test_biased_maps_keep_both_signs(range, bits):
+    """To half a step; the formula is what decoding does."""
+    encoding = Biased(range, bits)
+    values = np.random.default_rng(bits).uniform(-range, range, (23, 41, 3)).astype(np.float32)
+    values[0, 0], values[0, 1] = range, -range
+    texels = encoding.encode(values)
+    decoded = encoding.decode(texels)
+    assert texels.itemsize == bits // 8 and decoded.dtype == np.float32
+    assert np.abs(decoded - values).max() <= 1.001 * range / (2**bits - 1)
+    assert (decoded[0, :2] == values[0, :2]).all()
+    by_formula = glsl(encoding.formula, texels.reshape(-1, 3), encoding.intensity)
+    assert by_formula.reshape(values.shape) == pytest.approx(decoded, abs=1e-6 * range)
+    assert (encoding.encode(3 * values) == encoding.encode(np.clip(3 * values, -range, range))).all()
 
 
 def test_bands_are_the_whole():
@@ -167,15 +188,17 @@ def read_png(data: bytes) -> tuple[list[bytes], np.ndarray]:
     width, height, depth, colour_type = struct.unpack_from(">IIBB", header)
     channels = {2: 3, 6: 4}[colour_type]
     rows = np.frombuffer(zlib.decompress(dict(chunks)[b"IDAT"]), np.uint8).reshape(height, -1)
-    assert depth == 8 and (rows[:, 0] == 1).all()
-    texels = np.cumsum(rows[:, 1:].reshape(height, width, channels), axis=1, dtype=np.uint64).astype(np.uint8)
-    return [name for name, _ in chunks], texels
+    assert depth in (8, 16) and (rows[:, 0] == 1).all()
+    differences = rows[:, 1:].reshape(height, width, channels * depth // 8)
+    texels = np.cumsum(differences, axis=1, dtype=np.uint64).astype(np.uint8)
+    return [name for name, _ in chunks], texels.view(f">u{depth // 8}")
 
 
 @pytest.mark.parametrize("channels", [3, 4])
 @pytest.mark.parametrize("srgb", [False, True])
-def test_png_holds_the_texels(channels, srgb):
-    texels = np.random.default_rng(1).integers(0, 256, (13, 29, channels), np.uint8)
+@pytest.mark.parametrize("depth", [np.uint8, np.uint16])
+def test_png_holds_the_texels(channels, srgb, depth):
+    texels = np.random.default_rng(1).integers(0, np.iinfo(depth).max, (13, 29, channels), depth)
     names, read = read_png(png_bytes(texels, srgb))
     assert (read[::-1] == texels).all()
     assert names == [b"IHDR", *([b"sRGB"] if srgb else []), b"IDAT", b"IEND"]
@@ -242,8 +265,7 @@ def test_clipping_is_of_counted_texels_alone():
     clipping = find_clipping(light, Srgb(-1.0), counted)
     assert np.argwhere(clipping.bright).tolist() == [[1, 2]]
     assert np.argwhere(clipping.dark).tolist() == [[2, 3]]
-    assert not clipping.negative.any()
-    light[0, 0] = (3, -0.5, 0)
-    assert np.argwhere(find_clipping(light, Rgbm(4.0), counted).negative).tolist() == [[0, 0]]
-    half = find_clipping(light, Half(), counted)
-    assert not half.dark.any() and not half.negative.any()
+    assert not find_clipping(light, Half(), counted).dark.any()
+    light[0, 0] = (3, -7e4, 0)
+    assert np.argwhere(find_clipping(light, Half(), counted).bright).tolist() == [[0, 0]]
+    assert np.argwhere(find_clipping(light, Biased(4.0), counted).bright).tolist() == [[0, 0]]

@@ -1,0 +1,50 @@
+"""Maps of both signs as numbers from 0 to 1."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .encoding import largest_level, quantised
+
+
+@dataclass(frozen=True)
+class Biased:
+    """Three channels, value = range (2 rgb - 1), as normal maps are stored.
+
+    range  the largest value of either sign
+    bits   of a channel, 8 or 16
+    """
+
+    range: float = 1.0
+    bits: int = 16
+
+    @property
+    def largest(self) -> float:
+        """The range."""
+        return self.range
+
+    @property
+    def smallest(self) -> float:
+        """Nothing becomes black, which is -range."""
+        return 0.0
+
+    @property
+    def intensity(self) -> float:
+        """The range."""
+        return self.range
+
+    @property
+    def formula(self) -> str:
+        """The value of a texel."""
+        return "light = intensity * (2.0 * rgb - 1.0)"
+
+    def encode(self, light: np.ndarray) -> np.ndarray:
+        """Return values as texels."""
+        return quantised(0.5 + 0.5 * light.astype(np.float64) / self.range, self.bits)
+
+    def decode(self, texels: np.ndarray) -> np.ndarray:
+        """Return texels as values, float32."""
+        values: np.ndarray = self.range * (2.0 * texels / largest_level(self.bits) - 1.0)
+        return values.astype(np.float32)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +17,9 @@ from ..changes import Changes
 from ..command_line.pictures import read_pixels
 from ..compat import gltf_binary_data
 from ..file_format import PLAIN
+from ..result.contents import decoding
 from ..result.destination import blend_from, try_folder
+from ..result.directional_images import directional_images
 from ..result.file_names import file_name
 from ..result.files import reason, replace_all, staging_folder
 from ..result.lightmap_files import LightmapFile
@@ -31,6 +33,7 @@ from .surfaces import Surface, Surfaces
 
 _NOTHING_BAKED = "No object that is shown has a lightmap, so there is nothing to export. Bake first."
 _GONE = "UV layers of lightmaps are gone: {}. Bake again."
+_AXES = "(x, -z, y) of a normal (x, y, z) in the glTF file"
 _DARK = "Without a lightmap, so dark where the engine has no lights: {}."
 
 
@@ -73,7 +76,8 @@ def _export(context: bpy.types.Context, path: Path, kind: str, use_files: bool) 
     try:
         try_folder(path.parent, changes)
         with staging_folder(path.parent) as staging, _own_materials(context):
-            work = _Export(path, staging, usable)
+            maps = {image: directional_images(context.scene, image) if use_files else {} for image in usable}
+            work = _Export(path, staging, maps)
             hooks = work.write(surfaces, kind)
             if use_files:
                 work.write_files(hooks.lit, _shown_output(context.scene))
@@ -90,19 +94,26 @@ def _export(context: bpy.types.Context, path: Path, kind: str, use_files: bool) 
 
 
 class _Export:
-    """Files of one export, made in a folder of unfinished ones."""
+    """Files of one export, made in a folder of unfinished ones.
 
-    def __init__(self, path: Path, staging: Path, images: Sequence[bpy.types.Image]) -> None:
-        self._path, self._staging = path, staging
+    maps  of each lightmap its directional maps, by their outputs
+    """
+
+    def __init__(
+        self, path: Path, staging: Path, maps: Mapping[bpy.types.Image, dict[str, bpy.types.Image]]
+    ) -> None:
+        self._path, self._staging, self._maps = path, staging, maps
         self._made = staging / "files"
         self._made.mkdir()
-        self._stems = _stems(path.stem, images)
+        self._stems = _stems(
+            path.stem, [*maps, *(image for beside in maps.values() for image in beside.values())]
+        )
         self._manifest: list[Path] = []
 
     def write(self, surfaces: Surfaces, kind: str) -> LightmapHooks:
         """Write the glTF file and its images; return what has a lightmap."""
         lightmaps = {
-            image: encode(image.name, read_pixels(image), kind, self._staging) for image in self._stems
+            image: encode(image.name, read_pixels(image), kind, self._staging) for image in self._maps
         }
         uris = {} if self._path.suffix.lower() == ".glb" else self._write_images(lightmaps)
         hooks = LightmapHooks(surfaces, lightmaps, LitMaterials(gltf_binary_data(), uris))
@@ -113,18 +124,23 @@ class _Export:
             raise EngineError(naming(_GONE, hooks.lost) if hooks.lost else _NOTHING_BAKED)
         return hooks
 
-    def write_files(self, lit: Sequence[Surface], output: str) -> None:
-        """Write the lightmaps as OpenEXR, with a manifest of which object shows which."""
-        folder, names, facts = self._path.parent, [], []
-        for image, stem in self._stems.items():
-            objects = [_fact(surface) for surface in lit if surface.place.image == image]
-            origin = {"blend": blend_from(folder), "export": self._path.name}
-            fact = {**origin, "atlas": image.name, "output": output, "objects": objects}
-            file = LightmapFile(f"{stem}.exr", PLAIN, None, read_pixels(image), fact)
+    def write_files(self, lit: Sequence[Surface], shown: str) -> None:
+        """Write the lightmaps and their directional maps as OpenEXR, with a manifest of whose they are.
+
+        shown  the output that is in the lightmaps
+        """
+        folder, files = self._path.parent, []
+        for lightmap, directional in self._maps.items():
+            objects = [_fact(surface) for surface in lit if surface.place.image == lightmap]
+            origin = {"blend": blend_from(folder), "export": self._path.name, "atlas": lightmap.name}
+            for output, image in {shown: lightmap, **directional}.items():
+                fact = {**origin, "output": output, **_decoding(output), "objects": objects}
+                name = f"{self._stems[image]}.exr"
+                files.append(LightmapFile(name, PLAIN, None, read_pixels(image), fact))
+        for file in files:
             file.write(self._made / file.name)
-            names.append(file.name)
-            facts.append(file.entry)
         self._manifest = [self._staging / NAME]
+        names, facts = [file.name for file in files], [file.entry for file in files]
         write_manifest(self._manifest[0], folder, [self._made / name for name in names], names, facts)
 
     def keep(self) -> list[Path]:
@@ -230,6 +246,11 @@ def _fact(surface: Surface) -> dict:
     instancer = {} if surface.instancer is None else {"instancer": surface.instancer}
     place = {"uv_layer": "TEXCOORD_1", "scale": 1.0, "offset": [0.0, 0.0]}
     return {"object": surface.source.name, **instancer, **place}
+
+
+def _decoding(output: str) -> dict[str, str]:
+    """Return how a map of directions is read beside a file whose y is up; nothing of other outputs."""
+    return {name: f"{formula}: {_AXES}" for name, formula in decoding(output).items()}
 
 
 def _missing(image: bpy.types.Image, surfaces: Surfaces) -> str:

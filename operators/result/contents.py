@@ -23,13 +23,13 @@ def lightmap_contents(read: ReadScene, settings: Settings, uv_layer: str, kept: 
     for atlas, obj in kept.objects():
         objects.setdefault(atlas, []).append({"object": obj.name, **_as_before(obj)})
     return [
-        {"atlas": atlas, "output": output, **_decoding(output), "objects": objects.get(atlas, [])}
+        {"atlas": atlas, "output": output, **decoding(output), "objects": objects.get(atlas, [])}
         for output in output_names(read.scene, settings)
         for atlas in read.scene.atlases
     ]
 
 
-def _decoding(output: str) -> dict[str, str]:
+def decoding(output: str) -> dict[str, str]:
     """Return how a map of directions is read, JSON-ready; nothing of other outputs."""
     return {"decode": DECODING[output]} if output in DECODING else {}
 

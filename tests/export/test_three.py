@@ -33,3 +33,14 @@ def test_three_shows_the_preview(wanted, engine, tmp_path, ending, kind, files):
     off = cornell.differences(picture, wanted)
     assert picture.mean() == pytest.approx(wanted.mean(), rel=0.01)
     assert np.percentile(off, 99) < (0.02 if kind == "HDR" else 0.5)
+
+
+def test_three_shades_a_normal_map_with_directional_maps(hemibake, engine, tmp_path):
+    """As the preview does; without the directional maps the picture is another one."""
+    cornell.bake(embossed=True)
+    wanted = cornell.preview(_WIDTH, tmp_path)
+    pictures = [shown(engine, tmp_path, files=files) for files in (True, False)]
+    shaded, flat = (cornell.differences(picture, wanted) for picture in pictures)
+    assert pictures[0].mean() == pytest.approx(wanted.mean(), rel=0.01)
+    assert np.percentile(shaded, 99) < 0.02
+    assert np.median(flat) > 0.03

@@ -4,17 +4,27 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    import bpy
 
 ROOT = Path(__file__).resolve().parents[2]
 
 #: The wall that the camera looks through: glTF knows no visibility to cameras.
 HIDDEN = ("Front Wall",)
 
+#: Width of the normal map, texels.
+_BUMPS = 5
 
-def bake(resolution: int = 192, quality: str = "high") -> None:
-    """Build the box in an empty file and bake it."""
+
+def bake(resolution: int = 192, quality: str = "high", embossed: bool = False) -> None:
+    """Build the box in an empty file and bake it.
+
+    embossed  its surfaces have a normal map, and the bake gives directional maps
+    """
     import bpy
 
     sys.path.insert(0, str(ROOT / "examples"))
@@ -24,7 +34,46 @@ def bake(resolution: int = 192, quality: str = "high") -> None:
     cornell_box.build()
     settings = bpy.context.scene.hemibake
     settings.quality, settings.resolution = quality, resolution
+    if embossed:
+        _emboss()
+        settings.outputs = {"combined", "directional"}
     bpy.ops.hemibake.bake()
+
+
+def _emboss() -> None:
+    """Give all faces the UVs of a square, and all materials a normal map of wide, soft bumps."""
+    import bpy
+
+    for mesh in bpy.data.meshes:
+        corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32)
+        uvs = mesh.uv_layers.new(name="Bumps").uv
+        uvs.foreach_set("vector", np.tile(corners, (len(mesh.polygons), 1)).ravel())
+    image = _bumps()
+    for material in bpy.data.materials:
+        tree = material.node_tree
+        uv, colour, normal = (
+            tree.nodes.new(f"ShaderNode{kind}") for kind in ("UVMap", "TexImage", "NormalMap")
+        )
+        uv.uv_map = normal.uv_map = "Bumps"
+        colour.image = image
+        tree.links.new(uv.outputs["UV"], colour.inputs["Vector"])
+        tree.links.new(colour.outputs["Color"], normal.inputs["Color"])
+        tree.links.new(normal.outputs["Normal"], tree.nodes["Principled BSDF"].inputs["Normal"])
+
+
+def _bumps() -> bpy.types.Image:
+    """Return a normal map of few texels, all of which are seen enlarged, with slopes up to 0.4."""
+    import bpy
+
+    slopes = np.random.default_rng(7).uniform(-0.4, 0.4, (_BUMPS, _BUMPS, 2))
+    normals = np.concatenate([slopes, np.ones((_BUMPS, _BUMPS, 1))], axis=2)
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    pixels = np.concatenate([0.5 + 0.5 * normals, np.ones((_BUMPS, _BUMPS, 1))], axis=2)
+    image = bpy.data.images.new("Bumps", _BUMPS, _BUMPS)
+    image.colorspace_settings.name = "Non-Color"
+    image.pixels.foreach_set(pixels.astype(np.float32).ravel())
+    image.pack()
+    return image
 
 
 def preview(width: int, folder: Path) -> np.ndarray:

@@ -32,6 +32,9 @@ def main() -> None:
     )
     parser.add_argument("--samples", type=int, default=512, help="of a pixel")
     parser.add_argument("--resolution", type=int, default=256)
+    parser.add_argument(
+        "--reflectance", type=float, default=1.0, help="factor on that of all surfaces: what bounces matter"
+    )
     parser.add_argument("--scenes", nargs="+", choices=list(_SCENES), default=list(_SCENES))
     options = parser.parse_args()
     with blender(), tempfile.TemporaryDirectory() as folder:
@@ -46,6 +49,7 @@ def _compare(name, make, options, folder: Path) -> None:
     make()
     for material in bpy.data.materials:
         _tilt(material, options.slope)
+        _darken(material, options.reflectance)
     scene = bpy.context.scene
     original, again = (_render(scene, folder, options.samples, seed) for seed in (1, 2))
     settings = scene.hemibake
@@ -129,6 +133,12 @@ def _tilt(material, slope: float) -> None:
     tree.links.new(
         vector("NORMALIZE", vector("ADD", geometry.outputs["Normal"], away)), shader.inputs["Normal"]
     )
+
+
+def _darken(material, factor: float) -> None:
+    """Let a surface reflect less."""
+    colour = material.node_tree.nodes["Principled BSDF"].inputs["Base Color"]
+    colour.default_value = (*(factor * value for value in colour.default_value[:3]), 1.0)
 
 
 def _render(scene, folder: Path, samples: int, seed: int = 0) -> np.ndarray:

@@ -717,18 +717,19 @@ EXAMPLES: dict[str, Case] = {
         for way in ("raster", "rays")
     },
     **{
-        f"directional maps, {way}, {method}": Case(
+        f"{outputs[0]}, {way}, {method}": Case(
             (Shape("floor"),),
             lamps=(Lamp("area", size=(3e6, 1.0)), Lamp("sun")),
             sky=_WHITE,
             room=0.5,
             settings={
                 **_SMALL,
-                "outputs": ("combined", "directional", "dominant_direction"),
+                "outputs": ("combined", *outputs),
                 "visibility": way,
                 "method": method,
             },
         )
+        for outputs in (("directional", "dominant_direction"), ("spherical_harmonics",))
         for way in ("raster", "rays")
         for method in ("cached", "stream")
     },

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import pyopencl as cl
 
@@ -26,12 +26,18 @@ class Compute:
     """An OpenCL context with one in-order queue; the first GPU found, else the first device that works.
 
     opencl_device  see `Settings.opencl_device`
+    context_of     makes the context of a device
 
     Raises DeviceError if there is no device that can build kernels.
     """
 
-    def __init__(self, cache_dir: str | None = None, opencl_device: str | None = None) -> None:
-        self._cache_dir = cache_dir
+    def __init__(
+        self,
+        cache_dir: str | None = None,
+        opencl_device: str | None = None,
+        context_of: Callable[[cl.Device], cl.Context] = lambda device: cl.Context([device]),
+    ) -> None:
+        self._cache_dir, self._context_of = cache_dir, context_of
         keep_starters_in_memory()
         self._programs: dict[tuple, cl.Program] = {}
         self._kernels: dict[tuple, Kernel] = {}
@@ -82,7 +88,7 @@ class Compute:
         failures = []
         for device in devices:
             try:
-                return _probed(device, self._cache_dir)
+                return _probed(self._context_of(device), self._cache_dir)
             except cl.Error as error:
                 failures.append(
                     f"{device.name.strip()} ({device.platform.version.strip()}): {_reason(error)}"
@@ -92,9 +98,8 @@ class Compute:
         )
 
 
-def _probed(device: cl.Device, cache_dir: str | None) -> cl.Context:
-    """Return a context of a device that has built a kernel; raises cl.Error."""
-    context = cl.Context([device])
+def _probed(context: cl.Context, cache_dir: str | None) -> cl.Context:
+    """Return a context that has built a kernel; raises cl.Error."""
     _build(context, _PROBE, cache_dir)
     return context
 
@@ -108,7 +113,7 @@ def _build(
 def trouble_with(device: cl.Device) -> str:
     """Return why a device cannot build kernels, empty if it can."""
     try:
-        _probed(device, None)
+        _probed(cl.Context([device]), None)
     except cl.Error as error:
         return _reason(error)
     return ""

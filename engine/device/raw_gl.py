@@ -26,6 +26,9 @@ FLOAT = 0x1406
 LOWER_LEFT = 0x8CA1
 ZERO_TO_ONE = 0x935F
 DEPTH_CLAMP = 0x864F
+PIXEL_PACK_BUFFER = 0x88EB
+RGBA, RED_INTEGER = 0x1908, 0x8D94
+SYNC_GPU_COMMANDS_COMPLETE = 0x9117
 
 _UINT, _INT, _FLOAT, _POINTER = ctypes.c_uint, ctypes.c_int, ctypes.c_float, ctypes.c_void_p
 _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
@@ -44,6 +47,13 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "glBindBuffer": (None, (_UINT, _UINT)),
     "glVertexAttribIPointer": (None, (_UINT, _INT, _UINT, _INT, _POINTER)),
     "glClipControl": (None, (_UINT, _UINT)),
+    "glFenceSync": (_POINTER, (_UINT, _UINT)),
+    "glFlush": (None, ()),
+    "glGetTexImage": (None, (_UINT, _INT, _UINT, _UINT, _POINTER)),
+    "glCreateBuffers": (None, (_INT, ctypes.POINTER(_UINT))),
+    "glCreateMemoryObjectsEXT": (None, (_INT, ctypes.POINTER(_UINT))),
+    "glImportMemoryFdEXT": (None, (_UINT, ctypes.c_uint64, _UINT, _INT)),
+    "glNamedBufferStorageMemEXT": (None, (_UINT, ctypes.c_ssize_t, _UINT, ctypes.c_uint64)),
 }
 
 
@@ -106,6 +116,29 @@ class RawGL:
     def clear_depth(self, depth: float) -> None:
         """Clear the depth of all layers of the bound framebuffer."""
         self("glClearBufferfv", DEPTH, 0, (_FLOAT * 1)(depth))
+
+    def fence(self) -> int:
+        """Put a fence into the queue; return its GLsync."""
+        fence = self("glFenceSync", SYNC_GPU_COMMANDS_COMPLETE, 0)
+        self("glFlush")
+        return int(fence)
+
+    def imported_buffer(self, descriptor: int, size: int, kind: int) -> int:
+        """Return a buffer in memory that a file descriptor of a kind stands for (GL_EXT_memory_object_fd)."""
+        memory, buffer = _UINT(), _UINT()
+        self("glCreateMemoryObjectsEXT", 1, ctypes.byref(memory))
+        self("glImportMemoryFdEXT", memory.value, size, kind, descriptor)
+        self("glCreateBuffers", 1, ctypes.byref(buffer))
+        self("glNamedBufferStorageMemEXT", buffer.value, size, memory.value, 0)
+        return buffer.value
+
+    def read_texture_array(self, texture: int, integers: bool, buffer: int) -> None:
+        """Copy a texture array of 4 floats or of one unsigned integer into a buffer."""
+        self("glBindTexture", TEXTURE_2D_ARRAY, texture)
+        self("glBindBuffer", PIXEL_PACK_BUFFER, buffer)
+        kind = (RED_INTEGER, UNSIGNED_INT) if integers else (RGBA, FLOAT)
+        self("glGetTexImage", TEXTURE_2D_ARRAY, 0, *kind, None)
+        self("glBindBuffer", PIXEL_PACK_BUFFER, 0)
 
     def attach_layered_depth(self, depth: DepthArray) -> bool:
         """Attach a depth array to the bound framebuffer; return True if it is complete."""

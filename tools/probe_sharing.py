@@ -1,0 +1,212 @@
+"""Prints what a machine offers to share what OpenGL draws with OpenCL, and times each way (paper, IV.C).
+
+Takes less than a minute. Figures of desktop cards are welcome in an issue.
+
+    python tools/probe_sharing.py [--mib 64] [--device "NVIDIA CUDA: ..."]
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import moderngl
+import numpy as np
+import pyopencl as cl
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.tables import table
+from engine import Settings
+from engine.device import sharing
+from engine.device.cl_library import ClLibrary
+from engine.device.compute import Compute, device_name, found_devices
+from engine.device.graphics import Graphics
+from engine.device.share import HostCopy
+from engine.errors import EngineError
+from engine.gather.glsl import GlslIntegrator
+from engine.gather.opencl import HemicubeIntegrator
+from engine.patches.subdivision import subdivide
+from engine.visibility.raster.targets import RadianceTarget
+from engine.visibility.raster.tiles import COPIED_RADIANCE_BYTES, plan_tiles
+from engine.visibility.views.hemicubes import Hemicubes
+from tests.analytic.scenes import nine_quad_room
+from tools.vulkan_memory import VulkanMemory
+
+#: Updates that are timed, after one that is not; seconds after which no more begin.
+_UPDATES, _BUDGET = 20, 3.0
+
+#: Extensions that have to do with sharing.
+_WORDS = ("gl_", "GL_ARB_cl_event", "external", "memory_object", "EXT_semaphore", "khr_semaphore")
+
+
+def main() -> None:
+    """Print the lists of extensions, the rungs, and what an iteration spends on handing over."""
+    options = _options()
+    graphics = Graphics()
+    try:
+        context = graphics.context
+        print(f"OpenGL: {graphics.name}, {context.info['GL_VERSION']}")
+        print("  " + (" ".join(sorted(filter(_shares, context.extensions))) or "nothing about sharing"))
+        for device in found_devices():
+            print(f"OpenCL: {device_name(device)}, driver {device.driver_version.strip()}")
+            listed = sorted(filter(_shares, device.extensions.split()))
+            print("  " + (" ".join(listed) or "nothing about sharing"))
+        compute = Compute(opencl_device=options.device)
+        print(f"\nThe ladder on {device_name(compute.device)}, {options.mib} MiB:\n")
+        print(table(("way", "waits by", "ms", "GB/s", "outcome"), _ladder(graphics, compute, options)))
+        print("\nAn iteration of 10,700 patches, hemicubes 64 wide, ms:\n")
+        print(table(("part", "ms", "of the whole"), _iteration(graphics, compute)))
+    finally:
+        graphics.release()
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--mib", type=int, default=64, help="size of the texture array")
+    parser.add_argument("--device", help="OpenCL device, as this tool prints it")
+    return parser.parse_args()
+
+
+def _shares(extension: str) -> bool:
+    return any(word in extension for word in _WORDS)
+
+
+def _ladder(graphics: Graphics, compute: Compute, options: argparse.Namespace) -> list[tuple[str, ...]]:
+    """Return a row for each way, from the best to the host's."""
+    layers = max(1, options.mib // 16)
+    texture = graphics.context.texture_array((1024, 1024, layers), 4, dtype="f4")
+    rows = []
+    for rung in sharing.RUNGS:
+        opencl, opengl = compute.device.extensions.split(), graphics.context.extensions
+        missing = sharing.missing_extensions(rung, opencl, opengl)
+        if missing:
+            rows.append((rung, "", "", "", f"not offered: no {', '.join(missing)}"))
+            continue
+        kinds = ["copy"] if rung == "host" else ["finish"]
+        if rung in ("texture", "buffer") and "cl_khr_gl_event" in opencl:
+            kinds.append("events")
+        rows += [_tried(rung, kind, graphics, compute, texture) for kind in kinds]
+    graphics.discard(texture)
+    return rows
+
+
+def _tried(
+    rung: str, kind: str, graphics: Graphics, compute: Compute, texture: moderngl.TextureArray
+) -> tuple[str, ...]:
+    """Return the row of a way: its time, or why it does not work."""
+    try:
+        share, compute = _share(rung, kind, graphics, compute, texture)
+        right = _hands_over(share, compute, texture)
+        seconds = _time(lambda: (share.update(), compute.queue.finish()))
+    except (EngineError, cl.Error, OSError) as error:
+        return rung, kind, "", "", str(error).splitlines()[0]
+    rate = sharing.texture_bytes(texture) / seconds / 1e9
+    return rung, kind, f"{1000 * seconds:.3f}", f"{rate:.1f}", "works" if right else "WRONG VALUES"
+
+
+def _share(
+    rung: str, kind: str, graphics: Graphics, compute: Compute, texture: moderngl.TextureArray
+) -> tuple[Any, Compute]:
+    """Return a way to share a texture, and the device with the context that can."""
+    if rung == "host":
+        return HostCopy(compute, texture), compute
+    library = ClLibrary(compute.device.platform.int_ptr)
+    if rung == "external memory":
+        handover = sharing.Finish(graphics, compute)
+        export = VulkanMemory().export
+        return sharing.ExternalShare(graphics, compute, library, handover, texture, export), compute
+    graphics.use()
+    properties = sharing.current_gl_context()
+    context_of = partial(sharing.shared_context, library=library, properties=properties)
+    compute = Compute(opencl_device=device_name(compute.device), context_of=context_of)
+    handover = sharing.Finish(graphics, compute)
+    if kind == "events":
+        handover = sharing.Events(graphics, compute, library)
+    if rung == "texture":
+        return sharing.TextureShare(compute, library, handover, texture), compute
+    return sharing.BufferShare(graphics, compute, library, handover, texture), compute
+
+
+def _hands_over(share: Any, compute: Compute, texture: moderngl.TextureArray) -> bool:
+    """Return whether OpenCL sees what was drawn, twice."""
+    random = np.random.default_rng(5)
+    for _ in range(2):
+        drawn = random.random(sharing.texture_bytes(texture) // 4, np.float32)
+        texture.write(drawn.tobytes())
+        seen = np.empty_like(drawn)
+        cl.enqueue_copy(compute.queue, seen, share.update())
+        if not np.array_equal(seen, drawn):
+            return False
+    return True
+
+
+def _time(work: Callable[[], object]) -> float:
+    """Return the mean seconds of some work."""
+    work()
+    start, times = time.perf_counter(), 0
+    while times < _UPDATES and time.perf_counter() - start < _BUDGET:
+        work()
+        times += 1
+    return (time.perf_counter() - start) / times
+
+
+def _iteration(graphics: Graphics, compute: Compute) -> list[tuple[str, str, str]]:
+    """Return what the parts of an iteration take: in OpenGL alone, and with a copy to OpenCL."""
+    scene, settings = nine_quad_room(), Settings(resolution=128, hemicube=64, sample_emission=False)
+    parts = subdivide(graphics, scene, settings)
+    tiles = plan_tiles(settings, len(parts.patches), COPIED_RADIANCE_BYTES)
+    emission, sky = parts.surfaces.emission, np.zeros((1, 1, 3), np.float32)
+    target = RadianceTarget(graphics, tiles, emission, (0.0, 0.0, 0.0, 2.0))
+    target.set_radiance(emission)
+    hemicubes = Hemicubes(graphics, parts, tiles, target, settings, again=True)
+    rows = []
+    seconds = {"draw, glFinish": 0.0, "GLSL sum, nothing leaves": 0.0}
+    glsl = (
+        GlslIntegrator(graphics, tiles, target.texture, hemicubes.depth, sky) if graphics.computes else None
+    )
+
+    def in_opengl(_first: int, _last: int, frames: np.ndarray) -> None:
+        _add(seconds, "draw, glFinish", graphics.context.finish)
+        _add(seconds, "GLSL sum, nothing leaves", lambda: glsl.integrate(frames))
+
+    copy, opencl = HostCopy(compute, target.texture), HemicubeIntegrator(compute, tiles, sky)
+    others = {"draw, glFinish": 0.0, "copy through the host, clFinish": 0.0, "OpenCL sum, one wait": 0.0}
+
+    def in_opencl(_first: int, _last: int, frames: np.ndarray) -> None:
+        _add(others, "draw, glFinish", graphics.context.finish)
+        _add(others, "copy through the host, clFinish", lambda: (copy.update(), compute.queue.finish()))
+        _add(others, "OpenCL sum, one wait", lambda: opencl.integrate(copy.buffer, frames))
+
+    for name, parts_of, take in (("OpenGL", seconds, in_opengl), ("OpenCL", others, in_opencl)):
+        if name == "OpenGL" and glsl is None:
+            continue
+        whole = _timed_iteration(hemicubes, parts_of, take)
+        parts_of["draw, glFinish"] = whole - sum(list(parts_of.values())[1:])
+        rows += [(f"{name}: {part}", f"{1000 * s:.1f}", f"{s / whole:.1%}") for part, s in parts_of.items()]
+    return rows
+
+
+def _timed_iteration(hemicubes: Hemicubes, parts: dict[str, float], take: Callable) -> float:
+    """Return the seconds of the second of two iterations, whose parts are added up."""
+    for _ in range(2):
+        parts.update(dict.fromkeys(parts, 0.0))
+        start = time.perf_counter()
+        for _ in hemicubes.draw(0, hemicubes.count, take):
+            pass
+    return time.perf_counter() - start
+
+
+def _add(seconds: dict[str, float], name: str, work: Callable[[], object]) -> None:
+    start = time.perf_counter()
+    work()
+    seconds[name] += time.perf_counter() - start
+
+
+if __name__ == "__main__":
+    main()

@@ -1,6 +1,6 @@
 """Prints what a machine offers to share what OpenGL draws with OpenCL, and times each way (paper, IV.C).
 
-Takes less than a minute. Figures of desktop cards are welcome in an issue.
+Takes less than a minute. Each way is tried in a process of its own. Figures of desktop cards are welcome.
 
     python tools/probe_sharing.py [--mib 64] [--device "NVIDIA CUDA: ..."]
 """
@@ -8,6 +8,8 @@ Takes less than a minute. Figures of desktop cards are welcome in an issue.
 from __future__ import annotations
 
 import argparse
+import json
+import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -41,6 +43,9 @@ from tools.vulkan_memory import VulkanMemory
 #: Updates that are timed, after one that is not; seconds after which no more begin.
 _UPDATES, _BUDGET = 20, 3.0
 
+#: Seconds that a way gets.
+_PATIENCE = 15
+
 #: Extensions that have to do with sharing.
 _WORDS = ("gl_", "GL_ARB_cl_event", "external", "memory_object", "EXT_semaphore", "khr_semaphore")
 
@@ -48,6 +53,9 @@ _WORDS = ("gl_", "GL_ARB_cl_event", "external", "memory_object", "EXT_semaphore"
 def main() -> None:
     """Print the lists of extensions, the rungs, and what an iteration spends on handing over."""
     options = _options()
+    if options.rung:
+        print(json.dumps(_alone(*options.rung, options)))
+        return
     graphics = Graphics()
     try:
         context = graphics.context
@@ -58,10 +66,11 @@ def main() -> None:
             listed = sorted(filter(_shares, device.extensions.split()))
             print("  " + (" ".join(listed) or "nothing about sharing"))
         compute = Compute(opencl_device=options.device)
-        print(f"\nThe ladder on {device_name(compute.device)}, {options.mib} MiB:\n")
-        print(table(("way", "waits by", "ms", "GB/s", "outcome"), _ladder(graphics, compute, options)))
-        print("\nAn iteration of 10,700 patches, hemicubes 64 wide, ms:\n")
-        print(table(("part", "ms", "of the whole"), _iteration(graphics, compute)))
+        print(f"\nThe ladder on {device_name(compute.device)}, {options.mib} MiB:\n", flush=True)
+        rows = _ladder(graphics, compute.device, options)
+        print(table(("way", "waits by", "ms", "GB/s", "outcome"), rows))
+        print(f"\nAn iteration of 10,700 patches, hemicubes {options.hemicube} wide:\n", flush=True)
+        print(table(("part", "ms", "of the whole"), _iteration(graphics, compute, options.hemicube)))
     finally:
         graphics.release()
 
@@ -69,7 +78,9 @@ def main() -> None:
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--mib", type=int, default=64, help="size of the texture array")
+    parser.add_argument("--hemicube", type=int, default=32, help="width of the hemicubes of the iteration")
     parser.add_argument("--device", help="OpenCL device, as this tool prints it")
+    parser.add_argument("--rung", nargs=2, metavar=("WAY", "WAITS"), help="try one way, and print its row")
     return parser.parse_args()
 
 
@@ -77,37 +88,48 @@ def _shares(extension: str) -> bool:
     return any(word in extension for word in _WORDS)
 
 
-def _ladder(graphics: Graphics, compute: Compute, options: argparse.Namespace) -> list[tuple[str, ...]]:
+def _ladder(
+    graphics: Graphics, device: cl.Device, options: argparse.Namespace
+) -> list[tuple[str | None, ...]]:
     """Return a row for each way, from the best to the host's."""
-    layers = max(1, options.mib // 16)
-    texture = graphics.context.texture_array((1024, 1024, layers), 4, dtype="f4")
-    rows = []
+    opencl, rows = device.extensions.split(), []
     for rung in sharing.RUNGS:
-        opencl, opengl = compute.device.extensions.split(), graphics.context.extensions
-        missing = sharing.missing_extensions(rung, opencl, opengl)
+        missing = sharing.missing_extensions(rung, opencl, graphics.context.extensions)
         if missing:
-            rows.append((rung, "", "", "", f"not offered: no {', '.join(missing)}"))
+            rows.append((rung, None, None, None, f"not offered: no {', '.join(missing)}"))
             continue
         kinds = ["copy"] if rung == "host" else ["finish"]
         if rung in ("texture", "buffer") and "cl_khr_gl_event" in opencl:
             kinds.append("events")
-        rows += [_tried(rung, kind, graphics, compute, texture) for kind in kinds]
-    graphics.discard(texture)
+        rows += [(rung, kind, *_tried(rung, kind, options)) for kind in kinds]
     return rows
 
 
-def _tried(
-    rung: str, kind: str, graphics: Graphics, compute: Compute, texture: moderngl.TextureArray
-) -> tuple[str, ...]:
-    """Return the row of a way: its time, or why it does not work."""
+def _tried(rung: str, kind: str, options: argparse.Namespace) -> list[Any]:
+    """Return milliseconds, GB/s and outcome of a way, found out by a process of its own: drivers may hang."""
+    command = [sys.executable, __file__, "--mib", str(options.mib), "--rung", rung, kind]
+    command += ["--device", options.device] if options.device else []
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=_PATIENCE, check=False)
+    except subprocess.TimeoutExpired:
+        return [None, None, f"no answer in {_PATIENCE} s"]
+    if done.returncode:
+        return [None, None, (done.stderr.strip().splitlines() or [f"crashes ({done.returncode})"])[-1]]
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def _alone(rung: str, kind: str, options: argparse.Namespace) -> list[Any]:
+    """Return milliseconds, GB/s and outcome of a way."""
+    graphics, compute = Graphics(), Compute(opencl_device=options.device)
+    texture = graphics.context.texture_array((1024, 1024, max(1, options.mib // 16)), 4, dtype="f4")
     try:
         share, compute = _share(rung, kind, graphics, compute, texture)
         right = _hands_over(share, compute, texture)
         seconds = _time(lambda: (share.update(), compute.queue.finish()))
     except (EngineError, cl.Error, OSError) as error:
-        return rung, kind, "", "", str(error).splitlines()[0]
+        return [None, None, str(error).splitlines()[0]]
     rate = sharing.texture_bytes(texture) / seconds / 1e9
-    return rung, kind, f"{1000 * seconds:.3f}", f"{rate:.1f}", "works" if right else "WRONG VALUES"
+    return [1000 * seconds, rate, "works" if right else "WRONG VALUES"]
 
 
 def _share(
@@ -156,9 +178,9 @@ def _time(work: Callable[[], object]) -> float:
     return (time.perf_counter() - start) / times
 
 
-def _iteration(graphics: Graphics, compute: Compute) -> list[tuple[str, str, str]]:
+def _iteration(graphics: Graphics, compute: Compute, hemicube: int) -> list[tuple[str, float, str]]:
     """Return what the parts of an iteration take: in OpenGL alone, and with a copy to OpenCL."""
-    scene, settings = nine_quad_room(), Settings(resolution=128, hemicube=64, sample_emission=False)
+    scene, settings = nine_quad_room(), Settings(resolution=128, hemicube=hemicube, sample_emission=False)
     parts = subdivide(graphics, scene, settings)
     tiles = plan_tiles(settings, len(parts.patches), COPIED_RADIANCE_BYTES)
     emission, sky = parts.surfaces.emission, np.zeros((1, 1, 3), np.float32)
@@ -188,7 +210,7 @@ def _iteration(graphics: Graphics, compute: Compute) -> list[tuple[str, str, str
             continue
         whole = _timed_iteration(hemicubes, parts_of, take)
         parts_of["draw, glFinish"] = whole - sum(list(parts_of.values())[1:])
-        rows += [(f"{name}: {part}", f"{1000 * s:.1f}", f"{s / whole:.1%}") for part, s in parts_of.items()]
+        rows += [(f"{name}: {part}", 1000 * s, f"{s / whole:.1%}") for part, s in parts_of.items()]
     return rows
 
 

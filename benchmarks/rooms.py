@@ -25,6 +25,18 @@ def cornell_box(resolution: int) -> Scene:
     return Scene((_charted(pieces, materials, resolution, "Box"),), _materials(15.0))
 
 
+def inset_box(resolution: int) -> Scene:
+    """Return the same box with its light set into the ceiling: its back shines on nothing; 25 quads."""
+    pieces, materials = _cornell_quads()
+    walls = [*pieces[:1], *pieces[2:-1]]
+    cuts, ceiling = (0.0, 0.75, 1.25, ROOM), []
+    for i, j in ((0, 0), (0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1), (2, 2), (1, 1)):
+        across, along = (cuts[i] - cuts[i + 1], 0, 0), (0, cuts[j + 1] - cuts[j], 0)
+        ceiling.append(rectangle((cuts[i + 1], cuts[j], ROOM), across, along))
+    materials = [*materials[:1], *materials[2:-1], *[_WHITE] * 8, _LIGHT]
+    return Scene((_charted([*walls, *ceiling], materials, resolution, "Box"),), _materials(15.0))
+
+
 def dark_box(resolution: int, lamps: int) -> Scene:
     """Return the same box without its light, lit by `lamps` point lamps in a grid below the ceiling."""
     pieces, materials = _cornell_quads()

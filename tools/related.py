@@ -1,0 +1,244 @@
+"""Compares related methods with Hemibake's: error over time of a room with a light in its ceiling.
+
+Progressive shooting (Cohen et al. 1988; Coombe, Harris and Lastra 2004) on kept visibility, instant radiosity
+(Keller 1997), the paper's iteration and Hemibake's. Writes the picture and, beside it, the figures as JSON.
+
+    python tools/related.py [--resolution 48] [--hemicube 32] [--out docs/paper/related.png]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import pyopencl as cl
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.rooms import inset_box
+from engine import Settings
+from engine.device.compute import Compute
+from engine.device.graphics import Graphics
+from engine.direct.sky import whole_sky
+from engine.patches.subdivision import Subdivision, subdivide
+from engine.plan.choose import choose_solver
+from engine.plan.solve_job import SolveJob
+from engine.reference.form_factors import form_factors
+from engine.reference.gauss_seidel import gather, gauss_seidel
+from engine.reference.instant_radiosity import InstantRadiosity
+from engine.reference.shooting import Shooting
+from engine.visibility.identity import SeenBuffers
+from engine.visibility.rays.identity import RayIdentity
+from engine.visibility.rays.ray_scene import RayScene
+from engine.visibility.views.viewpoints import viewpoints
+
+
+@dataclass
+class Curve:
+    """One method; a point for each estimate.
+
+    seconds  since the start, visibility included
+    views    hemicubes that were summed or shot through, or lights whose shadows were cast, per patch
+    error    mean |E - E_gs| over patches and channels, fraction of mean E_gs
+    """
+
+    name: str
+    seconds: list[float] = field(default_factory=list)
+    views: list[float] = field(default_factory=list)
+    error: list[float] = field(default_factory=list)
+
+
+class Room:
+    """The room, what its patches see of each other, and its light by the full matrix."""
+
+    def __init__(self, graphics: Graphics, compute: Compute, settings: Settings) -> None:
+        self.graphics, self.compute, self.settings = graphics, compute, settings
+        self.scene = inset_box(settings.resolution)
+        self.parts: Subdivision = subdivide(graphics, self.scene, settings)
+        self.rays = RayScene(compute, self.parts)
+        self.polygon = np.concatenate([mesh.face for mesh in self.scene.meshes])
+        surfaces, geometry = self.parts.surfaces, self.parts.geometry
+        factors = form_factors(geometry, self.scene)
+        radiance, _ = gauss_seidel(factors, surfaces.emission, surfaces.reflectance)
+        self._truth = gather(factors, radiance, surfaces.emission)
+
+    def error(self, irradiance: np.ndarray) -> float:
+        """Return how far E/pi is from that of the full matrix; see `Curve`."""
+        return float(np.abs(irradiance - self._truth).mean() / self._truth.mean())
+
+    def job(self, settings: Settings) -> SolveJob:
+        """Return the radiosity equation of the room."""
+        emission, area = self.parts.surfaces.emission, self.parts.geometry.area
+        dark, sky = np.zeros_like(emission), whole_sky(self.scene.world)
+        return SolveJob(
+            self.graphics, self.compute, self.parts, self.rays, emission, sky, dark, area, settings
+        )
+
+    def seen(self) -> np.ndarray:
+        """Return which patch + 1 every texel of every patch's hemicube shows, (n, 3 N N)."""
+        job, count = self.job(self.settings), len(self.parts.patches)
+        identity = RayIdentity(self.compute, self.rays, self.parts, job.surroundings, self.settings)
+        cache, light, part = (
+            cl.Buffer(self.compute.context, cl.mem_flags.READ_WRITE, size * count)
+            for size in (identity.row_bytes, 16, 4)
+        )
+        for _ in identity.find(0, count, SeenBuffers(cache, 0, light, part)):
+            pass
+        size = identity.row_bytes // identity.samples
+        seen = np.empty((count, identity.samples), np.uint16 if size == 2 else np.uint32)
+        cl.enqueue_copy(self.compute.queue, seen, cache)
+        return seen
+
+
+def main() -> None:
+    """Solve, compare, draw."""
+    options = _options()
+    settings = Settings(
+        resolution=options.resolution, hemicube=options.hemicube, visibility="rays",
+        directions="hemicube", method="cached", sample_emission=False, iterations=40, tolerance=0,
+    )  # fmt: skip
+    graphics = Graphics()
+    try:
+        room = Room(graphics, Compute(), settings)
+        room.seen()
+        curves = [
+            _gathered(room, "Hemibake: gathered, accelerated", settings),
+            _gathered(room, "the paper's iteration, kept views", replace(settings, accelerate=False)),
+            *_shot(room),
+            _virtual_lights(room, options.particles),
+        ]
+    finally:
+        graphics.release()
+    for curve in curves:
+        print(f"{curve.name}: {curve.error[-1]:.2%} after {curve.seconds[-1]:.2f} s")
+    _write(curves, len(room.parts.patches), options)
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--resolution", type=int, default=48)
+    parser.add_argument("--hemicube", type=int, default=32)
+    parser.add_argument("--particles", type=int, default=400)
+    parser.add_argument("--out", type=Path, default=Path("docs/paper/related.png"))
+    return parser.parse_args()
+
+
+def _gathered(room: Room, name: str, settings: Settings) -> Curve:
+    """Iterate; the first iteration finds what patches see."""
+    solution, *_ = choose_solver(room.job(settings))
+    curve, watch = Curve(name), Stopwatch()
+    while not solution.done:
+        with watch:
+            for _ in solution.iteration():
+                pass
+            irradiance = solution.irradiance
+        curve.seconds.append(watch.seconds)
+        curve.views.append(float(solution.iterations))
+        curve.error.append(room.error(irradiance))
+    return curve
+
+
+def _shot(room: Room) -> list[Curve]:
+    """Shoot until what is left is 0.01 % of the light, without and with the ambient term."""
+    watch, surfaces, geometry = Stopwatch(), room.parts.surfaces, room.parts.geometry
+    with watch:
+        seen, points = room.seen(), viewpoints(room.parts.triangles, geometry, room.settings)
+        polygon = room.polygon[geometry.triangle]
+        shooting = Shooting(geometry, seen, points, polygon, surfaces.emission, surfaces.reflectance)
+    plain, ambient = Curve("progressive shooting"), Curve("progressive shooting + ambient")
+    start = shooting.unshot.sum()
+    while shooting.unshot.sum() > 1e-4 * start:
+        with watch:
+            for _ in range(max(1, shooting.shots // 12)):
+                shooting.shoot()
+        for curve, more in ((plain, 0.0), (ambient, shooting.ambient)):
+            curve.seconds.append(watch.seconds)
+            curve.views.append(shooting.shots / len(seen))
+            curve.error.append(room.error(shooting.irradiance + more))
+    return [plain, ambient]
+
+
+def _virtual_lights(room: Room, particles: int) -> Curve:
+    """Add up virtual point lights; nearer than a texel's width they count as so far away."""
+    triangles, geometry = room.parts.triangles, room.parts.geometry
+    emission, reflectance = (
+        np.stack([getattr(material, name) for material in room.scene.materials])[triangles.material]
+        for name in ("emission", "reflectance")
+    )
+    nearest = float(np.sqrt(np.median(geometry.area)))
+    method = InstantRadiosity(triangles, geometry, room.polygon, emission, reflectance, nearest)
+    curve, watch = Curve("instant radiosity"), Stopwatch()
+    estimates: Iterator[tuple[int, np.ndarray]] = method.estimates(particles)
+    for lights, irradiance in watch.each(estimates):
+        curve.seconds.append(watch.seconds)
+        curve.views.append(lights / len(room.polygon[geometry.triangle]))
+        curve.error.append(room.error(irradiance))
+    return curve
+
+
+class Stopwatch:
+    """Seconds that were spent within it."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+
+    def __enter__(self) -> None:
+        self._started = time.perf_counter()
+
+    def __exit__(self, *_: object) -> None:
+        self.seconds += time.perf_counter() - self._started
+
+    def each(self, steps: Iterator) -> Iterator:
+        """Yield what an iterator does, and count what that takes."""
+        while True:
+            with self:
+                step = next(steps, None)
+            if step is None:
+                return
+            yield step
+
+
+def _write(curves: list[Curve], patches: int, options: argparse.Namespace) -> None:
+    """Write the graphs, and the figures as JSON beside them."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, (over_time, over_views) = pyplot.subplots(
+        1, 2, figsize=(10.5, 4.3), sharey=True, layout="constrained"
+    )
+    across: list[tuple] = [
+        (over_time, "seconds", "seconds, visibility included"),
+        (over_views, "views", "views used for each patch"),
+    ]
+    for axes, name, label in across:
+        for curve in curves:
+            axes.loglog(getattr(curve, name), 100 * np.array(curve.error), ".-", ms=3, lw=1, label=curve.name)
+        axes.set_xlabel(label)
+        axes.grid(which="both", alpha=0.2)
+    over_time.set_ylabel("mean difference of E/π to Gauss–Seidel\n(% of the mean)")
+    over_views.legend(fontsize=8)
+    figure.suptitle(f"Box with a light in its ceiling, {patches:,} patches, N = {options.hemicube}")
+    figure.savefig(options.out, dpi=110)
+    pyplot.close(figure)
+    figures = [
+        {name: _rounded(value) if isinstance(value, list) else value for name, value in asdict(curve).items()}
+        for curve in curves
+    ]
+    data = {"patches": patches, "hemicube": options.hemicube, "curves": figures}
+    options.out.with_suffix(".json").write_text(json.dumps(data) + "\n", encoding="utf-8")
+
+
+def _rounded(values: list[float]) -> list[float]:
+    return [float(f"{value:.5g}") for value in values]
+
+
+if __name__ == "__main__":
+    main()

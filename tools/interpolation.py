@@ -1,0 +1,197 @@
+"""Measures Elias' interpolation of hemicubes (paper, VI.A): how many it saves, and what error that adds.
+
+A hemicube for every fourth texel of a chart; where the corners of a square differ by more than a tolerance,
+its middle and the middles of its sides get hemicubes, and so on down to every texel; all others are
+interpolated. What it has to beat is what saves as much without any code: fewer samples in every hemicube.
+Errors are of bakes of three rooms, against a bake with many more samples. Writes the picture and, beside it,
+the figures as JSON.
+
+    python tools/interpolation.py [--scene NAME] [--out docs/paper/interpolation.png]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.rooms import cornell_box, hilly_room
+from engine import Scene, Settings
+from tests.analytic.drive import drive
+from tests.analytic.scenes import nine_quad_room
+
+#: Scenes, and the width of their lightmaps.
+SCENES: dict[str, tuple[Callable[[], Scene], int]] = {
+    "Cornell box": (lambda: cornell_box(80), 80),
+    "nine quads": (nine_quad_room, 128),
+    "hills": (lambda: hilly_room(80, 800), 80),
+}
+
+#: What is interpolated, and the settings that give it.
+LIGHTS: dict[str, dict] = {
+    "all light, seen by hemicubes": {"sample_emission": False},
+    "indirect light": {"outputs": ("indirect",)},
+}
+
+#: Samples of a patch in the bake that is interpolated, in cheaper ones, and in the one that is nearly true.
+FULL, FEWER, TRUE = 1024, (512, 256, 128, 64), 6144
+
+#: Differences of the corners of a square that are interpolated over, as a fraction of their mean.
+TOLERANCES = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32)
+
+#: Distance of the first hemicubes, texels.
+STEP = 4
+
+
+def main() -> None:
+    """Bake and measure the scenes that were asked for, then draw all that is stored."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "--scene", choices=SCENES, action="append", help="measure only this one; may be repeated"
+    )
+    parser.add_argument("--out", type=Path, default=Path("docs/paper/interpolation.png"))
+    options = parser.parse_args()
+    stored = options.out.with_suffix(".json")
+    figures = json.loads(stored.read_text(encoding="utf-8")) if stored.exists() else {}
+    for name in options.scene or SCENES:
+        figures[name] = {light: _measure(*SCENES[name], more) for light, more in LIGHTS.items()}
+        print(name, json.dumps(figures[name], indent=1))
+    stored.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+    _draw(figures, options.out)
+
+
+def interpolated(image: np.ndarray, known: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the image that Elias' interpolation makes of a chart, and which texels have a hemicube.
+
+    image      (h, w) float, what a hemicube of each texel gathers; 0 where `known` is False
+    known      (h, w) bool, texels of the chart
+    tolerance  see `TOLERANCES`
+    """
+    rows, columns = (np.unique(np.append(np.arange(0, size, STEP), size - 1)) for size in image.shape)
+    result, sampled = np.zeros_like(image), np.zeros(image.shape, bool)
+    squares = [
+        (rows[i], columns[j], rows[min(i + 1, len(rows) - 1)], columns[min(j + 1, len(columns) - 1)])
+        for i in range(max(1, len(rows) - 1))
+        for j in range(max(1, len(columns) - 1))
+    ]
+    while squares:
+        top, left, bottom, right = squares.pop()
+        corners = np.ix_([top, bottom], [left, right])
+        sampled[corners] = True
+        inside = (slice(top, bottom + 1), slice(left, right + 1))
+        values = image[corners]
+        even = np.ptp(values) <= tolerance * values.mean()
+        if known[corners].all() and known[inside].all() and even:
+            v, u = (np.linspace(0, 1, n)[:, None] for n in (bottom - top + 1, right - left + 1))
+            across = values[:, :1] * (1 - u.T) + values[:, 1:] * u.T
+            result[inside] = across[:1] * (1 - v) + across[1:] * v
+        elif max(bottom - top, right - left) > 1:
+            y, x = (top + bottom) // 2, (left + right) // 2
+            ys, xs = sorted({top, y, bottom}), sorted({left, x, right})
+            squares += [
+                (a, c, b, d)
+                for a, b in zip(ys, ys[1:] or ys, strict=False)
+                for c, d in zip(xs, xs[1:] or xs, strict=False)
+            ]
+    sampled &= known
+    result[sampled] = image[sampled]
+    return result, sampled
+
+
+def _measure(make: Callable[[], Scene], resolution: int, more: dict) -> dict[str, list]:
+    """Return pairs of cost, as a part of all samples, and error, of interpolation and of fewer samples."""
+    scene = make()
+    settings = Settings(
+        resolution=resolution, visibility="rays", texel_samples=1, iterations=12, tolerance=1e-3,
+        samples=FULL, intermediates=False, **more,
+    )  # fmt: skip
+    truth, known = _bake(scene, replace(settings, samples=TRUE, seed=1))
+    full, _ = _bake(scene, settings)
+    found: dict[str, list] = {
+        "full": [[1.0, _error(full, truth, known)]], "interpolated": [], "fewer samples": [],
+    }  # fmt: skip
+    chart = _charts(known)
+    for tolerance in TOLERANCES:
+        light, cost = _interpolated_charts(full, chart, tolerance)
+        found["interpolated"].append([cost, _error(light, truth, known)])
+    for samples in FEWER:
+        light, _ = _bake(scene, replace(settings, samples=samples))
+        found["fewer samples"].append([samples / FULL, _error(light, truth, known)])
+    return found
+
+
+def _bake(scene: Scene, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
+    """Return E/pi of all texels, mean of the channels, (r, r) float32, and which are patches, (r, r) bool."""
+    lightmap = drive(scene, settings)
+    return lightmap.image[0].mean(axis=-1), lightmap.has_patch[0]
+
+
+def _error(light: np.ndarray, truth: np.ndarray, known: np.ndarray) -> float:
+    """Return the root of the mean squared error as a fraction of the mean light."""
+    difference = (light - truth)[known]
+    return float(np.sqrt((difference**2).mean()) / truth[known].mean())
+
+
+def _interpolated_charts(light: np.ndarray, chart: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
+    """Return the light with each chart interpolated, and the part of all patches that have hemicubes."""
+    result, count = np.zeros_like(light), 0
+    for number in range(1, chart.max() + 1):
+        y, x = np.nonzero(chart == number)
+        box = (slice(y.min(), y.max() + 1), slice(x.min(), x.max() + 1))
+        known = chart[box] == number
+        smooth, sampled = interpolated(np.where(known, light[box], 0), known, tolerance)
+        result[box][known] = smooth[known]
+        count += int(sampled.sum())
+    return result, count / int((chart > 0).sum())
+
+
+def _charts(known: np.ndarray) -> np.ndarray:
+    """Return the chart of each texel, (r, r) int, from 1 on: patches that touch, since charts lie apart."""
+    label = np.arange(1, known.size + 1).reshape(known.shape) * known
+    while True:
+        padded = np.pad(label, 1)
+        highest = np.maximum.reduce(
+            [padded[1:-1, :-2], padded[1:-1, 2:], padded[:-2, 1:-1], padded[2:, 1:-1]]
+        )
+        grown = np.maximum(label, highest) * known
+        if (grown == label).all():
+            return np.unique(label, return_inverse=True)[1].reshape(known.shape)
+        label = grown
+
+
+def _draw(figures: dict, out: Path) -> None:
+    """Draw error over cost, a panel for each scene and kind of light."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, panels = pyplot.subplots(
+        len(LIGHTS), len(figures), figsize=(3.5 * len(figures), 6.2), layout="constrained", squeeze=False
+    )
+    for column, (scene, lights) in enumerate(figures.items()):
+        for axes, (light, curves) in zip(panels[:, column], lights.items(), strict=True):
+            for (name, points), style in zip(curves.items(), ("k*", "s-", "o--"), strict=True):
+                cost, error = 100 * np.array(points).T
+                axes.plot(cost, error, style, ms=5, label=name)
+            axes.set_title(f"{scene}: {light}", fontsize=8)
+            axes.set_xscale("log")
+            axes.set_yscale("log")
+            axes.grid(which="both", alpha=0.25)
+        panels[-1, column].set_xlabel("samples, % of a full bake", fontsize=8)
+    for axes in panels[:, 0]:
+        axes.set_ylabel("RMSE, % of the mean", fontsize=8)
+    panels[0, 0].legend(fontsize=8)
+    figure.savefig(out, dpi=90)
+    pyplot.close(figure)
+
+
+if __name__ == "__main__":
+    main()

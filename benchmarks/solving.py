@@ -28,7 +28,8 @@ def solving(scene: Scene, settings: Settings, compute: Compute | None = None) ->
     """Give a Solver, what was chosen for it and the number of patches; they see all that emits."""
     graphics = Graphics()
     try:
-        compute, parts = compute or Compute(), subdivide(graphics, scene, settings)
+        compute = compute or Compute()
+        parts = subdivide(graphics, compute, scene, settings)
         emission, sky, rays = parts.surfaces.emission, whole_sky(scene.world), RayScene(compute, parts)
         dark = np.zeros_like(emission)
         area = parts.geometry.area

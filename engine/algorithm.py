@@ -65,7 +65,7 @@ def _bake(
 
     # Texture space subdivision: which texels are patches, and where they are (III.A, IV.A).
     yield stages.begin(stages.patches)
-    parts = subdivide(graphics, scene, settings)
+    parts = subdivide(graphics, compute, scene, settings)
     check_patch_count(len(parts.patches))
     store = LightmapStore(parts.patches, len(atlases), settings.dilation)
     yield stages.listed(parts.surfaces.reflectance)

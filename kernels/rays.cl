@@ -71,25 +71,6 @@ typedef struct {
 } Hit;
 
 #ifdef CUTOUTS
-// A point of an image that shows what another one far beyond its borders does: near enough for int32.
-float2 near_image(const float2 uv, const int extension)
-{
-    if (extension == 0)
-        return uv - floor(uv);
-    return extension == 1 ? uv - 2.0f * floor(0.5f * uv) : clamp(uv, -1.0f, 2.0f);
-}
-
-int wrapped(const int i, const int size, const int extension)
-{
-    if (extension == 0)
-        return i - size * (int)floor((float)i / size);
-    if (extension == 1) {
-        const int folded = i - 2 * size * (int)floor((float)i / (2 * size));
-        return min(folded, 2 * size - 1 - folded);
-    }
-    return clamp(i, 0, size - 1);
-}
-
 float alpha_pixel(const Rays *rays, const int x, const int y, __global const Cutout *map)
 {
     if (map->extension == 3 && (x < 0 || y < 0 || x >= map->width || y >= map->height))

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..device.compute import Compute
 from ..device.graphics import Graphics
 from ..scene.cutouts import Cutouts, read_cutouts
 from ..scene.model import Scene
@@ -43,7 +44,7 @@ class Subdivision:
         return int(self.texel_to_patch.max(initial=0))
 
 
-def subdivide(graphics: Graphics, scene: Scene, settings: Settings) -> Subdivision:
+def subdivide(graphics: Graphics, compute: Compute | None, scene: Scene, settings: Settings) -> Subdivision:
     """Make the patches of a scene (paper, III.A and IV.A); raises Scene-, Settings-, PatchFileError."""
     triangles = join_meshes(scene)
     covered = list_or_load_patches(graphics, scene, triangles, settings)
@@ -51,6 +52,6 @@ def subdivide(graphics: Graphics, scene: Scene, settings: Settings) -> Subdivisi
     warnings += check_overlap(graphics, scene, triangles, covered)
     touched = touched_triangles(graphics, triangles, len(scene.atlases), settings.resolution)
     patches, geometry, texel_to_patch = add_thin_patches(triangles, covered, touched)
-    surfaces = patch_surfaces(scene, triangles, patches, geometry)
+    surfaces = patch_surfaces(compute, scene, geometry, settings.resolution)
     cutouts = read_cutouts(scene)
     return Subdivision(triangles, cutouts, patches, geometry, surfaces, texel_to_patch, tuple(warnings))

@@ -26,7 +26,7 @@ class Bench:
         self.compute, self.graphics = Compute(), Graphics()
 
     def subdivide(self, scene: Scene) -> Subdivision:
-        return subdivide(self.graphics, scene, SETTINGS)
+        return subdivide(self.graphics, self.compute, scene, SETTINGS)
 
     def light(self, scene: Scene, parts: Subdivision, **settings: int) -> np.ndarray:
         """Return E/pi of the green channel at each patch."""

@@ -180,7 +180,7 @@ def stacks(shift):
 @pytest.mark.parametrize("shift", [NEAR, FAR])
 def test_patches_in_contact_are_the_same_without_opencl(graphics, compute, shift):
     scene = stacks(shift)
-    parts = subdivide(graphics, scene, dataclasses.replace(SETTINGS, resolution=128))
+    parts = subdivide(graphics, compute, scene, dataclasses.replace(SETTINGS, resolution=128))
     found = patches_in_contact(RayScene(compute, parts), len(parts.patches))
     on_host = in_contact_on_host(scene, parts)
     assert 100 < found.sum() < len(found) / 2

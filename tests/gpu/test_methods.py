@@ -177,7 +177,7 @@ def test_rays_and_drawing_find_the_same_patches(graphics, compute):
     """
     room = nine_quad_room()
     settings = Settings(resolution=128, hemicube=32, visibility="rays", directions="hemicube")
-    parts = subdivide(graphics, room, settings)
+    parts = subdivide(graphics, compute, room, settings)
     emission, world = parts.surfaces.emission, np.zeros((1, 1, 3), np.float32)
     around = surroundings(compute, emission, world)
     rays = RayIdentity(compute, RayScene(compute, parts), parts, around, settings)

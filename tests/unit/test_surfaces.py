@@ -27,7 +27,7 @@ def textured_square(texture, resolution=16, uvs=((0, 0), (1, 0), (1, 1), (0, 1))
     )
     scene = Scene((mesh,), (Material("M", np.full(3, 0.5, np.float32), BLACK, reflectance_map=texture),))
     patches, triangles = list_patches(scene, resolution), join_meshes(scene)
-    surfaces = patch_surfaces(scene, triangles, patches, patch_geometry(triangles, patches))
+    surfaces = patch_surfaces(None, scene, patch_geometry(triangles, patches), resolution)
     image = np.zeros((resolution * resolution, 3))
     image[patches.texel] = surfaces.reflectance
     return image.reshape(resolution, resolution, 3)

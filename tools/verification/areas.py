@@ -79,6 +79,6 @@ def subdivided(scene, settings):
     context = graphics.Graphics()
     try:
         placed = occluders.place_occluders(scene, settings.resolution)
-        return subdivision.subdivide(context, placed, settings)
+        return subdivision.subdivide(context, None, placed, settings)
     finally:
         context.release()

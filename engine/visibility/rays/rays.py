@@ -48,7 +48,8 @@ class Rays:
 
     def kernels(self, source: Source, *names: str, options: tuple[str, ...] = ()) -> list[Kernel]:
         """Build kernels/rays.cl and more parts after it; return kernels in the names' order."""
-        return self._compute.kernels((CUTOUT, "rays.cl", *source), *names, options=(*self._options, *options))
+        parts = (CUTOUT, "image_borders.cl", "rays.cl", *source)
+        return self._compute.kernels(parts, *names, options=(*self._options, *options))
 
     def cast(
         self, origins: np.ndarray, directions: np.ndarray, backs: bool = False

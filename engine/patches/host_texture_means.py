@@ -1,0 +1,63 @@
+"""Means of textures over texels as `texture_means` finds them, on the host: for machines without OpenCL."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..scene.color import srgb_to_linear
+from ..scene.model import Mesh, Texture
+from ..scene.resampling import shrink
+from ..scene.textures import sample
+from .geometry import PatchGeometry
+from .textured import SAMPLES, TexturedPatches, averaged_size
+
+
+def multiply_on_host(
+    geometry: PatchGeometry,
+    meshes: Sequence[Mesh],
+    values: np.ndarray,
+    maps: Sequence[tuple[TexturedPatches, Texture]],
+) -> None:
+    """Multiply values of patches, (n, 3) float32, by textures of their materials."""
+    for textured, texture in maps:
+        values[textured.patch] *= _mean(geometry.part(textured.patch), meshes, textured, texture)
+
+
+def _mean(
+    geometry: PatchGeometry, meshes: Sequence[Mesh], textured: TexturedPatches, texture: Texture
+) -> np.ndarray:
+    """Return a texture's mean over each texel, (m, 3) float32."""
+    corners = textured.corners(meshes, texture)
+    side = textured.squares(corners, texture)
+    if texture.srgb and side > 1:
+        texture = replace(texture, pixels=srgb_to_linear(texture.pixels), srgb=False)
+    pixels = shrink(texture.pixels, *averaged_size(texture, side)) if side > 1 else texture.pixels
+
+    # Samples of the texel that lie in the patch's triangle; the patch's own point where none does.
+    local = np.searchsorted(textured.triangles, geometry.triangle)
+    corners, weights = corners[local], geometry.barycentric.astype(np.float64)
+    total, count = np.zeros((len(local), 3)), np.zeros((len(local), 1))
+    for point in _points(weights, textured.steps[local]):
+        inside = (point >= 0).all(axis=1)
+        total[inside] += sample(pixels, _on_texture(point[inside], corners[inside]), texture)
+        count[inside] += 1
+    centre = sample(pixels, _on_texture(weights, corners), texture)
+    mean: np.ndarray = np.where(count > 0, total / np.maximum(count, 1), centre).astype(np.float32)
+    return mean
+
+
+def _points(weights: np.ndarray, steps: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield the barycentrics of one point of every texel, (m, 3) float64; they may lie off the triangle."""
+    offsets = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
+    for v in offsets:
+        for u in offsets:
+            yield weights + u * steps[:, 0] + v * steps[:, 1]
+
+
+def _on_texture(weights: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Return UVs, (m, 2) float64, at barycentrics."""
+    uvs: np.ndarray = np.einsum("nk,nkd->nd", weights, corners)
+    return uvs

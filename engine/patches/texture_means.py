@@ -1,0 +1,82 @@
+"""Means of textures over the texels of patches, by OpenCL."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pyopencl as cl
+
+from ..device.buffers import upload
+from ..device.compute import Compute
+from ..scene.cutouts import EXTENSIONS
+from ..scene.model import Mesh, Texture
+from .geometry import PatchGeometry
+from .textured import SAMPLES, TexturedPatches, averaged_size
+
+#: Bytes of an image that are shrunk at a time.
+_STRIP = 1 << 26
+
+_SOURCE = ("image_borders.cl", "texture_means.cl")
+
+
+class TextureMeans:
+    """Multiplies values of patches by the means of textures over their texels.
+
+    A texel has 4 x 4 samples, of which those in the triangle of its patch count. Images whose pixels are
+    finer are averaged over squares first.
+    """
+
+    def __init__(self, compute: Compute, geometry: PatchGeometry, meshes: Sequence[Mesh]) -> None:
+        self._compute, self._geometry, self._meshes = compute, geometry, meshes
+        self._points = upload(compute, geometry.triangle), upload(compute, geometry.barycentric)
+        self._images: dict[tuple, cl.Buffer] = {}
+        options = (f"-DSAMPLES={SAMPLES}",)
+        self._mean, self._shrink = compute.kernels(_SOURCE, "texture_mean", "shrink", options=options)
+
+    def multiply(self, values: np.ndarray, maps: Sequence[tuple[TexturedPatches, Texture]]) -> None:
+        """Multiply values of patches, (n, 3) float32, by textures of their materials."""
+        buffer = upload(self._compute, values)
+        for textured, texture in maps:
+            self._multiply(buffer, textured, texture)
+        cl.enqueue_copy(self._compute.queue, values, buffer)
+
+    def _multiply(self, values: cl.Buffer, textured: TexturedPatches, texture: Texture) -> None:
+        """Multiply the values of one material's patches by a texture."""
+        count = len(textured.patch)
+        corners = textured.corners(self._meshes, texture)
+        side = textured.squares(corners, texture)
+        height, width = averaged_size(texture, side)
+        place = np.zeros(len(self._geometry.triangles.material), np.int32)
+        place[textured.triangles] = np.arange(len(textured.triangles))
+        steps = textured.steps.astype(np.float32)
+        arrays = (textured.patch.astype(np.int32), place, steps, corners)
+        self._compute.run(
+            self._mean, count, *self._points, *(upload(self._compute, array) for array in arrays),
+            self._image(texture, side), np.int32(width), np.int32(height),
+            np.int32(EXTENSIONS.index(texture.extension)), np.int32(texture.smooth),
+            np.int32(texture.srgb and side == 1), values, np.int32(count),
+        )  # fmt: skip
+
+    def _image(self, texture: Texture, side: int) -> cl.Buffer:
+        """Return the pixels of a texture averaged over squares; materials share those of one image."""
+        key = id(texture.pixels), side, texture.srgb
+        if key not in self._images:
+            shrunk = self._shrunk(texture, side) if side > 1 else upload(self._compute, texture.pixels)
+            self._images[key] = shrunk
+        return self._images[key]
+
+    def _shrunk(self, texture: Texture, side: int) -> cl.Buffer:
+        """Return a texture averaged over squares, scene-linear, as `resampling.shrink` does it."""
+        (height, width), (rows, columns) = texture.pixels.shape[:2], averaged_size(texture, side)
+        image = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, 12 * rows * columns)
+        at_once = max(1, _STRIP // (12 * width * side))
+        for row in range(0, rows, at_once):
+            count = min(at_once, rows - row)
+            first, last = row * height // rows, -(-(row + count) * height // rows)
+            self._compute.run(
+                self._shrink, count * columns, upload(self._compute, texture.pixels[first:last]),
+                np.int32(first), np.int32(width), np.int32(height), np.int32(columns), np.int32(rows),
+                np.int32(texture.srgb), image, np.int32(row * columns), np.int32(count * columns),
+            )  # fmt: skip
+        return image

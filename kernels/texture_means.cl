@@ -1,0 +1,99 @@
+// Means of textures over the texels of patches, and images averaged over squares of their pixels.
+
+// IEC 61966-2-1.
+float3 linear_of(const float3 display)
+{
+    const float3 bent = pow((fmax(display, 0.0f) + 0.055f) / 1.055f, 2.4f);
+    return select(bent, display / 12.92f, islessequal(display, (float3)(0.04045f)));
+}
+
+typedef struct {
+    __global const float *pixels;
+    int width, height, extension;
+} Image;
+
+float3 pixel_at(const Image image, const int x, const int y)
+{
+    if (image.extension == 3 && (x < 0 || y < 0 || x >= image.width || y >= image.height))
+        return (float3)(0.0f);
+    const size_t row = wrapped(y, image.height, image.extension);
+    return vload3(row * image.width + wrapped(x, image.width, image.extension), image.pixels);
+}
+
+float3 shown(const Image image, const float2 uv, const bool smooth, const bool srgb)
+{
+    const float2 pixel = near_image(uv, image.extension) * (float2)(image.width, image.height);
+    const float2 low = floor(smooth ? pixel - 0.5f : pixel), f = pixel - 0.5f - low;
+    const int x = (int)low.x, y = (int)low.y;
+    float3 value = pixel_at(image, x, y);
+    if (smooth)
+        value = mix(mix(value, pixel_at(image, x + 1, y), f.x),
+                    mix(pixel_at(image, x, y + 1), pixel_at(image, x + 1, y + 1), f.x), f.y);
+    return srgb ? linear_of(value) : value;
+}
+
+float2 on_texture(__global const float2 *corner, const float3 weights)
+{
+    return weights.x * corner[0] + weights.y * corner[1] + weights.z * corner[2];
+}
+
+// Multiplies the values of `count` patches by a texture's mean over their texels. places: of each triangle its
+// place in `steps`, two a triangle, and in `corners`, three. Only samples in the patch's triangle count; where
+// none is, the patch's own point does.
+__kernel void texture_mean(__global const int *triangles, __global const float *barycentrics,
+                           __global const int *patches, __global const int *places, __global const float *steps,
+                           __global const float2 *corners, __global const float *pixels, const int width,
+                           const int height, const int extension, const int smooth, const int srgb,
+                           __global float *values, const int count)
+{
+    const int i = get_global_id(0);
+    if (i >= count)
+        return;
+    const int patch = patches[i], place = places[triangles[patch]];
+    const float3 middle = vload3(patch, barycentrics);
+    const float3 along_u = vload3(2 * place, steps), along_v = vload3(2 * place + 1, steps);
+    const Image image = {pixels, width, height, extension};
+    float3 total = 0.0f;
+    int inside = 0;
+    for (int v = 0; v < SAMPLES; ++v)
+        for (int u = 0; u < SAMPLES; ++u) {
+            const float2 offset = ((float2)(u, v) + 0.5f) / SAMPLES - 0.5f;
+            const float3 w = middle + offset.x * along_u + offset.y * along_v;
+            if (w.x >= 0.0f && w.y >= 0.0f && w.z >= 0.0f) {
+                total += shown(image, on_texture(corners + 3 * place, w), smooth, srgb);
+                ++inside;
+            }
+        }
+    const float3 mean =
+        inside > 0 ? total / inside : shown(image, on_texture(corners + 3 * place, middle), smooth, srgb);
+    vstore3(vload3(patch, values) * mean, patch, values);
+}
+
+// Which part of a new pixel of an axis old ones cover: pixel `old` of `size`, pixel `made` of `made_size`.
+float covered(const long old, const long size, const long made, const long made_size)
+{
+    return (float)(min((old + 1) * made_size, (made + 1) * size) - max(old * made_size, made * size)) / size;
+}
+
+// Shrinks an image: every new pixel is the mean over its part of the old ones. pixels: rows from `first` on;
+// `count` new pixels from `start` on are made.
+__kernel void shrink(__global const float *pixels, const int first, const int width, const int height,
+                     const int new_width, const int new_height, const int srgb, __global float *image,
+                     const int start, const int count)
+{
+    const int i = get_global_id(0);
+    if (i >= count)
+        return;
+    const long column = (start + i) % new_width, row = (start + i) / new_width;
+    const long last_row = (row + 1) * height, last_column = (column + 1) * width;
+    float3 total = 0.0f;
+    for (long y = row * height / new_height; y * new_height < last_row; ++y) {
+        float3 line = 0.0f;
+        for (long x = column * width / new_width; x * new_width < last_column; ++x) {
+            const float3 pixel = vload3((size_t)(y - first) * width + x, pixels);
+            line += covered(x, width, column, new_width) * (srgb ? linear_of(pixel) : pixel);
+        }
+        total += covered(y, height, row, new_height) * line;
+    }
+    vstore3(total, start + i, image);
+}

@@ -98,7 +98,7 @@ def _bake(
         yield stages.iterated(solution, image)
 
     # What was asked for; where a texel shows more than its centre, at several points of it.
-    made = yield from stages.run(stages.outputs, outputs.make(solution, parts.geometry.normal))
+    made = yield from stages.run(stages.outputs, outputs.make(solution, parts.geometry))
     texels = DisplayJob(scene, len(atlases), job, solved, choice, lighting, near)
     lit = yield from stages.run(stages.texels, light_in_texels(texels, solution))
 

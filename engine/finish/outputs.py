@@ -14,6 +14,7 @@ from ..solve.solver import Solution
 
 if TYPE_CHECKING:
     from ..direct.lighting import DirectLighting
+    from ..patches.geometry import PatchGeometry
 
 
 def output_names(scene: Scene, settings: Settings) -> list[str]:
@@ -115,10 +116,10 @@ class Outputs:
         first, *_ = (*self._settings.light_outputs, "direct")
         return _light(first, solution)
 
-    def make(self, solution: Light, normals: np.ndarray) -> Generator[float, None, dict[str, np.ndarray]]:
+    def make(self, solution: Light, geometry: PatchGeometry) -> Generator[float, None, dict[str, np.ndarray]]:
         """Make every output, (n, 3) or (n,) float32, by name; yield the fraction done of each.
 
-        normals  (n, 3) float32, unit, world space, of the surface at each point
+        geometry  of each point
         """
         made: dict[str, np.ndarray] = {}
         masks = iter(range(len(self._names)))
@@ -126,7 +127,7 @@ class Outputs:
         if self._settings.directional:
             l1 = self._lighting.l1 + (yield from solution.gather_l1())
             maps = projected_maps if self._settings.projected else directional_maps
-            directional = maps(solution.irradiance, l1, normals)
+            directional = maps(solution.irradiance, l1, geometry.normal)
         for name in self._names:
             if name in directional:
                 made[name] = directional[name]

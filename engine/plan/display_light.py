@@ -53,7 +53,7 @@ class DisplayLight:
     """What display samples receive.
 
     visible  (s,) bool, samples that somebody sees
-    normals  (s, 3) float32, unit, world space
+    normals  (s, 3) float32, unit, world space; (0, 3) unless the settings have them denoised
     values   (s, 3) or (s,) float32 of every output, by name; of none without samples
     reasons   sentences for the report
     warnings  sentences for the user
@@ -159,9 +159,9 @@ def _gather(what: DisplayJob, settled: np.ndarray, points: _Points) -> Generator
     receivers = Receivers(points.parts, points.rays, sampled)
     last, _ = last_gather(what.solved, what.choice, receivers, settings)
     yield from _between(0.3, 0.8, last.gather(settled))
-    outputs = Outputs(what.scene, settings, lighting)
-    normals = points.parts.geometry.normal
-    values = yield from _between(0.8, 1.0, outputs.make(last, normals))
+    outputs, geometry = Outputs(what.scene, settings, lighting), points.parts.geometry
+    values = yield from _between(0.8, 1.0, outputs.make(last, geometry))
+    normals = geometry.normal if settings.denoise else np.zeros((0, 3), np.float32)
     visible = ~is_hidden(last.gathered[:, 3], lighting.near_faces())
     return _Batch(points.samples, ways, visible, normals, last.irradiance, values)
 

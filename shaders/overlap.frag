@@ -1,8 +1,8 @@
 #version 410
-// Added up by blending: the number of triangles that cover a texel's centre.
+// Added up by blending: the number of triangles that cover a texel's centre, in steps of an 8-bit target.
 layout(location = 0) out vec4 out_count;
 
 void main()
 {
-    out_count = vec4(1.0);
+    out_count = vec4(1.0 / 255.0);
 }

@@ -35,10 +35,10 @@ PATCHES = Drawing("patches", ("vert", "frag"), ((1, "u4"), (2, "f4")), _LAST)
 #: Triangle + 1 of every texel that is touched: the one nearest to the texel's centre.
 TOUCHED = Drawing("touched", ("vert", "geom", "frag"), ((1, "u4"),), _NEAREST)
 
-#: Number of triangles that cover each texel's centre.
-OVERLAP = Drawing("overlap", ("vert", "frag"), ((1, "f4"),), _SUM)
+#: Number of triangles that cover each texel's centre, 255 for more.
+OVERLAP = Drawing("overlap", ("vert", "frag"), ((1, "f1"),), _SUM)
 
-_TYPES = {"u4": np.uint32, "f4": np.float32}
+_TYPES = {"u4": np.uint32, "f4": np.float32, "f1": np.uint8}
 
 
 def draw_charts(graphics: Graphics, drawing: Drawing, uvs: np.ndarray, resolution: int) -> list[np.ndarray]:

@@ -9,6 +9,7 @@ from ..errors import OverlapError
 from ..naming import naming
 from ..scene.model import Scene
 from ..scene.triangles import Triangles
+from .border_texels import BorderTexels
 from .chart_raster import OVERLAP, TOUCHED, draw_charts
 from .patch_list import PatchList
 
@@ -16,22 +17,30 @@ from .patch_list import PatchList
 _OVERLAP_TOLERANCE = 0.005
 
 
-def touched_triangles(graphics: Graphics, triangles: Triangles, atlases: int, resolution: int) -> np.ndarray:
-    """Return the triangle that touches each texel, nearest to its centre, or -1.
+def border_texels(graphics: Graphics, triangles: Triangles, texel_to_patch: np.ndarray) -> BorderTexels:
+    """Return all texels that a triangle touches and that are 0 in an index map, (atlases, r, r) uint32."""
+    found = [
+        _border_texels_in(graphics, triangles, atlas, covered) for atlas, covered in enumerate(texel_to_patch)
+    ]
+    texel, triangle = zip(*found, strict=True)
+    return BorderTexels(np.concatenate(texel), np.concatenate(triangle))
 
-    Returns (atlases, resolution, resolution) int32, index into `Triangles`.
+
+def _border_texels_in(
+    graphics: Graphics, triangles: Triangles, atlas: int, covered: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the border texels of one atlas, and the triangle that touches each nearest to its centre."""
+    chosen = np.flatnonzero(triangles.atlas == atlas).astype(np.int32)
+    (number,) = draw_charts(graphics, TOUCHED, triangles.uvs[chosen], len(covered))
+    texel = np.flatnonzero((number[:, 0] > 0) & (covered.ravel() == 0))
+    return atlas * covered.size + texel, chosen[number[texel, 0] - 1]
+
+
+def note_uncovered(scene: Scene, texels: np.ndarray) -> list[str]:
+    """Return a warning that names the objects whose UVs cover no texel's centre.
+
+    texels: see `covered_texels`
     """
-    touched = np.full((atlases, resolution, resolution), -1, np.int32)
-    for atlas in range(atlases):
-        chosen = np.flatnonzero(triangles.atlas == atlas)
-        (number,) = draw_charts(graphics, TOUCHED, triangles.uvs[chosen], resolution)
-        touched[atlas] = np.concatenate([[-1], chosen]).astype(np.int32)[number].reshape(touched[atlas].shape)
-    return touched
-
-
-def note_uncovered(scene: Scene, triangles: Triangles, patches: PatchList) -> list[str]:
-    """Return a warning that names the objects whose UVs cover no texel's centre."""
-    texels = np.bincount(triangles.mesh[patches.triangle], minlength=len(scene.meshes))
     names = [
         mesh.name for mesh, count in zip(scene.meshes, texels, strict=True) if not count and len(mesh.face)
     ]
@@ -44,24 +53,36 @@ def note_uncovered(scene: Scene, triangles: Triangles, patches: PatchList) -> li
     return [naming(sentence, names)]
 
 
-def check_overlap(graphics: Graphics, scene: Scene, triangles: Triangles, patches: PatchList) -> list[str]:
+def covered_texels(scene: Scene, triangles: Triangles, patches: PatchList) -> np.ndarray:
+    """Return how many texels' centres each object covers, (objects,) int64."""
+    of_triangle = np.bincount(patches.triangle, minlength=len(triangles.mesh))
+    texels: np.ndarray = np.bincount(triangles.mesh, of_triangle, len(scene.meshes)).astype(np.int64)
+    return texels
+
+
+def check_overlap(
+    graphics: Graphics, scene: Scene, triangles: Triangles, patches: PatchList, own: np.ndarray
+) -> list[str]:
     """Return a warning for each object a few of whose texels are covered by several triangles.
 
-    Raises OverlapError, naming the objects, if charts truly overlap.
+    own: the patches' index map, see `index_map`. Raises OverlapError, naming the objects, if charts truly
+    overlap.
     """
-    counts = []
-    for atlas in range(len(scene.atlases)):
+    numbers = [np.zeros(0, np.int64)]
+    for atlas, of_texel in enumerate(own):
         uvs = triangles.uvs[triangles.atlas == atlas]
         (count,) = draw_charts(graphics, OVERLAP, uvs, patches.resolution)
-        counts.append(count[patches.texel[patches.atlas == atlas], 0])
-    twice, mesh = np.concatenate(counts) > 1.5, triangles.mesh[patches.triangle]
+        numbers.append(of_texel.ravel()[count[:, 0] > 1].astype(np.int64) - 1)
+    twice = np.concatenate(numbers)
+    twice = twice[twice >= 0]
+    mesh = triangles.mesh[patches.triangle[twice]]
 
     # Fractions of each object's texels; rounding at common chart borders doubles a few texels at most.
-    total = np.bincount(mesh, minlength=len(scene.meshes))
-    doubled = np.bincount(mesh[twice], minlength=len(scene.meshes))
+    total = covered_texels(scene, triangles, patches)
+    doubled = np.bincount(mesh, minlength=len(scene.meshes))
     bad = doubled > np.maximum(_OVERLAP_TOLERANCE * total, 2)
     if bad.any():
-        raise OverlapError(_overlap_message(scene, triangles, patches, np.flatnonzero(twice & bad[mesh])))
+        raise OverlapError(_overlap_message(scene, triangles, patches, twice[bad[mesh]]))
     return [
         naming(
             f"Object {{}}: {doubled[index]} lightmap texels are covered twice.", [scene.meshes[index].name]

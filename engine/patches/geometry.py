@@ -26,6 +26,12 @@ class TexelSteps:
     geometric: np.ndarray
     area: np.ndarray
 
+    @cached_property
+    def longer(self) -> np.ndarray:
+        """Length of the longer step, (t,) float32, metres."""
+        longer: np.ndarray = np.linalg.norm([self.edge_u, self.edge_v], axis=2).max(axis=0)
+        return longer
+
 
 class PatchGeometry:
     """World-space geometry of each patch, computed when it is first asked for.
@@ -45,6 +51,10 @@ class PatchGeometry:
     def part(self, chosen: slice | np.ndarray) -> PatchGeometry:
         """Return the geometry of some patches."""
         return PatchGeometry(self.triangles, self.steps, self.triangle[chosen], self.barycentric[chosen])
+
+    def at(self, patches: PatchList) -> PatchGeometry:
+        """Return the geometry of other patches on the same triangles."""
+        return PatchGeometry(self.triangles, self.steps, patches.triangle, patches.barycentric)
 
     @cached_property
     def center(self) -> np.ndarray:

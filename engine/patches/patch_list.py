@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -35,6 +36,12 @@ class PatchList:
 
     def __len__(self) -> int:
         return len(self.texel)
+
+    @cached_property
+    def key(self) -> np.ndarray:
+        """Texel in all lightmaps, (n,) int64: (atlas * resolution + row) * resolution + column; ascending."""
+        key: np.ndarray = self.atlas.astype(np.int64) * self.resolution**2 + self.texel
+        return key
 
     def part(self, chosen: np.ndarray) -> PatchList:
         """Return some patches, by a mask or their numbers."""
@@ -69,10 +76,11 @@ def _patches_in(graphics: Graphics, triangles: Triangles, atlas: int, resolution
     """Return the patches of one atlas."""
     chosen = np.flatnonzero(triangles.atlas == atlas).astype(np.int32)
     number, barycentric = draw_charts(graphics, PATCHES, triangles.uvs[chosen], resolution)
-    texel = np.flatnonzero(number).astype(np.int32)
-    triangle = chosen[number[texel, 0] - 1]
-    weights = _on_triangle(barycentric[texel])
-    return PatchList(resolution, np.full(len(texel), atlas, np.int32), texel, triangle, weights)
+    texel = np.flatnonzero(number[:, 0] != 0)
+    triangle = np.r_[np.int32(-1), chosen].take(number[:, 0].take(texel))
+    weights = _on_triangle(barycentric.view(np.uint64)[:, 0].take(texel).view(np.float32).reshape(-1, 2))
+    here = np.full(len(texel), atlas, np.int32)
+    return PatchList(resolution, here, texel.astype(np.int32), triangle, weights)
 
 
 def _on_triangle(drawn: np.ndarray) -> np.ndarray:
@@ -80,10 +88,11 @@ def _on_triangle(drawn: np.ndarray) -> np.ndarray:
 
     Those drawn on slivers do not lie on their triangles, or are NaN: they are moved there.
     """
-    first, second = drawn.T
-    third = 1 - first - second
-    barycentric = np.stack([first, second, third], axis=1)
-    off = np.flatnonzero(~(np.minimum(np.minimum(first, second), third) >= 0))
+    barycentric = np.empty((len(drawn), 3), np.float32)
+    first, second, third = barycentric.T
+    first[:], second[:] = drawn.T
+    np.subtract(1 - first, second, out=third)
+    off = np.flatnonzero(~((first >= 0) & (second >= 0) & (third >= 0)))
     inside = np.clip(np.nan_to_num(barycentric[off]), 0, 1)
     total = inside.sum(axis=1, keepdims=True)
     middle = np.float32(1 / 3)

@@ -13,12 +13,12 @@ from ..scene.cutouts import Cutouts, read_cutouts
 from ..scene.model import Scene
 from ..scene.triangles import Triangles, join_meshes
 from ..settings import Settings
-from .coverage import check_overlap, note_uncovered, touched_triangles
-from .geometry import PatchGeometry
+from .coverage import border_texels, check_overlap, covered_texels, note_uncovered
+from .geometry import PatchGeometry, patch_geometry
 from .patch_file import list_or_load_patches
 from .patch_list import PatchList
 from .surfaces import PatchSurfaces, patch_surfaces
-from .texel_to_patch import add_thin_patches
+from .texel_to_patch import add_thin_patches, index_map
 
 
 @dataclass(frozen=True)
@@ -48,10 +48,12 @@ def subdivide(graphics: Graphics, compute: Compute | None, scene: Scene, setting
     """Make the patches of a scene (paper, III.A and IV.A); raises Scene-, Settings-, PatchFileError."""
     triangles = join_meshes(scene)
     covered = list_or_load_patches(graphics, scene, triangles, settings)
-    warnings = [*note_uncovered(scene, triangles, covered)]
-    warnings += check_overlap(graphics, scene, triangles, covered)
-    touched = touched_triangles(graphics, triangles, len(scene.atlases), settings.resolution)
-    patches, geometry, texel_to_patch = add_thin_patches(triangles, covered, touched)
+    own = index_map(covered, len(scene.atlases))
+    warnings = note_uncovered(scene, covered_texels(scene, triangles, covered))
+    warnings += check_overlap(graphics, scene, triangles, covered, own)
+    border = border_texels(graphics, triangles, own)
+    geometry = patch_geometry(triangles, covered)
+    patches, geometry, texel_to_patch = add_thin_patches(compute, geometry, covered, own, border)
     surfaces = patch_surfaces(compute, scene, geometry, settings.resolution)
     cutouts = read_cutouts(scene)
     return Subdivision(triangles, cutouts, patches, geometry, surfaces, texel_to_patch, tuple(warnings))

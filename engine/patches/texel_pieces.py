@@ -58,20 +58,62 @@ def border_pieces(triangles: Triangles, wanted: np.ndarray) -> TexelPieces:
 
     A texel that no border of a triangle crosses has no piece here: one triangle fills it, or none touches it.
     """
-    atlases, resolution, _ = wanted.shape
-    chosen = np.flatnonzero(triangles.atlas < atlases)
-    size = np.ptp(triangles.uvs[chosen], axis=1).sum(axis=1, dtype=np.float64) * resolution
-    batch = np.cumsum(np.minimum(size, 2 * resolution) + 2) // _BATCH
+    texels = _Texels(wanted)
+    chosen = np.flatnonzero(triangles.atlas < len(wanted))
+    low, high = texels.boxes(triangles.uvs[chosen])
+    near = texels.any_in(triangles.atlas[chosen], low, high)
+    chosen, size = chosen[near], (high - low)[near].sum(axis=1)
+    batch = np.cumsum(size + 2) // _BATCH
     parts = np.split(chosen, np.flatnonzero(np.diff(batch)) + 1)
-    return joined_pieces([_border_pieces_of(triangles, wanted, part) for part in parts])
+    return joined_pieces([_border_pieces_of(triangles, texels, part) for part in parts])
 
 
-def _border_pieces_of(triangles: Triangles, wanted: np.ndarray, chosen: np.ndarray) -> TexelPieces:
-    """Return the border pieces of some triangles."""
-    resolution = wanted.shape[1]
-    index, row, column = _border_texels(triangles.uvs[chosen].astype(np.float64) * resolution, resolution)
-    triangle = chosen[index].astype(np.int32)
-    here = wanted[triangles.atlas[triangle], row, column]
+class _Texels:
+    """A set of texels that tells quickly whether a box holds any: a summed-area table (Crow 1984).
+
+    mask  (atlases, r, r) bool
+    """
+
+    def __init__(self, mask: np.ndarray) -> None:
+        atlases, self.resolution, _ = mask.shape
+        self._mask = mask
+        self._table = np.zeros((atlases, self.resolution + 1, self.resolution + 1), np.int32)
+        np.cumsum(mask, axis=2, dtype=np.int32, out=self._table[:, 1:, 1:])
+        np.cumsum(self._table, axis=1, out=self._table)
+
+    def boxes(self, uvs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the first column and row, and those after the last, that triangles touch, (t, 2) int64."""
+        a, b, c = np.moveaxis(uvs.astype(np.float64) * self.resolution, 1, 0)
+        low, high = np.floor(np.minimum(np.minimum(a, b), c)), np.ceil(np.maximum(np.maximum(a, b), c))
+        low, high = (np.clip(texel, 0, self.resolution).astype(np.int64) for texel in (low, high))
+        return low, high
+
+    def any_in(self, atlas: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """Return which boxes, see `boxes`, hold a texel of the set, (m,) bool."""
+        (x0, y0), (x1, y1), table = low.T, high.T, self._table
+        count = table[atlas, y1, x1] - table[atlas, y0, x1] - table[atlas, y1, x0] + table[atlas, y0, x0]
+        return (count > 0) & (high > low).all(axis=1)
+
+    def holds(self, atlas: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+        """Return which texels are in the set, (m,) bool."""
+        held: np.ndarray = self._mask[atlas, row, column]
+        return held
+
+
+def _border_pieces_of(triangles: Triangles, texels: _Texels, chosen: np.ndarray) -> TexelPieces:
+    """Return the border pieces of some triangles in some texels."""
+    resolution = texels.resolution
+    low, high = texels.boxes(triangles.uvs[chosen])
+
+    # Rows of texels in which there may be any.
+    index, row = _ranges(low[:, 1], high[:, 1])
+    first, last = (np.stack([box[index, 0], row + step], axis=1) for step, box in ((0, low), (1, high)))
+    near = texels.any_in(triangles.atlas[chosen[index]], first, last)
+    corners = triangles.uvs[chosen[index[near]]].astype(np.float64) * resolution
+    span, column = _border_columns(corners, row[near], resolution)
+
+    triangle, row = chosen[index[near]][span].astype(np.int32), row[near][span]
+    here = texels.holds(triangles.atlas[triangle], row, column)
     texel = (row * resolution + column)[here].astype(np.int32)
     return pieces_at(triangles, resolution, triangle[here], texel)
 
@@ -97,47 +139,52 @@ def piece_outlines(triangles: Triangles, resolution: int, pieces: TexelPieces) -
     return clip_at_texels(corners, np.stack([column, row], axis=1))
 
 
-def _border_texels(corners: np.ndarray, resolution: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return triangle, row and column, (m,) int64, of all texels that a triangle touches and does not fill.
+def _border_columns(corners: np.ndarray, row: np.ndarray, resolution: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the columns, (k,) int64, of texels in rows, (m,), that a triangle touches and does not fill.
 
-    corners: (t, 3, 2) float64, in texels. In each row of texels a triangle touches the columns between the
-    extremes of what it has in the row; it fills those that lie inside of it at both borders of the row.
+    corners: (m, 3, 2) float64, in texels. In each row of texels a triangle touches the columns between the
+    extremes of what it has in the row; it fills those that lie inside of it at both borders of the row. The
+    first array, (k,) int64, tells the number of the row of each column.
     """
-    y = corners[:, :, 1]
-    first = np.clip(np.floor(y.min(axis=1)), 0, resolution).astype(np.int64)
-    last = np.clip(np.ceil(y.max(axis=1)), 0, resolution).astype(np.int64)
-    triangle, row = _ranges(first, last)
-    start = corners[triangle]
-    end = np.roll(start, -1, axis=1)
-    left, right = _extremes(start, end, row[:, None], row[:, None] + 1.0)
-    below, above = (_extremes(start, end, row[:, None] + step, row[:, None] + step) for step in (0.0, 1.0))
+    touched_x, below, above = _extremes(corners, row)
     inner_left, inner_right = np.maximum(below[0], above[0]), np.minimum(below[1], above[1])
 
     # Columns on both sides of those that are filled.
-    touched = np.clip(np.floor(left), 0, resolution), np.clip(np.ceil(right), 0, resolution)
+    left, right = np.floor(touched_x[0]), np.ceil(touched_x[1])
+    touched = np.clip(left, 0, resolution), np.clip(right, 0, resolution)
     filled_from = np.clip(np.ceil(inner_left), *touched)
     filled_to = np.clip(np.floor(inner_right), filled_from, touched[1])
     spans = [_ranges(a.astype(np.int64), b.astype(np.int64)) for a, b in (
         (touched[0], filled_from), (filled_to, touched[1]),
     )]  # fmt: skip
     span, column = (np.concatenate(arrays) for arrays in zip(*spans, strict=True))
-    return triangle[span], row[span], column
+    return span, column
 
 
-def _extremes(
-    start: np.ndarray, end: np.ndarray, low: np.ndarray, high: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the least and the largest x, (m,), that edges have between heights; (inf, -inf) for none.
+def _extremes(corners: np.ndarray, row: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return the least and the largest x, (m,), that triangles have in rows of texels; (inf, -inf) for none.
 
-    start, end: (m, 3, 2) float64; low, high: (m, 1) float64.
+    corners: (m, 3, 2) float64, row: (m,). The second and third pair are of the row's lower and upper border.
     """
-    rise = end[..., 1] - start[..., 1]
-    slope = np.divide(1.0, rise, out=np.zeros_like(rise), where=rise != 0)
-    at = [np.clip((height - start[..., 1]) * slope, 0, 1) for height in (low, high)]
-    at = [np.where(rise == 0, t, clipped) for t, clipped in zip((0.0, 1.0), at, strict=True)]
-    x = np.stack([start[..., 0] + t * (end[..., 0] - start[..., 0]) for t in at])
-    meets = (np.maximum(start[..., 1], end[..., 1]) >= low) & (np.minimum(start[..., 1], end[..., 1]) <= high)
-    return np.where(meets, x, np.inf).min(axis=(0, 2)), np.where(meets, x, -np.inf).max(axis=(0, 2))
+    (x, y), low, high = np.ascontiguousarray(corners.transpose(2, 1, 0)), row, row + 1.0
+    across, rise = (np.roll(axis, -1, axis=0) - axis for axis in (x, y))
+    flat = rise == 0
+    slope = np.divide(1.0, rise, out=np.zeros_like(rise), where=~flat)
+    at_low = x + np.where(flat, 0.0, np.clip((low - y) * slope, 0, 1)) * across
+    at_high = x + np.where(flat, 1.0, np.clip((high - y) * slope, 0, 1)) * across
+
+    # Sides that reach a height; those along it have both ends there.
+    bottom, top = np.minimum(y, np.roll(y, -1, axis=0)), np.maximum(y, np.roll(y, -1, axis=0))
+    extremes = []
+    for first, last, at in (
+        (low, high, (at_low, at_high)),
+        (low, low, (at_low, np.where(flat, at_high, at_low))),
+        (high, high, (np.where(flat, at_low, at_high), at_high)),
+    ):
+        meets = (top >= first) & (bottom <= last)
+        least = np.where(meets, np.minimum(*at), np.inf).min(axis=0)
+        extremes.append((least, np.where(meets, np.maximum(*at), -np.inf).max(axis=0)))
+    return extremes
 
 
 def _ranges(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

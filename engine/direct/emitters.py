@@ -9,6 +9,7 @@ import numpy as np
 from ..device.compute import Source
 from ..device.record import Record
 from ..patches.geometry import PatchGeometry
+from ..patches.surfaces import PatchSurfaces
 from ..scene.model import Light
 from ..scene.triangles import Triangles
 from ..visibility.rays.receivers import RECEIVER_SOURCE
@@ -87,23 +88,23 @@ class BrightTriangles:
 
 
 def bright_triangles(
-    triangles: Triangles, geometry: PatchGeometry, texel_to_patch: np.ndarray, emission: np.ndarray
+    triangles: Triangles, geometry: PatchGeometry, texel_to_patch: np.ndarray, surfaces: PatchSurfaces
 ) -> BrightTriangles:
     """Choose the triangles that are sampled: small enough, or bright enough, against all that emits.
 
-    texel_to_patch: (atlases, r, r) uint32 index map; emission: (n, 3) float32 radiance of each patch.
+    texel_to_patch: (atlases, r, r) uint32 index map
     """
-    red, green, blue = emission.T
-    glowing = np.flatnonzero(red + green + blue)
+    emission, glowing = surfaces.emission, surfaces.shining
     triangle, shining = geometry.triangle[glowing], emission[glowing]
     radiance = _mean_radiance(triangles, geometry, texel_to_patch, emission, (triangle, shining))
-    first, second = np.moveaxis(triangles.positions[:, 1:] - triangles.positions[:, :1], 1, 0)
-    area = np.linalg.norm(np.cross(first, second), axis=1) / 2
-    luminance = radiance @ _LUMINANCE
+    area, luminance = geometry.steps.whole, radiance @ _LUMINANCE
     mean = float((luminance * area).sum(dtype=np.float64) / max(area.sum(dtype=np.float64), 1e-30))
     chosen = (luminance > 0) & (luminance >= _BRIGHT * mean)
-    left = emission.copy()
-    left[glowing[chosen[triangle]]] = 0
+
+    # Hemicubes see what the others emit.
+    rest = glowing[~chosen[triangle]]
+    left = np.zeros_like(emission)
+    left[rest] = emission[rest]
     index = np.flatnonzero(chosen)
     uniform = _is_uniform(triangle, shining, radiance)[index]
     return BrightTriangles(index, radiance[index].astype(np.float32), uniform, left)
@@ -127,15 +128,16 @@ def _mean_radiance(
 
     glowing: triangle and emission of the patches that emit.
     """
-    count = len(triangles.positions)
-    patches = np.bincount(geometry.triangle, minlength=count)
+    patches = np.bincount(geometry.triangle, minlength=len(triangles.positions))
     triangle, shining = glowing
-    total = np.stack([np.bincount(triangle, channel, count) for channel in shining.T], axis=1)
-    resolution = texel_to_patch.shape[-1]
-    x, y = (triangles.uvs.mean(axis=1) * resolution).astype(int).clip(0, resolution - 1).T
-    number = texel_to_patch[triangles.atlas, y, x].astype(np.int64)
-    there = np.where(number[:, None] > 0, emission[np.maximum(number - 1, 0)], 0)
-    mean: np.ndarray = np.where(patches[:, None] > 0, total / np.maximum(patches, 1)[:, None], there)
+    total = [np.bincount(triangle, channel, len(patches)) for channel in shining.T]
+    mean: np.ndarray = np.stack(total, axis=1) / np.maximum(patches, 1)[:, None]
+
+    # The patch that the middle of a triangle without patches shows.
+    alone, resolution = np.flatnonzero(patches == 0), texel_to_patch.shape[-1]
+    x, y = (triangles.uvs[alone].mean(axis=1) * resolution).astype(int).clip(0, resolution - 1).T
+    number = texel_to_patch[triangles.atlas[alone], y, x].astype(np.int64)
+    mean[alone[number > 0]] = emission[number[number > 0] - 1]
     return mean
 
 

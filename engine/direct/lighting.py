@@ -38,17 +38,17 @@ class DirectLighting:
         self.l1 = self._no_l1()
 
         # Small bright surfaces and bright sky, unless hemicubes are to see everything as in the paper.
-        emission = parts.surfaces.emission
+        surfaces = parts.surfaces
         if settings.sample_emission:
-            self._bright = bright_triangles(parts.triangles, parts.geometry, parts.texel_to_patch, emission)
+            self._bright = bright_triangles(parts.triangles, parts.geometry, parts.texel_to_patch, surfaces)
             self._sky = split_sky(scene.world)
         else:
             self._bright = BrightTriangles(
-                np.zeros(0, int), np.zeros((0, 3), np.float32), np.zeros(0, bool), emission
+                np.zeros(0, int), np.zeros((0, 3), np.float32), np.zeros(0, bool), surfaces.emission
             )
             self._sky = Sky(whole_sky(scene.world), None)
         self.emission_left, self.sky_left = self._bright.emission_left, self._sky.rest
-        if settings.light_outputs and not (self._lamps or emission.any() or scene.world.any()):
+        if settings.light_outputs and not (self._lamps or len(surfaces.shining) or scene.world.any()):
             self.warnings.append(
                 "Nothing emits light: the lightmaps are black. Add a light, an emissive material or a world."
             )
@@ -78,7 +78,7 @@ class DirectLighting:
         Without OpenCL none does.
         """
         shines = np.zeros(len(self._parts.triangles.positions), bool)
-        shines[self._parts.geometry.triangle[self._parts.surfaces.emission.any(axis=1)]] = True
+        shines[self._parts.geometry.triangle[self._parts.surfaces.shining]] = True
         if not (shines.any() and points.possible):
             return np.zeros(points.count, bool)
         return patches_lit_by_backs(points, points.count, shines)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -29,6 +29,12 @@ class PatchSurfaces:
 
     reflectance: np.ndarray
     emission: np.ndarray
+
+    @cached_property
+    def shining(self) -> np.ndarray:
+        """Patches that emit, (k,) int64."""
+        red, green, blue = (self.emission != 0).T
+        return np.flatnonzero(red | green | blue)
 
 
 def patch_surfaces(

@@ -152,7 +152,7 @@ def check_material(material: Material) -> None:
                 f"Texture '{texture.name}' of material '{material.name}' has no pixels. Choose another image."
             )
     reflects = _values(material.reflectance, material.reflectance_map)
-    if not all(_is_light(values) and np.max(values) <= 1 for values in reflects):
+    if not all(_is_light(values, 1) for values in reflects):
         raise SceneError(
             f"Material '{material.name}' has a reflectance that is not between 0 and 1. Mend its base colour."
         )
@@ -162,7 +162,7 @@ def check_material(material: Material) -> None:
             "Mend its emission colour and strength."
         )
     alphas = _values(np.asarray(material.alpha), material.alpha_map)
-    if not all(_is_light(values) and np.max(values) <= 1 for values in alphas):
+    if not all(_is_light(values, 1) for values in alphas):
         raise SceneError(
             f"Material '{material.name}' has an alpha that is not between 0 and 1. Mend its alpha."
         )
@@ -217,6 +217,6 @@ def _values(constant: np.ndarray, texture: Texture | None) -> list[np.ndarray]:
     return [constant] if texture is None else [constant, texture.pixels]
 
 
-def _is_light(values: np.ndarray) -> bool:
-    """True for numbers that float32 sums of many can hold."""
-    return bool(np.isfinite(values).all() and np.min(values) >= 0 and np.max(values) <= MAX_RADIANCE)
+def _is_light(values: np.ndarray, most: float = MAX_RADIANCE) -> bool:
+    """True for numbers from 0 to `most`, the largest that float32 sums of many can hold; NaN is none."""
+    return bool(np.min(values) >= 0 and np.max(values) <= most)

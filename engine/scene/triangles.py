@@ -59,9 +59,9 @@ def join_meshes(scene: Scene) -> Triangles:
     counts = [len(mesh.positions) for mesh in scene.meshes]
     return Triangles(
         positions,
-        np.concatenate([mesh.normals for mesh in scene.meshes]).astype(np.float32),
-        np.concatenate([mesh.uvs for mesh in scene.meshes]).astype(np.float32),
-        np.concatenate([mesh.material for mesh in scene.meshes]).astype(np.int32),
+        np.concatenate([mesh.normals for mesh in scene.meshes]).astype(np.float32, copy=False),
+        np.concatenate([mesh.uvs for mesh in scene.meshes]).astype(np.float32, copy=False),
+        np.concatenate([mesh.material for mesh in scene.meshes]).astype(np.int32, copy=False),
         np.repeat(np.arange(len(counts), dtype=np.int32), counts),
         np.repeat(np.array([mesh.atlas for mesh in scene.meshes], np.int32), counts),
         origin.astype(np.float64),

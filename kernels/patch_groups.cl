@@ -1,12 +1,15 @@
 // Groups of neighbouring patches that are solved as one: in each square of texels, patches of one
-// material that lie in about one plane follow the one nearest to the square's middle.
+// material that lie in about one plane and send out about as much light follow the one nearest to the square's
+// middle.
 
 #define MOST 64  // texels of a square
 #define SAME_PLANE 0.95f
+#define SAME_LIGHT 0.25f
 
 __kernel void group_patches(__global const uint *texel_to_patch, const int resolution, const int width,
                             __global const int *texels, __global const int *materials,
-                            __global const ReceiverRecord *receivers, __global uint *leaders)
+                            __global const ReceiverRecord *receivers, __global const float *radiance,
+                            const float mean_radiance, __global uint *leaders)
 {
     const int x0 = width * get_global_id(0), y0 = width * get_global_id(1);
     const size_t page = (size_t)get_global_id(2) * resolution * resolution;
@@ -46,7 +49,9 @@ __kernel void group_patches(__global const uint *texel_to_patch, const int resol
             const Receiver m = load_receiver(receivers + member);
             const bool alike = materials[member] == materials[leader] && dot(m.normal, r.normal) > SAME_PLANE
                 && fabs(dot(m.at - r.at, r.geometric)) < 0.5f * width * r.size
-                && length(m.at - r.at) < 1.5f * width * r.size;
+                && length(m.at - r.at) < 1.5f * width * r.size
+                && fabs(radiance[member] - radiance[leader])
+                    <= SAME_LIGHT * (mean_radiance + fmax(radiance[member], radiance[leader]));
             if (j == i || alike) {
                 leaders[member] = leader;
                 members[j] = 0xFFFFFFFFu;

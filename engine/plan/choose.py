@@ -80,7 +80,9 @@ def _solver(job: SolveJob) -> tuple[Solver, Choice]:
 
 def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Choice, SolveJob]:
     """Return what solves for squares of patches, then gathers for each patch."""
-    groups = PatchGroups(job.rays, job.parts, job.area, width)
+    surfaces = job.parts.surfaces
+    radiance = surfaces.emission + surfaces.reflectance * job.sampled_light
+    groups = PatchGroups(job.rays, job.parts, job.area, radiance, width)
     squares = replace(
         job,
         settings=replace(job.settings, outputs=job.settings.light_outputs),

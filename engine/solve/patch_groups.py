@@ -1,7 +1,8 @@
 """Bounces of large lightmaps: solved for squares of patches, gathered once more by every patch.
 
 Light that was reflected several times is smooth, and only its sources are averaged: what a patch shows
-is its own last gather.
+is its own last gather. Patches that send out much more than those around them stay apart: a ceiling behind a
+panel is bright and hidden, and would count for what is seen beside the panel.
 """
 
 from __future__ import annotations
@@ -30,9 +31,14 @@ class PatchGroups:
     rays   casts rays from them
     """
 
-    def __init__(self, rays: RayScene, parts: Subdivision, area: np.ndarray, width: int) -> None:
-        """Take what casts rays from patches, their area, (n,) float32, m^2, and the width of a square."""
-        leader = _leaders(rays, parts, width)
+    def __init__(
+        self, rays: RayScene, parts: Subdivision, area: np.ndarray, radiance: np.ndarray, width: int
+    ) -> None:
+        """Take what casts rays from patches, what is known of them, and the width of a square.
+
+        area: (n,) float32, m^2; radiance: (n, 3) float32, what each sends out before any bounce
+        """
+        leader = _leaders(rays, parts, radiance.sum(axis=1), width)
         leading = np.flatnonzero(leader == np.arange(len(leader)))
         number = np.zeros(len(leader), np.int64)
         number[leading] = np.arange(len(leading))
@@ -58,18 +64,22 @@ class PatchGroups:
         return means.reshape(len(self._members), *values.shape[1:]).astype(np.float32)
 
 
-def _leaders(rays: RayScene, parts: Subdivision, width: int) -> np.ndarray:
-    """Return the patch that each patch follows, (n,) uint32; kernels/patch_groups.cl."""
+def _leaders(rays: RayScene, parts: Subdivision, radiance: np.ndarray, width: int) -> np.ndarray:
+    """Return the patch that each patch follows, (n,) uint32; kernels/patch_groups.cl.
+
+    radiance: (n,) float32, sum of the channels
+    """
     compute, patches = rays.compute, parts.patches
     (group_patches,) = compute.kernels((*RECEIVER_SOURCE, "patch_groups.cl"), "group_patches")
-    arrays = (parts.texel_to_patch, patches.texel, parts.geometry.material)
-    lookup, texels, materials = (upload(compute, array) for array in arrays)
+    arrays = (parts.texel_to_patch, patches.texel, parts.geometry.material, radiance)
+    lookup, texels, materials, light = (upload(compute, array) for array in arrays)
     leaders = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * len(patches))
     squares = -(-patches.resolution // (_SQUARES * width)) * _SQUARES
     group = group_patches.group(_SQUARES, _SQUARES, 1)
     group_patches(
         compute.queue, (squares, squares, len(parts.texel_to_patch)), group,
-        lookup, np.int32(patches.resolution), np.int32(width), texels, materials, rays.receivers, leaders,
+        lookup, np.int32(patches.resolution), np.int32(width), texels, materials, rays.receivers,
+        light, np.float32(radiance.mean(dtype=np.float64)), leaders,
     )  # fmt: skip
     result = np.empty(len(patches), np.uint32)
     cl.enqueue_copy(compute.queue, result, leaders)

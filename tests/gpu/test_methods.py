@@ -7,7 +7,7 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from engine import DeviceError, Light, Settings
+from engine import DeviceError, Light, Scene, Settings
 from engine.device import devices
 from engine.device.graphics import Graphics
 from engine.device.share import HostCopy
@@ -22,7 +22,7 @@ from engine.visibility.raster.tiles import Tiles
 from engine.visibility.rays.identity import RayIdentity
 from engine.visibility.rays.ray_scene import RayScene
 from tests.analytic.drive import drive
-from tests.analytic.scenes import furnace, nine_quad_room
+from tests.analytic.scenes import furnace, material, nine_quad_room, quads, rectangle, room_walls
 from tests.analytic.test_sky_and_cutouts import sky
 
 SETTINGS = Settings(
@@ -223,6 +223,31 @@ def test_patch_groups_bring_the_same_light(visibility):
     assert grouped.passes["direct"] == pytest.approx(own.passes["direct"], abs=1e-4)
     both = grouped.passes["direct"] + grouped.passes["indirect"]
     assert both[has_patch] == pytest.approx(grouped.image[has_patch], abs=1e-5)
+
+
+def lit_by_panels(resolution):
+    """Return a room with panels 3 cm below its ceiling, which is bright behind them; where its floor is."""
+    panels = [rectangle((x, y, 1.97), (-0.4, 0, 0), (0, 0.4, 0)) for x in (0.7, 1.6) for y in (0.3, 1.3)]
+    charts = [(22 * (k % 3), 22 * (k // 3), 20, 20) for k in range(6)] + [(6 * k, 44, 4, 4) for k in range(4)]
+    corners, materials = np.stack([*room_walls(2, 2, 2), *panels]), [0] * 6 + [1] * 4
+    scene = Scene(
+        (quads(corners, charts, materials, resolution),),
+        (material("White", 0.6), material("Light", 0.6, 10.0)),
+    )
+    return scene, np.s_[:, 0:20, 0:20]
+
+
+def test_light_that_nobody_sees_stays_out_of_groups():
+    scene, floor = lit_by_panels(64)
+    settings = Settings(
+        resolution=64, samples=1024, visibility="rays", outputs=("combined", "direct", "indirect"),
+        texel_samples=1, hide_seams=False,
+    )  # fmt: skip
+    own, grouped = (
+        drive(scene, dataclasses.replace(settings, patch_groups=width)).passes["indirect"][floor]
+        for width in (1, 4)
+    )
+    assert grouped.mean() == pytest.approx(own.mean(), rel=0.01)
 
 
 def test_short_memory_groups_patches():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import closing
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ from .patches.subdivision import Subdivision, subdivide
 from .plan.choose import Choice, choose_solver
 from .plan.display_light import DisplayJob, DisplayLight, light_in_texels
 from .plan.limits import check_limits, check_patch_count
-from .plan.solve_job import SolveJob
+from .plan.solve_job import RemoteGather, SolveJob
 from .plan.stages import BakeStages
 from .plan.without_opencl import without_opencl
 from .progress import Progress
@@ -31,12 +31,22 @@ from .settings import Settings
 from .solve.solver import Solution
 from .visibility.rays.ray_scene import RayScene
 
+#: Makes what gathers for all patches of a scene that occluders have their places in.
+RemoteGathers = Callable[[Scene], RemoteGather]
+
 
 def bake(
-    devices: Devices, scene: Scene, settings: Settings, stages: BakeStages
+    devices: Devices,
+    scene: Scene,
+    settings: Settings,
+    stages: BakeStages,
+    remote: RemoteGathers | None = None,
 ) -> Generator[Progress, None, Lightmap]:
-    """Bake a scene that has been checked; see `engine.bake`. The devices stay."""
-    return (yield from _current(devices, _bake(devices, scene, settings, stages)))
+    """Bake a scene that has been checked; see `engine.bake`. The devices stay.
+
+    remote: makes what gathers on devices of other processes; None to gather on these
+    """
+    return (yield from _current(devices, _bake(devices, scene, settings, stages, remote)))
 
 
 def _current(
@@ -55,7 +65,11 @@ def _current(
 
 
 def _bake(
-    devices: Devices, scene: Scene, settings: Settings, stages: BakeStages
+    devices: Devices,
+    scene: Scene,
+    settings: Settings,
+    stages: BakeStages,
+    remote: RemoteGathers | None,
 ) -> Generator[Progress, None, Lightmap]:
     """Bake: the paper's algorithm."""
     graphics, compute = devices.graphics, devices.compute
@@ -83,7 +97,7 @@ def _bake(
     # All other light is gathered: through hemicubes drawn in every iteration (IV.B), or what is kept of them.
     yield stages.begin(stages.choosing)
     left, area = (lighting.emission_left, lighting.sky_left), surface_areas(parts.triangles, parts.geometry)
-    job = SolveJob(graphics, compute, parts, rays, *left, sampled, area, settings)
+    job = SolveJob(graphics, compute, parts, rays, *left, sampled, area, settings, remote and remote(scene))
     solution, choice, solved = choose_solver(job)
     near = lighting.near_faces()
     yield stages.chosen(choice)

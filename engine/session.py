@@ -5,13 +5,16 @@ OpenGL and OpenCL are imported by the first bake: a process that leaves baking t
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from .device.found import DeviceSurvey
 from .device.packages import require_packages
+from .errors import DeviceError, SettingsError
 from .lightmap import Lightmap
 from .plan.stages import BakeStages, Extent
 from .progress import Progress
@@ -20,6 +23,7 @@ from .scene.model import Scene
 from .settings import Settings, check_settings
 
 if TYPE_CHECKING:
+    from .cluster.workers import Workers
     from .device.devices import Devices
 
 
@@ -51,12 +55,16 @@ class Session:
         devices = self._take(settings)
         stages.opened(devices.on_card)
         try:
-            lightmap = yield from bake(devices, scene, settings, stages)
+            with _workers(settings) as workers:
+                gather = partial(workers.gather, settings) if workers else None
+                lightmap = yield from bake(devices, scene, settings, stages, gather)
         except BaseException:
             devices.release()
             raise
         stages.learn()
-        lightmap = replace(lightmap, report=replace(lightmap.report, paces=dict(self._paces)))
+        warnings = (*lightmap.report.warnings, *(workers.warnings if workers else ()))
+        report = replace(lightmap.report, paces=dict(self._paces), warnings=warnings)
+        lightmap = replace(lightmap, report=report)
         devices.clear()
         self._devices = devices
         return lightmap
@@ -78,6 +86,32 @@ class Session:
         from .device.devices import Devices
 
         return Devices(*wanted)
+
+
+@contextmanager
+def _workers(settings: Settings) -> Iterator[Workers | None]:
+    """Use the workers of the scheduler that the settings name; None if they name none.
+
+    Raises DeviceError if Dask is not installed, or no worker is there; SettingsError if the settings ask for
+    what workers do not do.
+    """
+    if not settings.scheduler:
+        yield None
+        return
+    if settings.directional or settings.method not in ("auto", "cached"):
+        raise SettingsError(
+            "Workers keep what patches see, and make no directional maps: choose method auto or cached and "
+            "other outputs, or bake without a scheduler."
+        )
+    try:
+        from .cluster.workers import workers
+    except ImportError as error:
+        raise DeviceError(
+            f"Baking with a scheduler needs the Python package 'distributed' ({error}). Install it, or leave "
+            "the scheduler empty."
+        ) from error
+    with workers(settings.scheduler) as found:
+        yield found
 
 
 _session = Session()

@@ -110,6 +110,15 @@ class DeviceName:
 
 
 @dataclass(frozen=True)
+class Address:
+    """The network address of a program, or empty."""
+
+    def demand(self, value: Any) -> str | None:
+        """Return None: whether a program answers there is found out when it is used."""
+        return None
+
+
+@dataclass(frozen=True)
 class FilePath:
     """The path of a file or folder, or None."""
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 from .errors import SettingsError
 from .setting import (
     PREFERENCES,
+    Address,
     Description,
     DeviceName,
     FilePath,
@@ -210,6 +211,14 @@ class Settings:
         "Device that casts rays and sums light, as platform: device; empty for the first graphics card, else "
         "the first device that works",
         DeviceName(),
+        PREFERENCES,
+    )
+    scheduler: str = described(
+        "",
+        "Scheduler",
+        "Address of a Dask scheduler whose workers find what patches see, as tcp://host:8786; 'all' for a "
+        "worker on each device of this machine; empty to bake on one device",
+        Address(),
         PREFERENCES,
     )
     denoise_device: str = described(

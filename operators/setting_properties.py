@@ -18,7 +18,18 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..engine.setting import Description, DeviceName, FilePath, OneOf, Option, Size, SomeOf, Span, Switch
+from ..engine.setting import (
+    Address,
+    Description,
+    DeviceName,
+    FilePath,
+    OneOf,
+    Option,
+    Size,
+    SomeOf,
+    Span,
+    Switch,
+)
 from ..engine.settings import Settings, descriptions
 from .compat import PATH_OPTIONS
 from .devices import finder
@@ -64,6 +75,8 @@ def _property(description: Description, default: Any, update: Update | None) -> 
             return IntVectorProperty(default=default, size=3, soft_min=0, **labels)
         case DeviceName():
             return StringProperty(search=_device_names, **labels)
+        case Address():
+            return StringProperty(default=default, **labels)
         case FilePath():
             return StringProperty(subtype="FILE_PATH", options=PATH_OPTIONS, **labels)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
+
 import bpy
 
 from ..engine.device.found import FoundDevice
@@ -26,7 +28,9 @@ class HEMIBAKE_AP_preferences(HemibakePreferences, bpy.types.AddonPreferences):
         settings = layout.column()
         split_properties(settings)
         for name in shown_in(PREFERENCES):
-            settings.prop(self, name)
+            row = settings.row()
+            row.enabled = name != "scheduler" or find_spec("distributed") is not None
+            row.prop(self, name)
         _draw_test(layout.box(), width)
         _draw_files(layout.box())
 

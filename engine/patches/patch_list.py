@@ -43,7 +43,7 @@ class PatchList:
         key: np.ndarray = self.atlas.astype(np.int64) * self.resolution**2 + self.texel
         return key
 
-    def part(self, chosen: np.ndarray) -> PatchList:
+    def part(self, chosen: slice | np.ndarray) -> PatchList:
         """Return some patches, by a mask or their numbers."""
         return PatchList(self.resolution, **{name: getattr(self, name)[chosen] for name in _COLUMNS})
 

@@ -26,6 +26,7 @@ from ..visibility.identity import Identity
 from ..visibility.raster.tiles import IDENTITY_BYTES, plan_tiles
 from ..visibility.rays.identity import RayIdentity
 from ..visibility.rays.ray_scene import RayScene
+from ..visibility.samples import expected_samples
 from .memory import group_width, is_kept, memory_budget, memory_clause
 from .solve_job import SolveJob
 from .trial import choose_identity, make_identity
@@ -63,7 +64,7 @@ def choose_solver(job: SolveJob) -> tuple[Solution, Choice, SolveJob]:
     if job.dark:
         why = "No light reaches any patch: nothing is looked for."
         return Darkness(job.count), Choice("none", "none", 0, (why,)), job
-    width, reasons = group_width(job)
+    width, reasons = (1, ()) if job.remote else group_width(job)
     if width == 1:
         return *_solver(job), job
     solution, choice, squares = _grouped_solution(job, width)
@@ -136,8 +137,8 @@ def last_gather(
 
 
 def _by_hemicubes(job: SolveJob) -> bool:
-    """True if OpenGL draws hemicubes that leave irradiance in host memory."""
-    return job.settings.method == "paper" or job.compute is None
+    """True if irradiance comes to host memory: OpenGL draws hemicubes, or other processes gather."""
+    return job.settings.method == "paper" or job.compute is None or job.remote is not None
 
 
 def _device_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
@@ -164,6 +165,9 @@ def _host_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
 def _choose_gather(job: SolveJob) -> tuple[Gather, Choice]:
     """Return how hemicubes are drawn and summed."""
     settings, samples = job.settings, 3 * job.settings.hemicube**2
+    if job.remote is not None:
+        visibility = "raster" if settings.visibility == "raster" else "rays"
+        return job.remote, Choice("cached", visibility, expected_samples(settings), (job.remote.describe(),))
     seen = (job.parts, job.emission, job.sky, settings)
     tiles, why = plan_tiles(settings, job.count, IDENTITY_BYTES), "the settings ask for the paper's method"
     if settings.method != "paper":

@@ -4,18 +4,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
 from ..device.compute import Compute
 from ..device.graphics import Graphics
 from ..errors import DeviceError
+from ..gather.hemicube_gather import Gather
 from ..patches.subdivision import Subdivision
 from ..settings import Settings
 from ..solve.anderson import COLUMNS
 from ..solve.solver import PLAIN_COLUMNS
 from ..visibility.identity import Surroundings, surroundings
 from ..visibility.rays.ray_scene import RayScene
+
+
+class RemoteGather(Gather, Protocol):
+    """A gather on devices of other processes, such as `cluster.cluster_gather.ClusterGather`."""
+
+    def describe(self) -> str:
+        """Return a sentence for the report: who gathers."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +35,7 @@ class SolveJob:
     sky            (h, w, 3) float32, radiance, equirectangular, as patches see it
     sampled_light  (n, 3) float32, E/pi of the light that shadow rays sample
     area           (n,) float32, m^2, of each patch
+    remote         gathers for all patches on devices of other processes; None to gather here
     """
 
     graphics: Graphics
@@ -37,6 +47,7 @@ class SolveJob:
     sampled_light: np.ndarray
     area: np.ndarray
     settings: Settings
+    remote: RemoteGather | None = None
 
     @property
     def count(self) -> int:

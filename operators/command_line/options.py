@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ...engine.quality import QUALITIES
-from ...engine.setting import Description, DeviceName, FilePath, OneOf, Size, SomeOf, Span, Switch
+from ...engine.setting import Address, Description, DeviceName, FilePath, OneOf, Size, SomeOf, Span, Switch
 from ...engine.settings import Settings, chosen_by_people, descriptions
 
 #: Options that set what the add-on adds to the engine's settings: the type, what stands for it, and the help.
@@ -160,6 +160,8 @@ def _word(description: Description) -> str:
             return "NAMES"
         case Size():
             return "W,H,LAYERS"
+        case Address():
+            return "ADDRESS"
         case DeviceName():
             return "NAME"
         case FilePath():

@@ -1,0 +1,15 @@
+"""Blocks of patches: what a worker finds, keeps and gathers for at once."""
+
+from __future__ import annotations
+
+#: Patches of a block at most, and blocks at least: many enough for a slow device to take fewer of them.
+_LARGEST, _FEWEST = 1 << 16, 16
+
+
+def cut(count: int) -> list[tuple[int, int]]:
+    """Return the first patch of each block and the one after its last, by the number of all patches alone.
+
+    So the blocks, and the bits of a bake, are the same for any number of workers.
+    """
+    size = max(1, min(_LARGEST, -(-count // _FEWEST)))
+    return [(first, min(first + size, count)) for first in range(0, count, size)]

@@ -1,0 +1,91 @@
+"""Workers on this machine: a scheduler, and a process for each OpenCL device."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from distributed import Client, LocalCluster
+from pyopencl import device_type
+
+from ..device.compute import device_name, found_devices
+from ..errors import DeviceError
+from .prepared_scene import DEVICE
+
+#: What NVIDIA's driver calls its vendor.
+_NVIDIA = "NVIDIA"
+
+#: Folder that holds the package `engine`.
+_HOME = Path(__file__).resolve().parents[2]
+
+#: Seconds that workers have to start.
+_START = 60.0
+
+
+class LocalWorkers:
+    """A scheduler of this process and a worker process for each environment, which `close` ends."""
+
+    def __init__(self, environments: Sequence[Mapping[str, str]]) -> None:
+        """Start workers, each with environment variables of its own."""
+        self._cluster = LocalCluster(n_workers=0, processes=True, dashboard_address=":0")
+        self._workers: list[subprocess.Popen[bytes]] = []
+        for environment in environments:
+            self.add(environment)
+        self.client = Client(self._cluster)
+        try:
+            self.client.wait_for_workers(len(self._workers), timeout=_START)
+        except TimeoutError as error:
+            self.close()
+            raise DeviceError(
+                f"{len(self._workers)} workers did not start within {_START:.0f} s. Bake without a scheduler."
+            ) from error
+
+    def add(self, environment: Mapping[str, str]) -> None:
+        """Start one more worker."""
+        self._workers.append(start_worker(self._cluster.scheduler_address, environment))
+
+    def kill(self, number: int) -> None:
+        """End a worker at once, as a crash of its driver would."""
+        self._workers[number].kill()
+
+    def close(self) -> None:
+        """End the workers and the scheduler."""
+        for worker in self._workers:
+            worker.terminate()
+        self.client.close()
+        self._cluster.close()
+        for worker in self._workers:
+            worker.wait()
+
+
+def local_environments() -> list[dict[str, str]]:
+    """Return what tells each worker of this machine its device: one for each graphics card, else one.
+
+    CUDA_VISIBLE_DEVICES hides the other cards of NVIDIA's driver from OpenCL and OpenGL; other cards are
+    told apart by their OpenCL names, as far as these differ.
+    """
+    cards = [device for device in found_devices() if device.type & device_type.GPU]
+    if not cards:
+        return [{}]
+    if all(_NVIDIA in device.vendor for device in cards):
+        return [{"CUDA_VISIBLE_DEVICES": str(number)} for number in range(len(cards))]
+    return [{DEVICE: name} for name in dict.fromkeys(map(device_name, cards))]
+
+
+def start_worker(
+    address: str, environment: Mapping[str, str], *options: str, told: bool = False
+) -> subprocess.Popen[bytes]:
+    """Start a worker of a scheduler: a process with one thread, and so one block at a time.
+
+    options  further ones of `dask worker`
+    told     True to print what it tells
+    """
+    command = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1"]
+    command += ["--no-dashboard", "--no-nanny", "--memory-limit", "0", *options]
+    folders = (str(_HOME), *(path for path in sys.path if path))
+    variables = {**os.environ, "PYTHONPATH": os.pathsep.join(folders), **environment}
+    output = None if told else subprocess.DEVNULL
+    return subprocess.Popen(command, env=variables, stdout=output, stderr=output)

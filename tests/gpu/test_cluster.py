@@ -1,0 +1,135 @@
+"""Bakes by Dask workers: the same bits for any number of workers, whatever is lost on the way."""
+
+import itertools
+import sys
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import engine
+from engine import Settings
+from engine.cluster import admission, local_workers
+from engine.cluster.blocks import cut
+from engine.errors import DeviceError, SettingsError
+from engine.progress import finished
+from engine.session import Session
+from tests.analytic.scenes import nine_quad_room
+
+#: Odd, so that the last block is a short one.
+SETTINGS = Settings(resolution=45, samples=100, visibility="rays", texel_samples=1, intermediates=False)
+
+#: Half of the two processors that tests are sure of.
+ONE_THREAD = {"POCL_MAX_PTHREAD_COUNT": "1"}
+
+
+@contextmanager
+def cluster(count):
+    made = local_workers.LocalWorkers([ONE_THREAD] * count)
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+@pytest.fixture(scope="module")
+def two():
+    with cluster(2) as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def by_two(two):
+    return baked(two)
+
+
+def baked(made, settings=SETTINGS, scene=None):
+    return finished(bake(made, settings, scene))
+
+
+def bake(made, settings=SETTINGS, scene=None):
+    """Return the generator of a bake by workers."""
+    address = made.client.scheduler_info()["address"]
+    return Session().bake(scene or nine_quad_room(), replace(settings, scheduler=address))
+
+
+@pytest.mark.parametrize("count", [1, 15, 16, 17, 1009, (1 << 16) * 20 + 1])
+def test_blocks_hold_every_patch_once(count):
+    spans = cut(count)
+    assert spans[0][0] == 0 and spans[-1][1] == count
+    assert all(last == first for (_, last), (first, _) in itertools.pairwise(spans))
+    assert max(last - first for first, last in spans) <= 1 << 16
+
+
+def test_workers_bring_the_light_of_one_device(by_two):
+    alone = finished(engine.bake(nine_quad_room(), SETTINGS))
+    assert by_two.report.patches == alone.report.patches
+    light, expected = (lightmap.image[alone.has_patch] for lightmap in (by_two, alone))
+    assert light.mean() == pytest.approx(expected.mean(), rel=2e-3)
+
+    # Rays of blocks are turned otherwise: this is the noise of 100 of them.
+    assert np.sqrt(((light - expected) ** 2).mean()) < 0.08 * expected.mean()
+    assert any("2 Dask workers" in reason for reason in by_two.report.reasons)
+
+
+def test_any_number_of_workers_brings_the_same_bits(by_two):
+    with cluster(1) as one:
+        assert np.array_equal(baked(one).image, by_two.image)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("steps", [1, 2, 4, 9, 17, 30])
+def test_a_worker_that_is_lost_changes_no_bit(by_two, steps):
+    """A worker is killed after so many steps of a bake: while views are found, or in a sweep."""
+    with cluster(2) as made:
+        work = bake(made)
+        for _ in range(steps):
+            next(work)
+        made.kill(0)
+        assert np.array_equal(finished(work).image, by_two.image)
+
+
+@pytest.mark.long
+def test_a_worker_that_joins_is_used(by_two):
+    with cluster(1) as made:
+        work = bake(made)
+        next(work)
+        made.add(ONE_THREAD)
+        made.client.wait_for_workers(2, timeout=60)
+        assert np.array_equal(finished(work).image, by_two.image)
+
+
+def test_worker_of_another_version_is_refused_by_name(monkeypatch):
+    monkeypatch.setattr(admission, "source_digest", lambda: "of tomorrow")
+    with cluster(1) as made, pytest.raises(DeviceError, match="another version"):
+        baked(made)
+
+
+def test_worker_without_its_device_is_refused_by_name():
+    made = local_workers.LocalWorkers([{local_workers.DEVICE: "Platform: Voodoo 2"}])
+    try:
+        with pytest.raises(DeviceError, match="There is no OpenCL device 'Platform: Voodoo 2'"):
+            baked(made)
+    finally:
+        made.close()
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "udp://127.0.0.1:8786"])
+def test_scheduler_that_is_not_there_is_an_error_with_the_remedy(monkeypatch, address):
+    monkeypatch.setattr("engine.cluster.workers._ANSWER", 1)
+    with pytest.raises(DeviceError, match="No Dask scheduler answers.*dask scheduler"):
+        finished(Session().bake(nine_quad_room(), replace(SETTINGS, scheduler=address)))
+
+
+def test_what_workers_do_not_do_is_refused(two):
+    with pytest.raises(SettingsError, match="Workers keep what patches see"):
+        baked(two, replace(SETTINGS, method="paper"))
+    with pytest.raises(SettingsError, match="Workers keep what patches see"):
+        baked(two, replace(SETTINGS, outputs=("combined", "directional")))
+
+
+def test_without_dask_the_remedy_is_told(monkeypatch):
+    monkeypatch.setitem(sys.modules, "engine.cluster.workers", None)
+    with pytest.raises(DeviceError, match="Install it, or leave the scheduler empty"):
+        finished(Session().bake(nine_quad_room(), replace(SETTINGS, scheduler="all")))

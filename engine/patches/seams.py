@@ -51,11 +51,19 @@ def _points(edges: ChartEdges, pairs: EdgePairs) -> Seams:
     count = np.ceil(_POINTS * length).astype(np.int64)
     pair = np.repeat(np.arange(len(count)), count)
     number = np.arange(len(pair)) - np.repeat(np.cumsum(count) - count, count)
-    along = ((number + 0.5) / count[pair])[:, None]
+    along = (number + 0.5) / count[pair]
 
-    start, end = pairs.part[pair, :, 0], pairs.part[pair, :, 1]
-    ends = edges.texels[both[pair]]
-    texel = ends[:, :, 0] + (start + along * (end - start))[..., None] * (ends[:, :, 1] - ends[:, :, 0])
-    atlas = edges.atlas[both[pair]]
-    apart = (np.abs(texel[:, 1] - texel[:, 0]).max(axis=1) > _ONE_POINT) | (atlas[:, 0] != atlas[:, 1])
+    # From where the common part starts on both lightmaps to where it ends.
+    ends = edges.texels[both]
+    direction = ends[:, :, 1] - ends[:, :, 0]
+    start = ends[:, :, 0] + pairs.part[:, :, 0, None] * direction
+    way = (pairs.part[:, :, 1, None] - pairs.part[:, :, 0, None]) * direction
+    texel = way[pair]
+    texel *= along[:, None, None]
+    texel += start[pair]
+
+    # Both sides of a pair may lie in one place.
+    atlas = edges.atlas[both][pair]
+    off = np.abs(texel[:, 1] - texel[:, 0]) > _ONE_POINT
+    apart = off[:, 0] | off[:, 1] | (atlas[:, 0] != atlas[:, 1])
     return Seams(atlas[apart], texel[apart], (length / count)[pair[apart]])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Sequence
 
+import numpy as np
 import pyopencl as cl
 
 from ..errors import DeviceError
@@ -79,6 +80,13 @@ class Compute:
         """
         (size,) = kernel.group(_ITEMS)
         kernel(self.queue, (-(-items // size) * size,), (size,), *arguments)
+
+    def run_texels(self, kernel: Kernel, shape: tuple[int, ...], *arguments: object) -> None:
+        """Run a kernel for at least every texel of images, (images, height, width); see kernels/texel.cl."""
+        images, height, width = shape
+        group = kernel.group(_ITEMS, 1, 1)
+        items = (-(-width // group[0]) * group[0], height, images)
+        kernel(self.queue, items, group, *arguments, np.int32(width), np.int32(height))
 
     def _first_working_context(self, devices: list[cl.Device]) -> cl.Context:
         """Return a context of the first device that builds a kernel.

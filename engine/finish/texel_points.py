@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from ..patches.texel_clip import fan_areas
-from ..patches.texel_pieces import TexelPieces, piece_outlines
+from ..patches.texel_pieces import TexelClipper, TexelPieces
 from ..scene.triangles import Triangles
 
 #: A texel has a grid where so many of its points lie on a triangle.
@@ -16,12 +15,12 @@ _GRID_FROM = 0.75
 #: How far outside of a triangle a point of the grid may be, in barycentrics: an edge has two sides.
 _RIM = 1e-9
 
-#: Multipliers of the R2 sequence (Roberts 2018).
-_R2 = np.array([0.7548776662466927, 0.5698402909980532])
+#: Pieces that are looked at together: what a processor's caches hold.
+_BATCH = 1 << 15
 
 
 def place_points(
-    triangles: Triangles, pieces: TexelPieces, resolution: int, points: int
+    clipper: TexelClipper, triangles: Triangles, pieces: TexelPieces, resolution: int, points: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return so many `points`, a square number, of each texel whose pieces are given.
 
@@ -40,7 +39,7 @@ def place_points(
 
     # Charts below a texel, corners of large ones.
     others = np.flatnonzero(~gridded[texel])
-    inside = _within(triangles, pieces.part(others), resolution, texel[others], points)
+    inside = _within(clipper, pieces.part(others), texel[others], points)
     piece = np.concatenate([piece, others[inside[0]]])
     order = np.argsort(piece, kind="stable")
     return (
@@ -62,12 +61,12 @@ def _on_grid(
     """Return the piece (s,) int64 and the barycentrics (s, 3) of the points of a grid, each on one piece."""
     steps = (np.arange(side) + 0.5) / side
     grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    found, first = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3)))], 0
-    for batch in pieces.batches():
+    found = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3)))]
+    for first in range(0, len(pieces), _BATCH):
+        batch = pieces.part(slice(first, first + _BATCH))
         barycentric = _barycentrics(triangles, batch, resolution, grid)
         piece, point = np.nonzero(barycentric.min(axis=2) >= -_RIM)
         found.append((first + piece, point, np.clip(barycentric[piece, point], 0, 1)))
-        first += len(batch)
     piece, point, barycentric = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
     _, chosen = np.unique(texel[piece] * len(grid) + point, return_index=True)
     return piece[chosen], barycentric[chosen]
@@ -88,14 +87,12 @@ def _barycentrics(
 
 
 def _within(
-    triangles: Triangles, pieces: TexelPieces, resolution: int, texel: np.ndarray, points: int
+    clipper: TexelClipper, pieces: TexelPieces, texel: np.ndarray, points: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the piece, the weight and the barycentrics of points within pieces; see `place_points`."""
     count, weight = _shared_out(pieces.area, texel, points)
-    chosen = np.flatnonzero(count)
-    found = _points_in(triangles, pieces.part(chosen), resolution, count[chosen])
-    piece = np.repeat(chosen, count[chosen])
-    return piece, weight[piece], found
+    piece = np.repeat(np.arange(len(count)), count)
+    return piece, weight[piece], clipper.points_within(pieces, piece)
 
 
 def _shared_out(area: np.ndarray, key: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray]:
@@ -114,39 +111,3 @@ def _shared_out(area: np.ndarray, key: np.ndarray, points: int) -> tuple[np.ndar
     count = np.diff(passed, prepend=0)
     count[starts] = passed[starts]
     return count, covered[texel] / points
-
-
-def _points_in(triangles: Triangles, pieces: TexelPieces, resolution: int, count: np.ndarray) -> np.ndarray:
-    """Return the barycentrics of so many points of each piece, (s, 3) float64."""
-    found, first, last = [np.zeros((0, 3))], 0, 0
-    ends = np.cumsum(count)
-    for batch in pieces.batches():
-        outlines = piece_outlines(triangles, resolution, batch)
-        mine = count[last : last + len(batch)]
-        last += len(batch)
-        numbers = np.arange(first, ends[last - 1])
-        first = ends[last - 1]
-        found.append(_points_within(outlines, np.repeat(np.arange(len(batch)), mine), numbers)[:, 2:])
-    return np.concatenate(found)
-
-
-def _points_within(polygons: np.ndarray, polygon: np.ndarray, number: np.ndarray) -> np.ndarray:
-    """Return a point of each named polygon, (s, c) float64, spread evenly over those that are named in a row.
-
-    polygons: (m, k, c) float64, convex, positions first; polygon: (s,) int64, ascending. The points are those
-    of an R2 sequence with some numbers, (s,) int64: one coordinate chooses a triangle of the polygon's fan by
-    area, and what is left of it, with the other, a point in there.
-    """
-    unit = (0.5 + (number[:, None] + 1) * _R2) % 1
-    areas = fan_areas(polygons[:, :, :2])
-    ends = np.cumsum(areas, axis=1)
-    ends /= np.maximum(ends[:, -1:], 1e-300)
-    ends, starts = ends[polygon], np.c_[np.zeros(len(polygons)), ends[:, :-1]][polygon]
-    fan = np.minimum((unit[:, :1] >= ends).sum(axis=1), ends.shape[1] - 1)
-    row = np.arange(len(polygon))
-    width = np.maximum(ends[row, fan] - starts[row, fan], 1e-300)
-    root = np.sqrt(np.clip((unit[:, 0] - starts[row, fan]) / width, 0, 1))[:, None]
-    across = unit[:, 1:]
-    corner, second, third = (polygons[polygon, index] for index in (0, fan + 1, fan + 2))
-    points: np.ndarray = (1 - root) * corner + root * (1 - across) * second + root * across * third
-    return points

@@ -10,15 +10,14 @@ import numpy as np
 
 from ..direct.contact import NearFaces
 from ..direct.lighting import DirectLighting
-from ..finish.dilation import Dilation
 from ..finish.display_samples import (
     DisplaySamples,
-    PatchLight,
     display_samples,
     joined_samples,
     no_samples,
     on_lightmap,
 )
+from ..finish.light_edges import PatchLight
 from ..finish.outputs import Outputs
 from ..finish.push_out import WaysOut, joined_ways, pushed_barycentrics, ways_out
 from ..finish.store import is_hidden
@@ -94,13 +93,13 @@ def light_in_texels(what: DisplayJob, solution: Solution) -> Generator[float, No
     """Return the light at the display samples of a solution; yield the fraction done."""
     if what.job.settings.texel_samples == 1 or what.choice.method == "none":
         return _nothing()
-    why = _why_centres_only(what.job, what.choice)
-    if why:
+    compute, why = what.job.compute, _why_centres_only(what.job, what.choice)
+    if why or compute is None:
         return _nothing(why)
     front = solution.gathered[:, 3]
     known = PatchLight(solution.irradiance.sum(axis=1), front, is_hidden(front, what.near))
     asked = what.job.settings.texel_samples
-    samples, count = display_samples(what.job.parts, what.atlases, known, asked)
+    samples, count = display_samples(compute, what.job.parts, what.atlases, known, asked)
     if not len(samples):
         return _nothing("No texel shows more than its centre.")
     settings = _settings_of_samples(what.job.settings, count)
@@ -250,19 +249,31 @@ def _seen_beside_hidden(parts: Subdivision, light: np.ndarray, hidden: np.ndarra
 
     Who sees the visible part of a texel whose centre is hidden sees what is beside the centre.
     """
-    if not hidden.any():
-        return light
-    patches, filled = parts.patches, light.copy()
-    for atlas in np.unique(patches.atlas[hidden]):
-        mine = np.flatnonzero(patches.atlas == atlas)
-        image = np.zeros((patches.resolution**2, 3), np.float32)
-        image[patches.texel[mine]] = light[mine]
-        known = np.zeros(patches.resolution**2, bool)
-        known[patches.texel[mine]] = ~hidden[mine]
-        square = (patches.resolution, patches.resolution)
-        Dilation(known.reshape(square), _FILLED).fill(image.reshape(*square, 3))
-        filled[mine] = image[patches.texel[mine]]
+    filled, known, left = light.copy(), ~hidden, np.flatnonzero(hidden)
+    for _ in range(_FILLED):
+        beside = _patches_beside(parts, left)
+        counts = (beside > 0) & known[beside - 1]
+        total = counts.sum(axis=1)
+        sums = np.einsum("hk,hkc->hc", counts.astype(np.float32), filled[beside - 1])
+        reached = total > 0
+        filled[left[reached]] = sums[reached] / total[reached, None]
+        known[left[reached]] = True
+        left = left[~reached]
+    filled[left] = 0
     return filled
+
+
+def _patches_beside(parts: Subdivision, patches: np.ndarray) -> np.ndarray:
+    """Return patch + 1 in the 3 x 3 texels around some patches, (m, 9) int64, 0 for none."""
+    resolution = parts.patches.resolution
+    row, column = np.divmod(parts.patches.texel[patches], resolution)
+    step = np.arange(9)
+    y, x = row[:, None] + step // 3 - 1, column[:, None] + step % 3 - 1
+    inside = (y >= 0) & (y < resolution) & (x >= 0) & (x < resolution)
+    last = resolution - 1
+    atlas = parts.patches.atlas[patches, None]
+    beside = parts.texel_to_patch[atlas, np.clip(y, 0, last), np.clip(x, 0, last)]
+    return np.where(inside, beside, 0).astype(np.int64)
 
 
 def _between(first: float, last: float, work: Generator[float, None, Made]) -> Generator[float, None, Made]:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from engine.patches.texel_clip import clip_at_texels, polygon_areas
-from engine.patches.texel_pieces import border_pieces, piece_outlines, pieces_at
+from engine.patches.texel_clip import clip_at_texels, clipped_centroids, polygon_areas
+from engine.patches.texel_pieces import TexelClipper
 from engine.scene.triangles import Triangles
 
 RESOLUTION = 13
@@ -48,10 +48,10 @@ def nasty_uvs():
     return np.concatenate([wide, small, slivers, aligned, beyond])
 
 
-def test_pieces_are_all_texels_that_are_partly_covered():
+def test_pieces_are_all_texels_that_are_partly_covered(compute):
     triangles = triangles_of(nasty_uvs())
     areas = all_areas(triangles)
-    pieces = border_pieces(triangles, everywhere(1))
+    pieces = TexelClipper(compute, triangles, RESOLUTION).border_pieces(everywhere(1))
     found = np.zeros_like(areas)
     np.add.at(found, (pieces.triangle, pieces.texel), pieces.area)
     partly = (areas > 1e-6) & (areas < 1 - 1e-6)
@@ -63,38 +63,47 @@ def test_pieces_are_all_texels_that_are_partly_covered():
     )
 
 
-def test_barycentrics_belong_to_the_positions():
+def test_points_lie_in_their_texel_and_are_even_on_what_is_covered(compute):
     triangles = triangles_of(nasty_uvs())
-    pieces = border_pieces(triangles, everywhere(1))
-    outlines = piece_outlines(triangles, RESOLUTION, pieces)
+    clipper = TexelClipper(compute, triangles, RESOLUTION)
+    pieces = clipper.border_pieces(everywhere(1))
+    pieces = pieces.part(pieces.area > 1e-3)
+    count = 400
+    piece = np.repeat(np.arange(len(pieces)), count)
+    points = clipper.points_within(pieces, piece)
+    assert points.min() >= 0 and points.sum(axis=1) == pytest.approx(1, abs=1e-5)
     row, column = np.divmod(pieces.texel, RESOLUTION)
-    here = (outlines[:, :, :2] + np.stack([column, row], axis=1)[:, None]) / RESOLUTION
-    there = np.einsum("mkw,mwd->mkd", outlines[:, :, 2:], triangles.uvs[pieces.triangle].astype(np.float64))
-    assert here == pytest.approx(there, abs=1e-9)
-    assert outlines[:, :, :2].min() >= -1e-9 and outlines[:, :, :2].max() <= 1 + 1e-9
+    corners = triangles.uvs[pieces.triangle].astype(float) * RESOLUTION
+    corners -= np.stack([column, row], axis=1)[:, None]
+    at = np.einsum("mkw,mwd->mkd", points.reshape(len(pieces), count, 3), corners)
+    assert at.min() > -1e-4 and at.max() < 1 + 1e-4
+    centroid = clipped_centroids(corners, np.zeros((len(pieces), 2), int))
+    middle = np.einsum("mw,mwd->md", centroid, corners)
+    assert np.abs(at.mean(axis=1) - middle).max() < 0.02
 
 
-def test_pieces_are_those_of_wanted_texels():
+def test_pieces_are_those_of_wanted_texels(compute):
     triangles = triangles_of(nasty_uvs())
     wanted = np.random.default_rng(2).random((1, RESOLUTION, RESOLUTION)) < 0.3
-    every = border_pieces(triangles, everywhere(1))
-    some = border_pieces(triangles, wanted)
+    every = TexelClipper(compute, triangles, RESOLUTION).border_pieces(everywhere(1))
+    some = TexelClipper(compute, triangles, RESOLUTION).border_pieces(wanted)
     here = wanted.ravel()[every.texel]
     assert 0 < here.sum() < len(every)
     for name in ("atlas", "texel", "triangle", "area"):
         assert np.array_equal(getattr(some, name), getattr(every, name)[here])
 
 
-def test_pieces_fill_the_texels_of_an_axis_aligned_square():
+def test_pieces_fill_the_texels_of_an_axis_aligned_square(compute):
     triangles = triangles_of(nasty_uvs()[100:102])
-    pieces = border_pieces(triangles, everywhere(1))
+    pieces = TexelClipper(compute, triangles, RESOLUTION).border_pieces(everywhere(1))
     covered = np.bincount(pieces.texel, pieces.area, RESOLUTION**2)
     assert covered[covered > 0] == pytest.approx(1)
     assert len(pieces.texel) <= 2 * (covered > 0).sum()
 
 
-def test_atlases_of_occluders_have_no_pieces_and_nothing_gives_nothing():
+def test_atlases_of_occluders_have_no_pieces_and_nothing_gives_nothing(compute):
     triangles = triangles_of(nasty_uvs()[:7], [0, 1, 2, 0, 1, 2, 0])
-    pieces = border_pieces(triangles, everywhere(2))
+    clipper = TexelClipper(compute, triangles, RESOLUTION)
+    pieces = clipper.border_pieces(everywhere(2))
     assert set(pieces.atlas) == {0, 1} and set(pieces.triangle) == {0, 1, 3, 4, 6}
-    assert len(pieces_at(triangles, RESOLUTION, np.zeros(0, np.int32), np.zeros(0, np.int32)).area) == 0
+    assert len(clipper.pieces_at(np.zeros(0, np.int32), np.zeros(0, np.int32)).area) == 0

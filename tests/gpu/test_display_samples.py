@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from engine.finish import display_samples as module
-from engine.finish.display_samples import PatchLight
+from engine.finish.light_edges import PatchLight
 from engine.finish.push_out import pushed_barycentrics
 from engine.finish.texel_means import TexelMeans
 from engine.patches.geometry import PatchGeometry, texel_steps
 from engine.patches.patch_list import PatchList
-from tests.unit.test_texel_pieces import nasty_uvs, triangles_of
+from tests.gpu.test_texel_pieces import nasty_uvs, triangles_of
 
 RESOLUTION = 13
 
@@ -39,9 +39,9 @@ def parts_of(uvs):
     return SimpleNamespace(triangles=triangles, patches=patches, geometry=geometry)
 
 
-def display_samples(parts, atlases, known, points):
+def display_samples(compute, parts, atlases, known, points):
     """Return the samples, which have as many points in each texel as asked for."""
-    samples, found = module.display_samples(parts, atlases, known, points)
+    samples, found = module.display_samples(compute, parts, atlases, known, points)
     assert found == points
     return samples
 
@@ -55,9 +55,9 @@ def even(parts, light=1.0):
 SQUARE = np.array([[(2, 3), (7, 3), (7, 9)], [(2, 3), (7, 9), (2, 9)]]) / 13
 
 
-def test_samples_lie_in_their_texel_and_on_their_triangle_and_weigh_what_is_covered():
+def test_samples_lie_in_their_texel_and_on_their_triangle_and_weigh_what_is_covered(compute):
     parts = parts_of(nasty_uvs()[:80])
-    samples = display_samples(parts, 1, even(parts), 16)
+    samples = display_samples(compute, parts, 1, even(parts), 16)
     row, column = np.divmod(samples.texel, RESOLUTION)
     local = samples.position - np.stack([column, row], axis=1)
     assert local.min() > -1e-4 and local.max() < 1 + 1e-4
@@ -69,15 +69,15 @@ def test_samples_lie_in_their_texel_and_on_their_triangle_and_weigh_what_is_cove
     assert (np.diff(samples.texel) >= 0).all()
 
 
-def test_even_light_on_a_square_of_whole_texels_needs_no_samples():
+def test_even_light_on_a_square_of_whole_texels_needs_no_samples(compute):
     parts = parts_of(SQUARE)
-    assert len(display_samples(parts, 1, even(parts), 16)) == 0
+    assert len(display_samples(compute, parts, 1, even(parts), 16)) == 0
 
 
 @pytest.mark.parametrize("points", [4, 16])
-def test_a_square_half_a_texel_off_has_samples_at_its_border(points):
+def test_a_square_half_a_texel_off_has_samples_at_its_border(compute, points):
     parts = parts_of(SQUARE + 0.5 / 13)
-    samples = display_samples(parts, 1, even(parts), points)
+    samples = display_samples(compute, parts, 1, even(parts), points)
     weight = np.bincount(samples.texel, samples.weight, RESOLUTION**2).reshape(RESOLUTION, RESOLUTION)
     assert weight.sum() == pytest.approx(10, rel=1e-5)
     assert weight[3, 3:7] == pytest.approx(0.5, rel=1e-4) and weight[3, 2] == pytest.approx(0.25, rel=1e-4)
@@ -85,25 +85,25 @@ def test_a_square_half_a_texel_off_has_samples_at_its_border(points):
     assert (np.bincount(samples.texel)[np.unique(samples.texel)] >= points - 2).all()
 
 
-def test_borders_of_large_charts_need_samples_where_nobody_covers_the_centre():
+def test_borders_of_large_charts_need_samples_where_nobody_covers_the_centre(compute):
     """A square 0.3 texels off covers texels below and left by 0.7, those above and right by 0.3."""
     parts = parts_of(SQUARE + 0.3 / 13)
-    texel = np.unique(display_samples(parts, 1, even(parts), 4).texel)
+    texel = np.unique(display_samples(compute, parts, 1, even(parts), 4).texel)
     row, column = np.divmod(texel, RESOLUTION)
     assert ((row == 9) | (column == 7)).all() and len(texel) == 6 + 7 - 1
     strip = np.array([[(2, 3.3), (9, 3.3), (9, 4.1)], [(2, 3.3), (9, 4.1), (2, 4.1)]]) / 13
     parts = parts_of(strip)
-    assert set(display_samples(parts, 1, even(parts), 4).texel // RESOLUTION) == {3, 4}
+    assert set(display_samples(compute, parts, 1, even(parts), 4).texel // RESOLUTION) == {3, 4}
 
 
-def test_an_edge_of_light_has_samples_on_both_sides_and_a_slope_none():
+def test_an_edge_of_light_has_samples_on_both_sides_and_a_slope_none(compute):
     parts = parts_of(SQUARE)
     column = parts.patches.texel % RESOLUTION
     known = even(parts)
     known.light[:] = 1 + 0.1 * column
-    assert set(display_samples(parts, 1, known, 4).texel % RESOLUTION) <= {2, 6}
+    assert set(display_samples(compute, parts, 1, known, 4).texel % RESOLUTION) <= {2, 6}
     known.light[:] = np.where(column < 4, 1, 3)
-    samples = display_samples(parts, 1, known, 4)
+    samples = display_samples(compute, parts, 1, known, 4)
     assert set(samples.texel % RESOLUTION) == {3, 4}
     assert np.bincount(samples.texel, samples.weight)[samples.texel] == pytest.approx(1, rel=1e-4)
     local = samples.position % 1
@@ -111,24 +111,24 @@ def test_an_edge_of_light_has_samples_on_both_sides_and_a_slope_none():
     assert len(np.unique(np.c_[samples.texel, local > 0.5], axis=0)) == len(samples)
 
 
-def test_both_sides_of_a_border_of_what_is_hidden_have_samples():
+def test_both_sides_of_a_border_of_what_is_hidden_have_samples(compute):
     parts = parts_of(SQUARE)
     known = even(parts)
     known.hidden[:] = parts.patches.texel % RESOLUTION < 4
-    assert set(display_samples(parts, 1, known, 4).texel % RESOLUTION) == {3, 4}
+    assert set(display_samples(compute, parts, 1, known, 4).texel % RESOLUTION) == {3, 4}
 
 
-def test_a_triangle_far_smaller_than_a_texel_has_samples():
+def test_a_triangle_far_smaller_than_a_texel_has_samples(compute):
     """The first is a sliver beside no patch, the second covers a twentieth of a texel, off its centre."""
     small = np.array([[(9.2, 5.2), (9.21, 5.2), (9.2, 5.22)], [(9.1, 9.1), (9.4, 9.1), (9.1, 9.4)]]) / 13
     parts = parts_of(np.concatenate([SQUARE, small]))
-    samples = display_samples(parts, 1, even(parts), 16)
+    samples = display_samples(compute, parts, 1, even(parts), 16)
     assert set(samples.triangle) == {3} and set(samples.texel) == {9 * RESOLUTION + 9}
 
 
-def test_texels_show_the_weighted_mean_of_visible_samples():
+def test_texels_show_the_weighted_mean_of_visible_samples(compute):
     parts = parts_of(SQUARE + 0.5 / 13)
-    samples = display_samples(parts, 1, even(parts), 4)
+    samples = display_samples(compute, parts, 1, even(parts), 4)
     values = np.random.default_rng(3).random((len(samples), 3)).astype(np.float32)
     visible = samples.texel % RESOLUTION != 2
     means = TexelMeans(samples, visible, RESOLUTION)
@@ -153,24 +153,24 @@ def test_points_that_leave_their_triangle_are_not_pushed():
 
 @pytest.mark.parametrize(("most", "points", "texels"), [(352, 16, 22), (351, 4, 22), (40, 4, 8)])
 def test_too_many_points_become_fewer_in_every_texel_and_then_in_fewer_texels(
-    monkeypatch, most, points, texels
+    compute, monkeypatch, most, points, texels
 ):
     """The border of a square half a texel off covers 22 texels in part."""
     monkeypatch.setattr(module, "_MOST_POINTS", most)
     parts = parts_of(SQUARE + 0.5 / 13)
-    samples, found = module.display_samples(parts, 1, even(parts), 16)
+    samples, found = module.display_samples(compute, parts, 1, even(parts), 16)
     assert found == points and len(samples) == points * texels
     assert len(np.unique(samples.texel)) == texels
 
 
-def test_a_texel_with_many_triangles_has_no_more_points_than_others():
+def test_a_texel_with_many_triangles_has_no_more_points_than_others(compute):
     """A fan of 300 triangles on a border of two texels: each point stands for the same area."""
     angle = np.linspace(0, 2 * np.pi, 301)
     middle = np.array((10.0, 10.5))
     rim = np.stack([np.cos(angle), np.sin(angle)], axis=1) * 0.4 + middle
     fan = np.stack([np.broadcast_to(middle, (300, 2)), rim[:-1], rim[1:]], axis=1) / 13
     parts = parts_of(np.concatenate([SQUARE, fan]))
-    samples = display_samples(parts, 1, even(parts), 16)
+    samples = display_samples(compute, parts, 1, even(parts), 16)
     assert (np.bincount(samples.texel)[[139, 140]] == 16).all() and len(samples) == 32
     covered = np.bincount(samples.texel, samples.weight)[[139, 140]]
     assert covered == pytest.approx(np.pi * 0.4**2 / 2, rel=1e-3)

@@ -1,0 +1,58 @@
+"""Texels on an edge of light, or of what is seen: they show more than what is at their centre."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..device.buffers import download, upload, zeros
+from ..device.compute import Compute
+
+#: Light has an edge where it differs from the mean of its neighbours by more than this part.
+_EDGE = 0.1
+
+#: Light below this part of the map's mean counts as if it were that bright.
+_DARK = 0.05
+
+#: Edges stand out from noise: by this many times the median difference.
+_ABOVE_NOISE = 6.0
+
+#: Marks of kernels/edges.cl.
+_ON_EDGE, _AT_AN_END = 1, 2
+
+
+@dataclass(frozen=True)
+class PatchLight:
+    """What is known of patches once the light has settled, (n, ...) each.
+
+    light   (n,) float32, all light, sum of the channels
+    front   (n,) float32, the fraction of the view that no back takes
+    hidden  (n,) bool, nobody sees the patch
+    """
+
+    light: np.ndarray
+    front: np.ndarray
+    hidden: np.ndarray
+
+
+def find_edges(compute: Compute, patches: np.ndarray, known: PatchLight) -> tuple[np.ndarray, np.ndarray]:
+    """Return texels on an edge, and those at an end of their chart along an axis, two (atlases, r, r) bool.
+
+    patches  (atlases, r, r) int32, of each texel; -1 for none, which is at an end
+
+    An edge is where light or the backs in view are not the mean of the neighbours', and both sides of a
+    border of what is hidden.
+    """
+    (kernel,) = compute.kernels(("texel.cl", "edges.cl"), "find_edges")
+    off, marks = zeros(compute, 4 * patches.size), zeros(compute, 4 * (patches.size // 4 + 1))
+    values = (values.astype(np.float32, copy=False) for values in (known.light, known.front))
+    least = np.float32(_DARK * float(known.light.mean()))
+    buffers = [upload(compute, array) for array in (patches, *values, known.hidden.view(np.uint8))]
+    compute.run_texels(kernel, patches.shape, *buffers, least, off, marks)
+    found = download(compute, marks, (patches.size // 4 + 1,)).view(np.uint8)[: patches.size]
+    found = found.reshape(patches.shape)
+    steps, has_patch = download(compute, off, patches.shape), patches >= 0
+    noise = float(np.median(steps[has_patch])) if has_patch.any() else 0.0
+    edge = (steps > max(_EDGE, _ABOVE_NOISE * noise)) | (found & _ON_EDGE > 0)
+    return edge, found & _AT_AN_END > 0

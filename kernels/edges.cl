@@ -1,0 +1,46 @@
+// Texels of lightmaps whose light or view is not the mean of their neighbours', so that they show more than their
+// centre (engine/finish/light_edges.py).
+
+#define ON_EDGE 1
+#define AT_AN_END 2
+
+#define EDGE_OF_BACKS 0.1f  // least difference of the fractions of backs in view
+
+// How far a value is from the mean of two neighbours, relative to the largest, which counts as `least` at least.
+float off_mean(const float before, const float value, const float after, const float least)
+{
+    const float largest = fmax(fmax(before, after), fmax(value, least));
+    return fabs(value - 0.5f * (before + after)) / fmax(largest, 1e-30f);
+}
+
+// patches: of each texel, -1 for none; a neighbour without one counts as equal. off: how far the light is from the mean
+// along a row or column. marks: an edge of what is seen of backs, or of what is hidden; no neighbour along an axis.
+__kernel void find_edges(__global const int *patches, __global const float *light, __global const float *front,
+                         __global const uchar *hidden, const float least, __global float *off,
+                         __global uchar *marks, const int width, const int height)
+{
+    TEXEL;
+    const int own = patches[texel];
+    off[texel] = 0.0f;
+    marks[texel] = own < 0 ? AT_AN_END : 0;
+    if (own < 0)
+        return;
+    bool edge = false;
+    for (int axis = 0; axis < 2; ++axis) {
+        const int2 step = axis ? (int2)(0, 1) : (int2)(1, 0);
+        const bool first = axis ? y == 0 : x == 0, last = axis ? y == height - 1 : x == width - 1;
+        const int before = first ? -1 : patches[AT(x - step.x, y - step.y)];
+        const int after = last ? -1 : patches[AT(x + step.x, y + step.y)];
+        const int lower = before < 0 ? own : before, upper = after < 0 ? own : after;
+        off[texel] = fmax(off[texel], off_mean(light[lower], light[own], light[upper], least));
+        edge |= off_mean(front[lower], front[own], front[upper], 1.0f) > EDGE_OF_BACKS;
+        if (before < 0 && after < 0)
+            marks[texel] = AT_AN_END;
+    }
+    for (int v = max(y - 1, 0); v <= min(y + 1, height - 1); ++v)
+        for (int u = max(x - 1, 0); u <= min(x + 1, width - 1); ++u) {
+            const int other = patches[AT(u, v)];
+            edge |= other >= 0 && hidden[other] != hidden[own];
+        }
+    marks[texel] |= edge ? ON_EDGE : 0;
+}

@@ -81,7 +81,7 @@ def _bake(
     yield stages.begin(stages.patches)
     parts = subdivide(graphics, compute, scene, settings)
     check_patch_count(len(parts.patches))
-    store = LightmapStore(parts.patches, len(atlases), settings.dilation)
+    store = LightmapStore(parts.patches, len(atlases), settings.dilation, compute)
     yield stages.listed(parts.surfaces.reflectance)
 
     # Lamps, small bright surfaces and bright sky are sampled with shadow rays (direct light).

@@ -6,14 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..device.buffers import download, upload, zeros
+from ..device.compute import Compute
 from ..patches.patch_list import PatchList
 from ..scene.triangles import Triangles
 
 #: A patch this near to the centre of its texel, in texels, lies there: barycentrics are rounded.
 _AT_CENTRE = 0.02
-
-#: Patches that are placed at a time.
-_CHUNK = 1 << 18
 
 
 @dataclass(frozen=True)
@@ -32,6 +31,10 @@ class LightmapPoints:
     def __len__(self) -> int:
         return len(self.atlas)
 
+    def part(self, chosen: np.ndarray) -> LightmapPoints:
+        """Return some points, by a mask or their numbers."""
+        return LightmapPoints(self.atlas[chosen], self.position[chosen], self.weight[chosen])
+
     def texels(self, resolution: int) -> np.ndarray:
         """Return the flat index of the texel that each point lies in, (s,) int64."""
         column, row = np.clip(np.floor(self.position), 0, resolution - 1).astype(np.int32).T
@@ -39,22 +42,41 @@ class LightmapPoints:
         return texel
 
 
-def patch_points(triangles: Triangles, patches: PatchList) -> LightmapPoints:
-    """Return the point of every patch, which stands for a whole texel.
+def thin_patches(
+    compute: Compute | None, triangles: Triangles, patches: PatchList
+) -> tuple[np.ndarray, LightmapPoints]:
+    """Return the numbers, (k,) int64, and the points of the patches that are not at their texel's centre.
 
-    Most patches are at the centre of their texels; those of thin surfaces are in the middle of what these
-    cover.
+    These are patches of thin surfaces, in the middle of what these cover; each stands for a whole texel.
     """
-    row, column = np.divmod(patches.texel, patches.resolution)
-    position = np.stack([column, row], axis=1).astype(np.float32) + np.float32(0.5)
-    for start in range(0, len(position), _CHUNK):
-        part = position[start : start + _CHUNK]
-        uvs = triangles.uvs[patches.triangle[start : start + _CHUNK]]
-        point = np.einsum("nk,nkd->nd", patches.barycentric[start : start + _CHUNK], uvs)
-        point *= patches.resolution
-        off = (np.abs(point - part) > _AT_CENTRE).any(axis=1)
-        part[off] = point[off]
-    return LightmapPoints(patches.atlas, position, np.ones(len(position), np.float32))
+    if compute is None:
+        number = np.arange(len(patches))
+        position = _positions(triangles, patches)
+        row, column = np.divmod(patches.texel, patches.resolution)
+        off = np.abs(position - np.stack([column, row], axis=1) - 0.5).max(axis=1) > _AT_CENTRE
+        number, position = number[off], position[off]
+    else:
+        number = _found_thin(compute, triangles, patches)
+        position = _positions(triangles, patches.part(number))
+    return number, LightmapPoints(patches.atlas[number], position, np.ones(len(number), np.float32))
+
+
+def _found_thin(compute: Compute, triangles: Triangles, patches: PatchList) -> np.ndarray:
+    """Return the numbers of thin patches, (k,) int64, found on the device."""
+    (kernel,) = compute.kernels(("texel_corners.cl", "thin_patches.cl"), "find_thin")
+    arrays = triangles.uvs, patches.triangle, patches.barycentric, patches.texel
+    thin = zeros(compute, 4 * (len(patches) // 4 + 1))
+    size = np.int32(patches.resolution), np.float32(_AT_CENTRE), thin, np.int32(len(patches))
+    compute.run(kernel, len(patches), *(upload(compute, array) for array in arrays), *size)
+    found = download(compute, thin, (len(patches) // 4 + 1,)).view(np.uint8)
+    return np.flatnonzero(found[: len(patches)])
+
+
+def _positions(triangles: Triangles, patches: PatchList) -> np.ndarray:
+    """Return where patches are on their lightmaps, (n, 2) float32, texels."""
+    uvs = triangles.uvs[patches.triangle]
+    position: np.ndarray = np.einsum("nk,nkd->nd", patches.barycentric, uvs)
+    return position * np.float32(patches.resolution)
 
 
 def centre_points(texels: np.ndarray, resolution: int) -> LightmapPoints:

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import numpy as np
+import pyopencl as cl
 
+from ..device.buffers import upload
+from ..device.compute import Compute
 from ..direct.contact import NearFaces
 from ..patches.patch_list import PatchList
 from ..patches.seams import find_seams
 from ..scene.triangles import Triangles
+from .device_display import DeviceDisplay
+from .device_fill import DeviceFill
+from .device_images import DeviceImages, DevicePatches
 from .dilation import Dilation
 from .display_fit import DisplayFit
 from .display_samples import no_samples
-from .lightmap_points import centre_points, joined_points, patch_points
+from .lightmap_points import LightmapPoints, thin_patches
 from .texel_means import TexelMeans
 
 #: A patch whose view holds more than this fraction of backs lies inside something and is filled for display.
@@ -30,21 +36,24 @@ class LightmapStore:
     has_patch  (atlases, r, r) bool, texels that are patches
     """
 
-    def __init__(self, patches: PatchList, atlases: int, dilation: int) -> None:
+    def __init__(
+        self, patches: PatchList, atlases: int, dilation: int, compute: Compute | None = None
+    ) -> None:
         resolution = patches.resolution
         self._patches, self._chosen = patches, np.flatnonzero(patches.atlas < atlases)
         self._texel = patches.atlas[self._chosen].astype(np.int64) * resolution**2
         self._texel += patches.texel[self._chosen]
-        self._rings = dilation
+        self._rings, self._compute = dilation, compute
+        self._device: DevicePatches | None = None
         self._dilations: list[Dilation] = []
+        self._gutters: DeviceImages | None = None
         self._hidden = np.zeros(len(self._chosen), bool)
-        self._fit: DisplayFit | None = None
+        self._fit: DisplayFit | DeviceDisplay | None = None
         self._means = TexelMeans(no_samples(), np.zeros(0, bool), resolution)
-        self._dark = self._point_texels = self._texel[:0]
+        self._thin_texels = self._texel[:0]
         self.has_patch = np.zeros((atlases, resolution, resolution), bool)
         self.has_patch.ravel()[self._texel] = True
-        self._empty = np.flatnonzero(~self.has_patch)
-        self._patch = np.zeros(self.has_patch.size, np.int64)
+        self._patch = np.full(self.has_patch.size, -1, np.int32)
         self._patch[self._texel] = self._chosen
 
     def hide(self, front: np.ndarray, near: NearFaces) -> None:
@@ -54,10 +63,11 @@ class LightmapStore:
                objects see backs only
         near   of the patches: those that a face hides are dark, whatever they see beyond that face
         """
-        self._dark = self._texel[near.hide[self._chosen]]
+        self._patch[self._texel[near.hide[self._chosen]]] = -1
+        self._device = None
         hidden = is_hidden(front, near)[self._chosen]
         if not np.array_equal(hidden, self._hidden):
-            self._hidden, self._dilations = hidden, []
+            self._hidden, self._dilations, self._gutters = hidden, [], None
 
     def image(self, values: np.ndarray) -> np.ndarray:
         """Return the patches' values, (n, 3) or (n,), as (atlases, r, r, 3) float32, 0 elsewhere."""
@@ -65,21 +75,21 @@ class LightmapStore:
 
     def display(self, values: np.ndarray) -> np.ndarray:
         """Return the patches' values as images with hidden texels filled and charts dilated."""
-        return self._dilated(self.image(values))
+        if self._compute is None:
+            return self._dilated(self.image(values))
+        channels = values.reshape(len(values), -1)
+        return self._filled(self._compute, self._on_device(self._compute).texels(channels), channels.shape[1])
 
     def refine(self, means: TexelMeans) -> None:
         """Let texels show the means of their samples."""
-        self._means, self._dilations = means, []
+        self._means, self._dilations, self._gutters = means, [], None
 
     def hide_seams(self, triangles: Triangles) -> None:
         """Find the seams between charts of a scene: `final` images show the same on both sides."""
-        resolution = self._patches.resolution
-        seams = find_seams(triangles, len(self.has_patch), resolution)
-        plain = self._plain
-        points = patch_points(triangles, self._patches.part(self._chosen[plain]))
-        refined = centre_points(self._means.texels, resolution)
-        self._point_texels = np.concatenate([self._texel[plain], self._means.texels])
-        self._fit = DisplayFit(joined_points(points, refined), seams, self.has_patch, self._rings)
+        seams = find_seams(triangles, len(self.has_patch), self._patches.resolution)
+        centres, beside = self._light_points(triangles)
+        where = centres, beside, seams, self.has_patch, self._rings
+        self._fit = DisplayFit(*where) if self._compute is None else DeviceDisplay(self._compute, *where)
 
     def texels(self, values: np.ndarray, samples: np.ndarray | None) -> np.ndarray:
         """Return what every texel shows for itself, (atlases, r, r, 3) or (atlases, r, r, 1) float32.
@@ -97,7 +107,7 @@ class LightmapStore:
         """Return what `texels` returned as the images to keep; see `hide_seams`."""
         if self._fit is None:
             return _coloured(self._dilated(texels))
-        return self._fit.images(texels.reshape(-1, texels.shape[-1])[self._point_texels])
+        return self._fit.images(texels, texels.reshape(-1, texels.shape[-1])[self._thin_texels])
 
     @property
     def known(self) -> np.ndarray:
@@ -116,22 +126,55 @@ class LightmapStore:
         plain: np.ndarray = ~self._hidden & ~refined[self._texel]
         return plain
 
+    def _light_points(self, triangles: Triangles) -> tuple[np.ndarray, LightmapPoints]:
+        """Return which texels show their light at their centre, (atlases, r, r) bool; thin ones' points."""
+        plain = self._plain
+        counts = np.zeros(len(self._patches), bool)
+        counts[self._chosen[plain]] = True
+        thin, points = thin_patches(self._compute, triangles, self._patches)
+        points = points.part(counts[thin])
+        texels = points.texels(self._patches.resolution)
+        order = np.argsort(texels, kind="stable")
+        self._thin_texels = texels[order]
+        centres = np.zeros(self.has_patch.size, bool)
+        centres[self._texel[plain]] = centres[self._means.texels] = True
+        centres[self._thin_texels] = False
+        return centres.reshape(self.has_patch.shape), points.part(order)
+
     def _scattered(self, values: np.ndarray) -> np.ndarray:
         """Return the patches' values, (n, 3) or (n,), as (atlases, r, r, 3 or 1) float32, 0 elsewhere."""
         channels = values.reshape(len(values), -1)
-        image = np.empty((self.has_patch.size, channels.shape[1]), np.float32)
-        np.take(channels, self._patch, axis=0, out=image, mode="clip")
-        image[self._empty] = image[self._dark] = 0
+        if self._compute is not None:
+            return self._on_device(self._compute).images(channels)
+        image = np.take(channels, self._patch, axis=0, mode="clip")
+        image[self._patch < 0] = 0
         return image.reshape(*self.has_patch.shape, channels.shape[1])
 
     def _dilated(self, images: np.ndarray) -> np.ndarray:
         """Return images with hidden texels filled and charts dilated."""
+        if self._compute is not None:
+            return self._filled(self._compute, upload(self._compute, images), images.shape[-1])
         if not self._dilations:
             self._dilations = [Dilation(mask, self._rings) for mask in self.known]
         filled = images.copy()
         for dilation, image in zip(self._dilations, filled, strict=True):
             dilation.fill(image)
         return filled
+
+    def _on_device(self, compute: Compute) -> DevicePatches:
+        """Return where the patches are on the lightmaps, on the device."""
+        if self._device is None:
+            self._device = DevicePatches(compute, self._patch.reshape(self.has_patch.shape))
+        return self._device
+
+    def _filled(self, compute: Compute, texels: cl.Buffer, channels: int) -> np.ndarray:
+        """Return texels on the device as images with hidden texels filled and charts dilated."""
+        if self._gutters is None:
+            known = self.known
+            fill = DeviceFill(compute, known, np.zeros_like(known), self._rings, self._rings)
+            self._gutters = DeviceImages(compute, known, fill)
+        self._gutters.load(texels, channels)
+        return self._gutters.filled()
 
 
 def _coloured(images: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from engine.finish.bilinear import footprints
 from engine.finish.bilinear_fit import BilinearFit
 from engine.finish.bounded_gradients import BoundedGradients
 from engine.finish.dilation import Dilation
-from engine.finish.lightmap_points import LightmapPoints, patch_points
+from engine.finish.lightmap_points import LightmapPoints, thin_patches
 from engine.finish.sparse_rows import SparseRows
 from engine.finish.texel_stencil import TexelStencil
 from engine.patches.patch_list import PatchList
@@ -220,10 +220,10 @@ def test_patches_are_points_at_centres_except_thin_ones():
     weights = np.array([(0.5625, 0.1875, 0.25), (0.72, 0.0, 0.28)], np.float32)
     weights[0] = (1 - 3.5 / 8, 3.5 / 8 - 1.5 / 8, 1.5 / 8)
     patches = PatchList(R, np.zeros(2, np.int32), texel, np.array([0, 1], np.int32), weights)
-    points = patch_points(triangles, patches)
-    np.testing.assert_array_equal(points.position[0], [5.5, 3.5])
+    number, points = thin_patches(None, triangles, patches)
+    np.testing.assert_array_equal(number, [1])
     corners = triangles.uvs[1].astype(float) * R
-    np.testing.assert_allclose(points.position[1], weights[1] @ corners, rtol=1e-6)
+    np.testing.assert_allclose(points.position, [weights[1] @ corners], rtol=1e-6)
 
 
 def test_stencil_and_rows_are_their_dense_matrices():

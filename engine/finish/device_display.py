@@ -1,0 +1,57 @@
+"""`DisplayFit` on the OpenCL device: the host hands over texels and gets finished images."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..device.buffers import upload, upload_float4
+from ..device.compute import Compute
+from ..patches.seams import Seams
+from .device_equations import DeviceEquations
+from .device_fill import DeviceFill
+from .device_fit import DeviceFit
+from .device_images import DeviceImages
+from .display_fit import RINGS
+from .lightmap_points import LightmapPoints
+
+
+class DeviceDisplay:
+    """Lightmaps of the user's from the light at points; see `DisplayFit`.
+
+    centres    (atlases, r, r) bool, texels whose light is known at their centre
+    beside     points elsewhere, ordered by the texels that they lie in
+    """
+
+    def __init__(
+        self,
+        compute: Compute,
+        centres: np.ndarray,
+        beside: LightmapPoints,
+        seams: Seams,
+        has_patch: np.ndarray,
+        dilation: int,
+    ) -> None:
+        self._compute = compute
+        equations = DeviceEquations(compute, centres, beside, seams)
+        self._fit = DeviceFit(compute, equations) if equations.count else None
+        known = centres.copy()
+        known.ravel()[equations.texel] = True
+        self._images = DeviceImages(compute, centres, DeviceFill(compute, known, has_patch, RINGS, dilation))
+
+    def images(self, texels: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Return lightmaps, (atlases, r, r, 3) float32.
+
+        texels  (atlases, r, r, 3) or (atlases, r, r, 1) float32, light of those whose centre counts
+        values  (s, 3) or (s, 1) float32, light of the points beside centres
+        """
+        self._images.load(upload(self._compute, texels), texels.shape[-1])
+        if self._fit is not None:
+            some = values if len(values) else np.zeros((1, 3), np.float32)
+            light = upload_float4(self._compute, np.broadcast_to(some, (len(some), 3)))
+            self._fit.fit(self._images.buffer, light, max(_largest(texels), _largest(values)))
+        return self._images.filled()
+
+
+def _largest(values: np.ndarray) -> float:
+    """Return the largest absolute value."""
+    return float(max(values.max(initial=0), -values.min(initial=0)))

@@ -1,0 +1,102 @@
+"""`Dilation` and `SmoothFill` on the OpenCL device."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pyopencl as cl
+
+from ..device.buffers import upload
+from ..device.compute import Compute
+
+_NAMES = (
+    "distance_in_row", "distance_in_column", "grow", "classify", "coarser_states", "coarser", "finer",
+    "relax",
+)  # fmt: skip
+
+#: Relaxations at each scale: an even number, after which they are back in the image.
+_RELAXATIONS = 4
+
+
+class _Scale(NamedTuple):
+    """One scale of the images.
+
+    shape   images, height, width
+    states  uchar of each texel, see kernels/fill.cl
+    image   float4 of each texel; None at the finest scale
+    """
+
+    shape: tuple[int, int, int]
+    states: cl.Buffer
+    image: cl.Buffer | None
+
+
+class DeviceFill:
+    """Fills unknown texels of images.
+
+    known   (atlases, r, r) bool, texels that keep their bits
+    inside  (atlases, r, r) bool, texels that are filled at any distance
+    rings   that grow from known texels, each with the mean of its neighbours
+    reach   how far texels are filled, smoothly beyond the rings; others are 0
+    """
+
+    def __init__(
+        self, compute: Compute, known: np.ndarray, inside: np.ndarray, rings: int, reach: int
+    ) -> None:
+        self._compute, self._rings = compute, min(rings, reach)
+        self._kernels = dict(zip(_NAMES, compute.kernels(("texel.cl", "fill.cl"), *_NAMES), strict=True))
+        shape = (len(inside), inside.shape[1], inside.shape[2])
+        in_row, self._distance = (self._buffer(2, shape) for _ in range(2))
+        seeds = upload(compute, known.view(np.uint8))
+        self._run("distance_in_row", shape, seeds, in_row, np.int32(reach))
+        self._run("distance_in_column", shape, in_row, self._distance, np.int32(reach))
+        states = self._buffer(1, shape)
+        filled = upload(compute, inside.view(np.uint8))
+        self._run("classify", shape, self._distance, filled, np.int32(self._rings), states)
+        self._scales = [_Scale(shape, states, None)]
+        while max(shape[1:]) > 1:
+            self._add_coarser()
+            shape = self._scales[-1].shape
+        self._relaxed = self._buffer(16, inside.shape)
+
+    def fill(self, image: cl.Buffer) -> None:
+        """Fill images, float4 of each texel."""
+        for ring in range(1, self._rings + 1):
+            self._run("grow", self._scales[0].shape, self._distance, np.int32(ring), image)
+        images = [image, *(scale.image for scale in self._scales[1:])]
+        for index, scale in enumerate(self._scales[1:]):
+            finer = self._scales[index]
+            self._run("coarser", scale.shape, finer.states, images[index], *_sides(finer), images[index + 1])
+        for index in reversed(range(len(self._scales) - 1)):
+            self._extend(index, images[index], images[index + 1])
+
+    def _extend(self, index: int, image: cl.Buffer, coarse: cl.Buffer) -> None:
+        """Fill the unknown texels of one scale from the coarser one, and relax them."""
+        scale, coarser = self._scales[index : index + 2]
+        self._run("finer", scale.shape, scale.states, coarse, *_sides(coarser), image)
+        images = image, self._relaxed
+        for number in range(_RELAXATIONS):
+            before, after = images[number % 2], images[1 - number % 2]
+            self._run("relax", scale.shape, scale.states, image, before, after)
+
+    def _add_coarser(self) -> None:
+        finer = self._scales[-1]
+        images, height, width = finer.shape
+        shape = (images, (height + 1) // 2, (width + 1) // 2)
+        scale = _Scale(shape, self._buffer(1, shape), self._buffer(16, shape))
+        self._run("coarser_states", shape, finer.states, *_sides(finer), scale.states)
+        self._scales.append(scale)
+
+    def _buffer(self, size: int, shape: tuple[int, ...]) -> cl.Buffer:
+        """Return `size` bytes for each texel."""
+        return cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, size * int(np.prod(shape)))
+
+    def _run(self, name: str, shape: tuple[int, ...], *arguments: object) -> None:
+        """Run a kernel for each texel of images."""
+        self._compute.run_texels(self._kernels[name], shape, *arguments)
+
+
+def _sides(scale: _Scale) -> tuple[np.int32, np.int32]:
+    """Return width and height of a scale's images."""
+    return np.int32(scale.shape[2]), np.int32(scale.shape[1])

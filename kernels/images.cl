@@ -1,0 +1,30 @@
+// Texels of one or three channels, in a row in memory, with 0 where nothing is known.
+__kernel void spread_channels(__global const float *narrow, const int channels, __global const uchar *known,
+                              __global float4 *image, const uint count)
+{
+    const uint i = get_global_id(0);
+    if (i >= count)
+        return;
+    if (!known[i])
+        image[i] = (float4)(0.0f);
+    else
+        image[i] = channels == 1 ? (float4)((float3)(narrow[i]), 0.0f) : (float4)(vload3(i, narrow), 0.0f);
+}
+
+__kernel void pack_channels(__global const float4 *image, __global float *narrow, const uint count)
+{
+    const uint i = get_global_id(0);
+    if (i < count)
+        vstore3(image[i].xyz, i, narrow);
+}
+
+// Values of patches, in texels; 0 where there is none. One work item for each channel of a texel.
+__kernel void pick_patches(__global const float *values, const int channels, __global const int *patches,
+                           __global float *texels, const uint count)
+{
+    const uint i = get_global_id(0);
+    if (i >= count)
+        return;
+    const int patch = patches[i / channels];
+    texels[i] = patch < 0 ? 0.0f : values[(size_t)patch * channels + i % channels];
+}

@@ -1,0 +1,172 @@
+"""The fit, rings and membrane of the OpenCL device are those of NumPy."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from engine.device.compute import Compute
+from engine.direct.contact import NearFaces
+from engine.finish.bilinear import footprints
+from engine.finish.device_display import DeviceDisplay
+from engine.finish.display_fit import DisplayFit
+from engine.finish.lightmap_points import LightmapPoints, thin_patches
+from engine.finish.store import LightmapStore
+from engine.patches.patch_list import PatchList
+from engine.patches.seams import Seams, find_seams
+from tests.gpu.test_texel_pieces import triangles_of
+from tests.unit.test_bilinear_fit import NO_SEAMS, covered, points_at
+from tests.unit.test_seams import R, cylinder, joined, tile
+
+NO_POINTS = points_at(np.zeros((0, 2)))
+
+
+def ordered(points):
+    """Return points in the order of their texels."""
+    return points.part(np.argsort(points.texels(R), kind="stable"))
+
+
+def lit(case, seed):
+    """Return light of texels and of points, in a random range: dark, bright, or of both signs."""
+    random = np.random.default_rng(seed)
+    centres, beside, *_ = case
+    channels = int(random.choice([1, 3]))
+    scale = random.choice([1e-6, 1.0, 1e22])
+    light = random.lognormal(0, 1, (centres.size + len(beside), channels)) * scale
+    light[:, -1] -= random.choice([0.0, 1.0]) * scale
+    light = light.astype(np.float32)
+    return light[: centres.size].reshape(*centres.shape, channels), light[centres.size :]
+
+
+def both(compute, case, texels, values):
+    """Return the images that the device and NumPy make.
+
+    Where a run ends before it has settled, as in texels that points hardly read, float32 may differ.
+    """
+    made = DeviceDisplay(compute, *case).images(texels, values)
+    return made, DisplayFit(*case).images(texels, values)
+
+
+def strips(seed):
+    """Return tiles beside each other, in two atlases, some patches gone, with points anywhere."""
+    random = np.random.default_rng(seed)
+    cuts = np.sort(random.integers(0, R + 1, 6))
+    parts = [
+        tile(
+            (u, 0), (v - u, random.uniform(9, 60)), (u, 0, v - u, R), int(random.integers(2)),
+            turned=bool(random.integers(2)),
+        )
+        for u, v in pairwise(cuts)
+        if v > u
+    ]  # fmt: skip
+    triangles = joined(*parts)
+    has_patch, _ = covered(triangles, 2)
+    centres = has_patch & (random.random(has_patch.shape) < 0.8)
+    positions = random.uniform(0, R, (90, 2))
+    beside = points_at(positions, random.integers(2, size=90), 0.3)
+    beside = ordered(LightmapPoints(beside.atlas, beside.position, random.uniform(0.05, 1, 90)))
+    centres.ravel()[beside.texels(R)] = False
+    return centres, beside, find_seams(triangles, 2, R), has_patch, int(random.choice([0, 1, 2, 7]))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_images_are_those_of_numpy(compute: Compute, seed: int) -> None:
+    case = strips(seed)
+    texels, values = lit(case, seed)
+    made, expected = both(compute, case, texels, values)
+    scale = max(np.abs(texels).max(), np.abs(values).max())
+    assert np.isfinite(made).all() and (made[~case[3]] != 0).any() == (expected[~case[3]] != 0).any()
+    assert np.quantile(np.abs(made - expected), 0.999) < 0.01 * scale
+    assert np.abs(made - expected).mean() < 1e-3 * np.abs(expected).mean()
+
+
+def test_cylinder_has_no_step_and_texels_inside_keep_their_bits(compute: Compute) -> None:
+    triangles = joined(cylinder(17))
+    has_patch, world = covered(triangles, 1)
+    seams = find_seams(triangles, 1, R)
+    texels = np.zeros((1, R, R, 3), np.float32)
+    texels[has_patch] = 2 + world[:, :1] + 1.5 * world[:, 1:2] * world[:, 2:]
+    case = has_patch, NO_POINTS, seams, has_patch, 8
+    made, expected = both(compute, case, texels, np.zeros((0, 3), np.float32))
+    np.testing.assert_allclose(made, expected, atol=2e-3)
+    sides = []
+    for side in (0, 1):
+        read, weights = footprints(seams.atlas[:, side], seams.texel[:, side], R)
+        sides.append(np.einsum("pk,pkc->pc", weights, made.reshape(-1, 3)[read]))
+    assert np.abs(sides[0] - sides[1]).mean() < 2e-3
+    same = made[has_patch] == texels[has_patch]
+    assert same.all(axis=1).mean() > 0.7
+
+
+def test_bake_after_bake_gives_the_same_bits(compute: Compute) -> None:
+    case = strips(3)
+    texels, values = lit(case, 3)
+    images = [DeviceDisplay(compute, *case).images(texels, values) for _ in range(2)]
+    assert (images[0].view(np.uint32) == images[1].view(np.uint32)).all()
+
+
+def test_nothing_known_stays_black_and_nothing_to_fit_keeps_its_bits(compute: Compute) -> None:
+    has_patch = np.random.default_rng(1).random((2, 13, 13)) < 0.4
+    texels = np.random.default_rng(2).random((2, 13, 13, 3)).astype(np.float32)
+    none = np.zeros((0, 3), np.float32)
+    nothing = np.zeros_like(has_patch), NO_POINTS, NO_SEAMS, has_patch, 3
+    assert not DeviceDisplay(compute, *nothing).images(texels, none).any()
+    made, expected = both(compute, (has_patch, NO_POINTS, NO_SEAMS, has_patch, 3), texels, none)
+    assert (made[has_patch].view(np.uint32) == texels[has_patch].view(np.uint32)).all()
+    np.testing.assert_allclose(made, expected, rtol=1e-5, atol=1e-6)
+
+
+def test_a_seam_that_no_point_tells_about_is_none(compute: Compute) -> None:
+    has_patch = np.zeros((1, R, R), bool)
+    has_patch[:, 20:40, 4:60] = True
+    centres = has_patch.copy()
+    centres[:, :, 30:] = False
+    texel = np.array([[[50.5, 25.3], [55.2, 30.1]], [[10.4, 22.2], [56.0, 31.7]]])
+    seams = Seams(np.zeros((2, 2), np.int32), texel, np.ones(2))
+    texels = np.random.default_rng(5).random((1, R, R, 1)).astype(np.float32)
+    case = centres, NO_POINTS, seams, has_patch, 4
+    made, expected = both(compute, case, texels, np.zeros((0, 1), np.float32))
+    np.testing.assert_allclose(made, expected, atol=2e-3)
+
+
+def test_thin_patches_are_those_of_numpy(compute: Compute) -> None:
+    random = np.random.default_rng(4)
+    uvs = random.random((40, 3, 2))
+    triangles = triangles_of(uvs)
+    triangle = random.integers(40, size=500).astype(np.int32)
+    barycentric = random.dirichlet((1, 1, 1), 500).astype(np.float32)
+    at = np.einsum("nk,nkd->nd", barycentric, triangles.uvs[triangle].astype(float)) * R
+    column, row = np.floor(at).astype(np.int32).T
+    patches = PatchList(R, np.zeros(500, np.int32), row * R + column, triangle, barycentric)
+    distance = np.abs(at % 1 - 0.5).max(axis=1)
+    clear = np.abs(distance - 0.02) > 1e-3
+    number, points = thin_patches(compute, triangles, patches)
+    assert set(np.flatnonzero((distance > 0.02) & clear)) == set(number[clear[number]])
+    np.testing.assert_allclose(points.position, at[number], atol=1e-4)
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_store_makes_the_same_images_with_and_without_opencl(compute: Compute, channels: int) -> None:
+    """Patches of two atlases, some hidden, some dark, and some of occluders in a third one."""
+    random = np.random.default_rng(channels)
+    resolution, shape = 17, (3, 17, 17)
+    atlas, texel = np.divmod(np.flatnonzero(random.random(shape) < 0.3), resolution**2)
+    count = len(atlas)
+    patches = PatchList(
+        resolution, atlas.astype(np.int32), texel.astype(np.int32), np.zeros(count, np.int32),
+        np.full((count, 3), 1 / 3, np.float32),
+    )  # fmt: skip
+    values = random.random((count, channels)).astype(np.float32)
+    near = NearFaces(random.random(count) < 0.1, np.zeros(count, bool))
+    front = np.where(random.random(count) < 0.2, 0, 1).astype(np.float32)
+    stores = [LightmapStore(patches, 2, 3, device) for device in (None, compute)]
+    for store in stores:
+        before = store.display(values)
+        store.hide(front, near)
+        assert (store.display(values) != before).any()
+    expected, made = stores
+    assert (expected.image(values) == made.image(values)).all()
+    np.testing.assert_allclose(made.display(values), expected.display(values), rtol=1e-6)
+    texels = expected.texels(values, None)
+    assert (made.texels(values, None) == texels).all() and texels.shape[-1] == channels
+    np.testing.assert_allclose(made.final(texels), expected.final(texels), rtol=1e-6)

@@ -97,7 +97,8 @@ def light_in_texels(what: DisplayJob, solution: Solution) -> Generator[float, No
     if why or compute is None:
         return _nothing(why)
     front = solution.gathered[:, 3]
-    known = PatchLight(solution.irradiance.sum(axis=1), front, is_hidden(front, what.near))
+    light = solution.irradiance @ np.ones(3, np.float32)
+    known = PatchLight(light, front, is_hidden(front, what.near))
     asked = what.job.settings.texel_samples
     samples, count = display_samples(compute, what.job.parts, what.atlases, known, asked)
     if not len(samples):

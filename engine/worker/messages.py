@@ -19,7 +19,7 @@ from typing import Any
 
 from .. import errors
 from ..device.found import DeviceSurvey, FoundDevice
-from ..lightmap import Lightmap, Report
+from ..lightmap import Energy, Lightmap, Report
 from ..naming import Note
 from ..progress import Progress
 from ..scene.model import Light, Material, Mesh, Scene, Texture
@@ -34,6 +34,7 @@ RECORDS: dict[str, type] = {
     for record in (
         Charts,
         DeviceSurvey,
+        Energy,
         FilledSquare,
         FoundDevice,
         Light,

@@ -7,10 +7,10 @@ import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import replace
+from dataclasses import is_dataclass, replace
 from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, get_args, get_type_hints
 
 import numpy as np
 import pytest
@@ -19,8 +19,8 @@ from engine.errors import DeviceError, SceneError, SettingsError, WorkerError
 from engine.lightmap import Lightmap
 from engine.scene.model import Material, Mesh, Scene
 from engine.settings import Settings
+from engine.worker import messages, shared_block
 from engine.worker import process as worker_process
-from engine.worker import shared_block
 from engine.worker.messages import Parcel
 from engine.worker.worker import Worker
 
@@ -398,3 +398,13 @@ def test_parcel_takes_numbers_as_they_are():
     parcel.write(memory)
     nan, zero, *rest = shared_block.messages.read(memory)
     assert math.isnan(nan) and math.copysign(1, zero) == -1 and rest == ["ü", None, True, b""]
+
+
+def test_all_records_in_records_that_travel_do_so_too():
+    """One that is not known arrives as a class of this Python's path, which another process may not have."""
+    for record in messages.RECORDS.values():
+        hints = [*get_type_hints(record).values()]
+        while hints:
+            hint = hints.pop()
+            hints += get_args(hint)
+            assert not is_dataclass(hint) or messages.RECORDS.get(hint.__name__) is hint, (record, hint)

@@ -41,7 +41,7 @@ float2 on_texture(__global const float2 *corner, const float3 weights)
 // place in `steps`, two a triangle, and in `corners`, three. Only samples in the patch's triangle count; where
 // none is, the patch's own point does.
 __kernel void texture_mean(__global const int *triangles, __global const float *barycentrics,
-                           __global const int *patches, __global const int *places, __global const float *steps,
+                           __global const int *places, __global const int *patches, __global const float *steps,
                            __global const float2 *corners, __global const float *pixels, const int width,
                            const int height, const int extension, const int smooth, const int srgb,
                            __global float *values, const int count)

@@ -44,15 +44,15 @@ def patch_surfaces(
     materials = scene.materials
     reflectance = _constants([material.reflectance for material in materials], geometry)
     emission = _constants([material.emission for material in materials], geometry)
-    maps = (
-        (reflectance, [material.reflectance_map for material in materials]),
-        (emission, [material.emission_map for material in materials]),
-    )
-    sizes = [texture.pixels.nbytes for _, textures in maps for texture in textures if texture]
+    reflectance_maps = [material.reflectance_map for material in materials]
+    emission_maps = [material.emission_map for material in materials]
+    sizes = [texture.pixels.nbytes for texture in (*reflectance_maps, *emission_maps) if texture]
     if sizes:
+        chosen = [any(maps) for maps in zip(reflectance_maps, emission_maps, strict=True)]
+        textured = textured_patches(geometry, resolution, chosen)
         multiply = _multiplier(compute, scene, geometry, max(sizes))
-        for values, textures in maps:
-            multiply(values, _on_patches(textures, geometry, resolution))
+        multiply(reflectance, _on_patches(reflectance_maps, textured))
+        multiply(emission, _on_patches(emission_maps, textured))
     return PatchSurfaces(reflectance, emission)
 
 
@@ -62,15 +62,11 @@ def _constants(colors: list[np.ndarray], geometry: PatchGeometry) -> np.ndarray:
 
 
 def _on_patches(
-    textures: Sequence[Texture | None], geometry: PatchGeometry, resolution: int
+    textures: Sequence[Texture | None], textured: Sequence[TexturedPatches | None]
 ) -> list[tuple[TexturedPatches, Texture]]:
     """Return the textures, one a material, that patches show, with these patches."""
-    maps = [
-        (textured_patches(geometry, resolution, material), texture)
-        for material, texture in enumerate(textures)
-        if texture is not None
-    ]
-    return [(textured, texture) for textured, texture in maps if len(textured.patch)]
+    maps = zip(textured, textures, strict=True)
+    return [(patches, texture) for patches, texture in maps if texture and patches and len(patches.patch)]
 
 
 def _multiplier(compute: Compute | None, scene: Scene, geometry: PatchGeometry, largest: int) -> _Multiplier:

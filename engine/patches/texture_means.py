@@ -36,23 +36,28 @@ class TextureMeans:
 
     def multiply(self, values: np.ndarray, maps: Sequence[tuple[TexturedPatches, Texture]]) -> None:
         """Multiply values of patches, (n, 3) float32, by textures of their materials."""
+        if not maps:
+            return
+        places = np.zeros(len(self._geometry.triangles.material), np.int32)
+        for textured, _ in maps:
+            places[textured.triangles] = np.arange(len(textured.triangles))
+        inputs = (*self._points, upload(self._compute, places))
         buffer = upload(self._compute, values)
         for textured, texture in maps:
-            self._multiply(buffer, textured, texture)
+            self._multiply(buffer, inputs, textured, texture)
         cl.enqueue_copy(self._compute.queue, values, buffer)
 
-    def _multiply(self, values: cl.Buffer, textured: TexturedPatches, texture: Texture) -> None:
+    def _multiply(
+        self, values: cl.Buffer, inputs: tuple[cl.Buffer, ...], textured: TexturedPatches, texture: Texture
+    ) -> None:
         """Multiply the values of one material's patches by a texture."""
         count = len(textured.patch)
         corners = textured.corners(self._meshes, texture)
         side = textured.squares(corners, texture)
         height, width = averaged_size(texture, side)
-        place = np.zeros(len(self._geometry.triangles.material), np.int32)
-        place[textured.triangles] = np.arange(len(textured.triangles))
-        steps = textured.steps.astype(np.float32)
-        arrays = (textured.patch.astype(np.int32), place, steps, corners)
+        arrays = (textured.patch.astype(np.int32), textured.steps.astype(np.float32), corners)
         self._compute.run(
-            self._mean, count, *self._points, *(upload(self._compute, array) for array in arrays),
+            self._mean, count, *inputs, *(upload(self._compute, array) for array in arrays),
             self._image(texture, side), np.int32(width), np.int32(height),
             np.int32(EXTENSIONS.index(texture.extension)), np.int32(texture.smooth),
             np.int32(texture.srgb and side == 1), values, np.int32(count),

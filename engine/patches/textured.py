@@ -57,14 +57,26 @@ class TexturedPatches:
         return side if side >= _SHRINK else 1
 
 
-def textured_patches(geometry: PatchGeometry, resolution: int, material: int) -> TexturedPatches:
-    """Return the patches of a material, by its index, and its triangles."""
+def textured_patches(
+    geometry: PatchGeometry, resolution: int, materials: Sequence[bool]
+) -> list[TexturedPatches | None]:
+    """Return the patches and the triangles of each material that is chosen, None of the others."""
     triangles = geometry.triangles
-    chosen = np.flatnonzero(triangles.material == material)
-    patch = np.flatnonzero(geometry.material == material)
-    count = np.bincount(geometry.triangle[patch], minlength=len(triangles.material))[chosen]
-    steps = _barycentric_steps(triangles.uvs[chosen], resolution)
-    return TexturedPatches(patch, chosen, triangles.mesh[chosen], count, steps)
+    patches, places = (_grouped(of.material, len(materials)) for of in (geometry, triangles))
+    count = np.bincount(geometry.triangle, minlength=len(triangles.material))
+    return [
+        TexturedPatches(
+            patch, place, triangles.mesh[place], count[place],
+            _barycentric_steps(triangles.uvs[place], resolution),
+        ) if chosen else None
+        for patch, place, chosen in zip(patches, places, materials, strict=True)
+    ]  # fmt: skip
+
+
+def _grouped(numbers: np.ndarray, count: int) -> list[np.ndarray]:
+    """Return where each number below `count` stands among numbers, (n,): (m,) int64 each, ascending."""
+    order = np.argsort(numbers.astype(np.min_scalar_type(count)), kind="stable")
+    return np.split(order, np.cumsum(np.bincount(numbers, minlength=count))[:-1])
 
 
 def averaged_size(texture: Texture, side: int) -> tuple[int, int]:

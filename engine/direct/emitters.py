@@ -135,7 +135,8 @@ def _mean_radiance(
 
     # The patch that the middle of a triangle without patches shows.
     alone, resolution = np.flatnonzero(patches == 0), texel_to_patch.shape[-1]
-    x, y = (triangles.uvs[alone].mean(axis=1) * resolution).astype(int).clip(0, resolution - 1).T
+    first, second, third = triangles.uvs[alone].transpose(1, 2, 0)
+    x, y = ((first + second + third) / 3 * resolution).astype(int).clip(0, resolution - 1)
     number = texel_to_patch[triangles.atlas[alone], y, x].astype(np.int64)
     mean[alone[number > 0]] = emission[number[number > 0] - 1]
     return mean

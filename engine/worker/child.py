@@ -32,10 +32,14 @@ from typing import Any, NoReturn
 
 from ..progress import Progress
 from . import messages
+from .memory import give_back_freed_memory, keep_freed_memory
 from .shared_block import BorrowedBlock
 
 #: How much less urgent than the parent the work here is.
 _NICENESS = 5
+
+#: A process that has nothing to do for so long, s, gives its free memory back.
+_IDLE = 20.0
 
 if sys.platform == "win32":
     from multiprocessing.connection import PipeConnection
@@ -83,6 +87,8 @@ class _Outbox:
 def serve(connection: Connection[Any, Any], bake: Bake) -> None:
     """Bake whatever the parent asks for; raise EOFError or OSError when it is gone."""
     while True:
+        if not connection.poll(_IDLE):
+            give_back_freed_memory()
         request, *names = connection.recv()
         if request == "bake":
             _answer(connection, bake, *names)
@@ -154,6 +160,7 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     faulthandler.enable()
     _yield_to_the_window()
+    keep_freed_memory()
 
     connection = _inherited(arguments.handle)
     module, function = arguments.bake.split(":")

@@ -75,6 +75,8 @@ def check_overlap(
         numbers.append(of_texel.ravel()[count[:, 0] > 1].astype(np.int64) - 1)
     twice = np.concatenate(numbers)
     twice = twice[twice >= 0]
+    if not len(twice):
+        return []
     mesh = triangles.mesh[patches.triangle[twice]]
 
     # Fractions of each object's texels; rounding at common chart borders doubles a few texels at most.

@@ -40,7 +40,8 @@ class PatchList:
     @cached_property
     def key(self) -> np.ndarray:
         """Texel in all lightmaps, (n,) int64: (atlas * resolution + row) * resolution + column; ascending."""
-        key: np.ndarray = self.atlas.astype(np.int64) * self.resolution**2 + self.texel
+        key = np.multiply(self.atlas, self.resolution**2, dtype=np.int64)
+        key += self.texel
         return key
 
     def part(self, chosen: slice | np.ndarray) -> PatchList:

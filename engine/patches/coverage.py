@@ -61,28 +61,25 @@ def covered_texels(scene: Scene, triangles: Triangles, patches: PatchList) -> np
 
 
 def check_overlap(
-    graphics: Graphics, scene: Scene, triangles: Triangles, patches: PatchList, own: np.ndarray
+    graphics: Graphics, scene: Scene, triangles: Triangles, patches: PatchList, texels: np.ndarray
 ) -> list[str]:
     """Return a warning for each object a few of whose texels are covered by several triangles.
 
-    own: the patches' index map, see `index_map`. Raises OverlapError, naming the objects, if charts truly
-    overlap.
+    texels: see `covered_texels`. Raises OverlapError, naming the objects, if charts truly overlap.
     """
-    numbers = [np.zeros(0, np.int64)]
-    for atlas, of_texel in enumerate(own):
+    found = []
+    for atlas in range(len(scene.atlases)):
         uvs = triangles.uvs[triangles.atlas == atlas]
         (count,) = draw_charts(graphics, OVERLAP, uvs, patches.resolution)
-        numbers.append(of_texel.ravel()[count[:, 0] > 1].astype(np.int64) - 1)
-    twice = np.concatenate(numbers)
-    twice = twice[twice >= 0]
-    if not len(twice):
-        return []
+        found.append(atlas * len(count) + np.flatnonzero(count[:, 0] > 1))
+    keys = np.concatenate(found)
+    place = np.searchsorted(patches.key, keys).clip(max=len(patches) - 1)
+    twice = place[patches.key[place] == keys]
     mesh = triangles.mesh[patches.triangle[twice]]
 
     # Fractions of each object's texels; rounding at common chart borders doubles a few texels at most.
-    total = covered_texels(scene, triangles, patches)
     doubled = np.bincount(mesh, minlength=len(scene.meshes))
-    bad = doubled > np.maximum(_OVERLAP_TOLERANCE * total, 2)
+    bad = doubled > np.maximum(_OVERLAP_TOLERANCE * texels, 2)
     if bad.any():
         raise OverlapError(_overlap_message(scene, triangles, patches, twice[bad[mesh]]))
     return [

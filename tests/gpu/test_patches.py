@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from engine import Material, Scene, SceneError
-from engine.patches.coverage import border_texels, check_overlap
+from engine.patches.coverage import border_texels, check_overlap, covered_texels
 from engine.patches.geometry import patch_geometry
 from engine.patches.patch_list import list_patches
 from engine.patches.texel_to_patch import add_thin_patches, index_map
@@ -116,7 +116,7 @@ def test_nothing_covered_is_an_error(graphics):
 
 def overlap_notes(graphics, scene, triangles):
     patches = list_patches(graphics, scene, triangles, 19)
-    return check_overlap(graphics, scene, triangles, patches, index_map(patches, len(scene.atlases)))
+    return check_overlap(graphics, scene, triangles, patches, covered_texels(scene, triangles, patches))
 
 
 def test_overlap_names_both_objects(graphics):

@@ -7,12 +7,16 @@ from typing import Any
 
 from engine import Lightmap, Scene, Settings, finished
 from engine.session import Session
+from engine.worker.memory import keep_freed_memory
 
 #: A bake faster than this is timed a second time, s.
 _QUICK = 10.0
 
 #: Keeps contexts, shaders and kernels, as the worker of a windowed Blender does.
 _session = Session()
+
+# As the worker does.
+keep_freed_memory()
 
 
 def timed(scene: Scene, settings: Settings) -> tuple[float, Lightmap]:

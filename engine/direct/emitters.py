@@ -128,8 +128,7 @@ def _mean_radiance(
 
     glowing: triangle and emission of the patches that emit.
     """
-    patches = np.bincount(geometry.triangle, minlength=len(triangles.positions))
-    triangle, shining = glowing
+    (triangle, shining), patches = glowing, geometry.on_triangle
     total = [np.bincount(triangle, channel, len(patches)) for channel in shining.T]
     mean: np.ndarray = np.stack(total, axis=1) / np.maximum(patches, 1)[:, None]
 

@@ -11,6 +11,7 @@ from ..scene.model import Scene
 from ..scene.triangles import Triangles
 from .border_texels import BorderTexels
 from .chart_raster import OVERLAP, TOUCHED, draw_charts
+from .geometry import PatchGeometry
 from .patch_list import PatchList
 
 #: Charts overlap if more than this fraction of an object's texels is covered twice.
@@ -53,10 +54,10 @@ def note_uncovered(scene: Scene, texels: np.ndarray) -> list[str]:
     return [naming(sentence, names)]
 
 
-def covered_texels(scene: Scene, triangles: Triangles, patches: PatchList) -> np.ndarray:
-    """Return how many texels' centres each object covers, (objects,) int64."""
-    of_triangle = np.bincount(patches.triangle, minlength=len(triangles.mesh))
-    texels: np.ndarray = np.bincount(triangles.mesh, of_triangle, len(scene.meshes)).astype(np.int64)
+def covered_texels(scene: Scene, geometry: PatchGeometry) -> np.ndarray:
+    """Return on how many texels each object has patches, (objects,) int64."""
+    mesh = geometry.triangles.mesh
+    texels: np.ndarray = np.bincount(mesh, geometry.on_triangle, len(scene.meshes)).astype(np.int64)
     return texels
 
 

@@ -60,6 +60,11 @@ class PatchGeometry:
         return PatchGeometry(self.triangles, self.steps, patches.triangle, patches.barycentric)
 
     @cached_property
+    def on_triangle(self) -> np.ndarray:
+        """Number of patches on each triangle, (t,) int64."""
+        return np.bincount(self.triangle, minlength=len(self.triangles.mesh))
+
+    @cached_property
     def center(self) -> np.ndarray:
         """Centre, (n, 3) float32, m from `Triangles.origin` (barycentrics times corners: paper, III.A)."""
         center: np.ndarray = np.einsum(

@@ -93,7 +93,7 @@ def _on_triangle(drawn: np.ndarray) -> np.ndarray:
     first, second, third = barycentric.T
     first[:], second[:] = drawn.T
     np.subtract(1 - first, second, out=third)
-    off = np.flatnonzero(~((first >= 0) & (second >= 0) & (third >= 0)))
+    off = np.unique(np.flatnonzero(~(barycentric >= 0)) // 3)
     inside = np.clip(np.nan_to_num(barycentric[off]), 0, 1)
     total = inside.sum(axis=1, keepdims=True)
     middle = np.float32(1 / 3)

@@ -63,10 +63,9 @@ def textured_patches(
     """Return the patches and the triangles of each material that is chosen, None of the others."""
     triangles = geometry.triangles
     patches, places = (_grouped(of.material, len(materials)) for of in (geometry, triangles))
-    count = np.bincount(geometry.triangle, minlength=len(triangles.material))
     return [
         TexturedPatches(
-            patch, place, triangles.mesh[place], count[place],
+            patch, place, triangles.mesh[place], geometry.on_triangle[place],
             _barycentric_steps(triangles.uvs[place], resolution),
         ) if chosen else None
         for patch, place, chosen in zip(patches, places, materials, strict=True)

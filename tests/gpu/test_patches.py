@@ -116,7 +116,9 @@ def test_nothing_covered_is_an_error(graphics):
 
 def overlap_notes(graphics, scene, triangles):
     patches = list_patches(graphics, scene, triangles, 19)
-    return check_overlap(graphics, scene, triangles, patches, covered_texels(scene, triangles, patches))
+    return check_overlap(
+        graphics, scene, triangles, patches, covered_texels(scene, patch_geometry(triangles, patches))
+    )
 
 
 def test_overlap_names_both_objects(graphics):

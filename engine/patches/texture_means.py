@@ -30,7 +30,7 @@ class TextureMeans:
     def __init__(self, compute: Compute, geometry: PatchGeometry, meshes: Sequence[Mesh]) -> None:
         self._compute, self._geometry, self._meshes = compute, geometry, meshes
         self._points = upload(compute, geometry.triangle), upload(compute, geometry.barycentric)
-        self._images: dict[tuple, cl.Buffer] = {}
+        self._image: tuple[tuple, cl.Buffer] | None = None
         options = (f"-DSAMPLES={SAMPLES}",)
         self._mean, self._shrink = compute.kernels(_SOURCE, "texture_mean", "shrink", options=options)
 
@@ -43,7 +43,7 @@ class TextureMeans:
             places[textured.triangles] = np.arange(len(textured.triangles))
         inputs = (*self._points, upload(self._compute, places))
         buffer = upload(self._compute, values)
-        for textured, texture in maps:
+        for textured, texture in sorted(maps, key=lambda both: id(both[1].pixels)):
             self._multiply(buffer, inputs, textured, texture)
         cl.enqueue_copy(self._compute.queue, values, buffer)
 
@@ -58,18 +58,23 @@ class TextureMeans:
         arrays = (textured.patch.astype(np.int32), textured.steps.astype(np.float32), corners)
         self._compute.run(
             self._mean, count, *inputs, *(upload(self._compute, array) for array in arrays),
-            self._image(texture, side), np.int32(width), np.int32(height),
+            self._averaged(texture, side), np.int32(width), np.int32(height),
             np.int32(EXTENSIONS.index(texture.extension)), np.int32(texture.smooth),
             np.int32(texture.srgb and side == 1), values, np.int32(count),
         )  # fmt: skip
 
-    def _image(self, texture: Texture, side: int) -> cl.Buffer:
-        """Return the pixels of a texture averaged over squares; materials share those of one image."""
+    def _averaged(self, texture: Texture, side: int) -> cl.Buffer:
+        """Return the pixels of a texture averaged over squares.
+
+        The device holds one image at a time; materials that show it one after the other share it.
+        """
         key = id(texture.pixels), side, texture.srgb
-        if key not in self._images:
-            shrunk = self._shrunk(texture, side) if side > 1 else upload(self._compute, texture.pixels)
-            self._images[key] = shrunk
-        return self._images[key]
+        if self._image is None or self._image[0] != key:
+            self._compute.queue.finish()
+            self._image = None
+            pixels = self._shrunk(texture, side) if side > 1 else upload(self._compute, texture.pixels)
+            self._image = key, pixels
+        return self._image[1]
 
     def _shrunk(self, texture: Texture, side: int) -> cl.Buffer:
         """Return a texture averaged over squares, scene-linear, as `resampling.shrink` does it."""

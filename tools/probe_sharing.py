@@ -8,6 +8,7 @@ Takes less than a minute. Each way is tried in a process of its own. Figures of 
 from __future__ import annotations
 
 import argparse
+import faulthandler
 import json
 import subprocess
 import sys
@@ -39,6 +40,8 @@ from engine.visibility.raster.tiles import COPIED_RADIANCE_BYTES, plan_tiles
 from engine.visibility.views.hemicubes import Hemicubes
 from tests.analytic.scenes import nine_quad_room
 from tools.vulkan_memory import VulkanMemory
+
+ROOT = Path(__file__).resolve().parents[1]
 
 #: Updates that are timed, after one that is not; seconds after which no more begin.
 _UPDATES, _BUDGET = 20, 3.0
@@ -109,17 +112,18 @@ def _tried(rung: str, kind: str, options: argparse.Namespace) -> list[Any]:
     """Return milliseconds, GB/s and outcome of a way, found out by a process of its own: drivers may hang."""
     command = [sys.executable, __file__, "--mib", str(options.mib), "--rung", rung, kind]
     command += ["--device", options.device] if options.device else []
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=_PATIENCE, check=False)
-    except subprocess.TimeoutExpired:
-        return [None, None, f"no answer in {_PATIENCE} s"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
-        return [None, None, (done.stderr.strip().splitlines() or [f"crashes ({done.returncode})"])[-1]]
+        where = next((line.strip() for line in done.stderr.splitlines() if 'File "' in line), "")
+        kind = f"no answer in {_PATIENCE} s" if "Timeout" in done.stderr else f"ends with {done.returncode}"
+        return [None, None, f"{kind}: {where.replace(str(ROOT), '')}"]
     return json.loads(done.stdout.splitlines()[-1])
 
 
 def _alone(rung: str, kind: str, options: argparse.Namespace) -> list[Any]:
-    """Return milliseconds, GB/s and outcome of a way."""
+    """Return milliseconds, GB/s and outcome of a way; who waits longer ends, and tells where."""
+    faulthandler.enable()
+    faulthandler.dump_traceback_later(_PATIENCE, exit=True)
     graphics, compute = Graphics(), Compute(opencl_device=options.device)
     texture = graphics.context.texture_array((1024, 1024, max(1, options.mib // 16)), 4, dtype="f4")
     try:

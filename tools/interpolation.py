@@ -184,6 +184,11 @@ def _draw(figures: dict, out: Path) -> None:
             axes.set_title(f"{scene}: {light}", fontsize=8)
             axes.set_xscale("log")
             axes.set_yscale("log")
+            axes.set_xticks([6, 12, 25, 50, 100], [6, 12, 25, 50, 100])
+            axes.set_xticks([], minor=True)
+            axes.yaxis.set_major_formatter("{x:g}")
+            axes.yaxis.set_minor_formatter("{x:g}")
+            axes.tick_params(which="both", labelsize=7)
             axes.grid(which="both", alpha=0.25)
         panels[-1, column].set_xlabel("samples, % of a full bake", fontsize=8)
     for axes in panels[:, 0]:

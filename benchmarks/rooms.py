@@ -25,16 +25,20 @@ def cornell_box(resolution: int) -> Scene:
     return Scene((_charted(pieces, materials, resolution, "Box"),), _materials(15.0))
 
 
-def inset_box(resolution: int) -> Scene:
-    """Return the same box with its light set into the ceiling: its back shines on nothing; 25 quads."""
-    pieces, materials = _cornell_quads()
-    walls = [*pieces[:1], *pieces[2:-1]]
+def panel_box(resolution: int) -> Scene:
+    """Return a closed box with a light set into its ceiling and a panel that stands on its floor; 15 quads.
+
+    The back of the light shines on nothing.
+    """
+    walls = room_walls(ROOM, ROOM, ROOM)
     cuts, ceiling = (0.0, 0.75, 1.25, ROOM), []
     for i, j in ((0, 0), (0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1), (2, 2), (1, 1)):
         across, along = (cuts[i] - cuts[i + 1], 0, 0), (0, cuts[j + 1] - cuts[j], 0)
         ceiling.append(rectangle((cuts[i + 1], cuts[j], ROOM), across, along))
-    materials = [*materials[:1], *materials[2:-1], *[_WHITE] * 8, _LIGHT]
-    return Scene((_charted([*walls, *ceiling], materials, resolution, "Box"),), _materials(15.0))
+    panel = rectangle((0.5, 0.6, 0), (0.9, 0.4, 0), (0, 0, 1.1))
+    pieces = [walls[0], *walls[2:], panel, *ceiling]
+    materials = [_WHITE, _RED, _GREEN, _WHITE, _WHITE, _WHITE, *[_WHITE] * 8, _LIGHT]
+    return Scene((_charted(pieces, materials, resolution, "Box"),), _materials(15.0))
 
 
 def dark_box(resolution: int, lamps: int) -> Scene:

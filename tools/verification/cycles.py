@@ -142,7 +142,7 @@ class RealisedScene:
                     _make_dull(copy.node_tree, node)
             _blacken_backs(copy.node_tree)
             if copy.use_backface_culling:
-                _clear_backs(copy.node_tree)
+                clear_backs(copy.node_tree)
             node = copy.node_tree.nodes.new("ShaderNodeTexImage")
             node.image = self._images[atlas or 0]
             copy.node_tree.nodes.active = node
@@ -223,7 +223,7 @@ def _blacken_backs(tree: bpy.types.NodeTree) -> None:
         tree.links.new(next(item for item in mix.outputs if item.enabled), socket)
 
 
-def _clear_backs(tree: bpy.types.NodeTree) -> None:
+def clear_backs(tree: bpy.types.NodeTree) -> None:
     """Let backs be see-through: Cycles does not heed back-face culling."""
     output = tree.get_output_node("CYCLES")
     if output is None or not output.inputs["Surface"].is_linked:

@@ -10,6 +10,9 @@ import numpy as np
 from ..scene.triangles import Triangles
 from .patch_list import PatchList
 
+#: Patches whose corners are interpolated at once: what a processor's caches hold.
+_BLOCK = 1 << 14
+
 
 @dataclass(frozen=True)
 class TexelSteps:
@@ -67,46 +70,51 @@ class PatchGeometry:
     @cached_property
     def center(self) -> np.ndarray:
         """Centre, (n, 3) float32, m from `Triangles.origin` (barycentrics times corners: paper, III.A)."""
-        center: np.ndarray = np.einsum(
-            "nk,nkd->nd", self.barycentric, self.triangles.positions[self.triangle]
-        )
-        return center
+        return self._interpolated(self.triangles.positions)
 
     @cached_property
     def normal(self) -> np.ndarray:
         """Unit shading normal, (n, 3) float32 (paper, III.A)."""
-        normal = np.einsum("nk,nkd->nd", self.barycentric, self.triangles.normals[self.triangle])
-        return _unit(normal, self.geometric)
+        return _unit(self._interpolated(self.triangles.normals), self.geometric)
 
     @cached_property
     def geometric(self) -> np.ndarray:
         """Unit geometric normal, (n, 3) float32."""
-        geometric: np.ndarray = self.steps.geometric[self.triangle]
+        geometric: np.ndarray = self.steps.geometric.take(self.triangle, axis=0)
         return geometric
 
     @cached_property
     def edge_u(self) -> np.ndarray:
         """Step of one texel along u, (n, 3) float32, metres."""
-        edge: np.ndarray = self.steps.edge_u[self.triangle]
+        edge: np.ndarray = self.steps.edge_u.take(self.triangle, axis=0)
         return edge
 
     @cached_property
     def edge_v(self) -> np.ndarray:
         """Step of one texel along v, (n, 3) float32, metres."""
-        edge: np.ndarray = self.steps.edge_v[self.triangle]
+        edge: np.ndarray = self.steps.edge_v.take(self.triangle, axis=0)
         return edge
 
     @cached_property
     def area(self) -> np.ndarray:
         """Area of one texel, (n,) float32, m^2."""
-        area: np.ndarray = self.steps.area[self.triangle]
+        area: np.ndarray = self.steps.area.take(self.triangle, axis=0)
         return area
 
     @cached_property
     def material(self) -> np.ndarray:
         """Material, (n,) int32."""
-        material: np.ndarray = self.triangles.material[self.triangle]
+        material: np.ndarray = self.triangles.material.take(self.triangle, axis=0)
         return material
+
+    def _interpolated(self, corners: np.ndarray) -> np.ndarray:
+        """Return values of triangles' corners, (t, 3, 3), at the patches, (n, 3) float32."""
+        values = np.empty((len(self.triangle), 3), np.float32)
+        for first in range(0, len(values), _BLOCK):
+            here = slice(first, first + _BLOCK)
+            mine = corners.take(self.triangle[here], axis=0)
+            np.einsum("nk,nkd->nd", self.barycentric[here], mine, out=values[here], casting="same_kind")
+        return values
 
 
 def patch_geometry(triangles: Triangles, patches: PatchList) -> PatchGeometry:

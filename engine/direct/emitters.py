@@ -103,7 +103,7 @@ def bright_triangles(
 
     # Hemicubes see what the others emit.
     rest = glowing[~chosen[triangle]]
-    left = np.zeros_like(emission)
+    left = np.zeros(emission.shape, np.float32)
     left[rest] = emission[rest]
     index = np.flatnonzero(chosen)
     uniform = _is_uniform(triangle, shining, radiance)[index]

@@ -96,7 +96,8 @@ def _bake(
 
     # All other light is gathered: through hemicubes drawn in every iteration (IV.B), or what is kept of them.
     yield stages.begin(stages.choosing)
-    left, area = (lighting.emission_left, lighting.sky_left), surface_areas(parts.triangles, parts.geometry)
+    left = (lighting.emission_left, lighting.sky_left)
+    area = surface_areas(parts.triangles, parts.geometry, settings.resolution)
     job = SolveJob(graphics, compute, parts, rays, *left, sampled, area, settings, remote and remote(scene))
     solution, choice, solved = choose_solver(job)
     near = lighting.near_faces()

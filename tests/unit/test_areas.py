@@ -1,0 +1,39 @@
+"""Patches of a surface are together as large as it is, however its charts lie on the texels."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from engine import Scene
+from engine.patches.areas import surface_areas
+from tests.analytic.drive import prepare
+from tests.analytic.scenes import material, quads, rectangle
+
+
+def test_areas_of_each_mesh_and_material_sum_to_those_of_its_triangles():
+    width = 37
+    corners = np.stack([rectangle((0, 0, k), (3.1, 0.2, 0), (0, 1.7, 0.4)) for k in range(3)])
+    charts = [(1.3, 2.6, 9.9, 5.2), (14.7, 1.1, 3.3, 7.6), (22.2, 3.4, 10.45, 9.01)]
+    first = quads(corners, charts, [0, 1, 0], width, "First")
+    second = quads(corners[:1] * 2, [(3.6, 20.3, 21.4, 11.8)], [0], width, "Second")
+    empty = replace(second.part(np.zeros(2, bool)), name="Empty")
+    scene = Scene((first, empty, second), (material("A", 0.5), material("B", 0.2)))
+    prepared = prepare(scene, width)
+    areas = surface_areas(prepared.triangles, prepared.geometry, width)
+    assert areas.dtype == np.float32 and len(areas) == len(prepared.patches)
+    sizes = np.linalg.norm(np.cross((3.1, 0.2, 0), (0, 1.7, 0.4))) * np.array([2.0, 1.0, 4.0])
+    mesh, surface = prepared.triangles.mesh, prepared.triangles.material
+    triangle = prepared.geometry.triangle
+    for size, chosen in zip(sizes, ((0, 0), (0, 1), (2, 0)), strict=True):
+        of = (mesh[triangle] == chosen[0]) & (surface[triangle] == chosen[1])
+        assert areas[of].sum() == pytest.approx(size, rel=1e-5)
+        assert prepared.geometry.area[of].sum() != pytest.approx(size, rel=1e-3)
+
+
+@pytest.mark.filterwarnings("ignore:overflow")
+def test_texels_beyond_all_numbers_keep_finite_areas():
+    huge = rectangle((0, 0, 0), (3e18, 0, 0), (0, 2e18, 0))
+    mesh = quads(huge[None], [(0, 0, 1, 1)], [0], 3, "Huge")
+    prepared = prepare(Scene((mesh,), (material("A", 0.5),)), 3)
+    assert np.isfinite(surface_areas(prepared.triangles, prepared.geometry, 3)).all()

@@ -57,7 +57,7 @@ def main() -> None:
     """Print the lists of extensions, the rungs, and what an iteration spends on handing over."""
     options = _options()
     if options.rung:
-        print(json.dumps(_alone(*options.rung, options)))
+        _alone(*options.rung, options)
         return
     graphics = Graphics()
     try:
@@ -113,15 +113,18 @@ def _tried(rung: str, kind: str, options: argparse.Namespace) -> list[Any]:
     command = [sys.executable, __file__, "--mib", str(options.mib), "--rung", rung, kind]
     command += ["--device", options.device] if options.device else []
     done = subprocess.run(command, capture_output=True, text=True, check=False)
+    row = [None, None, ""]
+    if done.stdout:
+        row = json.loads(done.stdout.splitlines()[-1])
     if done.returncode:
-        where = next((line.strip() for line in done.stderr.splitlines() if 'File "' in line), "")
+        where = next((line.strip() for line in done.stderr.splitlines() if 'File "' in line), "at its end")
         kind = f"no answer in {_PATIENCE} s" if "Timeout" in done.stderr else f"ends with {done.returncode}"
-        return [None, None, f"{kind}: {where.replace(str(ROOT), '')}"]
-    return json.loads(done.stdout.splitlines()[-1])
+        row[2] += f" {kind}: {where.replace(str(ROOT), '')}"
+    return row
 
 
-def _alone(rung: str, kind: str, options: argparse.Namespace) -> list[Any]:
-    """Return milliseconds, GB/s and outcome of a way; who waits longer ends, and tells where."""
+def _alone(rung: str, kind: str, options: argparse.Namespace) -> None:
+    """Print milliseconds, GB/s and outcome of a way as JSON; who waits longer ends, and tells where."""
     faulthandler.enable()
     faulthandler.dump_traceback_later(_PATIENCE, exit=True)
     graphics, compute = Graphics(), Compute(opencl_device=options.device)
@@ -130,10 +133,12 @@ def _alone(rung: str, kind: str, options: argparse.Namespace) -> list[Any]:
         share, compute = _share(rung, kind, graphics, compute, texture)
         right = _hands_over(share, compute, texture)
         seconds = _time(lambda: (share.update(), compute.queue.finish()))
+        share.release()
+        rate = sharing.texture_bytes(texture) / seconds / 1e9
+        row = [1000 * seconds, rate, "works" if right else "WRONG VALUES"]
     except (EngineError, cl.Error, OSError) as error:
-        return [None, None, str(error).splitlines()[0]]
-    rate = sharing.texture_bytes(texture) / seconds / 1e9
-    return [1000 * seconds, rate, "works" if right else "WRONG VALUES"]
+        row = [None, None, str(error).splitlines()[0]]
+    print(json.dumps(row), flush=True)
 
 
 def _share(

@@ -35,3 +35,6 @@ class HostCopy:
         finally:
             mapped.base.release(self._queue)
         return self.buffer
+
+    def release(self) -> None:
+        """Do nothing: the buffer is OpenCL's own."""

@@ -216,6 +216,9 @@ class TextureShare:
         self._shared.release()
         return self.buffer
 
+    def release(self) -> None:
+        """Do nothing: OpenCL has the texture during an update alone."""
+
 
 class BufferShare:
     """An OpenGL buffer of the size of a texture array, filled by OpenGL, read by OpenCL."""
@@ -242,6 +245,10 @@ class BufferShare:
         self._texture.read_into(self._pixels)
         self._shared.acquire()
         return self.buffer
+
+    def release(self) -> None:
+        """Give the buffer back: a driver may wait for ever for what is deleted while OpenCL has it."""
+        self._shared.release()
 
 
 class ExternalShare:
@@ -278,6 +285,10 @@ class ExternalShare:
         self._raw.read_texture_array(self._texture.glo, self._texture.dtype == "u4", self._pixels)
         self._shared.acquire()
         return self.buffer
+
+    def release(self) -> None:
+        """Give the buffer back: a driver may wait for ever for what is deleted while OpenCL has it."""
+        self._shared.release()
 
 
 def texture_bytes(texture: moderngl.TextureArray) -> int:

@@ -69,6 +69,9 @@ def test_buffer_is_opencls_until_opengl_fills_it_again(graphics, processor, text
     assert hands_over(graphics, processor, texture, share)
     names = [name for name in fake.names if name != "clCreateEventFromGLsyncKHR"]
     assert names == ["clCreateFromGLBuffer", ACQUIRE, RELEASE, ACQUIRE]
+    share.release()
+    share.release()
+    assert fake.names[-1] == RELEASE and fake.names.count(RELEASE) == 2
 
 
 def test_external_memory_is_imported_by_both(graphics, processor, texture, monkeypatch):
@@ -93,6 +96,8 @@ def test_external_memory_is_imported_by_both(graphics, processor, texture, monke
     calls = [name for name in fake.names if name.startswith("clEnqueue")]
     acquire, release = (f"clEnqueue{verb}ExternalMemObjectsKHR" for verb in ("Acquire", "Release"))
     assert calls == [acquire, release, acquire]
+    share.release()
+    assert fake.names[-1] == release
 
 
 def test_context_names_the_opengl_context_that_is_current(graphics, processor):

@@ -156,7 +156,7 @@ def test_store_makes_the_same_images_with_and_without_opencl(compute: Compute, c
         resolution, atlas.astype(np.int32), texel.astype(np.int32), np.zeros(count, np.int32),
         np.full((count, 3), 1 / 3, np.float32),
     )  # fmt: skip
-    values = random.random((count, channels)).astype(np.float32)
+    values = random.random((count, 4)).astype(np.float32)[:, :channels]
     near = NearFaces(random.random(count) < 0.1, np.zeros(count, bool))
     front = np.where(random.random(count) < 0.2, 0, 1).astype(np.float32)
     stores = [LightmapStore(patches, 2, 3, device) for device in (None, compute)]

@@ -18,6 +18,9 @@ _DARK = 0.05
 #: Edges stand out from noise: by this many times the median difference.
 _ABOVE_NOISE = 6.0
 
+#: So many patches, spread evenly, tell the median.
+_FOR_NOISE = 1 << 16
+
 #: Marks of kernels/edges.cl.
 _ON_EDGE, _AT_AN_END = 1, 2
 
@@ -52,7 +55,7 @@ def find_edges(compute: Compute, patches: np.ndarray, known: PatchLight) -> tupl
     compute.run_texels(kernel, patches.shape, *buffers, least, off, marks)
     found = download(compute, marks, (patches.size // 4 + 1,)).view(np.uint8)[: patches.size]
     found = found.reshape(patches.shape)
-    steps, has_patch = download(compute, off, patches.shape), patches >= 0
-    noise = float(np.median(steps[has_patch])) if has_patch.any() else 0.0
+    steps, lit = download(compute, off, patches.shape), np.flatnonzero(patches >= 0)
+    noise = float(np.median(steps.ravel()[lit[:: 1 + len(lit) // _FOR_NOISE]])) if len(lit) else 0.0
     edge = (steps > max(_EDGE, _ABOVE_NOISE * noise)) | (found & _ON_EDGE > 0)
     return edge, found & _AT_AN_END > 0

@@ -256,6 +256,14 @@ class Settings:
         Switch(),
         "paper",
     )
+    align_uvs: bool = described(
+        False,
+        "Align UVs",
+        "Move lightmap UVs to borders of texels, by half a texel at most, as the patch list is made "
+        "(paper, VI.B): for UVs that were not aligned when they were made. The UV layers stay",
+        Switch(),
+        "paper",
+    )
     half_radiance: bool = described(
         False,
         "Half Floats",

@@ -39,16 +39,16 @@ def list_or_load_patches(
     Raises PatchFileError if the file is unusable or cannot be written, SceneError as `list_patches`.
     """
     if settings.patch_file is None:
-        return list_patches(graphics, scene, triangles, settings.resolution)
+        return list_patches(graphics, scene, triangles, settings.resolution, settings.align_uvs)
     path = Path(settings.patch_file)
     if path.exists():
-        return read_patches(path, scene, settings.resolution)
-    patches = list_patches(graphics, scene, triangles, settings.resolution)
-    write_patches(path, scene, patches)
+        return read_patches(path, scene, settings.resolution, settings.align_uvs)
+    patches = list_patches(graphics, scene, triangles, settings.resolution, settings.align_uvs)
+    write_patches(path, scene, patches, settings.align_uvs)
     return patches
 
 
-def write_patches(path: Path, scene: Scene, patches: PatchList) -> None:
+def write_patches(path: Path, scene: Scene, patches: PatchList, align: bool = False) -> None:
     """Write the patch list of a scene; raises PatchFileError if the file cannot be written.
 
     Under its name the file is whole or not there: it is written beside it.
@@ -57,7 +57,7 @@ def write_patches(path: Path, scene: Scene, patches: PatchList) -> None:
     body = b"".join(column.astype("<i4").tobytes() for column in columns)
     body += patches.barycentric.astype("<f4").tobytes()
     header = _HEADER.pack(
-        _MAGIC, _VERSION, patches.resolution, len(patches), charts_checksum(scene), zlib.crc32(body)
+        _MAGIC, _VERSION, patches.resolution, len(patches), charts_checksum(scene, align), zlib.crc32(body)
     )
     partial = path.with_name(f"{path.name}.partial")
     try:
@@ -73,7 +73,7 @@ def write_patches(path: Path, scene: Scene, patches: PatchList) -> None:
         ) from error
 
 
-def read_patches(path: Path, scene: Scene, resolution: int) -> PatchList:
+def read_patches(path: Path, scene: Scene, resolution: int, align: bool = False) -> PatchList:
     """Read the patch list of a scene from a file.
 
     Raises PatchFileError if the file cannot be read, is not a patch file, of another version,
@@ -102,10 +102,10 @@ def read_patches(path: Path, scene: Scene, resolution: int) -> PatchList:
         )
     if zlib.crc32(body) != checksum:
         raise PatchFileError(f"'{path}' is damaged: its checksum is wrong. Delete it and bake again.")
-    if file_resolution != resolution or charts != charts_checksum(scene):
+    if file_resolution != resolution or charts != charts_checksum(scene, align):
         raise PatchFileError(
             f"'{path}' was made for {file_resolution} x {file_resolution} texels of a scene whose lightmap "
-            "UVs have changed, or for another scene. Delete it and bake again."
+            "UVs have changed or are aligned otherwise, or for another scene. Delete it and bake again."
         )
     integers = np.frombuffer(body, "<i4", 5 * count).astype(np.int32).reshape(5, count)
     barycentric = np.frombuffer(body, "<f4", 3 * count, 20 * count).astype(np.float32).reshape(count, 3)
@@ -119,9 +119,12 @@ def read_patches(path: Path, scene: Scene, resolution: int) -> PatchList:
     return patches
 
 
-def charts_checksum(scene: Scene) -> int:
-    """Return a CRC-32 of all that a patch list depends on but its resolution: charts, faces, atlases."""
-    checksum = 0
+def charts_checksum(scene: Scene, align: bool = False) -> int:
+    """Return a CRC-32 of all that a patch list depends on but its resolution: charts, faces, atlases.
+
+    align: whether UVs are moved to borders of texels
+    """
+    checksum = int(align)
     for mesh in scene.meshes:
         for values in (mesh.uvs, mesh.face, mesh.subface, np.array([mesh.atlas, len(mesh.face)], np.int32)):
             checksum = zlib.crc32(np.ascontiguousarray(values).tobytes(), checksum)

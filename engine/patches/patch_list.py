@@ -11,7 +11,7 @@ from ..device.graphics import Graphics
 from ..errors import SceneError
 from ..scene.model import Scene
 from ..scene.triangles import Triangles
-from .chart_raster import PATCHES, draw_charts
+from .chart_raster import ALIGNED, PATCHES, Drawing, draw_charts
 
 #: The arrays of a patch list, one entry a patch.
 _COLUMNS = ("atlas", "texel", "triangle", "barycentric")
@@ -49,12 +49,19 @@ class PatchList:
         return PatchList(self.resolution, **{name: getattr(self, name)[chosen] for name in _COLUMNS})
 
 
-def list_patches(graphics: Graphics, scene: Scene, triangles: Triangles, resolution: int) -> PatchList:
+def list_patches(
+    graphics: Graphics, scene: Scene, triangles: Triangles, resolution: int, align: bool = False
+) -> PatchList:
     """Rasterise the lightmap UVs of every atlas and compact the covered texels.
+
+    align: UVs are moved to borders of texels (paper, VI.B)
 
     Raises SceneError if no texel centre is covered.
     """
-    patches = [_patches_in(graphics, triangles, atlas, resolution) for atlas in range(len(scene.atlases))]
+    drawing = ALIGNED if align else PATCHES
+    patches = [
+        _patches_in(graphics, drawing, triangles, atlas, resolution) for atlas in range(len(scene.atlases))
+    ]
     if not any(len(part) for part in patches):
         names = ", ".join(f"'{mesh.name}'" for mesh in scene.meshes[:5])
         raise SceneError(
@@ -73,10 +80,12 @@ def concatenate(parts: list[PatchList]) -> PatchList:
     return PatchList(parts[0].resolution, **joined)
 
 
-def _patches_in(graphics: Graphics, triangles: Triangles, atlas: int, resolution: int) -> PatchList:
+def _patches_in(
+    graphics: Graphics, drawing: Drawing, triangles: Triangles, atlas: int, resolution: int
+) -> PatchList:
     """Return the patches of one atlas."""
     chosen = np.flatnonzero(triangles.atlas == atlas).astype(np.int32)
-    number, barycentric = draw_charts(graphics, PATCHES, triangles.uvs[chosen], resolution)
+    number, barycentric = draw_charts(graphics, drawing, triangles.uvs[chosen], resolution)
     texel = np.flatnonzero(number[:, 0] != 0)
     triangle = np.r_[np.int32(-1), chosen].take(number[:, 0].take(texel))
     weights = _on_triangle(barycentric.view(np.uint64)[:, 0].take(texel).view(np.float32).reshape(-1, 2))

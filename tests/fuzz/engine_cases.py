@@ -539,6 +539,7 @@ _SETTINGS = st.fixed_dictionaries(
         "directions": st.sampled_from(["cosine", "hemicube"]),
         "patch_groups": st.sampled_from([0, 1, 2, 4, 8]),
         "half_radiance": st.booleans(),
+        "align_uvs": st.booleans(),
         "accelerate": st.booleans(),
         "memory_budget": st.sampled_from([0, 1, 10_000, 1_000_000]),
         "intermediates": st.booleans(),

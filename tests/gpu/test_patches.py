@@ -197,3 +197,18 @@ def test_borders_of_many_slivers_are_those_of_the_host(graphics, compute):
     assert np.quantile(off, 0.99) < 1e-3
     same = np.r_[-1, patches.key][texel_to_patch] == np.r_[-1, expected.key][wanted]
     assert same.mean() > 0.999
+
+
+@pytest.mark.parametrize("resolution", [17, 331])
+def test_aligned_quads_are_covered_whole_or_not_at_all(graphics, resolution):
+    """Quads whose sides lie anywhere: the shader moves them to the nearest borders of texels."""
+    random = np.random.default_rng(resolution)
+    for low, size in zip(random.uniform(1, 7, (20, 2)), random.uniform(0.6, 8, (20, 2)), strict=True):
+        scene = Scene((one_quad((*low, *size), resolution),), (GREY,))
+        patches = list_patches(graphics, scene, join_meshes(scene), resolution, align=True)
+        (x0, y0), (x1, y1) = np.floor(low + 0.5).astype(int), np.floor(low + size + 0.5).astype(int)
+        rows, columns = np.divmod(patches.texel, resolution)
+        found = set(zip(rows, columns, strict=True))
+        assert found == {(y, x) for y in range(y0, y1) for x in range(x0, x1)} or x1 == x0 or y1 == y0
+        assert len(patches) and patches.barycentric.min() >= 0
+        np.testing.assert_allclose(patches.barycentric.sum(axis=1), 1, atol=1e-6)

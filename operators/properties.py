@@ -16,6 +16,7 @@ from bpy.props import (
 
 from ..engine.quality import QUALITIES
 from ..engine.settings import Settings, kept_with_scene
+from .chart_settings import chart_properties
 from .compat import PATH_OPTIONS
 from .file_format import format_properties
 from .lightmap_list import unlisted
@@ -128,6 +129,7 @@ HemibakeSceneProperties.__annotations__.update(
 )
 HemibakeSceneProperties.__annotations__["quality"] = quality_property()
 HemibakeSceneProperties.__annotations__.update(size_properties())
+HemibakeSceneProperties.__annotations__.update(chart_properties())
 HemibakeSceneProperties.__annotations__.update(format_properties())
 
 

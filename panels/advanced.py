@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..engine.settings import shown_in
+from ..operators.chart_settings import CHART_PROPERTIES
 from .sidebar import SubPanel, split_properties
 
 #: Settings of the add-on that the engine does not know.
@@ -31,4 +32,17 @@ class HEMIBAKE_PT_advanced(SubPanel, bpy.types.Panel):
                 column.prop(settings, name)
 
 
-CLASSES = (HEMIBAKE_PT_advanced,)
+class HEMIBAKE_PT_charts(SubPanel, bpy.types.Panel):
+    """How new lightmap UVs are cut into charts."""
+
+    bl_parent_id = "HEMIBAKE_PT_advanced"
+    bl_label = "Charts"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        split_properties(self.layout)
+        for name in CHART_PROPERTIES:
+            self.layout.prop(context.scene.hemibake, name)
+
+
+CLASSES = (HEMIBAKE_PT_advanced, HEMIBAKE_PT_charts)

@@ -53,7 +53,8 @@ def triangle_normals(mesh: PolygonMesh) -> np.ndarray:
 def find_adjacency(mesh: PolygonMesh, vertex: np.ndarray, normals: np.ndarray) -> Adjacency:
     """Return the pairs of polygons that touch along an edge.
 
-    Where more than two meet, those with the most alike normals go together.
+    Edges that are parted count for nothing. Where more than two meet, those with the most alike normals go
+    together.
 
     vertex   (v,) int64, see `weld`
     normals  (p, 3), see `polygon_normals`
@@ -62,7 +63,9 @@ def find_adjacency(mesh: PolygonMesh, vertex: np.ndarray, normals: np.ndarray) -
     ends = loops[mesh.after]
     polygon = np.repeat(np.arange(len(normals)), np.diff(mesh.starts))
     edge = np.minimum(loops, ends) * (vertex.max(initial=0) + 1) + np.maximum(loops, ends)
-    ahead, back = np.flatnonzero(loops < ends), np.flatnonzero(loops > ends)
+    joins = np.ones(len(loops), bool)
+    joins[mesh.parted] = False
+    ahead, back = np.flatnonzero((loops < ends) & joins), np.flatnonzero((loops > ends) & joins)
     ahead, back = _pairs(edge, ahead, back)
     first, second = polygon[ahead], polygon[back]
     length = np.linalg.norm(normals, axis=1)

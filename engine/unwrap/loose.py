@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .orientation import lie_down
+from .borders import border_loops
+from .orientation import lying, turned
 from .polygon_mesh import Charts, PolygonMesh, signed_areas
 
 #: A chart is halved if it is longer than this part of the side of a square of all areas, or longer than that
 #: part and covers less than a part of its box.
-_LONGEST, _LONG, _SPARSE = 0.9, 0.25, 0.35
+_LONGEST, _LONG, _SPARSE = 0.9, 0.25, 0.48
 
 #: Most times that a chart is halved.
 _HALVINGS = 8
@@ -23,92 +24,106 @@ class Loose:
     """Charts that lie but have no place yet.
 
     uvs      (l, 2) float64 metres, of each loop, from the lower left corner of its chart
-    chart    (l,) int64, of each loop
-    corners  (t, 3) int64, loops of each triangle that is in a chart
+    chart    (l,) int64, of each loop; 0 for those that are in none
+    borders  (b, 2) int64, loops at the ends of edges on the border of a chart, as its polygons go around
     size     (c, 2) float64 metres, of each chart's box
     area     (c,) float64 m^2, of each chart
     """
 
     uvs: np.ndarray
     chart: np.ndarray
-    corners: np.ndarray
+    borders: np.ndarray
     size: np.ndarray
     area: np.ndarray
 
 
-def loosen(meshes: Sequence[PolygonMesh], charts: Sequence[Charts]) -> Loose:
-    """Return the charts of all meshes, each turned such that it lies in a small box."""
-    loops = np.cumsum([0, *(len(mesh.corners) for mesh in meshes)])
-    firsts = loops[:-1]
-    corners = np.concatenate(
-        [mesh.triangles + first for mesh, first in zip(meshes, firsts, strict=True)]
-    ).astype(np.int64)
-    after = np.concatenate([mesh.after + first for mesh, first in zip(meshes, firsts, strict=True)])
-    number = _numbered(charts)
-    corners, number = corners[number >= 0], number[number >= 0]
+def loosen(meshes: Sequence[PolygonMesh], charts: Sequence[Charts]) -> Generator[None, None, Loose]:
+    """Return the charts of all meshes, each turned to lie in a small box; yields after each mesh."""
+    side = _side(meshes, charts)
+    parts: list[Loose] = []
+    loops = count = 0
+    for mesh, made in zip(meshes, charts, strict=True):
+        part = _loosened(mesh, made, side)
+        parts.append(replace(part, chart=part.chart + count, borders=part.borders + loops))
+        loops, count = loops + len(mesh.corners), count + len(part.size)
+        yield
+    joined = {name: [getattr(part, name) for part in parts] for name in Loose.__dataclass_fields__}
+    whole = Loose(**{name: np.concatenate(arrays) for name, arrays in joined.items()})
+    return replace(whole, chart=np.minimum(whole.chart, max(count - 1, 0)))
+
+
+def _side(meshes: Sequence[PolygonMesh], charts: Sequence[Charts]) -> float:
+    """Return the side of a square that has the area of all charts."""
+    total = 0.0
+    for mesh, made in zip(meshes, charts, strict=True):
+        flat = made.uvs[mesh.triangles[made.chart >= 0]]
+        total += float(np.abs(signed_areas(flat)).sum())
+    return float(np.sqrt(total))
+
+
+def _loosened(mesh: PolygonMesh, made: Charts, side: float) -> Loose:
+    """Return the charts of one mesh; side: of the square of all areas."""
+    triangles, known = mesh.triangles[made.chart >= 0], np.unique(made.chart[made.chart >= 0])
 
     # Loops of polygons without area, or without triangles, belong to no chart.
-    chart = np.full(loops[-1], -1)
-    chart[corners] = number[:, None]
-    uvs = np.concatenate([made.uvs for made in charts])
-    used = np.flatnonzero(chart >= 0)
-    sides = np.concatenate([np.diff(mesh.starts) for mesh in meshes])
-    polygon = np.repeat(np.arange(len(sides)), sides)
-    chart, turned = _lain_down(uvs, after, polygon, chart, used)
-    count = chart.max(initial=-1) + 1
+    chart = np.full(len(mesh.corners), -1)
+    chart[triangles] = np.searchsorted(known, made.chart[made.chart >= 0])[:, None]
+    chart, uvs, border = _lain_down(mesh, made.uvs, chart, side)
+    count = int(chart.max(initial=-1)) + 1
     size = np.zeros((count, 2))
-    np.maximum.at(size, chart[used], turned[used])
-    number = chart[corners[:, 0]]
-    area = np.bincount(number, np.abs(signed_areas(turned[corners])), count)
-    return Loose(turned, np.maximum(chart, 0), corners, size, area)
-
-
-def _numbered(charts: Sequence[Charts]) -> np.ndarray:
-    """Return the chart of each triangle of all meshes, (t,) int64 from 0 without gaps, -1 for none."""
-    counts = np.cumsum([0, *(made.chart.max(initial=-1) + 1 for made in charts)])
-    number = np.concatenate(
-        [
-            np.where(made.chart < 0, -1, made.chart + first)
-            for made, first in zip(charts, counts[:-1], strict=True)
-        ]
-    )
-    known = np.unique(number[number >= 0])
-    return np.where(number < 0, -1, np.searchsorted(known, number))
+    np.maximum.at(size, chart[border], uvs[border])
+    area = np.bincount(chart[triangles[:, 0]], np.abs(signed_areas(uvs[triangles])), count)
+    borders = np.stack([border, mesh.after[border]], axis=1)
+    uvs[chart < 0] = 0
+    return Loose(uvs, np.maximum(chart, 0), borders, size, area)
 
 
 def _lain_down(
-    uvs: np.ndarray, after: np.ndarray, polygon: np.ndarray, chart: np.ndarray, used: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the chart of each loop, (l,) int64, and its UV, (l, 2), such that all charts lie.
-
-    used  loops that are in a chart
-    """
-    turned, chart, fresh = np.zeros_like(uvs), chart.copy(), used
+    mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray, side: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the chart of each loop, (l,) int64, its UV, (l, 2), in charts that lie, and border loops."""
+    lain, fresh = uvs.copy(), np.ones(int(chart.max(initial=-1)) + 1, bool)
     for _ in range(_HALVINGS + 1):
-        _, local = np.unique(chart[fresh], return_inverse=True)
-        local = local.reshape(-1)
-        turned[fresh] = lie_down(uvs[fresh], uvs[after[fresh]], local, int(local.max(initial=-1)) + 1)
-        halved = _halved(turned, after, polygon, chart, used)
-        fresh = used[np.isin(chart[used], chart[halved != chart]) | (halved != chart)[used]]
+        border = border_loops(mesh, uvs, chart)
+        _turn(lain, mesh.after, chart, border, fresh)
+        halved = _halved(lain, mesh, chart, border, side)
+        changed = halved != chart
+        fresh = np.zeros(int(halved.max(initial=-1)) + 1, bool)
+        fresh[chart[changed]] = fresh[halved[changed]] = True
         chart = halved
-        if not len(fresh):
+        if not changed.any():
             break
-    return chart, turned
+    return chart, lain, border
+
+
+def _turn(
+    lain: np.ndarray, after: np.ndarray, chart: np.ndarray, border: np.ndarray, fresh: np.ndarray
+) -> None:
+    """Lay down charts, (c,) bool, of which the border is known."""
+    numbers = np.cumsum(fresh) - 1
+    edge = border[fresh[chart[border]]]
+    count, local = int(fresh.sum()), numbers[chart[edge]]
+    angle = lying(lain[edge], lain[after[edge]], local, count)
+    loop = np.flatnonzero((chart >= 0) & fresh[chart])
+    local = numbers[chart[loop]]
+    points = turned(lain[loop], angle[local])
+    low = np.full((count, 2), np.inf)
+    np.minimum.at(low, local, points)
+    lain[loop] = points - low[local]
 
 
 def _halved(
-    turned: np.ndarray, after: np.ndarray, polygon: np.ndarray, chart: np.ndarray, used: np.ndarray
+    lain: np.ndarray, mesh: PolygonMesh, chart: np.ndarray, border: np.ndarray, side: float
 ) -> np.ndarray:
     """Return the chart of each loop, (l,) int64, with those that waste room cut in two across their boxes."""
-    count = chart.max(initial=-1) + 1
+    count = int(chart.max(initial=-1)) + 1
     size = np.zeros((count, 2))
-    np.maximum.at(size, chart[used], turned[used])
+    np.maximum.at(size, chart[border], lain[border])
 
-    # The area of a polygon is the sum over its edges.
-    one, other = turned[used], turned[after[used]]
+    # The area of a chart is a sum over the edges of its border.
+    one, other = lain[border], lain[mesh.after[border]]
     twice = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
-    area = np.abs(np.bincount(chart[used], twice, count)) / 2
-    side = np.sqrt(area.sum())
+    area = np.abs(np.bincount(chart[border], twice, count)) / 2
     wasting = (size[:, 0] > _LONGEST * side) | (
         (size[:, 0] > _LONG * side) & (area < _SPARSE * size.prod(axis=1))
     )
@@ -116,13 +131,16 @@ def _halved(
         return chart
 
     # Polygons beyond the middle get a new chart, unless all lie on one side.
-    low, high = np.full((2, polygon.max() + 1), np.inf)
-    np.minimum.at(low, polygon[used], one[:, 0])
-    np.minimum.at(high, polygon[used], -one[:, 0])
-    beyond = low[polygon[used]] - high[polygon[used]] > size[chart[used], 0]
-    share = np.bincount(chart[used], beyond, count) / np.bincount(chart[used], minlength=count)
+    loop = np.flatnonzero((chart >= 0) & wasting[chart])
+    sides = np.diff(mesh.starts)
+    polygon = np.repeat(np.arange(len(sides)), sides)[loop]
+    low, high = np.full((2, len(sides)), np.inf)
+    np.minimum.at(low, polygon, lain[loop, 0])
+    np.minimum.at(high, polygon, -lain[loop, 0])
+    beyond = low[polygon] - high[polygon] > size[chart[loop], 0]
+    share = np.bincount(chart[loop], beyond, count) / np.maximum(np.bincount(chart[loop], minlength=count), 1)
     wasting &= (share > 0) & (share < 1)
     fresh = count + np.cumsum(wasting) - 1
-    halved, moving = chart.copy(), beyond & wasting[chart[used]]
-    halved[used[moving]] = fresh[chart[used[moving]]]
+    halved, moving = chart.copy(), beyond & wasting[chart[loop]]
+    halved[loop[moving]] = fresh[chart[loop[moving]]]
     return halved

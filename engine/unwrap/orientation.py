@@ -12,9 +12,10 @@ _HALVINGS = 12
 _WORTH_TURNING = 0.85
 
 
-def lie_down(uvs: np.ndarray, after: np.ndarray, chart: np.ndarray, count: int) -> np.ndarray:
-    """Return points of charts, (n, 2), turned such that each box is small, wider than high, and at 0.
+def lying(uvs: np.ndarray, after: np.ndarray, chart: np.ndarray, count: int) -> np.ndarray:
+    """Return the angle, (count,), that each chart is turned by clockwise to have a small box, which lies.
 
+    uvs    (n, 2), points of charts; those on their borders do
     after  (n, 2), the next point of each one's polygon
     chart  (n,) int64 below `count`, of each point
 
@@ -45,10 +46,7 @@ def lie_down(uvs: np.ndarray, after: np.ndarray, chart: np.ndarray, count: int) 
 
     low, high = _boxes(points, of_point, starts, angle)
     upright = np.ptp([low, high], axis=0)
-    angle = np.where(upright[:, 1] > upright[:, 0], angle + quarter, angle)
-    low, _ = _boxes(points, of_point, starts, angle)
-    turned = np.empty_like(points)
-    turned[order] = _turned(points, angle[of_point]) - low[of_point]
+    turned: np.ndarray = np.where(upright[:, 1] > upright[:, 0], angle + quarter, angle)
     return turned
 
 
@@ -71,11 +69,11 @@ def _boxes(
     points: np.ndarray, chart: np.ndarray, starts: np.ndarray, angle: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return lower left and upper right corner of each chart, (c, 2), turned clockwise by an angle, (c,)."""
-    turned = _turned(points, angle[chart])
-    return np.minimum.reduceat(turned, starts), np.maximum.reduceat(turned, starts)
+    lain = turned(points, angle[chart])
+    return np.minimum.reduceat(lain, starts), np.maximum.reduceat(lain, starts)
 
 
-def _turned(points: np.ndarray, angle: np.ndarray) -> np.ndarray:
+def turned(points: np.ndarray, angle: np.ndarray) -> np.ndarray:
     """Return points, (n, 2), turned clockwise."""
     cosine, sine = np.cos(angle), np.sin(angle)
     x, y = points.T

@@ -6,10 +6,13 @@ from collections.abc import Generator, Sequence
 
 import numpy as np
 
+from ..progress import finished
+from .alignment import Alignment
 from .loose import Loose, loosen
 from .page import Page, Shape
 from .polygon_mesh import Charts, PolygonMesh
-from .row_spans import row_spans
+from .quarter_turns import may_be_turned, turned_points
+from .row_spans import border_spans
 
 #: Least distance of two charts, texels: bilinear filtering reads one beyond each.
 PADDING = 2
@@ -29,30 +32,50 @@ _ATTEMPTS, _MOST_ATTEMPTS = 7, 30
 _FULL = 0.985
 _NARROW = 1.005
 
+#: Part of the time of packing in which charts are laid down, and charts whose shapes are found together.
+_LOOSENING, _TOGETHER = 0.2, 256
+
 #: A scale that failed is lowered by this factor, and once more for each one before it, or as measured.
 _CAUTION = 0.99
 
 
 def pack_charts(
-    meshes: Sequence[PolygonMesh], charts: Sequence[Charts], resolution: int, padding: int = PADDING
+    meshes: Sequence[PolygonMesh],
+    charts: Sequence[Charts],
+    resolution: int,
+    padding: int = PADDING,
+    align: bool = True,
 ) -> Generator[float, None, list[np.ndarray] | None]:
     """Yield the part of the work that is done; return UVs of each mesh's loops, (l, 2) float32.
 
     All charts lie on one unit square, in proportion to world area; each box has a whole number of texels of
     a `resolution` x `resolution` image, and begins between two. They do not overlap and keep `padding` texels
     between them. None if they do not fit; the scale is the largest one found at which they do.
+
+    align: borders along the axes lie between texels, too; see `aligned`
     """
-    loose = loosen(meshes, charts)
+    loose = yield from _loosened(meshes, charts)
     if loose.area.sum() == 0:
         return [np.zeros((len(mesh.corners), 2), np.float32) for mesh in meshes]
-    texels = yield from _largest(loose, resolution - 2 * _BORDER, padding)
+    texels = yield from _largest(loose, resolution - 2 * _BORDER, padding, align)
     if texels is None:
         return None
     uvs = ((texels + _BORDER) / resolution).astype(np.float32)
     return np.split(uvs, np.cumsum([len(mesh.corners) for mesh in meshes])[:-1])
 
 
-def _largest(loose: Loose, width: int, padding: int) -> Generator[float, None, np.ndarray | None]:
+def _loosened(meshes: Sequence[PolygonMesh], charts: Sequence[Charts]) -> Generator[float, None, Loose]:
+    """Return the charts of all meshes, lying; yield the part of packing that this is."""
+    work = loosen(meshes, charts)
+    for done in range(len(meshes)):
+        next(work)
+        yield _LOOSENING * (done + 1) / len(meshes)
+    return finished(work)
+
+
+def _largest(
+    loose: Loose, width: int, padding: int, align: bool
+) -> Generator[float, None, np.ndarray | None]:
     """Return where the loops are, (l, 2) texels, at the largest scale at which the charts fit a square."""
     least = np.sqrt(_LEAST_CHART * len(loose.size) / loose.area.sum())
     limit = width / loose.size.max()
@@ -62,7 +85,7 @@ def _largest(loose: Loose, width: int, padding: int) -> Generator[float, None, n
     for attempt in range(_MOST_ATTEMPTS):
         if width < 1 or (scale < least and best is None):
             break
-        packed = yield from _pack_at(loose, scale, width, padding, attempt)
+        packed = yield from _pack_at(loose, scale, width, padding, align, attempt)
         if packed.texels is not None:
             low, best = scale, packed.texels
         else:
@@ -111,37 +134,94 @@ class _Packed:
 
 
 def _pack_at(
-    loose: Loose, scale: float, width: int, padding: int, attempt: int
+    loose: Loose, scale: float, width: int, padding: int, align: bool, attempt: int
 ) -> Generator[float, None, _Packed]:
     """Pack at a scale, until a chart reaches out of the page."""
     boxes = np.minimum(_boxes(loose, scale), [width, np.iinfo(np.int64).max])
-    stretch = boxes / np.where(loose.size > 0, loose.size, np.inf)
-    texels = loose.uvs * stretch[loose.chart]
-    shapes = _shapes(texels, loose, boxes)
+    laid = _Laid(loose, boxes, align)
     page, corner = Page(width, padding), np.zeros((len(boxes), 2))
+    turns = np.zeros(len(boxes), np.int64)
     order = np.lexsort((-boxes[:, 0], -boxes[:, 1]))
     taken, room = _taken(loose, boxes, padding), 0.0
     for done, chart in enumerate(order.tolist()):
-        corner[chart] = place = page.find(shapes[chart])
-        if place[1] + shapes[chart].height > width:
+        if done % _TOGETHER == 0:
+            shapes = laid.shapes(order[done : done + _TOGETHER], width)
+        shape, place, turns[chart] = _lowest(page, shapes[chart])
+        corner[chart] = place
+        if place[1] + shape.height > width:
             # What is free below has no room for this one: the smaller ones that follow fill some of it.
             rest = float(taken[order[done:]].sum())
             part = (room + min(rest / 2, 0.5 * ((width + padding) ** 2 - room))) / (width + padding) ** 2
             return _Packed(None, width + 1, part)
-        page.put(shapes[chart], *place)
+        page.put(shape, *place)
         room += float(taken[chart])
         if done % 32 == 0:
-            yield min((attempt + done / len(order)) / _ATTEMPTS, 1.0)
+            yield _part_done(attempt, done / len(order))
     part = room / ((width + padding) * (page.height + padding))
-    return _Packed(texels + corner[loose.chart], page.height, part)
+    return _Packed(laid.texels(turns, corner), page.height, part)
 
 
-def _shapes(texels: np.ndarray, loose: Loose, boxes: np.ndarray) -> list[Shape]:
-    """Return the texels that each chart touches."""
-    chart, row, first, end = row_spans(texels[loose.corners], loose.chart[loose.corners[:, 0]], boxes)
-    starts = np.searchsorted(chart, np.arange(len(boxes) + 1)).tolist()
-    spans = list(zip(row.tolist(), first.tolist(), (end - first).tolist(), strict=True))
-    return [
-        Shape(columns, rows, tuple(spans[start:stop]))
-        for (columns, rows), start, stop in zip(boxes.tolist(), starts[:-1], starts[1:], strict=True)
-    ]
+def _part_done(attempt: int, fraction: float) -> float:
+    """Return the part of all packing that is done in the middle of an attempt."""
+    return _LOOSENING + (1 - _LOOSENING) * min((attempt + fraction) / _ATTEMPTS, 1.0)
+
+
+class _Laid:
+    """Charts at a scale, without places."""
+
+    def __init__(self, loose: Loose, boxes: np.ndarray, align: bool) -> None:
+        self._loose, self._boxes = loose, boxes
+        self._stretch = boxes / np.where(loose.size > 0, loose.size, np.inf)
+        loops, which = np.unique(loose.borders, return_inverse=True)
+        borders, chart = which.reshape(-1, 2), loose.chart[loops]
+        texels = loose.uvs[loops] * self._stretch[chart]
+        self._alignment = Alignment(texels, chart, borders, boxes) if align else None
+        ends, of_edge = self._moved(texels, chart)[borders], chart[borders[:, 0]]
+        order = np.argsort(of_edge, kind="stable")
+        self._ends, self._starts = ends[order], np.searchsorted(of_edge[order], np.arange(len(boxes) + 1))
+
+    def shapes(self, charts: np.ndarray, width: int) -> dict[int, list[Shape]]:
+        """Return the texels that charts touch, turned by quarters where that is of use, for a page."""
+        upright = self._shapes(charts, 0)
+        round_ones = np.array([chart for chart in upright if may_be_turned(upright[chart], width)], np.int64)
+        turned = [self._shapes(round_ones, turns) for turns in (1, 2, 3)]
+        return {
+            chart: [shape, *(shapes[chart] for shapes in turned if chart in shapes)]
+            for chart, shape in upright.items()
+        }
+
+    def texels(self, turns: np.ndarray, corner: np.ndarray) -> np.ndarray:
+        """Return where all loops are, (l, 2), of charts at corners, (c, 2), turned by quarters, (c,)."""
+        chart = self._loose.chart
+        texels = self._moved(self._loose.uvs * self._stretch[chart], chart)
+        moved: np.ndarray = turned_points(texels, self._boxes[chart], turns[chart]) + corner[chart]
+        return moved
+
+    def _moved(self, texels: np.ndarray, chart: np.ndarray) -> np.ndarray:
+        return texels if self._alignment is None else self._alignment.moved(texels, chart)
+
+    def _shapes(self, charts: np.ndarray, turns: int) -> dict[int, Shape]:
+        """Return the texels that charts touch that are turned by some quarters."""
+        first, count = self._starts[charts], np.diff(self._starts)[charts]
+        local = np.repeat(np.arange(len(charts)), count)
+        edge = first[local] + np.arange(len(local)) - np.repeat(np.cumsum(count) - count, count)
+        boxes, of_end = self._boxes[charts], np.repeat(local, 2)
+        ends = turned_points(self._ends[edge].reshape(-1, 2), boxes[of_end], np.full(len(of_end), turns))
+        ends, boxes = ends.reshape(-1, 2, 2), boxes[:, ::-1] if turns % 2 else boxes
+        number, row, begin, end = border_spans(ends, local, boxes)
+        starts = np.searchsorted(number, np.arange(len(charts) + 1)).tolist()
+        spans = list(zip(row.tolist(), begin.tolist(), (end - begin).tolist(), strict=True))
+        return {
+            chart: Shape(columns, rows, tuple(spans[start:stop]))
+            for chart, (columns, rows), start, stop in zip(
+                charts.tolist(), boxes.tolist(), starts[:-1], starts[1:], strict=True
+            )
+        }
+
+
+def _lowest(page: Page, shapes: Sequence[Shape]) -> tuple[Shape, tuple[int, int], int]:
+    """Return which of some shapes reaches least high where it is free, its column and row, and its number."""
+    places = [page.find(shape) for shape in shapes]
+    tops = [(row + shape.height, row, column) for shape, (column, row) in zip(shapes, places, strict=True)]
+    best = tops.index(min(tops))
+    return shapes[best], places[best], best

@@ -5,6 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 
+import numpy as np
+
+#: Spans of a shape, at most, for which rows are looked for that have such long runs at all.
+_LOOKED_FOR = 6
+
 
 @dataclass(frozen=True)
 class Shape:
@@ -33,6 +38,16 @@ class Shape:
         ]
 
     @cached_property
+    def longest(self) -> list[tuple[int, int]]:
+        """Row and length of a few spans, the longest first."""
+        return [(row, (1 << level) + rest) for row, _, level, rest in self.tests[:_LOOKED_FOR]]
+
+    @cached_property
+    def shortest(self) -> int:
+        """The length of the shortest span."""
+        return min(length for _, _, length in self.spans)
+
+    @cached_property
     def is_rectangle(self) -> bool:
         """Whether each row is one full span."""
         return len(self.spans) == self.height and all(length == self.width for _, _, length in self.spans)
@@ -54,14 +69,14 @@ class Page:
     of level k = floor(log2(n)) and rest n - 2^k, is free where level k is and level k moved by the rest.
 
     height  rows up to the highest chart
-    _open   of each level the rows, as bits, that have such a run at all
+    _runs   length of the longest free run of each row
     """
 
     width: int
     padding: int
     height: int = 0
     _levels: list[list[int]] = field(default_factory=list, repr=False)
-    _open: list[int] = field(default_factory=list, repr=False)
+    _runs: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32), repr=False)
     _starts: dict[Shape, int] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
@@ -70,36 +85,36 @@ class Page:
             self._fresh.append(free)
             free &= free >> (1 << level)
         self._levels = [[] for _ in self._fresh]
-        self._open = [0] * len(self._fresh)
 
     def find(self, shape: Shape) -> tuple[int, int]:
         """Return column and row of the lowest free place for a shape, of these the leftmost."""
         spans = shape.tests
         start = self._starts.get(shape, 0)
-        rows = self._open_rows(shape, start)
         while True:
-            # Rows whose free runs are too short for the longest span are left out.
-            while rows:
-                leap = (rows & -rows).bit_length() - 1
-                columns = self._free_columns(spans, start + leap)
+            for row in self._rows_with_room(shape, start):
+                columns = self._free_columns(spans, row)
                 if columns:
-                    self._starts[shape] = start + leap
-                    return (columns & -columns).bit_length() - 1, start + leap
-                rows &= rows - 1
+                    self._starts[shape] = row
+                    return (columns & -columns).bit_length() - 1, row
             start = max(start, len(self._levels[0]) - shape.height + 1)
             self._grow(start + shape.height)
-            rows = self._open_rows(shape, start)
 
-    def _open_rows(self, shape: Shape, start: int) -> int:
-        """Return the rows from `start` on, as bits, in which a shape may begin."""
-        row, _, level, _ = shape.tests[0]
-        last = len(self._levels[0]) - shape.height
-        if last < start:
-            return 0
-        open_rows = self._open[level] >> start + row
-        if shape.is_rectangle:
-            open_rows = _eroded(self._open[level] >> start, shape.height)
-        return open_rows & ((1 << last - start + 1) - 1)
+    def _rows_with_room(self, shape: Shape, start: int) -> list[int]:
+        """Return the rows from `start` on at which a shape may begin: free runs are as long as its spans."""
+        count = len(self._levels[0]) - shape.height - start + 1
+        if count <= 0:
+            return []
+        runs = self._runs[start:]
+        room = np.ones(count, bool)
+        for row, length in shape.longest:
+            room &= runs[row : row + count] >= length
+
+        # No row within the shape's height has but shorter runs than all of its spans.
+        narrow = np.zeros(count + shape.height, np.int32)
+        np.cumsum(runs[: count + shape.height - 1] < shape.shortest, out=narrow[1:])
+        room &= narrow[shape.height :] == narrow[:count]
+        rows: list[int] = (np.flatnonzero(room) + start).tolist()
+        return rows
 
     def _free_columns(self, spans: list[tuple[int, int, int, int]], start: int) -> int:
         """Return the columns, as bits, at which all spans are free in a row."""
@@ -125,31 +140,29 @@ class Page:
 
     def _take(self, row: int, texels: int) -> None:
         """Take texels of a row."""
-        free = self._levels[0][row] & ~texels
+        free, top = self._levels[0][row] & ~texels, 0
         for level, rows in enumerate(self._levels):
             rows[row] = free
-            if not free:
-                self._open[level] &= ~(1 << row)
-            free &= free >> (1 << level)
+            if free:
+                top = level
+                free &= free >> (1 << level)
+
+        # The longest run grows by ever smaller powers of two.
+        begins = self._levels[top][row]
+        length = (1 << top) if begins else 0
+        for level in range(top - 1, -1, -1):
+            longer = begins & self._levels[level][row] >> length
+            if longer:
+                begins, length = longer, length + (1 << level)
+        self._runs[row] = length
 
     def _grow(self, height: int) -> None:
         """Have at least some rows."""
-        count = len(self._levels[0])
-        missing = height - count
+        missing = height - len(self._levels[0])
         if missing > 0:
             for rows, free in zip(self._levels, self._fresh, strict=True):
                 rows += [free] * missing
-            self._open = [rows | ((1 << missing) - 1) << count for rows in self._open]
-
-
-def _eroded(bits: int, length: int) -> int:
-    """Return the bits that begin a run of some length."""
-    done = 1
-    while done < length:
-        step = min(done, length - done)
-        bits &= bits >> step
-        done += step
-    return bits
+            self._runs = np.concatenate([self._runs, np.full(missing, self.width, np.int32)])
 
 
 def _widened(texels: int, margin: int) -> int:

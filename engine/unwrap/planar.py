@@ -12,14 +12,15 @@ import numpy as np
 
 from .adjacency import components, find_adjacency, polygon_normals, triangle_normals, weld
 from .coverage import doubly_covered
+from .cutting import USUAL
 from .facing import split_by_facing
 from .polygon_mesh import PolygonMesh, areas, signed_areas
 
-#: Edges are creases from this angle between the normals on.
-_CREASE = np.radians(45)
-
 #: A part is projected if it keeps this part of its area, and each triangle that part of its own.
-_KEPT, _LEAST_KEPT = 0.8, 0.35
+_KEPT, _LEAST_KEPT = 0.78, 0.35
+
+#: Of a part of so many polygons what keeps less of its area than this is cut out, if it is this part of all.
+_LARGE, _STEEP, _MOST_STEEP = 64, 0.42, 0.06
 
 #: Triangles with less area than this part of their longest edge squared have no normal to speak of.
 _SLIVER = 1e-5
@@ -39,16 +40,23 @@ class PlanarCharts:
     part: np.ndarray
 
 
-def project_flat(mesh: PolygonMesh) -> PlanarCharts:
-    """Return the charts of a mesh that are flat, or bent little. Coordinates have to be finite."""
+def project_flat(mesh: PolygonMesh, crease: float = USUAL.crease) -> PlanarCharts:
+    """Return the charts of a mesh that are flat, or bent little. Coordinates have to be finite.
+
+    crease: angle between normals from which on an edge parts surfaces, radians
+    """
     polygons = len(mesh.starts) - 1
     normals = polygon_normals(mesh)
     adjacency = find_adjacency(mesh, weld(mesh), normals)
-    smooth = adjacency.cosine > np.cos(_CREASE)
+    smooth = adjacency.cosine > np.cos(crease)
     part = components(polygons, adjacency.first[smooth], adjacency.second[smooth])
 
     flat = _flat_parts(mesh, _mean_normals(normals, part), part[mesh.polygon])
     part = split_by_facing(normals, adjacency, smooth, part, ~flat)
+    steep = _steep_polygons(mesh, normals, part)
+    together = smooth & (part[adjacency.first] == part[adjacency.second])
+    together &= steep[adjacency.first] == steep[adjacency.second]
+    part = components(polygons, adjacency.first[together], adjacency.second[together])
 
     # Each part is laid along its mean normal.
     mean = _mean_normals(normals, part)
@@ -72,8 +80,22 @@ def _mean_normals(normals: np.ndarray, part: np.ndarray) -> np.ndarray:
     return mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
 
 
-def _flat_parts(mesh: PolygonMesh, mean: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """Return whether each part, (c,) bool, keeps enough of its area along its mean normal, everywhere.
+def _steep_polygons(mesh: PolygonMesh, normals: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """Return the polygons, (p,) bool, that stand in the way of large parts which are flat without them.
+
+    normals  (p, 3), of polygons, as long as they are large; part (p,) int64
+    """
+    turned = _turned_away(mesh, _mean_normals(normals, part), part[mesh.polygon], _STEEP)
+    steep = np.zeros(len(part), bool)
+    steep[mesh.polygon[turned]] = True
+    area = np.linalg.norm(normals, axis=1)
+    few = np.bincount(part, area * steep) <= _MOST_STEEP * np.bincount(part, area)
+    few &= np.bincount(part) >= _LARGE
+    return steep & few[part]
+
+
+def _turned_away(mesh: PolygonMesh, mean: np.ndarray, part: np.ndarray, kept: float) -> np.ndarray:
+    """Return the triangles, (t,) bool, that keep less of their area than `kept` along the mean normal.
 
     mean  (c, 3), unit normals; part (t,), of each triangle
     """
@@ -81,10 +103,21 @@ def _flat_parts(mesh: PolygonMesh, mean: np.ndarray, part: np.ndarray) -> np.nda
     longest = (np.diff(corners[:, [0, 1, 2, 0]], axis=1) ** 2).sum(axis=2).max(axis=1)
     normals = triangle_normals(mesh)
     length, along = np.linalg.norm(normals, axis=1), (normals * mean[part]).sum(axis=1)
+    turned: np.ndarray = (along < kept * length) & (length > _SLIVER * longest)
+    return turned
+
+
+def _flat_parts(mesh: PolygonMesh, mean: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """Return whether each part, (c,) bool, keeps enough of its area along its mean normal, everywhere.
+
+    mean  (c, 3), unit normals; part (t,), of each triangle
+    """
+    normals = triangle_normals(mesh)
+    length, along = np.linalg.norm(normals, axis=1), (normals * mean[part]).sum(axis=1)
     count = len(mean)
     flat = np.bincount(part, along, count) >= _KEPT * np.bincount(part, length, count)
     flat &= np.linalg.norm(mean, axis=1) > 0
-    flat[part[(along < _LEAST_KEPT * length) & (length > _SLIVER * longest)]] = False
+    flat[part[_turned_away(mesh, mean, part, _LEAST_KEPT)]] = False
     return flat
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +17,7 @@ class PolygonMesh:
     starts     (p + 1,) int32, first loop of each polygon, then l
     triangles  (t, 3) int32, loops of each triangle
     polygon    (t,) int32, polygon of each triangle
+    parted     (k,) int64, loops at whose edges smooth surfaces end
     """
 
     name: str
@@ -25,6 +26,7 @@ class PolygonMesh:
     starts: np.ndarray
     triangles: np.ndarray
     polygon: np.ndarray
+    parted: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
 
     @cached_property
     def after(self) -> np.ndarray:

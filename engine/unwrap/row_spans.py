@@ -28,8 +28,55 @@ def row_spans(
     return _union(chart, row, first, end)
 
 
+def border_spans(
+    ends: np.ndarray, chart: np.ndarray, size: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return what `row_spans` does, of the edges of charts' borders alone, which are fewer than triangles.
+
+    ends   (e, 2, 2) texels from the lower left corner of the edge's chart, as its polygons go around
+    chart  (e,) int64, of each edge
+
+    A chart touches in a row what its border does, and what is inside of it at the middle of the row.
+    """
+    edge, row = _crossed_rows(ends[:, :, 1], size[chart, 1])
+    low, high = _extent_in_row(ends[edge], row)
+    inside = _inside(ends, chart, size)
+    parts = [(chart[edge], row, low, high), inside]
+    chart, row, low, high = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    width = size[chart, 0]
+    first = np.clip(np.floor(low + _ROUNDING).astype(np.int64), 0, width - 1)
+    end = np.clip(np.ceil(high - _ROUNDING).astype(np.int64), first + 1, width)
+    return _union(chart, row, first, end)
+
+
+def _inside(
+    ends: np.ndarray, chart: np.ndarray, size: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return chart, row, least and greatest x, (n,) each, of what borders enclose in the middle of rows.
+
+    Inside is where borders wind around a point (the nonzero rule): a chart may lie on itself a little.
+    """
+    low, high = (np.clip(np.ceil(edge - 0.5).astype(np.int64), 0, size[chart, 1]) for edge in (
+        ends[:, :, 1].min(axis=1), ends[:, :, 1].max(axis=1),
+    ))  # fmt: skip
+    count = np.maximum(high - low, 0)
+    edge = np.repeat(np.arange(len(ends)), count)
+    row = low[edge] + np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
+    start, run = ends[edge, 0], (ends[:, 1] - ends[:, 0])[edge]
+    x = start[:, 0] + (row + 0.5 - start[:, 1]) / run[:, 1] * run[:, 0]
+
+    # Crossings of a row from left to right, and how often borders wind around what follows each.
+    of_edge = chart[edge]
+    order = np.lexsort((x, row, of_edge))
+    of_edge, row, x = of_edge[order], row[order], x[order]
+    winding = np.cumsum(np.where(run[order, 1] > 0, 1, -1))
+    follows = (of_edge[1:] == of_edge[:-1]) & (row[1:] == row[:-1])
+    left = np.flatnonzero(follows & (winding[:-1] != 0))
+    return of_edge[left], row[left], x[left], x[left + 1]
+
+
 def _crossed_rows(heights: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return triangle and row, (n,) each, of all rows of its chart that a triangle, (t, 3), touches."""
+    """Return triangle and row, (n,) each, of all rows of its chart that each polygon, (t, k), touches."""
     first = np.floor(heights.min(axis=1) + _ROUNDING).astype(np.int64)
     first = np.clip(first, 0, rows - 1)
     end = np.clip(np.ceil(heights.max(axis=1) - _ROUNDING).astype(np.int64), first + 1, rows)
@@ -39,10 +86,11 @@ def _crossed_rows(heights: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np
 
 
 def _extent_in_row(corners: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the least and greatest x, (n,) each, of triangles, (n, 3, 2), between row and row + 1."""
+    """Return the least and greatest x, (n,) each, of polygons, (n, k, 2), between row and row + 1."""
     low, high = np.full(len(row), np.inf), np.full(len(row), -np.inf)
-    for corner in range(3):
-        start, end = corners[:, corner], corners[:, (corner + 1) % 3]
+    count = corners.shape[1]
+    for corner in range(count if count > 2 else 1):
+        start, end = corners[:, corner], corners[:, (corner + 1) % count]
         rise, run = end[:, 1] - start[:, 1], end[:, 0] - start[:, 0]
         level = np.abs(rise) < 1e-12
         slope = run / np.where(level, 1.0, rise)

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from .cutting import USUAL, Cutting
 from .layers import make_layers, sheets
 from .planar import PlanarCharts, project_flat
 from .polygon_mesh import PolygonMesh, areas, signed_areas
@@ -42,12 +43,14 @@ def has_xatlas() -> bool:
     return find_spec("xatlas") is not None
 
 
-def segment(meshes: Sequence[PolygonMesh]) -> Generator[float, None, list[Segments]]:
+def segment(
+    meshes: Sequence[PolygonMesh], cutting: Cutting = USUAL
+) -> Generator[float, None, list[Segments]]:
     """Yield the part of the work that is done; return each mesh's segments. Coordinates have to be finite."""
     planar: list[PlanarCharts] = []
     for mesh in meshes:
         yield len(planar) / len(meshes) / 2
-        planar.append(project_flat(mesh))
+        planar.append(project_flat(mesh, cutting.crease))
     halved = [_curved_pieces(mesh, flat) for mesh, flat in zip(meshes, planar, strict=True)]
     pieces = [
         replace(mesh, triangles=mesh.triangles[members], polygon=mesh.polygon[members])
@@ -57,7 +60,7 @@ def segment(meshes: Sequence[PolygonMesh]) -> Generator[float, None, list[Segmen
     segments: list[Segments] = []
     for batch in _batches(pieces):
         yield (1 + len(segments) / len(pieces)) / 2
-        segments += _segment_batch(batch)
+        segments += _segment_batch(batch, cutting)
     done = iter(segments)
     return [
         _joined(flat, parts, [next(done) for _ in parts]) for flat, parts in zip(planar, halved, strict=True)
@@ -119,7 +122,7 @@ def _longest(mesh: PolygonMesh) -> float:
     return float(np.ptp(mesh.positions, axis=0).max() * _unit_area_scale(mesh))
 
 
-def _segment_batch(meshes: Sequence[PolygonMesh]) -> list[Segments]:
+def _segment_batch(meshes: Sequence[PolygonMesh], cutting: Cutting) -> list[Segments]:
     """Return the segments of meshes that are laid out on one page."""
     xatlas = import_module("xatlas")
 
@@ -129,7 +132,7 @@ def _segment_batch(meshes: Sequence[PolygonMesh]) -> list[Segments]:
     atlas = _immortal(xatlas.Atlas())
     for positions, vertices in inputs:
         atlas.add_mesh(positions, vertices)
-    atlas.generate(pack_options=_drafting(meshes, scales))
+    atlas.generate(_chart_options(cutting), _drafting(meshes, scales))
     pairs = zip(meshes, scales, strict=True)
     return [_segments(atlas, index, mesh, scale) for index, (mesh, scale) in enumerate(pairs)]
 
@@ -151,6 +154,15 @@ def _unit_area_scale(mesh: PolygonMesh) -> float:
     """Return the factor that gives triangles a mean area of 1: xatlas drops those below 1e-7."""
     mean = mesh.area / max(len(mesh.triangles), 1)
     return float(1 / np.sqrt(mean)) if mean > 0 else 1.0
+
+
+def _chart_options(cutting: Cutting) -> Any:
+    """Return what xatlas weighs as it grows charts."""
+    options = import_module("xatlas").ChartOptions()
+    options.max_cost, options.max_iterations = cutting.largest_cost, cutting.iterations
+    options.normal_deviation_weight, options.normal_seam_weight = cutting.flatness, cutting.sharp_edges
+    options.roundness_weight, options.straightness_weight = cutting.roundness, cutting.straightness
+    return options
 
 
 def _drafting(meshes: Sequence[PolygonMesh], scales: Sequence[float]) -> Any:

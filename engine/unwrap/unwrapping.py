@@ -9,6 +9,7 @@ import numpy as np
 
 from ..progress import Progress, Schedule, Stage, finished
 from .charts import make_charts
+from .cutting import USUAL, Cutting
 from .packing import PADDING, pack_charts
 from .polygon_mesh import Charts, PolygonMesh, signed_areas
 from .segmentation import segment
@@ -27,6 +28,7 @@ class Square:
     meshes      their numbers
     resolution  texels of an image across the square
     padding     texels that charts keep between them
+    align       whether borders of charts lie between texels, where they run along the axes
     pages       squares that the meshes are spread over, as dense as fits them all
     density     texels per metre that are wanted: there are more squares if they have less; 0 for any
     """
@@ -36,6 +38,7 @@ class Square:
     padding: int = PADDING
     pages: int = 1
     density: float = 0.0
+    align: bool = True
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,10 @@ class Unwrapped:
 
 
 def unwrap(
-    meshes: Sequence[PolygonMesh], charts: Sequence[Charts | None], squares: Sequence[Square]
+    meshes: Sequence[PolygonMesh],
+    charts: Sequence[Charts | None],
+    squares: Sequence[Square],
+    cutting: Cutting = USUAL,
 ) -> Generator[Progress, None, Unwrapped]:
     """Cut meshes into charts, those without, and fill squares with them.
 
@@ -75,10 +81,10 @@ def unwrap(
     """
     missing = [mesh for mesh, made in zip(meshes, charts, strict=True) if made is None]
     triangles = sum(len(mesh.triangles) for mesh in missing)
-    cutting = Stage("Unwrapping", pace=_CUTTING * triangles)
+    cut_stage = Stage("Unwrapping", pace=_CUTTING * triangles)
     packing = Stage("Unwrapping", pace=_PACKING * len(meshes))
-    schedule = Schedule([cutting, packing])
-    fresh = iter((yield from schedule.run(cutting, _cut(missing))))
+    schedule = Schedule([cut_stage, packing])
+    fresh = iter((yield from schedule.run(cut_stage, _cut(missing, cutting))))
     complete = tuple(made or next(fresh) for made in charts)
     packing.pace = _PACKING * sum(int(made.chart.max(initial=-1)) + 1 for made in complete)
     filled = yield from schedule.run(packing, _fill_all(meshes, complete, squares))
@@ -97,20 +103,22 @@ def fitting_resolution(mesh: PolygonMesh, charts: Charts, square: Square) -> int
     resolution = square.resolution
     while 2 * resolution <= _LARGEST:
         resolution *= 2
-        if finished(pack_charts([mesh], [charts], resolution, square.padding)) is not None:
+        if finished(pack_charts([mesh], [charts], resolution, square.padding, square.align)) is not None:
             return resolution
     return 0
 
 
-def cut(meshes: Sequence[PolygonMesh]) -> Generator[Progress, None, tuple[Charts, ...]]:
+def cut(
+    meshes: Sequence[PolygonMesh], cutting: Cutting = USUAL
+) -> Generator[Progress, None, tuple[Charts, ...]]:
     """Cut meshes into charts, without packing them."""
-    cutting = Stage("Unwrapping", pace=_CUTTING * sum(len(mesh.triangles) for mesh in meshes))
-    return tuple((yield from Schedule([cutting]).run(cutting, _cut(meshes))))
+    stage = Stage("Unwrapping", pace=_CUTTING * sum(len(mesh.triangles) for mesh in meshes))
+    return tuple((yield from Schedule([stage]).run(stage, _cut(meshes, cutting))))
 
 
-def _cut(meshes: Sequence[PolygonMesh]) -> Generator[float, None, list[Charts]]:
+def _cut(meshes: Sequence[PolygonMesh], cutting: Cutting) -> Generator[float, None, list[Charts]]:
     """Return the charts of meshes."""
-    segments = yield from segment(meshes)
+    segments = yield from segment(meshes, cutting)
     return [make_charts(mesh, *parts) for mesh, parts in zip(meshes, segments, strict=True)]
 
 
@@ -177,6 +185,7 @@ def _fill_one(
         [charts[index] for index in chosen],
         square.resolution,
         square.padding,
+        square.align,
     )
     if packed is not None:
         return [FilledSquare(number, chosen, tuple(packed))]

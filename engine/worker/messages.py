@@ -25,6 +25,7 @@ from ..progress import Progress
 from ..scene.model import Light, Material, Mesh, Scene, Texture
 from ..scene.profile import Profile
 from ..settings import Settings
+from ..unwrap.cutting import Cutting
 from ..unwrap.polygon_mesh import Charts, PolygonMesh
 from ..unwrap.unwrapping import FilledSquare, Square, Unwrapped
 
@@ -33,6 +34,7 @@ RECORDS: dict[str, type] = {
     record.__name__: record
     for record in (
         Charts,
+        Cutting,
         DeviceSurvey,
         Energy,
         FilledSquare,

@@ -80,6 +80,7 @@ def test_panels_show_every_setting_once(devices):
     import bpy
 
     shown = [*draw("HEMIBAKE_PT_bake"), *draw("HEMIBAKE_PT_outputs"), *draw("HEMIBAKE_PT_advanced")]
+    shown += draw("HEMIBAKE_PT_charts")
     shown += draw("HEMIBAKE_AP_preferences")
     groups = (bpy.context.scene.hemibake, part("operators.preferences").machine_properties())
     settings = [name for name in shown if any(name in group.bl_rna.properties for group in groups)]
@@ -99,6 +100,7 @@ def test_panels_show_every_setting_once(devices):
         "exr_depth",
         "exr_codec",
     }
+    own |= set(part("operators.chart_settings").CHART_PROPERTIES)
     assert set(settings) == (people | own) - hidden
     assert len(settings) == len(set(settings))
 

@@ -10,12 +10,15 @@ from engine.errors import WorkerError
 from engine.progress import finished
 from engine.unwrap import packing, page, segmentation
 from engine.unwrap.adjacency import polygon_normals
+from engine.unwrap.alignment import Alignment
 from engine.unwrap.charts import flatten, make_charts
 from engine.unwrap.coverage import doubly_covered
+from engine.unwrap.cutting import USUAL
+from engine.unwrap.loose import loosen
 from engine.unwrap.packing import PADDING, pack_charts
 from engine.unwrap.planar import project_flat
 from engine.unwrap.polygon_mesh import Charts, PolygonMesh, areas, signed_areas
-from engine.unwrap.row_spans import row_spans
+from engine.unwrap.row_spans import border_spans, row_spans
 from engine.unwrap.segmentation import has_xatlas
 from engine.unwrap.unwrapping import Square, unwrap
 from engine.worker.disposable import run_apart
@@ -53,6 +56,18 @@ def rectangles(sizes, seed=0):
     angle = np.random.default_rng(seed).uniform(0, 7, len(flat))
     turn = np.stack([np.cos(angle), np.sin(angle), -np.sin(angle), np.cos(angle)], axis=1).reshape(-1, 2, 2)
     return polygons(np.concatenate([flat @ turn, np.zeros((len(flat), 4, 1))], axis=2))
+
+
+def steps(count, seed):
+    """Return polygons in the form of an L, of any size, and of an L with a slanted end."""
+    random, corners = np.random.default_rng(seed), []
+    for index in range(count):
+        (w, h), (a, b) = random.uniform(1, 3, 2), random.uniform(0.2, 0.8, 2)
+        lean = 0.3 * (index % 3 == 0)
+        corners.append(
+            [(0, 0, 0), (w + lean, 0, 0), (w, b * h, 0), (a * w, b * h, 0), (a * w, h, 0), (0, h, 0)]
+        )
+    return polygons(corners, 6)
 
 
 def pieces(count, seed):
@@ -125,6 +140,104 @@ def test_rectangles_lie_on_borders_of_texels():
     texels = uvs.astype(np.float64) * 97
     assert texels[:8] == pytest.approx(np.round(texels[:8]), abs=1e-3)
     assert np.ptp(texels.reshape(3, 4, 2), axis=1).min() >= 1 - 1e-3
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_borders_along_the_axes_lie_between_texels(seed):
+    """Aligned or not charts keep their distance; aligned ones touch no texel in part but along the slants."""
+    mesh = steps(37, seed)
+    charts, slanted = flat_charts(mesh), np.arange(37) % 3 == 0
+    off = {}
+    for align in (False, True):
+        (uvs,) = finished(pack_charts([mesh], [charts], 251, align=align))
+        corners = uvs.reshape(-1, 6, 2)[~slanted].astype(np.float64) * 251
+        off[align] = np.abs(corners - corners.round()).max(axis=(1, 2))
+        owner = touched(mesh, charts, uvs, 251)
+        assert least_gap(owner) >= PADDING
+        if align:
+            areas = np.abs(signed_areas(uvs[mesh.triangles].astype(np.float64))) * 251**2
+            for chart in np.flatnonzero(~slanted):
+                assert areas[charts.chart == chart].sum() == pytest.approx((owner == chart).sum(), rel=1e-4)
+    assert off[True].max() < 1e-3 < np.median(off[False])
+
+
+def test_alignment_moves_nothing_by_more_than_half_a_texel_and_turns_no_face_over():
+    """Grids of uneven squares, some narrower than a texel, with holes."""
+    random = np.random.default_rng(5)
+    across = np.cumsum(random.uniform(0.05, 2, 19))
+    points = np.stack([*np.meshgrid(across, across), np.zeros((19, 19))], axis=-1)
+    first = np.flatnonzero(random.random(18 * 18) < 0.8)
+    first += first // 18
+    quads = first[:, None] + np.array([0, 1, 20, 19])
+    texels = points.reshape(-1, 3)[quads][..., :2].reshape(-1, 2) - across[0]
+    chart, size = np.zeros(len(texels), np.int64), np.ceil(texels.max(axis=0)).astype(np.int64)[None]
+    texels *= size[0] / texels.max(axis=0)
+    loops = np.arange(len(texels)).reshape(-1, 4)
+    borders = np.stack([loops, np.roll(loops, -1, axis=1)], axis=-1).reshape(-1, 2)
+    moved = Alignment(texels, chart, borders, size).moved(texels, chart)
+    assert np.abs(moved - texels).max() <= 0.5 + 1e-6
+    before, after = (signed_areas(each[loops[:, :3]]) for each in (texels, moved))
+    assert (before > 0).all() and (after > 0).all()
+
+
+@pytest.mark.parametrize("case", ["pieces", "steps", "level"])
+def test_borders_touch_the_texels_that_triangles_do(case):
+    mesh = {
+        "pieces": lambda: pieces(97, 3),
+        "steps": lambda: steps(23, 1),
+        "level": lambda: level(600, seed=3),
+    }[case]()
+    charts = make_charts(mesh, *segments_of(mesh)) if case == "level" else flat_charts(mesh)
+    loose = finished(loosen([mesh], [charts]))
+    boxes = np.maximum(np.round(7.3 * loose.size), 1).astype(np.int64)
+    texels = loose.uvs * (boxes / loose.size)[loose.chart]
+    corners = mesh.triangles[charts.chart >= 0]
+    by_triangles = row_spans(texels[corners], loose.chart[corners[:, 0]], boxes)
+    by_borders = border_spans(texels[loose.borders], loose.chart[loose.borders[:, 0]], boxes)
+    masks = []
+    for spans in (by_triangles, by_borders):
+        mask = np.zeros((len(boxes), *boxes.max(axis=0)[::-1]), bool)
+        for chart, row, first, end in zip(*spans, strict=True):
+            mask[chart, row, first:end] = True
+        masks.append(mask)
+    assert not (masks[0] & ~masks[1]).any() and (masks[1] & ~masks[0]).sum() <= 0.01 * masks[0].sum()
+
+
+@needs_xatlas
+def test_rings_leave_little_free():
+    """A torus: two rings, which are cut, and arcs that nest."""
+    angle = np.linspace(0, 2 * np.pi, 49)[:-1]
+    u, v = np.meshgrid(angle, angle, indexing="ij")
+    away = 1 + 0.3 * np.cos(v)
+    points = np.stack([away * np.cos(u), away * np.sin(u), 0.3 * np.sin(v)], axis=-1)
+    number, around = np.arange(48 * 48).reshape(48, 48), ((0, 0), (1, 0), (1, 1), (0, 1))
+    quads = np.stack([np.roll(number, (-i, -j), (0, 1)) for i, j in around], axis=-1)
+    mesh = of_quads(points.reshape(-1, 3), quads.reshape(-1, 4))
+    (square,) = finished(unwrap([mesh], [None], [Square((0,), 512)])).squares
+    assert np.abs(signed_areas(square.uvs[0][mesh.triangles].astype(np.float64))).sum() > 0.59
+
+
+@needs_xatlas
+def test_options_of_cutting_count():
+    """A knobbly ball: a higher cost makes fewer charts; a ridge is a crease from its own angle on."""
+    knobs = lambda u, v: 1 + 0.2 * np.sin(19 * u) * np.sin(13 * v)  # noqa: E731
+    mesh = lattice(16, 16, lambda u, v: [axis * knobs(u, v) for axis in sphere(u, v)])
+    counts = [
+        int(finished(segmentation.segment([mesh], replace(USUAL, largest_cost=cost)))[0][1].max()) + 1
+        for cost in (0.5, 8.0)
+    ]
+    assert counts[0] > 1.2 * counts[1]
+    ridge = lattice(2, 1, lambda u, v: (2 * u, v, np.maximum(2 * u - 1, 0) * 0.6))
+    assert [int(project_flat(ridge, crease).chart.max()) + 1 for crease in (0.5, 0.6)] == [2, 1]
+
+
+def test_edges_that_are_parted_end_charts_where_a_whole_line_is():
+    sheet = grid(6, 4)
+    middle = sheet.positions[np.stack([sheet.corners, sheet.corners[sheet.after]], axis=1)].mean(axis=1)
+    line = np.flatnonzero(middle[:, 0] == 2)
+    for parted, count in ((line, 2), (line[:2], 1), (np.zeros(0, np.int64), 1)):
+        chart = project_flat(replace(sheet, parted=parted)).chart
+        assert chart.min() == 0 and chart.max() + 1 == count
 
 
 def test_thousands_of_charts_are_packed_soon():

@@ -18,6 +18,7 @@ from ....engine.unwrap.polygon_mesh import areas
 from ....engine.unwrap.segmentation import has_xatlas
 from ....engine.unwrap.unwrapping import Square
 from ...changes import Changes
+from ...chart_settings import read_cutting
 from ...lookup import find, find_all
 from ..messages import WITHOUT_XATLAS, XATLAS_FAILED, Troubles, no_room
 from ..scene_context import SceneContext
@@ -278,7 +279,9 @@ class _Unwrapping:
         self._look_up(targets)
         squares, atlases = self._squares(targets)
         meshes, charts = zip(*((target.mesh, target.charts) for target in targets), strict=True)
-        unwrapped, failed = yield from unwrap_apart(meshes, charts, squares)
+        unwrapped, failed = yield from unwrap_apart(
+            meshes, charts, squares, read_cutting(self._context.scene.hemibake)
+        )
         self._failed.update(meshes[index].name for index in failed)
         yield Progress("Storing lightmap UVs", 1.0, 1.0)
         yield None
@@ -304,6 +307,7 @@ class _Unwrapping:
         properties = self._context.scene.hemibake
         self._mip_width = 1 << properties.mip_level
         resolution = max(self._resolution // self._mip_width, 1)
+        align = properties.align_charts
         pages, density = (1, 0.0) if self._anew is not Anew.NONE else spread(properties)
         for atlas, members in _by_atlas(targets).items():
             tiled = [index for index in members if self._is_multi_user(targets[index], multi_user, instanced)]
@@ -311,11 +315,11 @@ class _Unwrapping:
             area = sum(targets[index].area for index in members)
             if alone:
                 wanted = density / self._mip_width
-                squares.append(Square(alone, resolution, properties.padding, pages, wanted))
+                squares.append(Square(alone, resolution, properties.padding, pages, wanted, align))
                 atlases.append(atlas)
             for index in tiled:
                 width = _tile_width(targets[index].area, area, resolution)
-                squares.append(Square((index,), width, properties.padding))
+                squares.append(Square((index,), width, properties.padding, align=align))
                 atlases.append(None)
         return squares, atlases
 
@@ -410,6 +414,7 @@ class _Unwrapping:
         """Return a text that tells how charts are packed, for which surfaces, and to which sizes."""
         properties = self._context.scene.hemibake
         parts = [str(self._resolution), str(properties.padding), str(properties.mip_level)]
+        parts.append(str(properties.align_charts))
         surface = max(sum(target.area for target in targets), 1e-300)
         for target in sorted(targets, key=lambda target: target.mesh.name):
             name = target.mesh.name

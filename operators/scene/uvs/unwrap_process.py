@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Generator, Sequence
+from contextlib import ExitStack, closing
+from dataclasses import replace
 
 from ....engine.errors import WorkerError
 from ....engine.progress import Progress
 from ....engine.unwrap.charts import make_charts
+from ....engine.unwrap.cutting import Cutting
 from ....engine.unwrap.polygon_mesh import Charts, PolygonMesh
 from ....engine.unwrap.segmentation import has_xatlas
 from ....engine.unwrap.unwrapping import Square, Unwrapped
@@ -20,11 +24,18 @@ _CUT = "engine.unwrap.unwrapping:cut"
 #: How long xatlas may be silent: about ten times what it takes for meshes as slow as any measured, s.
 _PATIENCE, _PATIENCE_PER_TRIANGLE = 60.0, 2e-3
 
+#: Triangles from which on meshes are cut in several processes at once, how many these are at most, and what
+#: part of all work that is.
+_MANY, _MOST_PROCESSES, _CUTTING = 200_000, 4, 0.6
+
 KnownCharts = tuple[Charts | None, ...]
 
 
 def unwrap_apart(
-    meshes: Sequence[PolygonMesh], charts: Sequence[Charts | None], squares: Sequence[Square]
+    meshes: Sequence[PolygonMesh],
+    charts: Sequence[Charts | None],
+    squares: Sequence[Square],
+    cutting: Cutting,
 ) -> Generator[Progress | None, None, tuple[Unwrapped, list[int]]]:
     """Do the work of `engine.unwrap.unwrapping.unwrap` in another process; closing kills that.
 
@@ -37,11 +48,13 @@ def unwrap_apart(
         known = yield from _charts_by_blender(meshes, known)
     try:
         try:
-            return (yield from _run(_UNWRAP, meshes, (known, tuple(squares)))), []
+            cut = yield from _cut_side_by_side(meshes, known, cutting)
+            work = _run(_UNWRAP, meshes, (cut, tuple(squares), cutting))
+            return (yield from _after(0.0 if cut is known else _CUTTING, work)), []
         except WorkerError:
             if all(known):
                 raise
-        known, failed = yield from _cut_each(meshes, known)
+        known, failed = yield from _cut_each(meshes, known, cutting)
         return (yield from _run(_UNWRAP, meshes, (known, tuple(squares)))), failed
     except WorkerError as error:
         raise WorkerError(f"Lightmap UVs could not be made. {error}") from error
@@ -59,20 +72,84 @@ def _run(
     return (yield from run_apart(make_worker, (tuple(meshes), *arguments), patience, attempts))
 
 
+def _after(
+    part: float, work: Generator[Progress | None, None, Unwrapped]
+) -> Generator[Progress | None, None, Unwrapped]:
+    """Do work of which some part is done already."""
+    with closing(work):
+        while True:
+            try:
+                progress = next(work)
+            except StopIteration as stop:
+                made: Unwrapped = stop.value
+                return made
+            overall = 0.0 if progress is None else part + (1 - part) * progress.overall
+            yield progress and replace(progress, overall=overall)
+
+
+def _cut_side_by_side(
+    meshes: Sequence[PolygonMesh], charts: KnownCharts, cutting: Cutting
+) -> Generator[Progress | None, None, KnownCharts]:
+    """Return the charts of all meshes, cut in a process for each core; of few triangles those known before.
+
+    Raises WorkerError if one of the processes dies or hangs.
+    """
+    groups = _groups(meshes, [index for index, made in enumerate(charts) if made is None])
+    if len(groups) < 2:
+        return charts
+    known, done = list(charts), [0.0] * len(groups)
+    with ExitStack() as stack:
+        works = [
+            stack.enter_context(closing(_run(_CUT, [meshes[index] for index in group], (cutting,))))
+            for group in groups
+        ]
+        left = list(range(len(groups)))
+        while left:
+            told = False
+            for number in tuple(left):
+                try:
+                    progress = next(works[number])
+                except StopIteration as stop:
+                    left.remove(number)
+                    for index, made in zip(groups[number], stop.value, strict=True):
+                        known[index] = made
+                    progress = Progress("Unwrapping", 1.0)
+                if progress is not None:
+                    done[number], told = progress.fraction, True
+            part = sum(done) / len(done)
+            yield Progress("Unwrapping", part, _CUTTING * part) if told else None
+    return tuple(known)
+
+
+def _groups(meshes: Sequence[PolygonMesh], chosen: Sequence[int]) -> list[list[int]]:
+    """Return which meshes each process cuts: the largest first, each to the one with the fewest triangles."""
+    triangles = sum(len(meshes[index].triangles) for index in chosen)
+    if triangles < _MANY:
+        return []
+    count = min(os.cpu_count() or 1, _MOST_PROCESSES, len(chosen))
+    groups: list[list[int]] = [[] for _ in range(count)]
+    loads = [0] * count
+    for index in sorted(chosen, key=lambda index: -len(meshes[index].triangles)):
+        least = loads.index(min(loads))
+        groups[least].append(index)
+        loads[least] += len(meshes[index].triangles)
+    return groups
+
+
 def _cut_each(
-    meshes: Sequence[PolygonMesh], charts: KnownCharts
+    meshes: Sequence[PolygonMesh], charts: KnownCharts, cutting: Cutting
 ) -> Generator[Progress | None, None, tuple[KnownCharts, list[int]]]:
     """Return the charts of all meshes, and those that xatlas cannot cut: it is tried on ever smaller halves.
 
     Raises WorkerError if the process cannot even be started.
     """
-    yield from _run(_CUT, ())
+    yield from _run(_CUT, (), (cutting,))
     known, failed = list(charts), []
     groups = [[index for index, made in enumerate(charts) if made is None]]
     while groups:
         group = groups.pop()
         try:
-            made = yield from _run(_CUT, [meshes[index] for index in group], attempts=1)
+            made = yield from _run(_CUT, [meshes[index] for index in group], (cutting,), attempts=1)
         except WorkerError:
             half = len(group) // 2
             if half:

@@ -9,16 +9,18 @@ class Note(str):
     """A sentence for the user that is about objects of the scene.
 
     objects  their names
+    fix      name of what mends it in the interface; empty if nothing does by itself
     """
 
-    __slots__ = ("objects",)
+    __slots__ = ("fix", "objects")
 
     objects: tuple[str, ...]
+    fix: str
 
-    def __new__(cls, text: str, objects: Sequence[str] = ()) -> Note:
+    def __new__(cls, text: str, objects: Sequence[str] = (), fix: str = "") -> Note:
         """Make it of its text and the names."""
         note = super().__new__(cls, text)
-        note.objects = tuple(objects)
+        note.objects, note.fix = tuple(objects), fix
         return note
 
 
@@ -26,14 +28,19 @@ class Note(str):
 _SHOWN = 5
 
 
-def naming(sentence: str, objects: Sequence[str]) -> Note:
+def naming(sentence: str, objects: Sequence[str], fix: str = "") -> Note:
     """Return a sentence about objects, with their names instead of {}; see `listing`."""
-    return Note(listing(sentence, objects), objects)
+    return Note(listing(sentence, objects), objects, fix)
 
 
 def objects_of(note: str) -> tuple[str, ...]:
     """Return the names of the objects that a sentence is about."""
     return note.objects if isinstance(note, Note) else ()
+
+
+def fix_of(note: str) -> str:
+    """Return the name of what mends what a sentence tells, empty if nothing does."""
+    return note.fix if isinstance(note, Note) else ""
 
 
 def listing(sentence: str, names: Sequence[str]) -> str:

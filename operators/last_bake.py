@@ -10,7 +10,7 @@ import bpy
 from ..engine.naming import counted
 
 #: Figures of a report that its copy leaves to the line that sums them up.
-_SUMMED_UP = ("warnings", "objects_of_warnings")
+_SUMMED_UP = ("warnings", "objects_of_warnings", "fixes_of_warnings")
 
 
 class LastFailure:
@@ -62,10 +62,15 @@ def energy_balance(report: dict[str, Any]) -> str:
     return f"Energy: {energy['emitted']:.3g} W = {' + '.join(parts)}, off by {abs(energy['missing']):.2%}"
 
 
-def warnings_with_objects(report: dict[str, Any]) -> list[tuple[str, list[str]]]:
-    """Return the warnings of a report, each with the names of the objects that it is about."""
+def warnings_with_objects(report: dict[str, Any]) -> list[tuple[str, list[str], str]]:
+    """Return the warnings of a report, each with the names of the objects that it is about, and its fix."""
     warnings = report["warnings"]
-    return list(zip(warnings, report.get("objects_of_warnings", [[]] * len(warnings)), strict=True))
+    nothing = [[]] * len(warnings), [""] * len(warnings)
+    names, fixes = (
+        report.get(kept, none)
+        for kept, none in zip(("objects_of_warnings", "fixes_of_warnings"), nothing, strict=True)
+    )
+    return list(zip(warnings, names, fixes, strict=True))
 
 
 class HEMIBAKE_OT_copy_report(bpy.types.Operator):

@@ -192,6 +192,12 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
         soft_max=10.0,
         override=_OVERRIDABLE,
     )
+    cut_along_walls: BoolProperty(
+        name="Cut Along Walls",
+        description="New lightmap charts of the object end at its edges that run under or beside walls of "
+        "other objects: what is lit on one side of a thin wall then does not show on the other",
+        override=_OVERRIDABLE,
+    )
     made_uvs: StringProperty(
         name="Made UVs",
         description="Digest of the lightmap UVs that Hemibake made: those that differ are the user's",

@@ -15,7 +15,7 @@ import numpy as np
 from ..engine.errors import EngineError, OverlapError
 from ..engine.finish.outputs import output_names
 from ..engine.lightmap import Energy, Lightmap
-from ..engine.naming import naming, objects_of
+from ..engine.naming import fix_of, naming, objects_of
 from ..engine.plan.stages import Extent
 from ..engine.progress import Progress, finished
 from ..engine.scene.model import Scene
@@ -404,6 +404,7 @@ class Run:
             "files": files,
             "warnings": notes,
             "objects_of_warnings": [objects_of(note) for note in notes],
+            "fixes_of_warnings": [fix_of(note) for note in notes],
         }
 
 

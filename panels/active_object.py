@@ -26,6 +26,7 @@ class HEMIBAKE_PT_object(SubPanel, bpy.types.Panel):
         if obj.type == "MESH" and obj.hemibake.role == "BAKED":
             layout.prop(obj.hemibake, "atlas")
             layout.prop(obj.hemibake, "lightmap_scale", text="Scale")
+            layout.prop(obj.hemibake, "cut_along_walls")
             layout.prop(obj.hemibake, "own_uv_layer", placeholder=context.scene.hemibake.uv_layer)
         if obj.hemibake.image is not None:
             layout.label(text=f"Baked into '{obj.hemibake.image.name}'", icon="IMAGE_DATA")

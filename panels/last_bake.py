@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import bpy
 
+from ..operators.check.fixes import FIXES
 from ..operators.last_bake import energy_balance, last_failure, last_report, summary, warnings_with_objects
 from .sidebar import SubPanel
 from .wrapped_text import draw_text, line_width
@@ -29,8 +30,8 @@ class HEMIBAKE_PT_last_bake(SubPanel, bpy.types.Panel):
         if report:
             draw_text(layout, summary(report), width)
             draw_text(layout, energy_balance(report), width)
-            for warning, names in warnings_with_objects(report):
-                _draw_warning(layout.box(), warning, _present(context, names), width)
+            for warning, names, fix in warnings_with_objects(report):
+                _draw_warning(layout.box(), warning, _present(context, names), fix, width)
         layout.operator("hemibake.copy_report", text="Copy Report", icon="COPYDOWN")
 
 
@@ -39,13 +40,16 @@ def _present(context: bpy.types.Context, names: Sequence[str]) -> list[str]:
     return [name for name in names if name in context.view_layer.objects]
 
 
-def _draw_warning(layout: bpy.types.UILayout, warning: str, names: list[str], width: float) -> None:
-    """Show a warning, with a button that selects the objects that it is about."""
+def _draw_warning(layout: bpy.types.UILayout, warning: str, names: list[str], fix: str, width: float) -> None:
+    """Show a warning, with buttons that select the objects that it is about, and mend it."""
     draw_text(layout, warning, width, "ERROR")
     if names:
         text = f"Select '{names[0]}'" if len(names) == 1 else f"Select {len(names)} Objects"
         button = layout.operator("hemibake.select_objects", text=text, icon="RESTRICT_SELECT_OFF")
         button.names = json.dumps(names)
+    if names and fix in FIXES:
+        button = layout.operator("hemibake.fix", text=FIXES[fix][0], icon="TOOL_SETTINGS")
+        button.fix, button.names = fix, json.dumps(names)
 
 
 CLASSES = (HEMIBAKE_PT_last_bake,)

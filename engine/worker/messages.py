@@ -114,7 +114,7 @@ class _Packer(pickle.Pickler):
     def reducer_override(self, value: Any) -> Any:
         """Return a record or note as its class and fields; it is not asked about builtins."""
         if type(value) is Note:
-            return Note, (str(value), value.objects)
+            return Note, (str(value), value.objects, value.fix)
         values = _FIELDS.get(type(value))
         return NotImplemented if values is None else (type(value), values(value))
 

@@ -8,6 +8,7 @@ import bmesh
 import bpy
 
 from ...engine.errors import SceneError
+from ...engine.naming import naming
 from ...engine.progress import finished
 from ..applied_copies import apply_on_copies
 from ..changes import Changes
@@ -17,8 +18,9 @@ from ..result.preview import hide_preview
 from ..scene import SceneContext, visible_meshes
 from ..scene.objects.render_settings import show_as_rendered
 from ..scene.uvs.lightmap_layer import lightmap_layer
-from ..scene.uvs.unwrap import unwrap_missing
+from ..scene.uvs.unwrap import Anew, unwrap_missing
 from ..scene.uvs.uv_modifier import remove_uv_modifiers
+from ..scene.uvs.wall_cuts import standing_on
 
 Fix = Callable[[bpy.types.Context, Sequence[bpy.types.Object], int, Changes], None]
 
@@ -100,6 +102,30 @@ def remove_modifiers(
         remove_uv_modifiers(obj)
 
 
+def cut_along_walls(
+    context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Changes
+) -> None:
+    """Make new lightmap UVs of what thin walls stand on, with charts that end at edges along the walls."""
+    settings, where = context.scene.hemibake, SceneContext(context)
+    floors = standing_on(visible_meshes(where), objects, where.evaluated_depsgraph_get(), settings.uv_layer)
+    kept = [obj.name for obj in floors if obj.hemibake.own_uv_layer]
+    if kept:
+        sentence = "The UV layers chosen for {} stay as they are. Clear their UV Layer to have them cut."
+        raise SceneError(naming(sentence, kept))
+    if not floors:
+        sentence = "No edge runs along {}: cut a loop there into what they stand on, or raise the density."
+        raise SceneError(naming(sentence, [obj.name for obj in objects]))
+    for obj in floors:
+        before = obj.hemibake.cut_along_walls
+        changes.add(lambda uid=obj.session_uid, before=before: _set_cut(uid, before))
+        obj.hemibake.cut_along_walls = True
+    resolution = chosen_width(where, floors, settings)
+    work = unwrap_missing(
+        where, floors, settings.uv_layer, resolution, changes, Anew.CHARTS, visible_meshes(where)
+    )
+    finished(work)
+
+
 #: By the name that a finding has, with what its button says.
 FIXES: dict[str, tuple[str, Fix]] = {
     "unwrap": ("Unwrap", unwrap),
@@ -109,6 +135,7 @@ FIXES: dict[str, tuple[str, Fix]] = {
     "apply_on_copy": ("Apply on a Copy", apply_on_copy),
     "show_as_rendered": ("Show as Rendered", use_settings_of_renders),
     "remove_uv_modifiers": ("Remove", remove_modifiers),
+    "cut_along_walls": ("Cut Charts Along Walls", cut_along_walls),
 }
 
 
@@ -118,6 +145,12 @@ def _free_layer(obj: bpy.types.Object, uv_layer: str) -> str:
     names = {base, *obj.data.uv_layers.keys(), *obj.data.attributes.keys()}
     numbered = (f"{base}.{number:03d}" for number in range(1, len(names) + 2))
     return next(name for name in ("Lightmap", *numbered) if name not in names)
+
+
+def _set_cut(uid: int, value: bool) -> None:
+    obj = find(bpy.data.objects, uid)
+    if obj is not None:
+        obj.hemibake.cut_along_walls = value
 
 
 def _choose_layer(uid: int, name: str) -> None:

@@ -14,13 +14,14 @@ import numpy as np
 from ....engine.errors import SceneError
 from ....engine.naming import naming
 from ....engine.progress import Progress, finished
-from ....engine.unwrap.polygon_mesh import areas
+from ....engine.unwrap.polygon_mesh import PolygonMesh, areas
 from ....engine.unwrap.segmentation import has_xatlas
 from ....engine.unwrap.unwrapping import Square
 from ...changes import Changes
 from ...chart_settings import read_cutting
 from ...lookup import find, find_all
 from ..messages import WITHOUT_XATLAS, XATLAS_FAILED, Troubles, no_room
+from ..objects.visible import visible_objects
 from ..scene_context import SceneContext
 from ..slices import row_slices
 from .known_charts import digest_of, is_made, known_charts, layer_uvs
@@ -31,6 +32,7 @@ from .uv_layers import replace_layer
 from .uv_modifier import add_uv_modifier, drop_uv_modifier, fits, has_uvs, uv_modifier, uv_source
 from .uv_node_group import NAME, remove_unused_uvs
 from .uv_targets import Target, Users, evaluated_mesh, evaluated_targets, own_target, users_of_meshes
+from .wall_cuts import loops_along_walls, walls_of
 
 #: Longest time that meshes are read before a window has its turn, s.
 _SLICE = 0.015
@@ -240,8 +242,16 @@ class _Unwrapping:
                     uvs = layer_uvs(objects[0].data, mesh.layer)
                     target = replace(target, charts=known_charts(target.mesh, uvs))
                     self._digests[target.mesh.name] = digest_of(uvs)
+                elif objects[0].hemibake.cut_along_walls:
+                    target = replace(target, mesh=self._parted(objects[0], target.mesh))
                 targets.append(target)
         return targets
+
+    def _parted(self, obj: bpy.types.Object, mesh: PolygonMesh) -> PolygonMesh:
+        """Return an object's mesh, parted along walls that stand on its edges."""
+        others = [other for other in visible_objects(self._context) if other != obj]
+        walls = walls_of(others, self._context.evaluated_depsgraph_get())
+        return replace(mesh, parted=loops_along_walls(obj, mesh, walls))
 
     def _measured(self, targets: Sequence[Target]) -> Generator[Progress | None, None, list[Target]]:
         """Return targets with their areas, some triangles at a time."""

@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 
 from .device.devices import Devices
-from .direct.back_to_back import note_back_to_back
 from .direct.lighting import DirectLighting
 from .finish.carried_maps import carried_maps, restored_maps
 from .finish.denoising import Denoising
@@ -94,13 +93,16 @@ def _bake(
     if outputs.begin_with_direct and sampled.any():
         yield stages.lit(store.display(sampled))
 
-    # All other light is gathered: through hemicubes drawn in every iteration (IV.B), or what is kept of them.
+    # Faces that touch patches hide them, or lie back to back with them.
     yield stages.begin(stages.choosing)
+    near = lighting.near_faces()
+    parts = replace(parts, back_to_back=bool(near.back_to_back.any()))
+
+    # All other light is gathered: through hemicubes drawn in every iteration (IV.B), or what is kept of them.
     left = (lighting.emission_left, lighting.sky_left)
     area = surface_areas(parts.triangles, parts.geometry, settings.resolution)
     job = SolveJob(graphics, compute, parts, rays, *left, sampled, area, settings, remote and remote(scene))
     solution, choice, solved = choose_solver(job)
-    near = lighting.near_faces()
     yield stages.chosen(choice)
 
     # Every patch gathers what all others send out, until the light has settled (III.B, IV.C). The first
@@ -118,11 +120,10 @@ def _bake(
     lit = yield from stages.run(stages.texels, light_in_texels(texels, solution))
 
     # Images without noise and seams, and with dilated charts (VI.B).
-    store.refine(lit.means(settings.resolution))
+    _refine(store, lit, solution.irradiance.sum(axis=1))
     denoising = Denoising(store.known, settings)
     passes = yield from _finished(stages, store, denoising, settings, parts, made, lit)
-    dark = note_back_to_back(scene, parts, rays, solution.gathered[:, 3], near)
-    warnings = (*notes, *parts.warnings, *lighting.warnings, *dark, *lit.warnings, *denoising.warnings)
+    warnings = (*notes, *parts.warnings, *lighting.warnings, *lit.warnings, *denoising.warnings)
     choice = replace(choice, reasons=(*choice.reasons, *lit.reasons, *denoising.reasons))
     facts = (settings, choice, len(parts.patches), stages.seconds, devices, warnings)
     report = _summary(solution, solved.parts.surfaces.emission, *facts)
@@ -151,6 +152,13 @@ def _quiet(
         return {}
     quiet = {name: filtered[name] for name in settings.light_outputs}
     return quiet | restored_maps(shown, filtered, normals)
+
+
+def _refine(store: LightmapStore, lit: DisplayLight, light: np.ndarray) -> None:
+    """Let texels show their samples; light: (n,) float32, E/pi of the patches, sum of the channels."""
+    store.refine(lit.means(store.has_patch.shape[1]))
+    if lit.values:
+        store.part(lit.beside_walls(store.texels(light, lit.light), store.known))
 
 
 def _finished(

@@ -1,5 +1,25 @@
-// 1 for patches hidden by a face that touches them: a ray against the geometric normal, from `above` to `below`
-// the surface, both in heights of the eye, meets the back of that face.
+// Of the looks from a patch those that may meet a back: what sees more is inside of something.
+#define BACKS (LOOKS / 2)
+
+// How far apart faces are, in heights of the eye, that lie on one another.
+#define ON 0.25f
+
+bool sees_out(const Rays *rays, const float3 start, const float3 normal)
+{
+    float3 x, y;
+    basis(normal, &x, &y);
+    int backs = 0;
+    for (int i = 0; i < LOOKS; ++i) {
+        const Hit hit = nearest_hit(rays, start, look(i, x, y, normal), false);
+        backs += hit.triangle >= 0 && !hit.front;
+    }
+    return backs <= BACKS;
+}
+
+// HIDDEN for patches that a face hides which touches them: a ray against the geometric normal, from `above` to
+// `below` the surface, both in heights of the eye, meets the back of that face. BACK_TO_BACK where the two faces
+// lie on one another and both see something else than backs: they are the walls of two rooms that share a plane,
+// or the sides of a leaf, and hide nothing. Of a floor and the box on it one sees the inside of the box.
 __kernel void in_contact(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, const float above, const float below,
                          __global uchar *result, const int count)
 {
@@ -10,5 +30,10 @@ __kernel void in_contact(RAYS_ARGUMENTS, __global const ReceiverRecord *receiver
     const Receiver r = load_receiver(receivers + patch);
     const float3 up = r.height * r.geometric;
     const Hit hit = nearest_hit(&rays, r.at + above * up, -(above + below) * up, true);
-    result[patch] = hit.triangle >= 0 && hit.distance <= 1.0f;
+    result[patch] = NONE;
+    if (hit.triangle < 0 || hit.distance > 1.0f)
+        return;
+    const bool on = fabs(above - (above + below) * hit.distance) <= ON;
+    result[patch] = on && sees_out(&rays, r.at + up, r.geometric) && sees_out(&rays, r.at - up, -r.geometric)
+        ? BACK_TO_BACK : HIDDEN;
 }

@@ -127,6 +127,9 @@ float least_opacity(const Hit *hit)
 #define NEAREST 1
 #define NEAREST_BACK 2
 
+// A back loses against a front that lies on it: it counts as this part farther.
+#define BACK_FARTHER 1e-5f
+
 typedef struct {
     float3 origin, direction, inverse;
     int sought;
@@ -192,11 +195,14 @@ bool take_leaf(const Rays *rays, const int code, Search *search)
         if (!ANY(meeting.met))
             continue;
         for (int lane = 0; lane < PACKET; ++lane) {
-            const float distance = LANE(meeting.distance, lane);
+            const bool front = LANE(meeting.determinant, lane) > 0.0f;
+            float distance = LANE(meeting.distance, lane);
+            if (!front && search->sought == NEAREST)
+                distance += BACK_FARTHER * distance;
             if (!FLAG(meeting.met, lane) || !(distance < search->reach))
                 continue;
             const Hit hit = {distance, (float2)(LANE(meeting.u, lane), LANE(meeting.v, lane)),
-                             ((__global const int *)packet)[9 * PACKET + lane], LANE(meeting.determinant, lane) > 0.0f};
+                             ((__global const int *)packet)[9 * PACKET + lane], front};
 #ifdef CUTOUTS
             const float stopped = opacity(rays, &hit), least = least_opacity(&hit);
 #else

@@ -2,6 +2,8 @@
 // With IDENTITY defined: which patch is seen, plus 1, and the highest bit for its back. Without: what
 // that patch sends out. The radiosity texture holds two values a patch: the front,
 // a = 1, in its lower half; emission alone, which leaves the back too, a = 0, in its upper half.
+// BACK_TO_BACK is defined for scenes with faces that lie on one another and look apart: of these the front is
+// seen. REVERSED_DEPTH tells that the farthest depth is 0.
 in vec3 lightmap_uv;
 uniform usampler2DArray texel_to_patch;
 #ifndef IDENTITY
@@ -21,6 +23,13 @@ void main()
 #ifdef CUTOUTS
     if (is_hole(cutout, lightmap_uv.xy))
         discard;
+#endif
+#ifdef BACK_TO_BACK
+#ifdef REVERSED_DEPTH
+    gl_FragDepth = gl_FragCoord.z * (gl_FrontFacing ? 1.0 : 1.0 - 1e-5);
+#else
+    gl_FragDepth = gl_FragCoord.z + (gl_FrontFacing ? 0.0 : 1e-4 * (1.0 - gl_FragCoord.z));
+#endif
 #endif
     ivec2 size = textureSize(texel_to_patch, 0).xy;
     ivec2 texel = clamp(ivec2(lightmap_uv.xy * vec2(size)), ivec2(0), size - 1);

@@ -19,28 +19,32 @@ ABOVE, BELOW = 2.0, 1.0
 class NearFaces:
     """What faces nearby do to patches, (n,) bool each.
 
-    hide   a face that touches the patch hides it
-    shine  the patch sees the back of a surface that shines, as a ceiling that of a panel hung below it: it
-           sees little else, but is lit
+    hide          a face that touches the patch hides it
+    back_to_back  a face lies on the patch and looks apart, as the wall of another room that shares its plane
+    shine         the patch sees the back of a surface that shines, as a ceiling that of a panel hung below
+                  it: it sees little else, but is lit
     """
 
     hide: np.ndarray
+    back_to_back: np.ndarray
     shine: np.ndarray
 
 
-def patches_in_contact(scene: RayScene, count: int) -> np.ndarray:
-    """Return which patches, (n,) bool, lie in the plane of another face that shows them its back.
+def patches_in_contact(scene: RayScene, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return which patches lie in the plane of another face that shows them its back, (n,) bool twice.
 
-    Nobody sees such a patch, but its hemicube starts beyond the other face and sees what is there.
+    The first are hidden: nobody sees such a patch, but its hemicube starts beyond the other face and sees
+    what is there. The second are seen: both faces look into the open, apart from each other.
     """
     rays, compute = scene.rays, scene.compute
-    (kernel,) = rays.kernels((*RECEIVER_SOURCE, "contact.cl"), "in_contact")
+    codes = tuple(f"-D{name}={code}" for code, name in enumerate(("NONE", "HIDDEN", "BACK_TO_BACK")))
+    (kernel,) = rays.kernels((*RECEIVER_SOURCE, "looks.cl", "contact.cl"), "in_contact", options=codes)
     output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, count)
     limits = (np.float32(ABOVE), np.float32(BELOW))
     rays.run(kernel, count, scene.receivers, *limits, output, np.int32(count))
-    in_contact = np.empty(count, np.uint8)
-    cl.enqueue_copy(compute.queue, in_contact, output)
-    return in_contact.astype(bool)
+    found = np.empty(count, np.uint8)
+    cl.enqueue_copy(compute.queue, found, output)
+    return found == 1, found == 2
 
 
 def patches_lit_by_backs(scene: RayScene, count: int, shines: np.ndarray) -> np.ndarray:

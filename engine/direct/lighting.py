@@ -70,7 +70,7 @@ class DirectLighting:
 
     def near_faces(self) -> NearFaces:
         """Return what faces nearby do to the patches."""
-        return NearFaces(self._in_contact(), self.lit_by_backs(self._ray_scene))
+        return NearFaces(*self._in_contact(), self.lit_by_backs(self._ray_scene))
 
     def lit_by_backs(self, points: RayScene) -> np.ndarray:
         """Return which patches of a ray scene see the back of a surface that shines, (n,) bool.
@@ -83,11 +83,15 @@ class DirectLighting:
             return np.zeros(points.count, bool)
         return patches_lit_by_backs(points, points.count, shines)
 
-    def _in_contact(self) -> np.ndarray:
-        """Return which patches are hidden by a face that touches them, (n,) bool."""
+    def _in_contact(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return which patches faces hide that touch them, and which lie back to back, (n,) bool each.
+
+        Without OpenCL the latter count as hidden.
+        """
         if self._ray_scene.possible:
             return patches_in_contact(self._ray_scene, self._ray_scene.count)
-        return in_contact_on_host(self._scene, self._parts)
+        hidden = in_contact_on_host(self._scene, self._parts)
+        return hidden, np.zeros_like(hidden)
 
     def of(self, points: RayScene, settings: Settings) -> DirectLighting:
         """Return the same light as it comes to the patches of another ray scene, by other numbers of rays."""

@@ -49,6 +49,11 @@ class DisplaySamples:
     def __len__(self) -> int:
         return len(self.texel)
 
+    def keys(self, resolution: int) -> np.ndarray:
+        """Return atlas * r * r + texel of each sample, (s,) int64."""
+        keys: np.ndarray = self.atlas.astype(np.int64) * resolution**2 + self.texel
+        return keys
+
     def part(self, chosen: slice) -> DisplaySamples:
         """Return some samples."""
         return DisplaySamples(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
@@ -82,6 +87,7 @@ def display_samples(
     shape = (atlases, resolution, resolution)
     own = _patches_of(parts, shape)
     edge, at_an_end = find_edges(compute, own, known)
+    edge |= _between(edge) & (own >= 0)
 
     # Of texels between others of their chart it shows in the light whether they need points.
     clipper = TexelClipper(compute, triangles, resolution)
@@ -98,6 +104,17 @@ def display_samples(
     whole = clipper.pieces_at(parts.patches.triangle[patch], parts.patches.texel[patch])
     pieces = joined_pieces([border.part(chosen[key]), whole])
     return _samples_of(clipper, triangles, pieces, resolution, points), points
+
+
+def _between(edge: np.ndarray) -> np.ndarray:
+    """Return the texels, (atlases, r, r) bool, between two on an edge of light.
+
+    Half a shadow is the mean of light and shadow, and is on no edge for itself.
+    """
+    between = np.zeros_like(edge)
+    between[:, 1:-1] |= edge[:, :-2] & edge[:, 2:]
+    between[:, :, 1:-1] |= edge[:, :, :-2] & edge[:, :, 2:]
+    return between
 
 
 def _affordable(chosen: np.ndarray, points: int) -> tuple[np.ndarray, int]:

@@ -19,6 +19,7 @@ from .display_fit import DisplayFit
 from .display_samples import no_samples
 from .lightmap_points import LightmapPoints, thin_patches
 from .texel_means import TexelMeans
+from .wall_fit import WallFit
 
 #: A patch whose view holds more than this fraction of backs lies inside something and is filled for display.
 _HIDDEN = 0.9
@@ -49,6 +50,7 @@ class LightmapStore:
         self._gutters: DeviceImages | None = None
         self._hidden = np.zeros(len(self._chosen), bool)
         self._fit: DisplayFit | DeviceDisplay | None = None
+        self._walls: WallFit | None = None
         self._means = TexelMeans(no_samples(), np.zeros(0, bool), resolution)
         self._thin_texels = self._texel[:0]
         self.has_patch = np.zeros((atlases, resolution, resolution), bool)
@@ -84,6 +86,10 @@ class LightmapStore:
         """Let texels show the means of their samples."""
         self._means, self._dilations, self._gutters = means, [], None
 
+    def part(self, walls: WallFit | None) -> None:
+        """Let texels beside thin walls show what these part."""
+        self._walls = walls
+
     def hide_seams(self, triangles: Triangles) -> None:
         """Find the seams between charts of a scene: `final` images show the same on both sides."""
         seams = find_seams(triangles, len(self.has_patch), self._patches.resolution)
@@ -101,6 +107,8 @@ class LightmapStore:
         if samples is not None:
             texels = images.reshape(-1, images.shape[-1])
             texels[self._means.texels] = self._means.of(samples)[:, : texels.shape[1]]
+            if self._walls is not None:
+                self._walls.fit(texels, samples)
         return images
 
     def final(self, texels: np.ndarray) -> np.ndarray:

@@ -16,9 +16,9 @@ class TexelMeans:
 
     def __init__(self, samples: DisplaySamples, visible: np.ndarray, resolution: int) -> None:
         chosen = np.flatnonzero(visible & (samples.weight > 0))
-        key = samples.atlas[chosen].astype(np.int64) * resolution**2 + samples.texel[chosen]
-        self._all = np.unique(samples.atlas.astype(np.int64) * resolution**2 + samples.texel)
-        self.texels, self._texel = np.unique(key, return_inverse=True)
+        keys = samples.keys(resolution)
+        self._all = np.unique(keys)
+        self.texels, self._texel = np.unique(keys[chosen], return_inverse=True)
         self._chosen, self._weight = chosen, samples.weight[chosen].astype(np.float64)
         self._total = np.bincount(self._texel, self._weight, len(self.texels))
 

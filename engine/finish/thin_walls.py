@@ -17,53 +17,52 @@ _DIFFERS = 0.25
 _PARTING = 2.0
 
 
-def note_thin_walls(
-    scene: Scene,
-    parts: Subdivision,
-    samples: DisplaySamples,
-    ways: WaysOut,
-    visible: np.ndarray,
-    light: np.ndarray,
-) -> list[str]:
-    """Return a warning that names objects thinner than two texels through which light shows.
+def in_thin_walls(
+    parts: Subdivision, samples: DisplaySamples, ways: WaysOut, visible: np.ndarray, light: np.ndarray
+) -> np.ndarray:
+    """Return the samples, (k,) int64, inside of things thinner than two texels with other light behind them.
 
     visible  (s,) bool, samples that somebody sees
-    light    (s, 3) float32, E/pi
+    light    (s,) float32, E/pi, sum of the channels
     """
     thin = np.flatnonzero(np.isfinite(ways.thickness) & (ways.wall >= 0))
     outside = np.flatnonzero(visible & (ways.wall < 0))
     if not len(thin) or not len(outside):
-        return []
-    least, most = _extremes_around(parts.patches.resolution, samples, outside, light.sum(axis=1)[outside])
-    key = _keys(samples, parts.patches.resolution)[thin]
+        return thin[:0]
+    least, most = _extremes_around(parts.patches.resolution, samples, outside, light[outside])
+    key = samples.keys(parts.patches.resolution)[thin]
     shows = thin[most[key] - least[key] > _DIFFERS * most[key]]
+    return shows[ways.thickness[shows] < _PARTING * _texel(parts, samples, shows)]
+
+
+def note_thin_walls(
+    scene: Scene, parts: Subdivision, samples: DisplaySamples, ways: WaysOut, inside: np.ndarray
+) -> list[str]:
+    """Return a warning that names the walls that samples, (k,) int64, are inside of; see `in_thin_walls`."""
+    if not len(inside):
+        return []
+    meshes = np.unique(parts.triangles.mesh[ways.wall[inside]])
 
     # The density that parts both sides, of each wall where it is thinnest.
-    texel = np.sqrt(parts.geometry.steps.area[samples.triangle[shows]])
-    part = ways.thickness[shows] < _PARTING * texel
-    shows, texel = shows[part], texel[part]
-    if not len(shows):
-        return []
-    meshes = np.unique(parts.triangles.mesh[ways.wall[shows]])
-    density = float((_PARTING / np.maximum(ways.thickness[shows], 1e-6)).max())
+    density = float((_PARTING / np.maximum(ways.thickness[inside], 1e-6)).max())
+    now = 1 / float(_texel(parts, samples, inside).max())
     sentence = (
-        "{}: thinner than two texels of what they stand on, so light shows up to a texel behind them. "
-        f"{_rounded(density)} texels per metre would part both sides, now there are "
-        f"{_rounded(1 / texel.max())}; "
+        "{}: thinner than two texels of what they stand on, so light is wrong up to a texel beside them. "
+        f"{_rounded(density)} texels per metre would part both sides, now there are {_rounded(now)}; "
         "or cut the lightmap UVs along them."
     )
-    return [naming(sentence, [scene.meshes[mesh].name for mesh in meshes])]
+    return [naming(sentence, [scene.meshes[mesh].name for mesh in meshes], "cut_along_walls")]
+
+
+def _texel(parts: Subdivision, samples: DisplaySamples, chosen: np.ndarray) -> np.ndarray:
+    """Return how wide the texels of chosen samples are, (k,), m."""
+    width: np.ndarray = np.sqrt(parts.geometry.steps.area[samples.triangle[chosen]])
+    return width
 
 
 def _rounded(density: float) -> str:
     """Return a density with at least two digits, such as 1,234 or 0.017."""
     return f"{density:,.0f}" if density >= 10 else f"{density:.2g}"
-
-
-def _keys(samples: DisplaySamples, resolution: int) -> np.ndarray:
-    """Return atlas * r * r + texel of samples, (s,) int64."""
-    keys: np.ndarray = samples.atlas.astype(np.int64) * resolution**2 + samples.texel
-    return keys
 
 
 def _extremes_around(
@@ -73,7 +72,7 @@ def _extremes_around(
 
     light: (c,) of the chosen samples. Returns (a * r * r,) each; inf and -inf where there is none.
     """
-    keys = _keys(samples, resolution)
+    keys = samples.keys(resolution)
     shape = (int(samples.atlas.max()) + 1, resolution, resolution)
     least, most = np.full(shape, np.inf), np.full(shape, -np.inf)
     np.minimum.at(least.ravel(), keys[chosen], light)

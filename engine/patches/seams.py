@@ -34,6 +34,11 @@ class Seams:
         return len(self.weight)
 
 
+def no_seams() -> Seams:
+    """Return no seams."""
+    return Seams(np.zeros((0, 2), np.int32), np.zeros((0, 2, 2)), np.zeros(0))
+
+
 def find_seams(triangles: Triangles, atlases: int, resolution: int) -> Seams:
     """Return the seams between the charts of the first `atlases` lightmaps.
 

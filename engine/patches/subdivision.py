@@ -28,6 +28,7 @@ class Subdivision:
     cutouts         what light passes through on the triangles
     texel_to_patch  (atlases, r, r) uint32 index map: patch + 1, or 0
     warnings        sentences for the user
+    back_to_back    whether faces lie on one another that look apart
     """
 
     triangles: Triangles
@@ -37,6 +38,7 @@ class Subdivision:
     surfaces: PatchSurfaces
     texel_to_patch: np.ndarray
     warnings: tuple[str, ...]
+    back_to_back: bool = False
 
     @cached_property
     def sources(self) -> int:

@@ -22,7 +22,8 @@ from ..finish.outputs import Outputs
 from ..finish.push_out import WaysOut, joined_ways, pushed_barycentrics, ways_out
 from ..finish.store import is_hidden
 from ..finish.texel_means import TexelMeans
-from ..finish.thin_walls import note_thin_walls
+from ..finish.thin_walls import in_thin_walls, note_thin_walls
+from ..finish.wall_fit import WallFit
 from ..patches.geometry import PatchGeometry, texel_steps
 from ..patches.patch_list import PatchList
 from ..patches.subdivision import Subdivision
@@ -43,8 +44,9 @@ _LEAST_RAYS, _LEAST_LIGHT_RAYS = 16, 4
 #: Points that gather together: what they take of the device's memory, about 0.5 KiB each, is bounded.
 _BATCH = 1 << 18
 
-#: Texels from hidden ones that what is seen beside them is filled from.
-_FILLED = 2
+#: Texels from hidden ones that what is seen beside them is filled from, and the least part of the brightest
+#: light that counts there.
+_FILLED, _FAINTEST = 2, 1e-4
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,8 @@ class DisplayLight:
 
     visible  (s,) bool, samples that somebody sees
     normals  (s, 3) float32, unit, world space; (0, 3) unless the settings have them denoised
+    light    (s,) float32, E/pi of all light, sum of the channels
+    inside   (k,) int64, samples in walls that texels cannot part
     values   (s, 3) or (s,) float32 of every output, by name; of none without samples
     reasons   sentences for the report
     warnings  sentences for the user
@@ -61,6 +65,8 @@ class DisplayLight:
     samples: DisplaySamples
     visible: np.ndarray
     normals: np.ndarray
+    light: np.ndarray
+    inside: np.ndarray
     values: dict[str, np.ndarray]
     reasons: tuple[str, ...]
     warnings: tuple[str, ...] = ()
@@ -68,6 +74,12 @@ class DisplayLight:
     def means(self, resolution: int) -> TexelMeans:
         """Return what texels show of the samples."""
         return TexelMeans(self.samples, self.visible, resolution)
+
+    def beside_walls(self, shown: np.ndarray, known: np.ndarray) -> WallFit | None:
+        """Return what texels beside thin walls show; None where there are none. See `WallFit`."""
+        if not len(self.inside):
+            return None
+        return WallFit(self.samples, self.visible, self.light, self.inside, shown, known)
 
 
 @dataclass(frozen=True)
@@ -122,7 +134,9 @@ def _why_centres_only(job: SolveJob, choice: Choice) -> str:
 
 def _nothing(*reasons: str) -> DisplayLight:
     """Return the light of no samples, and why there are none."""
-    return DisplayLight(no_samples(), np.zeros(0, bool), np.zeros((0, 3), np.float32), {}, reasons)
+    nothing = np.zeros(0, np.float32)
+    normals, inside = np.zeros((0, 3), np.float32), nothing.astype(np.int64)
+    return DisplayLight(no_samples(), nothing > 0, normals, nothing, inside, {}, reasons)
 
 
 @dataclass(frozen=True)
@@ -176,13 +190,15 @@ def _joined(what: DisplayJob, lit: list[_Batch]) -> DisplayLight:
     )
     values = {name: np.concatenate([batch.values[name] for batch in lit]) for name in lit[0].values}
     parts = what.job.parts
-    keys = samples.atlas.astype(np.int64) * parts.patches.resolution**2 + samples.texel
+    keys = samples.keys(parts.patches.resolution)
     reason = (
         f"Light was gathered at {len(keys):,} more points, of {len(np.unique(keys)):,} texels that show "
         "more than their centre."
     )
-    warnings = note_thin_walls(what.scene, parts, samples, ways, visible, irradiance)
-    return DisplayLight(samples, visible, normals, values, (reason,), tuple(warnings))
+    light = irradiance.sum(axis=1)
+    inside = in_thin_walls(parts, samples, ways, visible, light)
+    warnings = note_thin_walls(what.scene, parts, samples, ways, inside)
+    return DisplayLight(samples, visible, normals, light, inside, values, (reason,), tuple(warnings))
 
 
 class _Points:
@@ -248,7 +264,9 @@ def _settings_of_samples(settings: Settings, count: int) -> Settings:
 def _seen_beside_hidden(parts: Subdivision, light: np.ndarray, hidden: np.ndarray) -> np.ndarray:
     """Return light of patches, (n, 3) float32, in which hidden ones have that of patches beside them.
 
-    Who sees the visible part of a texel whose centre is hidden sees what is beside the centre.
+    Who sees the visible part of a texel whose centre is hidden sees what is beside the centre. Where that is
+    light on one side of a thin wall and dark on the other, it counts as their harmonic mean, which is dark:
+    what is bright would light the foot of the wall on its dark side.
     """
     filled, known, left = light.copy(), ~hidden, np.flatnonzero(hidden)
     for _ in range(_FILLED):
@@ -257,11 +275,26 @@ def _seen_beside_hidden(parts: Subdivision, light: np.ndarray, hidden: np.ndarra
         total = counts.sum(axis=1)
         sums = np.einsum("hk,hkc->hc", counts.astype(np.float32), filled[beside - 1])
         reached = total > 0
-        filled[left[reached]] = sums[reached] / total[reached, None]
+        filled[left[reached]] = sums[reached] * _darkened(filled, beside, counts)[reached, None]
         known[left[reached]] = True
         left = left[~reached]
     filled[left] = 0
     return filled
+
+
+def _darkened(light: np.ndarray, beside: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Return the factors, (h,), that make harmonic means of sums of patches' light, of all channels together.
+
+    light (n, 3); beside (h, k) int64, patch + 1; counts (h, k) bool, those that are added up
+    """
+    total = light.sum(axis=1)
+    bright = np.maximum(total, max(_FAINTEST * float(total.max()), 1e-30))[beside - 1]
+    inverse = np.where(counts, 1 / bright, 0).sum(axis=1)
+    sums = np.where(counts, total[beside - 1], 0).sum(axis=1)
+    number = np.maximum(counts.sum(axis=1), 1)
+    harmonic = number / np.maximum(inverse, 1e-30)
+    factor: np.ndarray = np.minimum(harmonic / np.maximum(sums, 1e-30), 1 / number)
+    return factor.astype(np.float32)
 
 
 def _patches_beside(parts: Subdivision, patches: np.ndarray) -> np.ndarray:

@@ -36,6 +36,7 @@ class HemicubeRaster:
     path            one of `draw_paths.available_paths`, None for the fastest, found out with the first
                     hemicubes
     culling         False draws all triangles into all faces
+    back_to_back    whether faces lie on one another that look apart: of these the front is seen
     depth           of what was drawn; where nothing was, as it was cleared: the farthest
     """
 
@@ -49,6 +50,7 @@ class HemicubeRaster:
         target: Target,
         path: str | None = None,
         culling: bool = True,
+        back_to_back: bool = False,
     ) -> None:
         context = graphics.context
         self._graphics, self._tiles, self.target = graphics, tiles, target
@@ -57,6 +59,8 @@ class HemicubeRaster:
         self._clusters = Clusters(triangles.positions, cutouts.culled[triangles.material], culling)
         mesh = MeshBuffers(graphics, indexed_mesh(triangles, cutouts, self._clusters.order))
         features = (*target.features, *(("cutouts",) if cutouts.needed else ()))
+        if back_to_back:
+            features += ("back_to_back", *(("reversed_depth",) if graphics.reversed_depth else ()))
         names = available_paths(graphics) if path is None else (path,)
         self._paths = [DrawPath(graphics, name, tiles, mesh, features) for name in names]
 

@@ -54,8 +54,9 @@ class Hemicubes:
     ) -> None:
         self._tiles = tiles
         self._raster = HemicubeRaster(
-            graphics, tiles, parts.triangles, parts.cutouts, parts.texel_to_patch, target
-        )
+            graphics, tiles, parts.triangles, parts.cutouts, parts.texel_to_patch, target,
+            back_to_back=parts.back_to_back,
+        )  # fmt: skip
         self._slice = SliceSize(tiles.per_layer)
         self._reversed_depth = graphics.reversed_depth
         self._parts, self._settings = parts, settings

@@ -1,0 +1,111 @@
+"""Texels beside walls that are too thin for them, fitted to what their bilinear display shows on both sides.
+
+Such a texel is interpolated on a lit side and on a dark one. The mean of both leaks: the eye sees contrast
+(Weber's law), so the dark side shows a bright line, many times as bright as what is there. Least squares of
+the relative error put the step of light on the lit side, where it is like a shadow at the foot of the wall.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..patches.seams import no_seams
+from .bilinear_fit import BilinearFit
+from .dilation import grown
+from .display_samples import DisplaySamples
+from .lightmap_points import LightmapPoints, centre_points, joined_points
+
+#: Light below this part of the brightest around counts as if it were that bright.
+_FAINT = 1 / 40
+
+#: Texels from the samples in a wall up to which texels are fitted, and those whose light is around.
+_REACH, _AROUND = 1, 2
+
+#: Weight of texels that are not fitted: they stay as they are.
+_FIXED = 100.0
+
+
+class WallFit:
+    """What texels within one of a thin wall show: the least squares of the relative error of their display.
+
+    samples  of all texels
+    visible  (s,) bool, samples that somebody sees
+    light    (s,) float32, E/pi of the samples, sum of the channels
+    inside   (k,) int64, samples in thin walls
+    shown    (atlases, r, r, 1) float32, that light as all texels show it without walls
+    known    (atlases, r, r) bool, texels that show what is seen of them
+    """
+
+    def __init__(
+        self,
+        samples: DisplaySamples,
+        visible: np.ndarray,
+        light: np.ndarray,
+        inside: np.ndarray,
+        shown: np.ndarray,
+        known: np.ndarray,
+    ) -> None:
+        atlases, resolution, _ = known.shape
+        keys = samples.keys(resolution)
+        near = np.zeros(known.shape, bool)
+        near.ravel()[keys[inside]] = True
+        beside = _grown(near, _REACH) & known
+        around = _grown(beside, 1)
+        self._texels = np.flatnonzero(beside)
+
+        # Samples tell what is shown beside the wall; so do centres of texels without any, and what stays.
+        self._samples = np.flatnonzero(visible & (samples.weight > 0) & around.ravel()[keys])
+        sampled = np.zeros(known.size, bool)
+        sampled[keys[self._samples]] = True
+        stays = (_grown(around, 1) & known & ~beside).ravel()
+        self._centres = np.flatnonzero(stays | (beside.ravel() & ~sampled))
+
+        # The square of the relative error, of what is around.
+        bright = _brightest_around(np.where(known, shown[..., 0], 0)).ravel()
+        relative = _relative_weight(light[self._samples], bright[keys[self._samples]])
+        chosen = LightmapPoints(
+            samples.atlas[self._samples], samples.position[self._samples],
+            samples.weight[self._samples] * relative,
+        )  # fmt: skip
+        weight = _relative_weight(shown.ravel()[self._centres], bright[self._centres])
+        weight[stays[self._centres]] *= _FIXED
+        centres = centre_points(self._centres, resolution)
+        centres = LightmapPoints(centres.atlas, centres.position, weight)
+        self._fit = BilinearFit(resolution, atlases, joined_points(chosen, centres), no_seams(), True)
+
+    def fit(self, texels: np.ndarray, samples: np.ndarray) -> None:
+        """Change the values of texels beside walls.
+
+        texels   (atlases * r * r, c) float32, what all show without walls
+        samples  (s, 3) or (s,) float32, of all samples
+        """
+        channels = texels.shape[1]
+        values = np.broadcast_to(
+            samples.reshape(len(samples), -1)[self._samples], (len(self._samples), channels)
+        )
+        images = self._fit.images(np.concatenate([values, texels[self._centres]]))
+        texels[self._texels] = images.reshape(-1, channels)[self._texels]
+
+
+def _relative_weight(light: np.ndarray, bright: np.ndarray) -> np.ndarray:
+    """Return the weight of the squared error of light, (n,), that makes it relative; 1 for what is bright."""
+    weight: np.ndarray = (bright / np.maximum(light, _FAINT * np.maximum(bright, 1e-30))) ** 2
+    return np.where(bright > 0, weight, 1.0)
+
+
+def _grown(mask: np.ndarray, texels: int) -> np.ndarray:
+    """Return masks, (atlases, r, r) bool, grown by some texels."""
+    for _ in range(texels):
+        mask = np.stack([grown(each) for each in mask])
+    return mask
+
+
+def _brightest_around(light: np.ndarray) -> np.ndarray:
+    """Return the largest light within some texels of each, (atlases, r, r)."""
+    for axis in (1, 2):
+        padded = np.pad(light, [(0, 0), *((_AROUND * (axis == a),) * 2 for a in (1, 2))])
+        steps = [
+            np.take(padded, range(step, step + light.shape[axis]), axis) for step in range(2 * _AROUND + 1)
+        ]
+        light = np.max(steps, axis=0)
+    return light

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..progress import Progress, Schedule, Stage, finished
+from ..progress import Progress, Schedule, Stage
 from .charts import make_charts
 from .cutting import USUAL, Cutting
 from .packing import PADDING, pack_charts
@@ -89,21 +89,34 @@ def unwrap(
     packing.pace = _PACKING * sum(int(made.chart.max(initial=-1)) + 1 for made in complete)
     filled = yield from schedule.run(packing, _fill_all(meshes, complete, squares))
     placed = {index for square in filled for index in square.meshes}
-    too_small = [
-        (index, fitting_resolution(meshes[index], complete[index], square))
-        for square in squares
-        for index in square.meshes
-        if index not in placed
-    ]
+    too_small = []
+    for square in squares:
+        for index in square.meshes:
+            if index not in placed:
+                search = fitting_resolution(meshes[index], complete[index], square)
+                too_small.append((index, (yield from _searched(schedule, search))))
     return Unwrapped(complete, tuple(filled), tuple(too_small))
 
 
-def fitting_resolution(mesh: PolygonMesh, charts: Charts, square: Square) -> int:
+def _searched(schedule: Schedule, search: Generator[float, None, int]) -> Generator[Progress, None, int]:
+    """Return what a search finds once all else is done."""
+    while True:
+        try:
+            next(search)
+        except StopIteration as stop:
+            found: int = stop.value
+            return found
+        if schedule.due:
+            yield schedule.progress(1.0)
+
+
+def fitting_resolution(mesh: PolygonMesh, charts: Charts, square: Square) -> Generator[float, None, int]:
     """Return the resolution, of those twice as large each, at which a mesh fits; 0 if none does."""
     resolution = square.resolution
     while 2 * resolution <= _LARGEST:
         resolution *= 2
-        if finished(pack_charts([mesh], [charts], resolution, square.padding, square.align)) is not None:
+        packed = yield from pack_charts([mesh], [charts], resolution, square.padding, square.align)
+        if packed is not None:
             return resolution
     return 0
 
@@ -119,7 +132,11 @@ def cut(
 def _cut(meshes: Sequence[PolygonMesh], cutting: Cutting) -> Generator[float, None, list[Charts]]:
     """Return the charts of meshes."""
     segments = yield from segment(meshes, cutting)
-    return [make_charts(mesh, *parts) for mesh, parts in zip(meshes, segments, strict=True)]
+    charts = []
+    for mesh, parts in zip(meshes, segments, strict=True):
+        charts.append(make_charts(mesh, *parts))
+        yield 1.0
+    return charts
 
 
 def _fill_all(

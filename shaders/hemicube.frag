@@ -26,7 +26,7 @@ void main()
 #endif
 #ifdef BACK_TO_BACK
 #ifdef REVERSED_DEPTH
-    gl_FragDepth = gl_FragCoord.z * (gl_FrontFacing ? 1.0 : 1.0 - 1e-5);
+    gl_FragDepth = gl_FragCoord.z * (gl_FrontFacing ? 1.0 : 1.0 - 1e-4);
 #else
     gl_FragDepth = gl_FragCoord.z + (gl_FrontFacing ? 0.0 : 1e-4 * (1.0 - gl_FragCoord.z));
 #endif

@@ -126,8 +126,7 @@ class Outputs:
         directional: dict[str, np.ndarray] = {}
         if self._settings.directional:
             l1 = self._lighting.l1 + (yield from solution.gather_l1())
-            maps = projected_maps if self._settings.projected else directional_maps
-            directional = maps(solution.irradiance, l1, geometry.normal)
+            directional = self._directional(solution.irradiance, l1, geometry.normal)
         for name in self._names:
             if name in directional:
                 made[name] = directional[name]
@@ -139,6 +138,19 @@ class Outputs:
                 made[name] = yield from self._lighting.shadow_mask(next(masks))
         return made
 
+    def _directional(
+        self, irradiance: np.ndarray, l1: np.ndarray, normals: np.ndarray
+    ) -> dict[str, np.ndarray]:
+        """Return the maps of directions that the settings name, (n, 3) float32 each, by name."""
+        if self._settings.projected:
+            return projected_maps(irradiance, l1, normals)
+        made = {}
+        if "directional" in self._settings.outputs:
+            made = directional_maps(irradiance, l1, normals)
+        if "dominant_direction" in self._settings.outputs:
+            made["dominant_direction"] = dominant_direction(irradiance, l1)
+        return made
+
 
 def directional_maps(irradiance: np.ndarray, l1: np.ndarray, normals: np.ndarray) -> dict[str, np.ndarray]:
     """Return the maps that shade normal maps, (n, 3) float32 each, by name.
@@ -147,16 +159,23 @@ def directional_maps(irradiance: np.ndarray, l1: np.ndarray, normals: np.ndarray
     l1          (n, 3, 3) float32, of each axis of the world its rgb
     normals     (n, 3) float32, unit, world space
 
-    E(n')/pi = E(n)/pi + l1 . (n' - n) is L0 + L1 . n'. The dominant direction D is the luminance of l1 in
-    parts of that of E/pi: E(n')/pi is about E(n)/pi (1 + D . (n' - n)).
+    E(n')/pi = E(n)/pi + l1 . (n' - n) is L0 + L1 . n'.
     """
-    l0 = irradiance - np.einsum("nac,na->nc", l1, normals)
-    luminance = irradiance @ LUMINANCE
-    direction = np.divide(
-        l1 @ LUMINANCE, luminance[:, None], out=np.zeros_like(normals), where=luminance[:, None] > 0
-    )
-    maps = (l0, *l1.transpose(1, 0, 2), direction)
-    return dict(zip((*DIRECTIONAL_MAPS, "dominant_direction"), maps, strict=True))
+    axes = np.ascontiguousarray(l1.transpose(1, 0, 2))
+    l0 = irradiance.copy()
+    for along, l1_of_axis in zip(normals.T, axes, strict=True):
+        l0 -= along[:, None] * l1_of_axis
+    return dict(zip(DIRECTIONAL_MAPS, (l0, *axes), strict=True))
+
+
+def dominant_direction(irradiance: np.ndarray, l1: np.ndarray) -> np.ndarray:
+    """Return where most light comes from, (n, 3) float32, in world space; see `directional_maps`.
+
+    It is the luminance of l1 in parts of that of E/pi: E(n')/pi is about E(n)/pi (1 + D . (n' - n)).
+    """
+    luminance = (irradiance @ LUMINANCE)[:, None]
+    lit = luminance > 0
+    return np.divide(l1 @ LUMINANCE, luminance, out=np.zeros_like(irradiance), where=lit)
 
 
 def projected_maps(irradiance: np.ndarray, sums: np.ndarray, normals: np.ndarray) -> dict[str, np.ndarray]:

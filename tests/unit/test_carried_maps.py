@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from engine.finish.carried_maps import carried_maps, restored_maps
-from engine.finish.outputs import directional_maps, projected_maps
+from engine.finish.outputs import directional_maps, dominant_direction, projected_maps
 
 RANDOM = np.random.default_rng(8)
 SHAPE = (2, 7, 11)
@@ -25,8 +25,10 @@ def maps(projected: bool) -> tuple[dict[str, np.ndarray], np.ndarray]:
     if projected:
         sums += normals[..., None] * light[..., None, :]
     flat = (light.reshape(-1, 3), sums.reshape(-1, 3, 3), normals.reshape(-1, 3))
-    made = {name: values.reshape(*SHAPE, 3) for name, values in make(*flat).items()}
-    return {"combined": light, **made}, normals
+    made = make(*flat)
+    if not projected:
+        made["dominant_direction"] = dominant_direction(*flat[:2])
+    return {"combined": light, **{name: values.reshape(*SHAPE, 3) for name, values in made.items()}}, normals
 
 
 @pytest.mark.parametrize("projected", [False, True])

@@ -17,9 +17,10 @@ from .finish.store import LightmapStore
 from .lightmap import Lightmap, Report
 from .patches.areas import surface_areas
 from .patches.occluders import place_occluders
-from .patches.subdivision import Subdivision, subdivide
+from .patches.subdivision import Subdivision
 from .plan.choose import Choice, choose_solver
 from .plan.display_light import DisplayJob, DisplayLight, light_in_texels
+from .plan.kept import Kept
 from .plan.limits import check_limits, check_patch_count
 from .plan.solve_job import RemoteGather, SolveJob
 from .plan.stages import BakeStages
@@ -28,7 +29,6 @@ from .progress import Progress
 from .scene.model import Scene
 from .settings import Settings
 from .solve.solver import Solution
-from .visibility.rays.ray_scene import RayScene
 
 #: Makes what gathers for all patches of a scene that occluders have their places in.
 RemoteGathers = Callable[[Scene], RemoteGather]
@@ -39,13 +39,14 @@ def bake(
     scene: Scene,
     settings: Settings,
     stages: BakeStages,
+    kept: Kept,
     remote: RemoteGathers | None = None,
 ) -> Generator[Progress, None, Lightmap]:
-    """Bake a scene that has been checked; see `engine.bake`. The devices stay.
+    """Bake a scene that has been checked; see `engine.bake`. The devices and what is kept stay.
 
     remote: makes what gathers on devices of other processes; None to gather on these
     """
-    return (yield from _current(devices, _bake(devices, scene, settings, stages, remote)))
+    return (yield from _current(devices, _bake(devices, scene, settings, stages, kept, remote)))
 
 
 def _current(
@@ -68,6 +69,7 @@ def _bake(
     scene: Scene,
     settings: Settings,
     stages: BakeStages,
+    kept: Kept,
     remote: RemoteGathers | None,
 ) -> Generator[Progress, None, Lightmap]:
     """Bake: the paper's algorithm."""
@@ -78,13 +80,13 @@ def _bake(
 
     # Texture space subdivision: which texels are patches, and where they are (III.A, IV.A).
     yield stages.begin(stages.patches)
-    parts = subdivide(graphics, compute, scene, settings)
+    parts = kept.subdivide(graphics, compute, scene, settings)
     check_patch_count(len(parts.patches))
     store = LightmapStore(parts.patches, len(atlases), settings.dilation, compute)
     yield stages.listed(parts.surfaces.reflectance)
 
     # Lamps, small bright surfaces and bright sky are sampled with shadow rays (direct light).
-    rays = RayScene(compute, parts)
+    rays = kept.ray_scene(compute, parts)
     lighting = DirectLighting(scene, parts, rays, settings)
     sampled = yield from stages.run(stages.direct, lighting.gather())
 
@@ -101,7 +103,9 @@ def _bake(
     # All other light is gathered: through hemicubes drawn in every iteration (IV.B), or what is kept of them.
     left = (lighting.emission_left, lighting.sky_left)
     area = surface_areas(parts.triangles, parts.geometry, settings.resolution)
-    job = SolveJob(graphics, compute, parts, rays, *left, sampled, area, settings, remote and remote(scene))
+    job = SolveJob(
+        graphics, compute, parts, rays, *left, sampled, area, settings, remote and remote(scene), kept
+    )
     solution, choice, solved = choose_solver(job)
     yield stages.chosen(choice)
 

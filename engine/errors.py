@@ -21,6 +21,10 @@ class DeviceError(EngineError):
     """No usable OpenGL or OpenCL device; the message says what to install."""
 
 
+class DeviceMemoryError(DeviceError):
+    """The memory of a device is full; the message says of which."""
+
+
 class DenoiseError(EngineError):
     """Open Image Denoise is not there, or failed; lightmaps stay as they were baked."""
 

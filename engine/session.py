@@ -1,5 +1,7 @@
 """Bakes that keep their devices: contexts, shaders and kernels of the first one serve the next, as do times.
 
+What patches see stays on the devices, too: while geometry stays the same, a bake starts with direct light.
+
 OpenGL and OpenCL are imported by the first bake: a process that leaves baking to another never has them.
 """
 
@@ -14,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from .device.found import DeviceSurvey
 from .device.packages import require_packages
-from .errors import DeviceError, SettingsError
+from .errors import DeviceError, DeviceMemoryError, SettingsError
 from .lightmap import Lightmap
 from .plan.stages import BakeStages, Extent
 from .progress import Progress
@@ -25,6 +27,7 @@ from .settings import Settings, check_settings
 if TYPE_CHECKING:
     from .cluster.workers import Workers
     from .device.devices import Devices
+    from .plan.kept import Kept
 
 
 #: Nothing was measured before.
@@ -32,10 +35,11 @@ _NONE: Mapping[str, float] = MappingProxyType({})
 
 
 class Session:
-    """Bakes one scene after the other; `close` frees the devices."""
+    """Bakes one scene after the other; `forget` frees what is kept of the last one, `close` the devices."""
 
     def __init__(self) -> None:
         self._devices: Devices | None = None
+        self._kept: Kept | None = None
         self._paces: dict[str, float] = {}
 
     def bake(
@@ -43,21 +47,47 @@ class Session:
     ) -> Generator[Progress, None, Lightmap]:
         """Bake; see `engine.bake`. After an error or a cancel the next bake gets new devices.
 
+        The light is that of a bake without what is kept, to the bit if both use one way to find what patches
+        see. If the memory of a device is full, what is kept is dropped, and the bake starts again.
+
         paces: those of another session, for what this one has not done yet; see `BakeStages`
         """
         self._paces = {**paces, **self._paces}
         check_settings(settings)
         check_scene(scene)
         require_packages()
+        begins_with_kept = self._kept is not None
+        try:
+            return (yield from self._bake(scene, settings))
+        except DeviceMemoryError:
+            if not begins_with_kept:
+                raise
+        return (yield from self._bake(scene, settings))
+
+    def forget(self) -> None:
+        """Free what is kept of the last bake, but keep the devices."""
+        self._kept = None
+
+    def close(self) -> None:
+        """Free the devices, and what is kept on them."""
+        self.forget()
+        if self._devices is not None:
+            self._devices.release()
+            self._devices = None
+
+    def _bake(self, scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap]:
+        """Bake a scene that has been checked."""
         from .algorithm import bake
+        from .plan.kept import Kept
 
         stages = BakeStages(Extent.of(scene), settings, self._paces)
         devices = self._take(settings)
+        kept, self._kept = self._kept or Kept(), None
         stages.opened(devices.on_card)
         try:
             with _workers(settings) as workers:
                 gather = partial(workers.gather, settings) if workers else None
-                lightmap = yield from bake(devices, scene, settings, stages, gather)
+                lightmap = yield from bake(devices, scene, settings, stages, kept, gather)
         except BaseException:
             devices.release()
             raise
@@ -65,15 +95,10 @@ class Session:
         warnings = (*lightmap.report.warnings, *(workers.warnings if workers else ()))
         report = replace(lightmap.report, paces=dict(self._paces), warnings=warnings)
         lightmap = replace(lightmap, report=report)
+        kept.limit(devices.compute, settings.kept_budget)
         devices.clear()
-        self._devices = devices
+        self._devices, self._kept = devices, kept
         return lightmap
-
-    def close(self) -> None:
-        """Free the devices."""
-        if self._devices is not None:
-            self._devices.release()
-            self._devices = None
 
     def _take(self, settings: Settings) -> Devices:
         """Return the devices of the last bake, or new ones; until the bake has ended well nobody has them."""
@@ -81,6 +106,7 @@ class Session:
         wanted = (settings.cache_dir, settings.opencl_device)
         if devices is not None and (devices.cache_dir, devices.opencl_device) == wanted:
             return devices
+        self.forget()
         if devices is not None:
             devices.release()
         from .device.devices import Devices
@@ -134,6 +160,11 @@ def find_devices(opencl_device: str | None) -> Generator[Progress, None, DeviceS
     from .device.survey import survey
 
     return survey(opencl_device)
+
+
+def forget() -> None:
+    """Free what the one session of this process keeps of its last bake."""
+    _session.forget()
 
 
 def close() -> None:

@@ -235,6 +235,14 @@ class Settings:
         _BYTES,
         PREFERENCES,
     )
+    kept_budget: int = described(
+        0,
+        "Kept Memory",
+        "Device memory that what patches see may take between bakes: after a change of lights, emission, "
+        "colors or the world a bake then starts with direct light; 0 for a quarter of the device's",
+        _BYTES,
+        PREFERENCES,
+    )
     patch_groups: int = described(
         0,
         "Patch Groups",

@@ -1,7 +1,8 @@
 // Which patch each sample of a patch's view meets: the patch's number plus 1 (0: none), with the highest
 // bit set for its back; or the surroundings.
 
-// What is kept of it: the patch whose front is met plus 1, or 0. NARROW: their numbers fit into 16 bits.
+// What is kept of it: the patch whose front is met plus 1, `outside` for the surroundings, else 0. These are
+// entries of the radiance of patches; that of the surroundings, the last one, is black. NARROW: 16 bits hold them.
 #ifdef NARROW
 typedef ushort Front;
 typedef ushort4 Front4;
@@ -27,9 +28,8 @@ float4 sum_of_group(const float4 value, __local float4 *partial)
     return partial[0];
 }
 
-// What the samples of a view add up to: in rgb the static light, which no bounce changes, of the surroundings
-// and of the backs' emission, in a the fraction of the view that no back takes; the fraction that patches take;
-// and the L1 of the light (tilt.cl).
+// What the samples of a view add up to: in rgb the emission of the backs it meets, in a the fraction of the view
+// that no back takes; the fraction that patches take; and the L1 of the light (tilt.cl).
 typedef struct {
     float4 light;
     float patches;
@@ -43,17 +43,18 @@ void add_light(ViewSum *sum, const float4 light, const float3 tilt)
     add_l1(&sum->l1, light.xyz, tilt);
 }
 
-// Count what a sample meets in a direction in world space; return the patch if it is a front, else 0.
+// Count what a sample meets in a direction in world space; return what is kept of it. Backs that are met are
+// marked in `backs_seen`, a number of each entry.
 uint count_sample(const uint seen, const float weight, const float3 world, const float3 normal,
-                  __global const float4 *emission, __global const float4 *sky, const int2 sky_size, ViewSum *sum)
+                  __global const float4 *emission, __global uchar *backs_seen, const uint outside, ViewSum *sum)
 {
     if (seen == SKY) {
-        const float3 light = surroundings(world, sky, sky_size).xyz;
-        add_light(sum, weight * (float4)(light, 1.0f), tilt_of(world, normal));
-        return 0;
+        sum->light.w += weight;
+        return outside;
     }
     if (seen & BACK) {
         const uint entry = seen & ~BACK;
+        backs_seen[entry] = 1;
         add_light(sum, weight * (float4)(emission[entry].xyz, entry ? 0.0f : 1.0f), tilt_of(world, normal));
         return 0;
     }
@@ -75,16 +76,23 @@ void store_l1(const L1 *l1, const int patch, __global float4 *stored, __local fl
     }
 }
 
-void store_view(const ViewSum sum, const int patch, __global float4 *static_light,
-                __global float *patches_seen, __global float4 *l1, __local float4 *partial)
+// The light of a view, and its L1.
+void store_light(const ViewSum *sum, const int patch, __global float4 *stored_light, __global float4 *stored_l1,
+                 __local float4 *partial)
 {
-    const float4 light = sum_of_group(sum.light, partial);
-    const float4 patches = sum_of_group((float4)(sum.patches), partial);
-    if (get_local_id(0) == 0) {
-        static_light[patch] = light;
-        patches_seen[patch] = patches.x;
-    }
+    const float4 light = sum_of_group(sum->light, partial);
+    if (get_local_id(0) == 0)
+        stored_light[patch] = light;
 #ifdef DIRECTIONAL
-    store_l1(&sum.l1, patch, l1, partial);
+    store_l1(&sum->l1, patch, stored_l1, partial);
 #endif
+}
+
+void store_view(const ViewSum *sum, const int patch, __global float4 *stored_light,
+                __global float *patches_seen, __global float4 *stored_l1, __local float4 *partial)
+{
+    store_light(sum, patch, stored_light, stored_l1, partial);
+    const float4 patches = sum_of_group((float4)(sum->patches), partial);
+    if (get_local_id(0) == 0)
+        patches_seen[patch] = patches.x;
 }

@@ -23,13 +23,13 @@ uint look_along(const Rays *rays, const Lightmaps *lightmaps, const float3 origi
 
 #define LOOK_ARGUMENTS RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const float2 *uvs, \
     __global const int *atlases, __global const uint *texel_to_patch, const int resolution, \
-    __global const float4 *emission, __global const float4 *sky, const int sky_width, const int sky_height, \
+    __global const float4 *emission, const uint outside, \
     SAMPLES, const int samples, const int n, const uint salt, const int rotate
 
 // Which patches the patches of this launch see, a row of numbers each. One patch a group.
 __kernel void look(LOOK_ARGUMENTS, const int start, const int cached_from, __global Front *cache,
-                   __global float4 *static_light, __global float *patches_seen, __global float4 *static_l1,
-                   __local float4 *partial)
+                   __global float4 *back_light, __global float *patches_seen, __global uchar *backs_seen,
+                   __global float4 *back_l1, __local float4 *partial)
 {
     const int patch = start + get_group_id(0);
     const Rays rays = RAYS;
@@ -39,21 +39,21 @@ __kernel void look(LOOK_ARGUMENTS, const int start, const int cached_from, __glo
     ViewSum sum = {(float4)(0.0f)};
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
         const float3 direction = sample_direction(&view, i, pattern, n);
-        uint front = 0;
+        uint kept = 0;
         if (dot(direction, view.horizon) > 0.0f) {
             const uint seen = look_along(&rays, &lightmaps, view.eye, direction);
-            front = count_sample(seen, WEIGHT(i), direction, view.normal, emission, sky,
-                                 (int2)(sky_width, sky_height), &sum);
+            kept = count_sample(seen, WEIGHT(i), direction, view.normal, emission, backs_seen, outside, &sum);
         }
-        cache[(size_t)(patch - cached_from) * samples + i] = front;
+        cache[(size_t)(patch - cached_from) * samples + i] = kept;
     }
-    store_view(sum, patch, static_light, patches_seen, static_l1, partial);
+    store_view(&sum, patch, back_light, patches_seen, back_l1, partial);
 }
 
 // The light that the patches of this launch gather, without keeping what they see.
 __kernel void gather_rays(LOOK_ARGUMENTS, const int start, __global const float4 *radiance,
+                          __global const float4 *sky, const int sky_width, const int sky_height,
                           __global float4 *gathered_light, __global float *patches_seen,
-                          __global float4 *gathered_l1, __local float4 *partial)
+                          __global uchar *backs_seen, __global float4 *gathered_l1, __local float4 *partial)
 {
     const int patch = start + get_group_id(0);
     const Rays rays = RAYS;
@@ -66,9 +66,10 @@ __kernel void gather_rays(LOOK_ARGUMENTS, const int start, __global const float4
         if (dot(direction, view.horizon) <= 0.0f)
             continue;
         const uint seen = look_along(&rays, &lightmaps, view.eye, direction);
-        const uint front = count_sample(seen, WEIGHT(i), direction, view.normal, emission, sky,
-                                        (int2)(sky_width, sky_height), &sum);
-        add_light(&sum, WEIGHT(i) * (float4)(radiance[front].xyz, 0.0f), tilt_of(direction, view.normal));
+        const uint kept = count_sample(seen, WEIGHT(i), direction, view.normal, emission, backs_seen, outside, &sum);
+        const float3 light = kept == outside ? surroundings(direction, sky, (int2)(sky_width, sky_height)).xyz
+                                             : radiance[kept].xyz;
+        add_light(&sum, WEIGHT(i) * (float4)(light, 0.0f), tilt_of(direction, view.normal));
     }
-    store_view(sum, patch, gathered_light, patches_seen, gathered_l1, partial);
+    store_view(&sum, patch, gathered_light, patches_seen, gathered_l1, partial);
 }

@@ -9,11 +9,10 @@ size_t texel_of(const int slot, const int x, const int y, const int columns, con
 
 // One hemicube a group.
 __kernel void resolve(__global const uint *hemicubes, __global const float *multiplier,
-                      __global const Frame *frames, __global const float4 *emission,
-                      __global const float4 *sky, const int sky_width, const int sky_height,
+                      __global const Frame *frames, __global const float4 *emission, const uint outside,
                       const int columns, const int n, const int first, const int cached_from,
-                      __global Front *cache, __global float4 *static_light, __global float *patches_seen,
-                      __global float4 *static_l1, __local float4 *partial)
+                      __global Front *cache, __global float4 *back_light, __global float *patches_seen,
+                      __global uchar *backs_seen, __global float4 *back_l1, __local float4 *partial)
 {
     const int slot = get_group_id(0), samples = 3 * n * n;
     __global const Frame *frame = frames + slot;
@@ -23,13 +22,13 @@ __kernel void resolve(__global const uint *hemicubes, __global const float *mult
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
         const int x = i % n, y = i / n;
         const float3 d = texel_direction(x, y, n);
-        uint front = 0;
+        uint kept = 0;
         if (dot(d, horizon) > 0.0f) {
             const float3 world = d.x * right + d.y * up + d.z * normal;
-            front = count_sample(hemicubes[texel_of(slot, x, y, columns, n)], multiplier[i], world,
-                                 normal, emission, sky, (int2)(sky_width, sky_height), &sum);
+            kept = count_sample(hemicubes[texel_of(slot, x, y, columns, n)], multiplier[i], world, normal,
+                                emission, backs_seen, outside, &sum);
         }
-        cache[(size_t)(first + slot - cached_from) * samples + i] = front;
+        cache[(size_t)(first + slot - cached_from) * samples + i] = kept;
     }
-    store_view(sum, first + slot, static_light, patches_seen, static_l1, partial);
+    store_view(&sum, first + slot, back_light, patches_seen, back_l1, partial);
 }

@@ -1,7 +1,8 @@
-// Vectors of three numbers, close together in memory, become float4, `first` zeros before them.
-__kernel void widen(__global const float *narrow, __global float4 *wide, const int first, const int count)
+// Vectors of three numbers, close together in memory, become float4, `first` zeros before them and more after.
+__kernel void widen(__global const float *narrow, __global float4 *wide, const int first, const int values,
+                    const int count)
 {
     const int i = get_global_id(0);
     if (i < count)
-        wide[i] = i < first ? (float4)(0.0f) : (float4)(vload3(i - first, narrow), 0.0f);
+        wide[i] = i < first || i >= first + values ? (float4)(0.0f) : (float4)(vload3(i - first, narrow), 0.0f);
 }

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..gather.cached import CachedSweep
 from ..gather.final_gather import FinalGather
-from ..gather.l1_gather import NoL1
+from ..plan.choose import keeping_sweep
+from ..plan.kept import Kept
 from ..plan.trial import make_identity
 from ..progress import finished
 from .prepared_scene import prepared
@@ -29,11 +29,11 @@ class Block:
         parts = replace(
             job.parts, patches=job.parts.patches.part(part), geometry=job.parts.geometry.part(part)
         )
-        lookers = replace(job, parts=parts, rays=job.rays.of(parts))
+        lookers = replace(job, parts=parts, rays=job.rays.of(parts), kept=Kept())
         visibility = "raster" if job.settings.visibility == "raster" else "rays"
         identity = make_identity(lookers, visibility)
         self._devices, self._bytes = scene.devices, identity.row_bytes * (last - first)
-        sweep = CachedSweep(job.opencl, identity, last - first, NoL1())
+        sweep = keeping_sweep(lookers, identity)
         self._gather = FinalGather(job.opencl, sweep, np.zeros((last - first, 3), np.float32))
 
         # The first gather finds what is seen.

@@ -14,18 +14,19 @@ def upload(compute: Compute, values: np.ndarray) -> cl.Buffer:
     return cl.Buffer(compute.context, flags, hostbuf=np.ascontiguousarray(values))
 
 
-def upload_float4(compute: Compute, values: np.ndarray, first: int = 0) -> cl.Buffer:
-    """Return (n, 3) float32 as (first + n, 4): rows of zeros first, then the values; the fourth is 0."""
-    count = first + len(values)
+def upload_float4(compute: Compute, values: np.ndarray, first: int = 0, last: int = 0) -> cl.Buffer:
+    """Return (n, 3) float32 as (first + n + last, 4): rows of zeros around the values; the fourth is 0."""
+    count = first + len(values) + last
     wide = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count)
     (widen,) = compute.kernels("widen.cl", "widen")
     narrow = upload(compute, values.astype(np.float32, copy=False))
-    compute.run(widen, count, narrow, wide, np.int32(first), np.int32(count))
+    sizes = (first, len(values), count)
+    compute.run(widen, count, narrow, wide, *map(np.int32, sizes))
     return wide
 
 
 def zeros(compute: Compute, size: int) -> cl.Buffer:
-    """Return a buffer of `size` bytes, all 0."""
+    """Return a buffer of `size` bytes, a multiple of 4, all 0."""
     buffer = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)
     cl.enqueue_fill_buffer(compute.queue, buffer, np.zeros(1, np.float32), 0, size)
     return buffer

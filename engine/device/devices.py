@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import moderngl
 import pyopencl as cl
 
-from ..errors import DeviceError
+from ..errors import DeviceError, DeviceMemoryError
 from .compute import Compute
 from .graphics import Graphics
 
@@ -54,7 +54,7 @@ class Devices:
             if self.compute is None or not (isinstance(error, cl.MemoryError) or _TOO_LARGE in str(error)):
                 raise
             size = self.compute.device.global_mem_size / 2**30
-            raise DeviceError(
+            raise DeviceMemoryError(
                 f"The {size:.1f} GiB of '{self.compute.name}' are not enough for this bake ({error}). "
                 "Lower the resolution, bake fewer objects at once, or close programs that use the device."
             ) from error

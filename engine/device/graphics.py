@@ -9,7 +9,7 @@ from typing import Any
 
 import moderngl
 
-from ..errors import DeviceError
+from ..errors import DeviceError, DeviceMemoryError
 from .raw_gl import LOWER_LEFT, ZERO_TO_ONE, RawGL
 from .source import shader_source
 
@@ -61,7 +61,7 @@ class Graphics:
         """Raise a DeviceError if OpenGL has failed since the last check; the message says at what task."""
         error = self.context.error
         if error == "GL_OUT_OF_MEMORY":
-            raise DeviceError(
+            raise DeviceMemoryError(
                 f"The memory of '{self.name}' is full: {task} failed. Lower the resolution, bake fewer "
                 "objects at once, or close programs that use the graphics card."
             )

@@ -35,7 +35,7 @@ class FinalGather:
 
         Returns E/pi with the sampled light, and the fraction that is no back, (n, 4) float32.
         """
-        self.radiance = upload_float4(self._compute, radiance, first=1)
+        self.radiance = upload_float4(self._compute, radiance, first=1, last=1)
         yield from self._sweep.gather(self, 0)
         return download(self._compute, self._gathered, (self.count, 4))
 

@@ -11,21 +11,22 @@ from ..device.buffers import download, upload, zeros
 from ..device.compute import Compute
 from ..device.slices import sliced
 from ..settings import Settings
-from ..visibility.identity import Identity, directional_options, identity_options
+from ..visibility.identity import Sampling, directional_options, identity_options
 from ..visibility.rays.receivers import RECEIVER_SOURCE
 from ..visibility.views.directions import r2_sequence
 from ..visibility.views.hemicube import rotation_salt
+from .kept_samples import Rows
 
 
 class NoL1:
     """Stands for an `L1Gather` where nobody asks for L1: does nothing."""
 
-    static_l1 = result = None
+    result = None
 
     def keep_radiance(self, radiance: cl.Buffer) -> None:
         """Do nothing."""
 
-    def gather(self, cache: cl.Buffer, first: int, last: int) -> Generator[float, None, None]:
+    def gather(self, rows: Rows, static_l1: cl.Buffer | None) -> Generator[float, None, None]:
         """Do nothing."""
         yield 1.0
 
@@ -38,26 +39,23 @@ class L1Gather:
     """Gathers L1 from rows of kept samples, whose directions follow from their place in the row.
 
     receivers  records of the patches, see `RayScene.receivers`
-    static_l1  3 float4 of each patch, x, y and z: of the light that no bounce changes
-    result     the same of all light
+    result     3 float4 of each patch, x, y and z
     """
 
     def __init__(
-        self, compute: Compute, identity: Identity, receivers: cl.Buffer, settings: Settings, count: int
+        self, compute: Compute, sampling: Sampling, receivers: cl.Buffer, settings: Settings, count: int
     ) -> None:
         self._compute, self._receivers, self._count = compute, receivers, count
-        even = identity.multiplier is None
-        size = identity.row_bytes // identity.samples
-        options = (*identity_options(size), *directional_options(settings))
-        options += ("-DCOSINE",) if even else ()
+        options = (*identity_options(sampling.sample_bytes), *directional_options(settings))
+        options += ("-DCOSINE",) if sampling.even else ()
         source = (*RECEIVER_SOURCE, "hemicube.cl", "tilt.cl", "identity.cl", "views.cl", "gather_l1.cl")
         (self._gather,) = compute.kernels(source, "gather_l1", options=options)
-        pattern = _disk(identity.samples) if identity.multiplier is None else identity.multiplier
+        pattern = _disk(sampling.samples) if sampling.multiplier is None else sampling.multiplier
         self._samples = (
-            upload(compute, pattern), np.int32(identity.samples), np.int32(settings.hemicube),
+            upload(compute, pattern), np.int32(sampling.samples), np.int32(settings.hemicube),
             np.uint32(rotation_salt(settings.seed)), np.int32(settings.rotate),
         )  # fmt: skip
-        self.static_l1, self.result = (zeros(compute, 48 * count) for _ in range(2))
+        self.result = zeros(compute, 48 * count)
         self._radiance = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16)
 
     def keep_radiance(self, radiance: cl.Buffer) -> None:
@@ -66,19 +64,22 @@ class L1Gather:
             self._radiance = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, radiance.size)
         cl.enqueue_copy(self._compute.queue, self._radiance, radiance)
 
-    def gather(self, cache: cl.Buffer, first: int, last: int) -> Generator[float, None, None]:
-        """Gather for the patches first ... last, whose samples a cache holds; yield the fraction done."""
+    def gather(self, rows: Rows, static_l1: cl.Buffer | None) -> Generator[float, None, None]:
+        """Gather for the patches whose samples these are; yield the fraction done.
+
+        static_l1: see `StaticLight.l1`
+        """
         (group,) = self._gather.group(self._compute.group)
 
         def launch(start: int, end: int) -> None:
             self._gather(
                 self._compute.queue, (group * (end - start),), (group,),
-                cache, np.int32(first), self._radiance, self._receivers, *self._samples, np.int32(start),
-                self.static_l1, self.result, cl.LocalMemory(16 * group),
+                rows.cache, np.int32(rows.first), self._radiance, self._receivers, *self._samples,
+                np.int32(start), static_l1, self.result, cl.LocalMemory(16 * group),
             )  # fmt: skip
 
-        for end in sliced(self._compute.queue, first, last, launch):
-            yield (end - first) / (last - first)
+        for end in sliced(self._compute.queue, rows.first, rows.last, launch):
+            yield (end - rows.first) / (rows.last - rows.first)
 
     def values(self) -> np.ndarray:
         """Return the L1 of all patches, (n, 3, 3) float32: of each axis of the world its rgb."""

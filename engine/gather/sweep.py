@@ -13,7 +13,7 @@ class Light(Protocol):
     """What a sweep reads and writes on the device.
 
     count         patches that gather
-    radiance      float4 of each patch that is seen + 1; entry 0 is black
+    radiance      float4 of each patch that is seen + 1; entry 0 and the last, of the surroundings, are black
     patches_seen  float of each patch: the fraction of its view that patches take
     """
 

@@ -11,7 +11,9 @@ from ..gather.cached import CachedSweep, RayStreamSweep, StreamSweep
 from ..gather.final_gather import FinalGather
 from ..gather.glsl_cached import fits_glsl_cache
 from ..gather.hemicube_gather import Gather, GlslGather, PaperGather
+from ..gather.kept_samples import Backs, KeptSamples
 from ..gather.l1_gather import L1Gather, NoL1
+from ..gather.static_light import StaticLight
 from ..gather.sweep import Sweep
 from ..patches.subdivision import Subdivision
 from ..settings import Settings
@@ -22,7 +24,7 @@ from ..solve.host_radiosity import HostRadiosity
 from ..solve.last_gather import LastGather
 from ..solve.patch_groups import PatchGroups
 from ..solve.solver import Radiosity, Solution, Solver
-from ..visibility.identity import Identity
+from ..visibility.identity import Identity, Sampling
 from ..visibility.raster.tiles import IDENTITY_BYTES, plan_tiles
 from ..visibility.rays.identity import RayIdentity
 from ..visibility.rays.ray_scene import RayScene
@@ -30,6 +32,9 @@ from ..visibility.samples import expected_samples
 from .memory import group_width, is_kept, memory_budget, memory_clause
 from .solve_job import SolveJob
 from .trial import choose_identity, make_identity
+
+#: Why nothing is looked for.
+_KEPT = "Visibility was kept from the last bake: no geometry, UVs, transparency or setting of it has changed."
 
 
 @dataclass(frozen=True)
@@ -44,6 +49,7 @@ class Choice:
     patches     that are solved for
     pace        seconds that a sample takes to be found, as tried; NaN if it was not
     final_samples  of all patches together, found after the light has settled
+    found       True if an earlier bake has found what patches see
     """
 
     method: str
@@ -54,6 +60,7 @@ class Choice:
     patches: int = 0
     pace: float = math.nan
     final_samples: int = 0
+    found: bool = False
 
 
 def choose_solver(job: SolveJob) -> tuple[Solution, Choice, SolveJob]:
@@ -143,13 +150,30 @@ def _by_hemicubes(job: SolveJob) -> bool:
 
 def _device_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
     """Return the light of all patches on the OpenCL device, gathered through identities."""
-    identity, reasons, pace = choose_identity(job)
-    sweep, method, reason = _choose_sweep(job, identity)
+    sweep, choice = _kept_sweep(job) or _new_sweep(job)
     radiosity = DeviceRadiosity(
         job.opencl, sweep, job.parts.surfaces.reflectance, job.surroundings.emission, job.area,
         job.sampled_light, job.gathers_direct, job.columns,
     )  # fmt: skip
-    return radiosity, Choice(method, identity.name, identity.samples, (*reasons, reason), pace=pace)
+    return radiosity, choice
+
+
+def _kept_sweep(job: SolveJob) -> tuple[Sweep, Choice] | None:
+    """Return how what an earlier bake has kept becomes light, None if there is nothing that holds."""
+    kept = job.kept.samples
+    if kept is None or not kept.complete or not kept.holds_for(job.parts, job.emission):
+        return None
+    sampling = kept.sampling
+    choice = Choice("cached", sampling.name, sampling.samples, (_KEPT,), found=True)
+    return _cached(job, kept, None), choice
+
+
+def _new_sweep(job: SolveJob) -> tuple[Sweep, Choice]:
+    """Return how identities become light."""
+    job.kept.samples = None
+    identity, reasons, pace = choose_identity(job)
+    sweep, method, reason = _choose_sweep(job, identity)
+    return sweep, Choice(method, identity.name, identity.samples, (*reasons, reason), pace=pace)
 
 
 def _host_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
@@ -184,25 +208,44 @@ def _choose_sweep(job: SolveJob, identity: Identity) -> tuple[Sweep, str, str]:
     """Return how identities become light, the method's name, and why."""
     sizes = memory_clause(job, identity.row_bytes * job.count)
     if is_kept(job, identity):
-        sweep = CachedSweep(job.opencl, identity, job.count, _l1_gather(job, identity))
-        return sweep, "cached", f"It is kept: {sizes}."
+        return keeping_sweep(job, identity), "cached", f"It is kept: {sizes}."
     why = f"It is found anew in every iteration: {sizes}."
     if job.settings.method == "stream":
         why = "It is found anew in every iteration: the settings ask for it."
     return _stream(job, identity), "stream", why
 
 
+def keeping_sweep(job: SolveJob, identity: Identity) -> Sweep:
+    """Return a sweep that finds what patches see at first, and leaves it to the next bake."""
+    sampling = Sampling.of(identity)
+    job.kept.samples = KeptSamples(job.opencl, sampling, job.parts, job.emission, job.settings.directional)
+    return _cached(job, job.kept.samples, identity)
+
+
 def _stream(job: SolveJob, identity: Identity) -> Sweep:
     """Return how identities become light without being kept."""
-    l1 = _l1_gather(job, identity)
+    sampling = Sampling.of(identity)
+    l1, sources = _l1_gather(job, sampling), len(job.emission)
     if isinstance(identity, RayIdentity):
-        return RayStreamSweep(job.opencl, identity, job.count, l1)
-    fitting = min(memory_budget(job), job.settings.batch_bytes) // identity.row_bytes
-    return StreamSweep(job.opencl, identity, job.count, max(fitting, identity.batch), l1)
+        return RayStreamSweep(job.opencl, identity, job.count, sources, l1)
+    fitting = max(min(memory_budget(job), job.settings.batch_bytes) // identity.row_bytes, identity.batch)
+    backs = Backs(job.opencl, job.count, sources, job.settings.directional)
+    return StreamSweep(job.opencl, identity, backs, _static_light(job, sampling), job.count, fitting, l1)
 
 
-def _l1_gather(job: SolveJob, identity: Identity) -> L1Gather | NoL1:
+def _cached(job: SolveJob, kept: KeptSamples, identity: Identity | None) -> Sweep:
+    """Return how what is kept, or is to be found by an identity first, becomes light."""
+    sampling = kept.sampling
+    return CachedSweep(job.opencl, kept, identity, _static_light(job, sampling), _l1_gather(job, sampling))
+
+
+def _static_light(job: SolveJob, sampling: Sampling) -> StaticLight:
+    """Return what sums up the light that no bounce changes."""
+    return StaticLight(job.opencl, sampling, job.surroundings, job.rays.receivers, job.settings, job.count)
+
+
+def _l1_gather(job: SolveJob, sampling: Sampling) -> L1Gather | NoL1:
     """Return what gathers L1 for directional maps, if the settings ask for any."""
     if not job.settings.directional:
         return NoL1()
-    return L1Gather(job.opencl, identity, job.rays.receivers, job.settings, job.count)
+    return L1Gather(job.opencl, sampling, job.rays.receivers, job.settings, job.count)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Protocol
 
@@ -18,6 +18,7 @@ from ..solve.anderson import COLUMNS
 from ..solve.solver import PLAIN_COLUMNS
 from ..visibility.identity import Surroundings, surroundings
 from ..visibility.rays.ray_scene import RayScene
+from .kept import Kept
 
 
 class RemoteGather(Gather, Protocol):
@@ -36,6 +37,7 @@ class SolveJob:
     sampled_light  (n, 3) float32, E/pi of the light that shadow rays sample
     area           (n,) float32, m^2, of each patch
     remote         gathers for all patches on devices of other processes; None to gather here
+    kept           what an earlier bake has left of the same patches, and what this one leaves
     """
 
     graphics: Graphics
@@ -48,6 +50,7 @@ class SolveJob:
     area: np.ndarray
     settings: Settings
     remote: RemoteGather | None = None
+    kept: Kept = field(default_factory=Kept)
 
     @property
     def count(self) -> int:

@@ -88,7 +88,7 @@ class BakeStages(Schedule):
         self._residuals: list[float] = []
         self._reflectance = _REFLECTANCE
         self._names: dict[Stage, str] = {}
-        self._samples_of_sweep, self._kept, self._name = 0, False, ""
+        self._samples_of_sweep, self._kept, self._found, self._name = 0, False, False, ""
         texels = settings.resolution**2 * extent.atlases
         self.starting = self._stage("Starting", 1, _OPENING)
         self.patches = self._stage("Patches", texels + _TRIANGLE * extent.triangles, _TEXEL)
@@ -154,13 +154,13 @@ class BakeStages(Schedule):
 
     def chosen(self, choice: Choice) -> Progress:
         """Learn how patches gather, as the last step of choosing it."""
-        self._kept = choice.method == "cached"
+        self._kept, self._found = choice.method == "cached", choice.found
         self._samples_of_sweep = choice.patches * choice.samples
         finding, looking = f"Visibility {choice.visibility}", f"Bounces {choice.method} {choice.visibility}"
         self._foresee(self.visibility, finding, self.visibility.pace, choice.pace)
         self._foresee(self.final, finding, self.visibility.pace, choice.pace)
         self._foresee(self.bounces, looking, self.visibility.pace * (_LOOK_UP if self._kept else 1))
-        self.visibility.amount = self._samples_of_sweep if self._kept else 0
+        self.visibility.amount = self._samples_of_sweep if self._finds_first else 0
         self.final.amount = choice.final_samples
         self._expect_sweeps()
         return self.end()
@@ -185,8 +185,10 @@ class BakeStages(Schedule):
         return self._about(solution, 1.0, image)
 
     def learn(self) -> None:
-        """Keep the paces of this bake for the next one."""
+        """Keep the paces of this bake for the next one; patches that an earlier bake had made tell none."""
         for stage, name in self._names.items():
+            if stage is self.patches and self._found:
+                continue
             if stage.seconds > _SHORTEST and stage.done > 0:
                 self._paces[name] = stage.seconds / stage.done
 
@@ -218,15 +220,20 @@ class BakeStages(Schedule):
     def _expect_sweeps(self) -> None:
         """Set the work of the bounces to come."""
         sweeps = sweeps_left(self._residuals, self._settings, self._reflectance)
-        if self._kept and not self._residuals:
+        if self._finds_first and not self._residuals:
             sweeps -= 1
         self.bounces.amount = self.bounces.done + sweeps * self._samples_of_sweep
+
+    @property
+    def _finds_first(self) -> bool:
+        """True if the first sweep finds what the later ones look up."""
+        return self._kept and not self._found
 
     def _stage_of_iteration(self, solution: Solution) -> tuple[Stage, str]:
         """Return the stage that the next iteration belongs to, and its name."""
         if solution.gathers_finally:
             return self.final, self.final.name
-        if self._kept and not self._residuals:
+        if self._finds_first and not self._residuals:
             return self.visibility, self.visibility.name
         return self.bounces, f"Bounce {solution.iterations + 1}"
 

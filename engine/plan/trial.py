@@ -8,8 +8,8 @@ from collections.abc import Callable
 
 import pyopencl as cl
 
-from ..device.buffers import zeros
-from ..visibility.identity import Identity, SeenBuffers
+from ..gather.kept_samples import Backs
+from ..visibility.identity import Identity
 from ..visibility.raster.identity import RasterIdentity
 from ..visibility.rays.identity import RayIdentity
 from .memory import finding_sweeps, memory_budget
@@ -83,12 +83,10 @@ def _patches_per_second(job: SolveJob, identity: Identity) -> float:
 def _time(job: SolveJob, identity: Identity, tried: int) -> float:
     """Return the seconds that the views of some patches in the middle take."""
     compute, first = job.opencl, (job.count - tried) // 2
-    sizes = (identity.row_bytes * tried, 16 * job.count, 4 * job.count)
-    cache, static_light, seen = (cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size) for size in sizes)
-    l1 = zeros(compute, 48 * job.count) if job.settings.directional else None
-    buffers = SeenBuffers(cache, first, static_light, seen, l1)
+    cache = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, identity.row_bytes * tried)
+    backs = Backs(compute, job.count, len(job.emission), job.settings.directional)
     began = time.perf_counter()
-    for _ in identity.find(first, first + tried, buffers):
+    for _ in identity.find(first, first + tried, backs.found_with(cache, first)):
         pass
     compute.queue.finish()
     return time.perf_counter() - began

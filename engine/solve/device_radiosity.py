@@ -25,7 +25,7 @@ class DeviceRadiosity:
     """See `solve.Radiosity`; parameters as of `host_radiosity.HostRadiosity` but for emission.
 
     emission      float4 of each patch + 1, on the device, radiance that the patches see; entry 0 is black
-    radiance      float4 of each patch + 1; entry 0 is black
+    radiance      float4 of each patch + 1; entry 0 and the last, of the surroundings, are black
     patches_seen  float of each patch: the fraction of its view that other patches take
     """
 
@@ -57,7 +57,7 @@ class DeviceRadiosity:
         self._irradiance = (
             zeros(compute, 16 * self.count) if gathers_direct else upload_float4(compute, sampled_light)
         )
-        self.radiance = zeros(compute, 16 * (self.count + 1))
+        self.radiance = zeros(compute, 16 * (self.count + 2))
         compute.run(
             begin, self.count, self._emission, self._reflectance, self._irradiance, self.radiance,
             np.int32(self.count),

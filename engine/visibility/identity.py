@@ -29,20 +29,23 @@ def directional_options(settings: Settings) -> tuple[str, ...]:
 class SeenBuffers:
     """Where an Identity writes on the OpenCL device.
 
-    cache         a row of samples for each patch from `cached_from` on, uint16 or uint32: patch + 1, or 0
+    cache         a row of samples for each patch from `cached_from` on, uint16 or uint32: patch + 1 of a
+                  front, `Surroundings.outside` for the surroundings, else 0
     cached_from   the first patch of the cache
-    static_light  float4 of each patch: E/pi of sky and backs, which no bounce changes, and the fraction of
-                  the view that is no back
+    back_light    float4 of each patch: E/pi of the backs that it sees, and the fraction of its view that no
+                  back takes
     patches_seen  float of each patch: the fraction of its view that other patches take
-    static_l1     3 float4 of each patch, x, y and z: the L1 of the static light, see kernels/tilt.cl; None
+    backs_seen    uint8 of each source + 1: becomes 1 where a back is seen
+    back_l1       3 float4 of each patch, x, y and z: the L1 of the light of backs, see kernels/tilt.cl; None
                   unless the settings ask for directional maps
     """
 
     cache: cl.Buffer
     cached_from: int
-    static_light: cl.Buffer
+    back_light: cl.Buffer
     patches_seen: cl.Buffer
-    static_l1: cl.Buffer | None = None
+    backs_seen: cl.Buffer
+    back_l1: cl.Buffer | None = None
 
 
 class Identity(Protocol):
@@ -66,22 +69,55 @@ class Identity(Protocol):
 
 
 @dataclass(frozen=True)
+class Sampling:
+    """How an `Identity` samples views: all that is needed to look up what it has found.
+
+    name, samples, row_bytes, multiplier  as of the Identity
+    """
+
+    name: str
+    samples: int
+    row_bytes: int
+    multiplier: np.ndarray | None
+
+    @classmethod
+    def of(cls, identity: Identity) -> Sampling:
+        """Return how an identity samples."""
+        return cls(identity.name, identity.samples, identity.row_bytes, identity.multiplier)
+
+    @property
+    def even(self) -> bool:
+        """True if all samples weigh the same: they follow the cosine."""
+        return self.multiplier is None
+
+    @property
+    def sample_bytes(self) -> int:
+        """What a sample takes in the cache."""
+        return self.row_bytes // self.samples
+
+
+@dataclass(frozen=True)
 class Surroundings:
     """What is seen beside the fronts of patches, on the OpenCL device.
 
     emission  float4 of each patch + 1, radiance of backs; entry 0 is black
+    outside   what is kept of samples that meet the sky: the entry after that of the last patch
     sky       float4 of each pixel, radiance, equirectangular; row 0 below
     width, height  of the sky, pixels
+    dark      True if the sky is black
     """
 
     emission: cl.Buffer
+    outside: np.uint32
     sky: cl.Buffer
     width: np.int32
     height: np.int32
+    dark: bool
 
 
 def surroundings(compute: Compute, emission: np.ndarray, sky: np.ndarray) -> Surroundings:
     """Upload emission, (n, 3) float32, and sky, (h, w, 3) float32."""
     backs = upload_float4(compute, emission, first=1)
     pixels = upload_float4(compute, sky.reshape(-1, 3))
-    return Surroundings(backs, pixels, np.int32(sky.shape[1]), np.int32(sky.shape[0]))
+    size = np.int32(sky.shape[1]), np.int32(sky.shape[0])
+    return Surroundings(backs, np.uint32(len(emission) + 1), pixels, *size, not sky.any())

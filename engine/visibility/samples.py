@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from ..settings import Settings
 
-#: Most patches whose number plus 1 fits into 16 bits.
-_NARROW = (1 << 16) - 1
+#: Most patches whose numbers, one for nothing and one for the surroundings fit into 16 bits.
+_NARROW = (1 << 16) - 2
 
 
 def sample_bytes(sources: int) -> int:
-    """Return the bytes of a kept sample, 2 or 4: 0, or the number of one of `sources` patches plus 1."""
+    """Return the bytes of a kept sample, 2 or 4: an entry of the radiance of `sources` patches."""
     return 2 if sources <= _NARROW else 4
 
 

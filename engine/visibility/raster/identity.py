@@ -66,8 +66,8 @@ class RasterIdentity:
         self._resolve(
             self._queue, (group * (end - start),), (group,),
             self._copy.update(), self._weights, records,
-            surroundings.emission, surroundings.sky, surroundings.width, surroundings.height,
+            surroundings.emission, surroundings.outside,
             np.int32(self._tiles.columns), np.int32(self._tiles.n), np.int32(start),
-            np.int32(seen.cached_from), seen.cache, seen.static_light, seen.patches_seen,
-            seen.static_l1, cl.LocalMemory(16 * group),
+            np.int32(seen.cached_from), seen.cache, seen.back_light, seen.patches_seen, seen.backs_seen,
+            seen.back_l1, cl.LocalMemory(16 * group),
         )  # fmt: skip

@@ -27,12 +27,13 @@ class GatheredBuffers:
     """Where `RayIdentity.gather` writes on the OpenCL device.
 
     light         float4 of each patch: E/pi of all that is seen, and the fraction that is no back
-    patches_seen  float of each patch: the fraction of its view that other patches take
-    l1            3 float4 of each patch, see `SeenBuffers.static_l1`
+    patches_seen, backs_seen  as of `SeenBuffers`
+    l1            3 float4 of each patch, see `SeenBuffers.back_l1`
     """
 
     light: cl.Buffer
     patches_seen: cl.Buffer
+    backs_seen: cl.Buffer
     l1: cl.Buffer | None
 
 
@@ -71,20 +72,21 @@ class RayIdentity:
         lookups = (upload(compute, array) for array in arrays)
         self._arguments = (
             *rays.arguments, receivers.receivers, *lookups, np.int32(sources.patches.resolution),
-            surroundings.emission, surroundings.sky, surroundings.width, surroundings.height,
+            surroundings.emission, surroundings.outside,
             upload(compute, pattern), np.int32(self.samples), np.int32(settings.hemicube),
             np.uint32(rotation_salt(settings.seed)), np.int32(settings.rotate),
         )  # fmt: skip
+        self._sky = (surroundings.sky, surroundings.width, surroundings.height)
 
     def find(self, first: int, last: int, seen: SeenBuffers) -> Generator[float, None, None]:
         """Find what the patches first ... last see; yield the fraction done."""
         kept = (np.int32(seen.cached_from), seen.cache)
-        outputs = (*kept, seen.static_light, seen.patches_seen, seen.static_l1)
+        outputs = (*kept, seen.back_light, seen.patches_seen, seen.backs_seen, seen.back_l1)
         yield from self._run(self._look, first, last, outputs)
 
     def gather(self, count: int, radiance: cl.Buffer, seen: GatheredBuffers) -> Generator[float, None, None]:
         """Gather from radiance, float4 of each source + 1, for the first `count` patches; keep nothing."""
-        outputs = (radiance, seen.light, seen.patches_seen, seen.l1)
+        outputs = (radiance, *self._sky, seen.light, seen.patches_seen, seen.backs_seen, seen.l1)
         yield from self._run(self._gather_rays, 0, count, outputs)
 
     def _run(self, kernel: Kernel, first: int, last: int, outputs: tuple) -> Generator[float, None, None]:

@@ -1,0 +1,107 @@
+"""What patches see, kept on the OpenCL device: rows of samples that every sweep looks up."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+
+import numpy as np
+import pyopencl as cl
+
+from ..device.buffers import zeros
+from ..device.compute import Compute
+from ..patches.subdivision import Subdivision
+from ..visibility.identity import Identity, Sampling, SeenBuffers
+
+#: The largest piece of a cache, bytes.
+_PIECE = 1 << 30
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The samples of the patches first ... last."""
+
+    cache: cl.Buffer
+    first: int
+    last: int
+
+
+class Backs:
+    """The light of backs, on the OpenCL device: what an `Identity` finds beside samples.
+
+    light, patches_seen, seen, l1  as `back_light`, `patches_seen`, `backs_seen`, `back_l1` of `SeenBuffers`
+    """
+
+    def __init__(self, compute: Compute, count: int, sources: int, directional: bool) -> None:
+        self.light, self.patches_seen = zeros(compute, 16 * count), zeros(compute, 4 * count)
+        self.seen = zeros(compute, -(-(sources + 1) // 4) * 4)
+        self.l1 = zeros(compute, 48 * count) if directional else None
+
+    def found_with(self, cache: cl.Buffer, first: int) -> SeenBuffers:
+        """Return where an identity writes what patches from `first` on see."""
+        return SeenBuffers(cache, first, self.light, self.patches_seen, self.seen, self.l1)
+
+
+class KeptSamples:
+    """What patches see of each other, found by the first sweep of a bake.
+
+    It holds for any light of the same patches, but for emission of backs that are seen, which is not kept
+    by patch.
+
+    sampling  how views were sampled
+    count     patches that look
+    pieces    all rows, once they are found
+    """
+
+    def __init__(
+        self,
+        compute: Compute,
+        sampling: Sampling,
+        parts: Subdivision,
+        emission: np.ndarray,
+        directional: bool,
+    ) -> None:
+        """Take the patches that look, and the radiance, (m, 3) float32, of those that are seen."""
+        self._compute, self.sampling, self.count = compute, sampling, len(parts.patches)
+        self._parts, self._emission = parts, emission
+        self.backs = Backs(compute, self.count, len(emission), directional)
+        self.pieces: list[Rows] = []
+
+    @property
+    def complete(self) -> bool:
+        """True once it is found what all patches see."""
+        return bool(self.pieces) and self.pieces[-1].last == self.count
+
+    @property
+    def bytes(self) -> int:
+        """Memory of the device that it takes."""
+        return sum(rows.cache.size for rows in self.pieces) + self.backs.light.size
+
+    def find(self, identity: Identity) -> Generator[float, None, None]:
+        """Find what all patches see; yield the fraction done."""
+        row, context = self.sampling.row_bytes, self._compute.context
+        largest = min(_PIECE, self._compute.device.max_mem_alloc_size)
+        step = max(1, largest // row)
+        self.pieces.clear()
+        for first in range(0, self.count, step):
+            last = min(first + step, self.count)
+            cache = cl.Buffer(context, cl.mem_flags.READ_WRITE, row * (last - first))
+            for done in identity.find(first, last, self.backs.found_with(cache, first)):
+                yield (first + done * (last - first)) / self.count
+            self.pieces.append(Rows(cache, first, last))
+
+    def holds_for(self, parts: Subdivision, emission: np.ndarray) -> bool:
+        """Return whether it holds for patches of the same geometry that emit radiance, (m, 3) float32.
+
+        Groups of patches may be others than they were, since light decides where they end.
+        """
+        patches, mine = parts.patches, self._parts.patches
+        same = np.array_equal(patches.texel, mine.texel) and np.array_equal(patches.atlas, mine.atlas)
+        if not (same and np.array_equal(parts.texel_to_patch, self._parts.texel_to_patch)):
+            return False
+        if np.array_equal(emission, self._emission):
+            return True
+        marks = np.empty(self.backs.seen.size, np.uint8)
+        cl.enqueue_copy(self._compute.queue, marks, self.backs.seen)
+        seen = marks[1 : len(emission) + 1] > 0
+        return not (emission[seen].any() or self._emission[seen].any())

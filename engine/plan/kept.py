@@ -1,0 +1,96 @@
+"""What a bake leaves to the next one of its session: all that lights, colours and the world do not change."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from pathlib import Path
+
+from ..device.compute import Compute
+from ..device.graphics import Graphics
+from ..gather.kept_samples import KeptSamples
+from ..patches.subdivision import Subdivision, subdivide
+from ..patches.surfaces import patch_surfaces
+from ..scene.digests import geometry_digest, surfaces_digest
+from ..scene.model import Scene
+from ..settings import Settings
+from ..visibility.identity import directional_options
+from ..visibility.rays.ray_scene import RayScene
+
+#: Settings that change nothing of what patches are and see. Whether light bounces and has directions does.
+_LEAVING_VISIBILITY = frozenset({
+    "accelerate", "ao_distance", "ao_samples", "denoise", "denoise_device", "denoise_library", "dilation",
+    "hide_seams", "intermediates", "iterations", "kept_budget", "light_samples", "outputs", "sample_emission",
+    "texel_samples", "tolerance",
+})  # fmt: skip
+
+#: What is kept takes this part of the device's memory by default.
+_PART = 4
+
+
+class Kept:
+    """The patches of a scene, the rays through it, and what patches see, on the devices of a session.
+
+    It serves any bake of the same geometry, lightmap UVs and transparency by the same settings, as far as
+    these change what patches see.
+
+    samples  what patches see; None if that is not kept
+    """
+
+    samples: KeptSamples | None
+    _parts: Subdivision | None
+    _rays: RayScene | None
+
+    def __init__(self) -> None:
+        self._key: tuple | None = None
+        self._surfaces_key = b""
+        self.clear()
+
+    def clear(self) -> None:
+        """Drop everything."""
+        self._parts = self._rays = self.samples = None
+
+    def subdivide(
+        self, graphics: Graphics, compute: Compute | None, scene: Scene, settings: Settings
+    ) -> Subdivision:
+        """Return the patches of a scene whose occluders have places; see `patches.subdivision.subdivide`.
+
+        All that is kept of other geometry, or by other settings, is dropped.
+        """
+        key, surfaces = (geometry_digest(scene), *_visibility_settings(settings)), surfaces_digest(scene)
+        if key != self._key:
+            self.clear()
+        if self._parts is None:
+            self._parts = subdivide(graphics, compute, scene, settings)
+        elif surfaces != self._surfaces_key:
+            made = patch_surfaces(compute, scene, self._parts.geometry, settings.resolution)
+            self._parts = replace(self._parts, surfaces=made)
+        self._key, self._surfaces_key = key, surfaces
+        return self._parts
+
+    def ray_scene(self, compute: Compute | None, parts: Subdivision) -> RayScene:
+        """Return what casts rays from the patches of the scene."""
+        if self._rays is None:
+            self._rays = RayScene(compute, parts)
+        return self._rays
+
+    def limit(self, compute: Compute | None, budget: int) -> None:
+        """Drop what patches see if it takes more memory of the device than a budget, bytes.
+
+        0 is a quarter of the device's.
+        """
+        if compute is None or self.samples is None:
+            return
+        if self.samples.bytes > (budget or compute.device.global_mem_size // _PART):
+            self.samples = None
+
+
+def _visibility_settings(settings: Settings) -> tuple:
+    """Return all of the settings that may change what patches are and what they see."""
+    names = [entry.name for entry in fields(settings) if entry.name not in _LEAVING_VISIBILITY]
+    values = (getattr(settings, name) for name in names)
+    return (*values, settings.bounces, directional_options(settings), _modified(settings.patch_file))
+
+
+def _modified(path: str | None) -> int | None:
+    """Return when a file was written last, ns; None without one."""
+    return Path(path).stat().st_mtime_ns if path is not None and Path(path).exists() else None

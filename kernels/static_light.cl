@@ -1,0 +1,32 @@
+// The static light, which no bounce changes: that of the surroundings where kept samples meet them, and that of
+// the backs, which is known. One patch a group, of the rows of patches from `cached_from` on.
+
+__kernel void add_surroundings(__global const Front *cache, const int cached_from, const uint outside,
+                               __global const ReceiverRecord *receivers, SAMPLES, const int samples, const int n,
+                               const uint salt, const int rotate, __global const float4 *sky, const int sky_width,
+                               const int sky_height, const int start, __global const float4 *back_light,
+                               __global const float4 *back_l1, __global float4 *static_light,
+                               __global float4 *static_l1, __local float4 *partial)
+{
+    const int patch = start + get_group_id(0);
+    __global const Front *row = cache + (size_t)(patch - cached_from) * samples;
+    const Receiver receiver = load_receiver(receivers + patch);
+    const View view = view_of(&receiver, patch, salt, rotate);
+    ViewSum sum = {(float4)(0.0f)};
+    for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
+        if (row[i] != outside)
+            continue;
+        const float3 direction = sample_direction(&view, i, pattern, n);
+        const float3 light = surroundings(direction, sky, (int2)(sky_width, sky_height)).xyz;
+        add_light(&sum, WEIGHT(i) * (float4)(light, 0.0f), tilt_of(direction, view.normal));
+    }
+    if (get_local_id(0) == 0) {
+        sum.light += back_light[patch];
+#ifdef DIRECTIONAL
+        sum.l1.x += back_l1[3 * (size_t)patch];
+        sum.l1.y += back_l1[3 * (size_t)patch + 1];
+        sum.l1.z += back_l1[3 * (size_t)patch + 2];
+#endif
+    }
+    store_light(&sum, patch, static_light, static_l1, partial);
+}

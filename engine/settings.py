@@ -299,7 +299,7 @@ class Settings:
         None,
     )
     cache_dir: str | None = described(
-        None, "Kernel Cache", "Folder for compiled kernels; None for PyOpenCL's own", FilePath(), None
+        None, "Kernel Cache", "Folder for compiled kernels; None keeps none", FilePath(), None
     )
 
     @property

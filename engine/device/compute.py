@@ -10,6 +10,7 @@ import pyopencl as cl
 
 from ..errors import DeviceError
 from .kernel import Kernel
+from .program_cache import ProgramCache, build
 from .record import Record
 from .source import kernel_source
 from .starters import keep_starters_in_memory
@@ -26,8 +27,8 @@ _PROBE = "__kernel void probe(__global float *x) { x[get_global_id(0)] = sqrt(2.
 class Compute:
     """An OpenCL context with one in-order queue; the first GPU found, else the first device that works.
 
-    opencl_device  see `Settings.opencl_device`
-    context_of     makes the context of a device
+    cache_dir, opencl_device  see `Settings`
+    context_of                makes the context of a device
 
     Raises DeviceError if there is no device that can build kernels.
     """
@@ -38,12 +39,13 @@ class Compute:
         opencl_device: str | None = None,
         context_of: Callable[[cl.Device], cl.Context] = lambda device: cl.Context([device]),
     ) -> None:
-        self._cache_dir, self._context_of = cache_dir, context_of
+        self._context_of = context_of
         keep_starters_in_memory()
-        self._programs: dict[tuple, cl.Program] = {}
+        self._built: dict[tuple, cl.Program] = {}
         self._kernels: dict[tuple, Kernel] = {}
         self.context = self._first_working_context(_chosen(found_devices(), opencl_device))
         self.device = self.context.devices[0]
+        self._programs = ProgramCache(self.context, cache_dir)
         self.queue = cl.CommandQueue(self.context)
         self.name = self.device.name.strip()
 
@@ -65,12 +67,11 @@ class Compute:
         """
         parts = (source,) if isinstance(source, str) else source
         key = (parts, tuple(options))
-        if key not in self._programs:
-            text = "\n".join(map(kernel_source, parts))
-            self._programs[key] = _build(self.context, text, self._cache_dir, options)
+        if key not in self._built:
+            self._built[key] = self._programs.build("\n".join(map(kernel_source, parts)), options)
         for name in names:
             if (key, name) not in self._kernels:
-                self._kernels[key, name] = Kernel(self._programs[key], name, self.device)
+                self._kernels[key, name] = Kernel(self._built[key], name, self.device)
         return [self._kernels[key, name] for name in names]
 
     def run(self, kernel: Kernel, items: int, *arguments: object) -> None:
@@ -96,7 +97,7 @@ class Compute:
         failures = []
         for device in devices:
             try:
-                return _probed(self._context_of(device), self._cache_dir)
+                return _probed(self._context_of(device))
             except cl.Error as error:
                 failures.append(
                     f"{device.name.strip()} ({device.platform.version.strip()}): {_reason(error)}"
@@ -106,22 +107,16 @@ class Compute:
         )
 
 
-def _probed(context: cl.Context, cache_dir: str | None) -> cl.Context:
+def _probed(context: cl.Context) -> cl.Context:
     """Return a context that has built a kernel; raises cl.Error."""
-    _build(context, _PROBE, cache_dir)
+    build(context, _PROBE)
     return context
-
-
-def _build(
-    context: cl.Context, source: str, cache_dir: str | None, options: Sequence[str] = ()
-) -> cl.Program:
-    return cl.Program(context, source).build(list(options), cache_dir=cache_dir)
 
 
 def trouble_with(device: cl.Device) -> str:
     """Return why a device cannot build kernels, empty if it can."""
     try:
-        _probed(cl.Context([device]), None)
+        _probed(cl.Context([device]))
     except cl.Error as error:
         return _reason(error)
     return ""

@@ -66,14 +66,15 @@ def workstation(monkeypatch):
         Device(new, "cpu ", kinds.CPU),
     ]
 
-    def probed(device, cache_dir):
-        if not device.works:
+    def probed(context):
+        if not context.devices[0].works:
             raise compute.cl.RuntimeError("error: unknown target CPU 'generic'")
-        return type("Context", (), {"devices": [device]})()
+        return context
 
     for module in (compute, survey):
         monkeypatch.setattr(module, "found_devices", lambda: devices)
     monkeypatch.setattr(compute, "_probed", probed)
+    monkeypatch.setattr(compute.cl, "Context", lambda devices: type("Context", (), {"devices": devices})())
     monkeypatch.setattr(compute.cl, "CommandQueue", lambda context: None)
     return devices
 

@@ -1,0 +1,112 @@
+"""Built OpenCL programs, kept in files: a device builds each source once, whichever process asks for it.
+
+PyOpenCL leaves that to NVIDIA's driver and to PoCL, which do it as their own settings say.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from pathlib import Path
+
+import pyopencl as cl
+
+#: Threads that load programs of earlier processes, and the most programs that are kept of a device.
+_THREADS, _MOST = 4, 96
+
+#: Bytes of the checksum of a program.
+_CHECKSUM = 16
+
+
+class ProgramCache:
+    """The programs of a device's context.
+
+    folder  where programs are kept, in a folder for each device and driver; None keeps none
+
+    Those of earlier processes are loaded at once by threads: building does not hold Python's lock.
+    """
+
+    def __init__(self, context: cl.Context, folder: str | None) -> None:
+        self._context, (self._device,) = context, context.devices
+        self._folder = None if folder is None else Path(folder) / _device_digest(self._device)
+        self._loading: dict[str, Future[cl.Program]] = {}
+        files = _newest(self._folder)
+        if files:
+            threads = ThreadPoolExecutor(_THREADS, "programs")
+            self._loading = {path.name: threads.submit(self._load, path) for path in files}
+            threads.shutdown(wait=False)
+
+    def build(self, source: str, options: Sequence[str] = ()) -> cl.Program:
+        """Return a program of some source, ready for kernels; raises cl.Error if it cannot be built."""
+        name = hashlib.blake2b("\0".join([source, *options]).encode(), digest_size=20).hexdigest()
+        if name in self._loading:
+            with suppress(cl.Error, OSError):
+                program = self._loading.pop(name).result()
+                self._mark(name)
+                return program
+        program = build(self._context, source, options)
+        self._store(name, program)
+        return program
+
+    def _load(self, path: Path) -> cl.Program:
+        """Return the program of a file; raises cl.Error or OSError if it is none of this device, or damaged.
+
+        A driver may crash on a binary that is not whole, so that its checksum is looked at before.
+        """
+        content = path.read_bytes()
+        checksum, binary = content[:_CHECKSUM], content[_CHECKSUM:]
+        if checksum != _checksum(binary):
+            raise OSError(f"'{path}' is damaged")
+        return cl.Program(self._context, [self._device], [binary]).build()
+
+    def _mark(self, name: str) -> None:
+        """Note that a program is in use: those that are not for long are removed."""
+        if self._folder is not None:
+            with suppress(OSError):
+                os.utime(self._folder / name)
+
+    def _store(self, name: str, program: cl.Program) -> None:
+        """Keep a program; a folder that cannot be written stops nothing. Under its name a file is whole."""
+        if self._folder is None:
+            return
+        with suppress(OSError, cl.Error):
+            (binary,) = program.get_info(cl.program_info.BINARIES)
+            self._folder.mkdir(parents=True, exist_ok=True)
+            partial = self._folder / f".{name}.{os.getpid()}"
+            partial.write_bytes(_checksum(binary) + binary)
+            partial.replace(self._folder / name)
+
+
+def build(context: cl.Context, source: str, options: Sequence[str] = ()) -> cl.Program:
+    """Return a program built from source, and kept by nobody but the driver; raises cl.Error."""
+    return cl.Program(context, source).build(list(options), cache_dir=False)
+
+
+def _checksum(binary: bytes) -> bytes:
+    """Return what a file of a program begins with."""
+    return hashlib.blake2b(binary, digest_size=_CHECKSUM).digest()
+
+
+def _newest(folder: Path | None) -> list[Path]:
+    """Return the programs in a folder that were used last; remove the others."""
+    if folder is None or not folder.is_dir():
+        return []
+    with suppress(OSError):
+        files = sorted(folder.iterdir(), key=lambda path: path.stat().st_mtime, reverse=True)
+        for path in files[_MOST:]:
+            path.unlink(missing_ok=True)
+        return [path for path in files[:_MOST] if not path.name.startswith(".")]
+    return []
+
+
+def _device_digest(device: cl.Device) -> str:
+    """Return a name for all that binaries of a device depend on beside their source."""
+    platform = device.platform
+    facts = (
+        platform.vendor, platform.name, platform.version, device.vendor, device.name, device.version,
+        device.driver_version,
+    )  # fmt: skip
+    return hashlib.blake2b("\0".join(facts).encode(), digest_size=10).hexdigest()

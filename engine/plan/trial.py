@@ -13,6 +13,7 @@ from ..visibility.identity import Identity
 from ..visibility.raster.identity import RasterIdentity
 from ..visibility.rays.identity import RayIdentity
 from .memory import finding_sweeps, memory_budget
+from .rates import DrawingRates
 from .solve_job import SolveJob
 
 #: Patches that are tried first, how many times more the next try takes, and when a try is long enough, s.
@@ -20,6 +21,9 @@ _TRIED, _MORE, _LONG_ENOUGH = 32, 8, 0.01
 
 #: If rays take less than this for all patches, drawing is not tried: the trial would take about as long, s.
 _SHORT = 0.5
+
+#: Nor if rays are faster by this factor than drawing ever was on this device.
+_CLEARLY = 10
 
 
 def make_identity(job: SolveJob, visibility: str) -> Identity:
@@ -37,22 +41,45 @@ def choose_identity(job: SolveJob) -> tuple[Identity, list[str], float]:
         return makers[wanted](), [f"The settings ask for {wanted}."], math.nan
     tried: dict[str, Identity] = {}
     rates: dict[str, float] = {}
+    why_alone = ""
     for name, make in makers.items():
         tried[name] = make()
         rates[name] = _patches_per_second(job, tried[name])
-        if rates[name] * _SHORT > job.count * finding_sweeps(job, tried[name]):
+        why_alone = _why_alone(job, tried[name], rates[name])
+        if why_alone:
             break
     best = max(rates, key=lambda name: rates[name])
     told = " and ".join(f"{name} {rate:,.0f} ({tried[name].samples} samples)" for name, rate in rates.items())
     reasons = [f"Views of patches found in a second: {told}."]
-    if len(tried) < len(makers):
-        reasons.append(f"Nothing else was tried: {best} find all of them in {job.count / rates[best]:.2g} s.")
+    if why_alone and len(tried) < len(makers):
+        reasons.append(f"Nothing else was tried: {why_alone}.")
+    if "raster" in rates:
+        drawing, texels = _drawing_rates(job)
+        drawing.learn(len(job.parts.triangles.positions), rates["raster"] * texels)
 
     # The memory of what was rejected is free for the bake.
     chosen = tried.pop(best)
     tried.clear()
     job.graphics.collect()
     return chosen, reasons, 1 / (rates[best] * chosen.samples)
+
+
+def _why_alone(job: SolveJob, identity: Identity, rate: float) -> str:
+    """Return why a way that finds `rate` views in a second is not compared with drawing, empty if it is."""
+    if rate * _SHORT > job.count * finding_sweeps(job, identity):
+        return f"{identity.name} find all of them in {job.count / rate:.2g} s"
+    drawing, texels = _drawing_rates(job)
+    drawn = drawing.bound(len(job.parts.triangles.positions)) / texels
+    if rate > _CLEARLY * drawn:
+        return f"drawing has found no more than {drawn:,.0f} on this device"
+    return ""
+
+
+def _drawing_rates(job: SolveJob) -> tuple[DrawingRates, int]:
+    """Return how fast hemicubes of a job's width were drawn, and the texels of each."""
+    settings = job.settings
+    rates = DrawingRates(settings.cache_dir, job.graphics.name, settings.hemicube)
+    return rates, 3 * settings.hemicube**2
 
 
 def _makers(job: SolveJob) -> dict[str, Callable[[], Identity]]:

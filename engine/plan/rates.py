@@ -1,0 +1,53 @@
+"""How fast hemicubes were drawn on this machine, from one bake to the next."""
+
+from __future__ import annotations
+
+import json
+import math
+from contextlib import suppress
+from pathlib import Path
+
+
+class DrawingRates:
+    """The highest rates at which a device drew hemicubes of one width, texels a second, in a file.
+
+    Of scenes by the power of two of their triangles: fewer are drawn no slower, so the rates of these bound
+    that of a scene. A file that cannot be read or written is as good as none.
+
+    folder  of the file; None for no file
+    device  name of the OpenGL renderer
+    """
+
+    def __init__(self, folder: str | None, device: str, hemicube: int) -> None:
+        self._path = None if folder is None else Path(folder) / "drawing_rates.json"
+        self._name = f"{device}, {hemicube}"
+
+    def bound(self, triangles: int) -> float:
+        """Return the rate that drawing a scene will hardly exceed; infinite where nothing is known of it."""
+        known = self._known().get(self._name, {})
+        rates = [rate for size, rate in known.items() if int(size) <= triangles.bit_length()]
+        return max(rates, default=math.inf)
+
+    def learn(self, triangles: int, rate: float) -> None:
+        """Note a rate that was measured."""
+        if self._path is None:
+            return
+        known = self._known()
+        rates, size = known.setdefault(self._name, {}), str(triangles.bit_length())
+        rates[size] = max(rate, rates.get(size, 0.0))
+        with suppress(OSError):
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            partial = self._path.with_suffix(".partial")
+            partial.write_text(json.dumps(known, indent=1), encoding="utf-8")
+            partial.replace(self._path)
+
+    def _known(self) -> dict[str, dict[str, float]]:
+        """Return the rates by the device and hemicube, and the binary digits of the number of triangles."""
+        with suppress(OSError, ValueError, AttributeError, TypeError):
+            if self._path is not None:
+                known = json.loads(self._path.read_text(encoding="utf-8"))
+                return {
+                    str(name): {str(int(size)): float(rate) for size, rate in rates.items()}
+                    for name, rates in known.items()
+                }
+        return {}

@@ -10,7 +10,7 @@ import numpy as np
 from .errors import DeviceError
 from .lightmap import Lightmap
 from .progress import Progress, Schedule, Stage
-from .scene.model import Material, Mesh, Scene
+from .scene.model import Light, Material, Mesh, Scene
 from .settings import Settings
 
 #: A bake in this process or in another one, which may have nothing to tell at times.
@@ -90,7 +90,7 @@ def _checked(lightmap: Lightmap, way: str) -> float:
     )
 
 
-def furnace() -> Scene:
+def furnace(lights: tuple[Light, ...] = ()) -> Scene:
     """Return a closed cube, seen from inside, whose walls reflect half and shine."""
     corners = _walls()
     split = np.array([[0, 1, 2], [0, 2, 3]])
@@ -107,7 +107,8 @@ def furnace() -> Scene:
         material=np.zeros(12, np.int32),
     )
     grey = np.ones(3, np.float32)
-    return Scene((mesh,), (Material("Furnace", _REFLECTANCE * grey, _EMISSION * grey),), ("Furnace",))
+    material = Material("Furnace", _REFLECTANCE * grey, _EMISSION * grey)
+    return Scene((mesh,), (material,), ("Furnace",), lights=lights)
 
 
 def _walls() -> np.ndarray:

@@ -19,7 +19,7 @@ from .device.packages import require_packages
 from .errors import DeviceError, DeviceMemoryError, SettingsError
 from .lightmap import Lightmap
 from .plan.stages import BakeStages, Extent
-from .progress import Progress
+from .progress import Progress, finished
 from .scene.checks import check_scene
 from .scene.model import Scene
 from .settings import Settings, check_settings
@@ -63,6 +63,13 @@ class Session:
             if not begins_with_kept:
                 raise
         return (yield from self._bake(scene, settings))
+
+    def warm_up(self, scene: Scene, settings: Settings) -> None:
+        """Build what bakes by like settings need, but learn nothing of how long they take."""
+        paces = dict(self._paces)
+        finished(self.bake(scene, settings))
+        self._paces = paces
+        self.forget()
 
     def forget(self) -> None:
         """Free what is kept of the last bake, but keep the devices."""
@@ -160,6 +167,11 @@ def find_devices(opencl_device: str | None) -> Generator[Progress, None, DeviceS
     from .device.survey import survey
 
     return survey(opencl_device)
+
+
+def warm_up(scene: Scene, settings: Settings) -> None:
+    """Make the one session of this process ready; see `Session.warm_up`."""
+    _session.warm_up(scene, settings)
 
 
 def forget() -> None:

@@ -22,10 +22,11 @@ def unregister() -> None:
     """Stop all that bakes, then unregister the command, the operators and the properties."""
     import bpy
 
-    from . import command_line, file_handlers, properties, translations
+    from . import command_line, file_handlers, properties, translations, warm_up
     from .devices import finder
     from .worker_owner import owner
 
+    warm_up.unbind()
     finder.stop()
     owner.stop()
     command_line.unregister()

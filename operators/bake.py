@@ -15,6 +15,7 @@ from .log import log
 from .run import Run
 from .telling import tell
 from .viewports import restart_renders
+from .warm_up import warm_up
 from .window_bake import WindowBake
 from .worker_owner import owner, poll_idle
 
@@ -54,6 +55,7 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Start a run that bakes in the worker process; `modal` follows it."""
         last_failure.forget()
+        warm_up()
         run = Run(context, owner.bake_in_worker(), made_uvs=lambda: _push_undo("Make Lightmap UVs"))
         self._bake = WindowBake(context, run)
         context.window_manager.modal_handler_add(self)

@@ -1,4 +1,7 @@
-"""What happens when a file is saved or appended: lightmap UVs that nothing needs are removed."""
+"""What happens when a file is saved or appended, or another one is opened.
+
+Lightmap UVs that nothing needs are removed; what the last bake of the old file has left on devices is freed.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +20,23 @@ def _tidy(*_: object) -> None:
         remove_unused_uvs()
 
 
+@persistent
+def _forget(*_: object) -> None:
+    """Free what is kept of bakes of the file before."""
+    owner.forget()
+
+
 def bind() -> None:
     """Let Blender call it."""
+    bpy.app.handlers.load_post.append(_forget)
     for name in FILE_EVENTS:
         getattr(bpy.app.handlers, name).append(_tidy)
 
 
 def unbind() -> None:
     """Let Blender call it no more."""
+    if _forget in bpy.app.handlers.load_post:
+        bpy.app.handlers.load_post.remove(_forget)
     for name in FILE_EVENTS:
         handlers = getattr(bpy.app.handlers, name)
         if _tidy in handlers:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Generator
+from contextlib import suppress
+from dataclasses import asdict
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -11,6 +13,7 @@ from typing import TYPE_CHECKING, Protocol
 import bpy
 
 from ..engine import session
+from ..engine.errors import WorkerError
 from .user_files import read_paces
 
 if TYPE_CHECKING:
@@ -38,10 +41,12 @@ class WorkerOwner:
     """Starts a worker when one is needed and none is alive; ends all that bakes with the add-on.
 
     running  the bake that a window follows
+    warm     True once the worker was started ahead of a bake; if it dies, bakes start the next one
     """
 
     def __init__(self) -> None:
         self._worker: Worker | None = None
+        self.warm = False
         self.running: RunningBake | None = None
 
     @property
@@ -77,6 +82,19 @@ class WorkerOwner:
             self._worker = new_worker("engine.session:bake")
         return self._worker
 
+    def warm_up(self, settings: Settings) -> None:
+        """Start the worker, and let it build what most bakes need; raises WorkerError if it cannot start."""
+        if not (self.warm or self.busy):
+            self.warm = True
+            self.worker().call("engine.warm_up:warm_up", asdict(settings))
+
+    def forget(self) -> None:
+        """Free what is kept of the last bake, here and in the worker."""
+        session.forget()
+        if self._worker is not None and self._worker.alive and not self.busy:
+            with suppress(WorkerError):
+                self._worker.call("engine.session:forget")
+
     def printed(self) -> str:
         """Return what the worker has printed since the last call; it may be at work on nothing."""
         return "" if self._worker is None or self.busy else self._worker.printed()
@@ -85,6 +103,7 @@ class WorkerOwner:
         """Cancel the bake that is running, end the worker process, and free the devices of this process."""
         if self.running is not None:
             self.running.cancel()
+        self.warm = False
         worker, self._worker = self._worker, None
         if worker is not None:
             worker.stop()

@@ -7,6 +7,7 @@ import bpy
 from ..engine.settings import shown_in
 from ..operators.denoise_library import denoise_library
 from ..operators.result.preview import shows_preview
+from ..operators.warm_up import warm_up_soon
 from .presets import draw_presets
 from .progress import draw_bake_button
 from .sidebar import Sidebar, split_properties
@@ -19,6 +20,7 @@ class HEMIBAKE_PT_bake(Sidebar, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, settings = self.layout, context.scene.hemibake
+        warm_up_soon()
         draw_presets(layout, settings)
         for name in ("target", "size_mode"):
             layout.row().prop(settings, name, expand=True)

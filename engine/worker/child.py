@@ -13,6 +13,7 @@ take turns in using it:
                                   <-  lightmap or error (in the block); the bake is over
     cancel                        ->
                                   <-  cancelled; the bake is over
+    call MODULE:FUNCTION (builtins) ->                            between bakes; nothing is answered
 """
 
 from __future__ import annotations
@@ -94,6 +95,16 @@ def serve(connection: Connection[Any, Any], bake: Bake) -> None:
             _answer(connection, bake, *names)
         elif request == "cancel":
             connection.send(("cancelled",))
+        elif request == "call":
+            _call(*names)
+
+
+def _call(function: str, *arguments: object) -> None:
+    """Run a function that nobody waits for; why it fails is printed."""
+    try:
+        found(function)(*arguments)
+    except Exception:  # noqa: BLE001
+        traceback.print_exc()
 
 
 def _answer(connection: Connection[Any, Any], bake: Bake, name: str) -> None:
@@ -147,6 +158,12 @@ def _yield_to_the_window() -> None:
         os.nice(_NICENESS)
 
 
+def found(name: str) -> Callable[..., Any]:
+    """Return the function "module:function"."""
+    module, function = name.split(":")
+    return getattr(importlib.import_module(module), function)
+
+
 def main() -> None:
     """Serve one parent until it closes the connection or dies."""
     parser = argparse.ArgumentParser(prog="engine.worker.child", description=__doc__)
@@ -163,8 +180,7 @@ def main() -> None:
     keep_freed_memory()
 
     connection = _inherited(arguments.handle)
-    module, function = arguments.bake.split(":")
-    bake = getattr(importlib.import_module(module), function)
+    bake = found(arguments.bake)
     with connection, suppress(EOFError, OSError):
         connection.send(("ready",))
         serve(connection, bake)

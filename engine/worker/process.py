@@ -51,7 +51,10 @@ PATIENCE = 2.0
 
 
 class WorkerProcess:
-    """A child process that runs `engine.worker.child`, and the connection to it."""
+    """A child process that runs `engine.worker.child`, and the connection to it.
+
+    answered  True once the process has said that it is there
+    """
 
     def __init__(self, executable: str, search_path: Sequence[str], bake: str, job: Job = BAKING) -> None:
         """Start the process with `search_path` as its PYTHONPATH; `bake` is "module:function".
@@ -61,7 +64,7 @@ class WorkerProcess:
         # The process inherits its end of the connection, which closes when this one dies; its log has
         # no name. So nothing stays behind, whichever of the two is killed, and when.
         self._connection, inherited = Pipe()
-        self._answered, self._job = False, job
+        self.answered, self._job = False, job
         self._log, self._printed = tempfile.TemporaryFile(buffering=0), 0  # noqa: SIM115
 
         command = [executable, "-s", "-P", "-m", "engine.worker.child", "--bake", bake]
@@ -98,7 +101,7 @@ class WorkerProcess:
             if time.monotonic() > deadline:
                 self._fail(f"did not answer within {limit:g} s of its start", START_REMEDY)
             yield
-        self._answered = True
+        self.answered = True
 
     def send(self, *message: object) -> None:
         """Send a short message; raise a WorkerError if the process is dead."""
@@ -138,7 +141,7 @@ class WorkerProcess:
     def _fail_ended(self) -> NoReturn:
         """Raise a WorkerError because the process has closed its end, and so is about to leave."""
         self._wait()
-        if self._answered:
+        if self.answered:
             self._fail("ended in the middle of its work", self._job.remedy)
         self._fail("could not start", START_REMEDY)
 
@@ -180,7 +183,7 @@ class WorkerProcess:
     def _end(self) -> int:
         # A closed connection asks the process to leave; one that has not answered yet may not hear that.
         self._connection.close()
-        if not self._answered:
+        if not self.answered:
             self.popen.kill()
         return self._wait()
 

@@ -22,7 +22,7 @@ Bake = Generator[Progress | None, None, Lightmap]
 class Worker:
     """Runs `engine.bake` in a child process that stays alive between bakes.
 
-    The process is started by the first bake, and again by the bake after it died. It ends with
+    The process is started by the first bake or call, and again by the one after it died. It ends with
     `stop`, and by itself when the parent dies. The protocol is in `engine.worker.child`.
     """
 
@@ -82,6 +82,15 @@ class Worker:
         finally:
             self._busy = False
 
+    def call(self, function: str, *arguments: object) -> None:
+        """Have the child run "module:function" before its next bake; start it if there is none.
+
+        arguments: builtins. Does not wait, and does nothing while a bake runs. Raises a WorkerError if the
+        child cannot be started.
+        """
+        if not self._busy:
+            self._child_process().send("call", function, *arguments)
+
     def printed(self) -> str:
         """Return what an idle child has printed since the last call.
 
@@ -97,17 +106,22 @@ class Worker:
 
     def _ready_child(self) -> Generator[None, None, WorkerProcess]:
         """Return the child, started and connected to; yield meanwhile."""
-        if self._child and self._child.alive:
-            return self._child
-        self.stop()
-        child = WorkerProcess(self._executable, self._search_path, self._bake, self._job)
-        self._child = child
+        child = self._child_process()
+        if child.answered:
+            return child
         try:
             yield from child.connect(self._start_limit)
         except BaseException:
             self.stop()
             raise
         return child
+
+    def _child_process(self) -> WorkerProcess:
+        """Return the child, started if there is none; it may have to be connected to."""
+        if not self.alive:
+            self.stop()
+            self._child = WorkerProcess(self._executable, self._search_path, self._bake, self._job)
+        return self._child  # type: ignore[return-value]
 
     def _converse(self, child: WorkerProcess, block: SharedBlock) -> Generator[Progress | None, None, Any]:
         """Have the child work on what is in the block; cancel it if anything goes wrong on this side."""

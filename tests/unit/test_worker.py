@@ -271,6 +271,32 @@ def test_child_that_died_between_bakes_is_replaced(start):
     assert isinstance(_finish(worker.bake(_scene(), SETTINGS))[1], Lightmap)
 
 
+def test_what_is_called_runs_in_the_process_of_the_bakes_before_the_next_one(start, tmp_path):
+    """A call starts the process and does not wait; a bake that follows at once finds all of it done."""
+    worker, notes = start("echo"), tmp_path / "notes"
+    for text in ("first", "second"):
+        worker.call("worker_bakes:note", str(notes), text)
+    lightmap = _finish(worker.bake(_scene(), SETTINGS))[1]
+    pid = lightmap.report.devices["pid"]
+    assert notes.read_text() == f"{pid} first\n{pid} second\n"
+
+
+def test_a_call_that_fails_is_printed_and_harms_nothing(start):
+    worker = start("echo")
+    worker.call("worker_bakes:no_such_function")
+    assert isinstance(_finish(worker.bake(_scene(), SETTINGS))[1], Lightmap)
+    assert "no_such_function" in worker.printed()
+
+
+def test_a_call_in_the_middle_of_a_bake_is_left_out(start, tmp_path):
+    worker, notes = start("echo"), tmp_path / "notes"
+    job = worker.bake(_scene(), SETTINGS)
+    _first(job)
+    worker.call("worker_bakes:note", str(notes), "now")
+    assert isinstance(_finish(job)[1], Lightmap)
+    assert not notes.exists()
+
+
 def test_crash_shows_exit_status_and_last_words(start):
     with pytest.raises(WorkerError, match=r"(?s)exit status 3.*last words"):
         _finish(start("crash").bake(_scene(), SETTINGS))

@@ -1,6 +1,6 @@
 """What happens when a file is saved or appended, or another one is opened.
 
-Lightmap UVs that nothing needs are removed; what the last bake of the old file has left on devices is freed.
+Lightmap UVs that nothing needs are removed; what bakes of the old file have left is freed.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from .compat import FILE_EVENTS
+from .scene.materials.kept_evaluations import kept_evaluations
 from .scene.uvs.uv_node_group import remove_unused_uvs
 from .worker_owner import owner
 
@@ -24,6 +25,7 @@ def _tidy(*_: object) -> None:
 def _forget(*_: object) -> None:
     """Free what is kept of bakes of the file before."""
     owner.forget()
+    kept_evaluations.clear()
 
 
 def bind() -> None:

@@ -20,6 +20,8 @@ from ..scene_watch import SceneWatch
 from ..slices import Slices
 from ..uvs.lightmap_layer import lightmap_layer
 from ..uvs.uv_modifier import uv_source
+from .evaluation_digest import evaluation_digest
+from .kept_evaluations import kept_evaluations
 from .materials import read_material
 from .object_nodes import Dependence, FrozenMaterial, Source, dependence, lost_attributes, object_values
 from .pixels import PixelCache
@@ -183,14 +185,19 @@ class MaterialTable:
         """Return a material as textures over the lightmap UVs; as means where those who wear it have none."""
         announcement = f"Reading material '{name}' with Cycles"
         yield announcement
+        values = self._complex[index].values.items()
         with self._worn(index) as (material, shapes):
             names, culled = passes_of(material), material.use_backface_culling
-            pixels = {names[0]: bake_pass(names[0], material, shapes, size)}
-        for each in names[1:]:
-            yield announcement
-            with self._worn(index) as (material, shapes):
-                pixels[each] = bake_pass(each, material, shapes, size)
-        yield from finish_passes(pixels)
+            digest = evaluation_digest(material, shapes, values, size)
+        pixels = kept_evaluations.get(digest)
+        if pixels is None:
+            pixels = {}
+            for each in names:
+                yield announcement
+                with self._worn(index) as (material, shapes):
+                    pixels[each] = bake_pass(each, material, shapes, size)
+            yield from finish_passes(pixels)
+            kept_evaluations.keep(digest, pixels)
         entry = Material(name, _ONES, np.zeros(3, np.float32), culled=culled)
         if index not in self._unmapped:
             return replace(entry, **self._maps(name, pixels))

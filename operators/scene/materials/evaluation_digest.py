@@ -1,0 +1,169 @@
+"""Digests of what Cycles evaluates: equal ones mean that it would give the same pixels again.
+
+They are of what datablocks hold, not of which they are: an undo, a copy or another file bring no old pixels.
+Whatever this does not know, or may change by itself, has no digest.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import bpy
+import numpy as np
+
+from ..objects.meshes import read_array
+
+if TYPE_CHECKING:
+    from .shader_bake import Shape
+
+#: Properties of nodes that only say how they are drawn, or who they belong to.
+_IGNORED = frozenset({
+    "rna_type", "parent", "internal_links", "inputs", "outputs", "name", "label", "location", "id_data",
+    "location_absolute", "width", "height", "dimensions", "select", "hide", "color", "use_custom_color",
+    "show_options", "show_preview", "show_texture", "color_tag", "warning_propagation", "paired_output",
+    "bl_icon", "bl_description", "bl_label", "image_user",
+})  # fmt: skip
+
+#: Nodes that look at more than the material and the mesh: files, scripts, the scene.
+_UNKNOWN = frozenset({"ShaderNodeScript", "ShaderNodeTexIES", "ShaderNodeTexPointDensity"})
+
+#: Where images come from that hold still, and the most numbers of one that is read to see whether it changed.
+_STILL = frozenset({"FILE", "GENERATED"})
+_LARGEST = 1 << 26
+
+#: Attributes of meshes: property of an element and numbers in it, by the type of the attribute.
+_ATTRIBUTES = {
+    "FLOAT": ("value", 1), "INT": ("value", 1), "BOOLEAN": ("value", 1), "INT8": ("value", 1),
+    "FLOAT_VECTOR": ("vector", 3), "FLOAT2": ("vector", 2), "FLOAT_COLOR": ("color", 4),
+    "BYTE_COLOR": ("color", 4), "QUATERNION": ("value", 4), "INT32_2D": ("value", 2),
+    "INT16_2D": ("value", 2),
+}  # fmt: skip
+
+
+class UnknownError(Exception):
+    """There is something in a material or mesh that may change unnoticed."""
+
+
+def evaluation_digest(
+    material: bpy.types.Material, shapes: Sequence[Shape], values: Iterable[object], size: int
+) -> bytes | None:
+    """Return a digest of a material as it looks on shapes, None if that may change without being seen.
+
+    values: of the object that shows it
+    size: width of the textures, texels
+    """
+    digest = hashlib.blake2b(repr((size, list(values), material.use_backface_culling)).encode())
+    try:
+        _feed_tree(digest, material.node_tree)
+        for shape in shapes:
+            worn = [slot == material for slot in shape.slots]
+            _feed(digest, [shape.uv_layer, worn, np.array(shape.matrix)])
+            _feed_mesh(digest, shape.mesh)
+        if material.animation_data is not None:
+            raise UnknownError
+    except UnknownError:
+        return None
+    return digest.digest()
+
+
+def _feed(digest: hashlib.blake2b, values: Iterable[object]) -> None:
+    """Feed arrays, numbers and names."""
+    for value in values:
+        if isinstance(value, np.ndarray):
+            digest.update(repr((value.shape, value.dtype.str)).encode())
+            digest.update(np.ascontiguousarray(value))
+        else:
+            digest.update(repr(value).encode())
+
+
+def _feed_tree(digest: hashlib.blake2b, tree: bpy.types.NodeTree) -> None:
+    """Feed the nodes of a tree, and the links between them."""
+    if tree.animation_data is not None:
+        raise UnknownError
+    index = {node.name: number for number, node in enumerate(tree.nodes)}
+    for node in tree.nodes:
+        if node.bl_idname in _UNKNOWN or getattr(node, "attribute_type", "") == "VIEW_LAYER":
+            raise UnknownError
+        _feed_struct(digest, node)
+        for socket in (*node.inputs, *node.outputs):
+            _feed(digest, [socket.identifier, socket.type, socket.enabled])
+            _feed(digest, [_plain(getattr(socket, "default_value", None))])
+    for link in tree.links:
+        ends = (link.from_node, link.to_node)
+        sockets = link.from_socket.identifier, link.to_socket.identifier
+        _feed(digest, [*(index[node.name] for node in ends), *sockets, link.is_muted, link.is_valid])
+
+
+def _feed_struct(digest: hashlib.blake2b, struct: bpy.types.bpy_struct) -> None:
+    """Feed the properties of a node, or of what one has, as a colour ramp."""
+    for prop in struct.bl_rna.properties:
+        if prop.identifier in _IGNORED:
+            continue
+        value = getattr(struct, prop.identifier)
+        digest.update(prop.identifier.encode())
+        if prop.type == "COLLECTION":
+            for item in value:
+                _feed_struct(digest, item)
+        elif prop.type == "POINTER" and value is not None:
+            _feed_pointer(digest, value)
+        else:
+            _feed(digest, [_plain(value)])
+
+
+def _feed_pointer(digest: hashlib.blake2b, value: bpy.types.bpy_struct) -> None:
+    """Feed what a node refers to; raises UnknownError for what is not known."""
+    if isinstance(value, bpy.types.Image):
+        _feed_image(digest, value)
+    elif isinstance(value, bpy.types.NodeTree):
+        _feed_tree(digest, value)
+    elif isinstance(value, bpy.types.Object):
+        _feed(digest, [np.array(value.matrix_world)])
+    elif isinstance(value, bpy.types.ID | bpy.types.Node):
+        raise UnknownError
+    else:
+        _feed_struct(digest, value)
+
+
+def _feed_image(digest: hashlib.blake2b, image: bpy.types.Image) -> None:
+    """Feed the pixels of an image, whichever way they came there, and what they mean."""
+    width, height = image.size
+    numbers = width * height * image.channels
+    if image.source not in _STILL or not 0 < numbers <= _LARGEST:
+        raise UnknownError
+    pixels = np.empty(numbers, np.float32)
+    image.pixels.foreach_get(pixels)
+    _feed(digest, [width, height, image.channels, image.colorspace_settings.name, image.alpha_mode])
+    _feed(digest, [image.is_float, pixels])
+
+
+def _feed_mesh(digest: hashlib.blake2b, mesh: bpy.types.Mesh) -> None:
+    """Feed all that shaders can see of a mesh: topology, shading and layers."""
+    faces, corners = mesh.polygons, mesh.loops
+    for collection, name in ((faces, "loop_start"), (faces, "loop_total"), (faces, "material_index")):
+        _feed(digest, [read_array(collection, name, 1, np.int32)])
+    _feed(digest, [read_array(corners, "vertex_index", 1, np.int32)])
+    _feed(digest, [read_array(mesh.corner_normals, "vector", 3, np.float32)])
+    _feed(digest, [tuple(mesh.texspace_location), tuple(mesh.texspace_size)])
+    for layer in mesh.uv_layers:
+        _feed(digest, [layer.name, layer.active_render])
+    _feed(digest, [mesh.color_attributes.render_color_index])
+    for attribute in mesh.attributes:
+        _feed(digest, [attribute.name, attribute.domain, attribute.data_type])
+        if attribute.data_type not in _ATTRIBUTES:
+            raise UnknownError
+        name, width = _ATTRIBUTES[attribute.data_type]
+        kind = np.float32 if attribute.data_type in _FLOATS else np.int32
+        _feed(digest, [read_array(attribute.data, name, width, kind)])
+
+
+#: Types of attributes that are not whole numbers.
+_FLOATS = frozenset({"FLOAT", "FLOAT_VECTOR", "FLOAT2", "FLOAT_COLOR", "BYTE_COLOR", "QUATERNION"})
+
+
+def _plain(value: object) -> object:
+    """Return a value of a property as builtins; raises UnknownError for a datablock."""
+    if isinstance(value, bpy.types.bpy_struct):
+        raise UnknownError
+    return tuple(value) if hasattr(value, "__len__") and not isinstance(value, str | set) else value

@@ -15,7 +15,7 @@ from ..scene.model import Light
 from ..settings import MOST_LIGHTS, Settings
 from ..visibility.identity import directional_options
 from ..visibility.rays.ray_scene import RayScene
-from .emitters import EMITTER, BrightTriangles, lamp_records, sky_record, surface_records
+from .emitters import EMITTER, EMITTER_SOURCE, BrightTriangles, lamp_records, sky_record, surface_records
 from .light_tree import LIGHT_NODE, LIGHT_TREE_SOURCE, build_light_tree
 from .modulation import pack_modulations
 from .sky import solid_angles
@@ -47,7 +47,7 @@ class ShadowRays:
         self._compute, self._rays, self._settings = compute, rays, settings
         self._count = receivers.count
         options = directional_options(settings)
-        self._direct, self._occlusion = rays.kernels(_SOURCE, "direct", "occlusion", options=options)
+        (self._direct,) = rays.kernels(_SOURCE, "direct", options=options)
         self._receivers = receivers.receivers
         self._result = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * self._count)
         self._l1 = zeros(compute, 48 * self._count) if settings.directional else None
@@ -92,7 +92,8 @@ class ShadowRays:
         """
         reach = np.float32(self._settings.ao_distance or np.inf)
         arguments = (np.int32(self._settings.ao_samples), reach, np.uint32(self._settings.seed))
-        return (yield from self._sliced(self._occlusion, arguments))[:, 0].copy()
+        (occlusion,) = self._rays.kernels((*EMITTER_SOURCE, "occlusion.cl"), "occlusion")
+        return (yield from self._sliced(occlusion, arguments))[:, 0].copy()
 
     def _light(self, emitters: np.ndarray, budget: int) -> Generator[float, None, np.ndarray]:
         """Return light and unshadowed luminance of some emitters, (n, 4) float32."""

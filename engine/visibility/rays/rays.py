@@ -44,7 +44,6 @@ class Rays:
             self._options = (*bvh.options, "-DCUTOUTS")
             arrays = [cutouts.alpha, _cutout_records(cutouts), cutouts.uvs, triangles.material]
         self.arguments = (bvh.nodes, bvh.triangles, *(upload(compute, array) for array in arrays))
-        self._cast, self._pass = self.kernels((), "cast", "pass")
 
     def kernels(self, source: Source, *names: str, options: tuple[str, ...] = ()) -> list[Kernel]:
         """Build kernels/rays.cl and more parts after it; return kernels in the names' order."""
@@ -64,7 +63,8 @@ class Rays:
         write = cl.mem_flags.WRITE_ONLY
         outputs = [cl.Buffer(self._compute.context, write, array.nbytes) for array in (hits, distances)]
         rays = self._rays(origins, directions, 0.0)
-        self.run(self._cast, count, *rays, np.int32(backs), *outputs, np.int32(count))
+        (kernel,) = self.kernels(("cast.cl",), "cast")
+        self.run(kernel, count, *rays, np.int32(backs), *outputs, np.int32(count))
         for array, buffer in zip((hits, distances), outputs, strict=True):
             cl.enqueue_copy(self._queue, array, buffer)
         return hits[:, 0], hits[:, 1] != 0, distances
@@ -77,7 +77,8 @@ class Rays:
         through = np.empty(len(origins), np.float32)
         output = cl.Buffer(self._compute.context, cl.mem_flags.WRITE_ONLY, through.nbytes)
         rays = self._rays(origins, directions, distance)
-        self.run(self._pass, len(origins), *rays, output, np.int32(len(origins)))
+        (kernel,) = self.kernels(("pass.cl",), "pass")
+        self.run(kernel, len(origins), *rays, output, np.int32(len(origins)))
         cl.enqueue_copy(self._queue, through, output)
         return through
 

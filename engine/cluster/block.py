@@ -32,7 +32,7 @@ class Block:
         lookers = replace(job, parts=parts, rays=job.rays.of(parts), kept=Kept())
         visibility = "raster" if job.settings.visibility == "raster" else "rays"
         identity = make_identity(lookers, visibility)
-        self._devices, self._bytes = scene.devices, identity.row_bytes * (last - first)
+        self._scene, self._bytes = scene, identity.row_bytes * (last - first)
         sweep = keeping_sweep(lookers, identity)
         self._gather = FinalGather(job.opencl, sweep, np.zeros((last - first, 3), np.float32))
 
@@ -41,8 +41,8 @@ class Block:
 
     def gather(self, radiance: np.ndarray) -> np.ndarray:
         """Gather from radiance of all patches, (n, 3) float32; return (last - first, 4), see `Gather`."""
-        with self._devices.failures_told():
-            return finished(self._gather.gather(radiance))
+        with self._scene.devices.failures_told():
+            return finished(self._gather.gather_from(self._scene.table(radiance)))
 
     def __reduce__(self) -> tuple:
         return find, self._made_of

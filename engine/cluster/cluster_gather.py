@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 
+import dask
 import numpy as np
 from distributed import Client, Future, wait
 from distributed.comm import CommClosedError
@@ -17,6 +18,10 @@ from .shipment import Shipment
 
 #: Seconds after which a bake that waits may be cancelled, and those that it waits while there are no workers.
 _PAUSE, _PATIENCE = 0.2, 20.0
+
+
+#: Dask warns of tasks with large arguments; here the scheduler shall keep them, to repeat the tasks.
+_LARGE_GRAPH = "distributed.admin.large-graph-warning-threshold"
 
 
 class ClusterGather:
@@ -47,7 +52,8 @@ class ClusterGather:
         gathered = np.empty((count, 4), np.float32)
         with _losses_told(self._address):
             self._blocks = self._blocks or {span: self._block(*span) for span in cut(count)}
-            table = self._client.submit(_given, radiance, pure=False)
+            with dask.config.set({_LARGE_GRAPH: "1 PiB"}):
+                table = self._client.submit(_given, radiance, pure=False)
             tasks = {
                 self._client.submit(gather, block, table, pure=False): span
                 for span, block in self._blocks.items()

@@ -21,8 +21,8 @@ _NVIDIA = "NVIDIA"
 #: Folder that holds the package `engine`.
 _HOME = Path(__file__).resolve().parents[2]
 
-#: Seconds that workers have to start.
-_START = 60.0
+#: Seconds that workers have to start, and to end.
+_START, _FAREWELL = 60.0, 5.0
 
 
 class LocalWorkers:
@@ -58,7 +58,16 @@ class LocalWorkers:
         self.client.close()
         self._cluster.close()
         for worker in self._workers:
-            worker.wait()
+            _end(worker)
+
+
+def _end(worker: subprocess.Popen[bytes]) -> None:
+    """Wait for a worker that was asked to end; one whose driver does not is killed."""
+    try:
+        worker.wait(_FAREWELL)
+    except subprocess.TimeoutExpired:
+        worker.kill()
+        worker.wait()
 
 
 def local_environments() -> list[dict[str, str]]:

@@ -6,7 +6,9 @@ import os
 from functools import cache
 
 import numpy as np
+import pyopencl as cl
 
+from ..device.buffers import upload_float4
 from ..device.devices import Devices
 from ..direct.lighting import DirectLighting
 from ..patches.subdivision import subdivide
@@ -42,8 +44,15 @@ class PreparedScene:
         rays = RayScene(compute, parts)
         lighting = DirectLighting(scene, parts, rays, settings)
         nothing = np.zeros((len(parts.patches), 3), np.float32)
+        self._radiance: np.ndarray | None = None
         left = lighting.emission_left, lighting.sky_left
         self.job = SolveJob(graphics, compute, parts, rays, *left, nothing, parts.geometry.area, settings)
+
+    def table(self, radiance: np.ndarray) -> cl.Buffer:
+        """Return radiance of all patches, (n, 3) float32, on the device: once for all blocks of a sweep."""
+        if radiance is not self._radiance:
+            self._radiance, self._table = radiance, upload_float4(self.job.opencl, radiance, first=1, last=1)
+        return self._table
 
 
 _prepared: PreparedScene | None = None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator
 
 import numpy as np
+import pyopencl as cl
 
 from ..device.buffers import download, upload_float4, zeros
 from ..device.compute import Compute
@@ -35,7 +36,11 @@ class FinalGather:
 
         Returns E/pi with the sampled light, and the fraction that is no back, (n, 4) float32.
         """
-        self.radiance = upload_float4(self._compute, radiance, first=1, last=1)
+        return (yield from self.gather_from(upload_float4(self._compute, radiance, first=1, last=1)))
+
+    def gather_from(self, radiance: cl.Buffer) -> Generator[float, None, np.ndarray]:
+        """Gather from radiance on the device, float4 of each source + 1, black ends; see `gather`."""
+        self.radiance = radiance
         yield from self._sweep.gather(self, 0)
         return download(self._compute, self._gathered, (self.count, 4))
 

@@ -22,7 +22,7 @@ def cornell_box(resolution: int) -> Scene:
     Six walls, two boxes without bottoms and a light that hangs 0.1 m below the ceiling.
     """
     pieces, materials = _cornell_quads()
-    return Scene((_charted(pieces, materials, resolution, "Box"),), _materials(15.0))
+    return Scene((charted(pieces, materials, resolution, "Box"),), _materials(15.0))
 
 
 def panel_box(resolution: int) -> Scene:
@@ -38,13 +38,13 @@ def panel_box(resolution: int) -> Scene:
     panel = rectangle((0.5, 0.6, 0), (0.9, 0.4, 0), (0, 0, 1.1))
     pieces = [walls[0], *walls[2:], panel, *ceiling]
     materials = [_WHITE, _RED, _GREEN, _WHITE, _WHITE, _WHITE, *[_WHITE] * 8, _LIGHT]
-    return Scene((_charted(pieces, materials, resolution, "Box"),), _materials(15.0))
+    return Scene((charted(pieces, materials, resolution, "Box"),), _materials(15.0))
 
 
 def dark_box(resolution: int, lamps: int) -> Scene:
     """Return the same box without its light, lit by `lamps` point lamps in a grid below the ceiling."""
     pieces, materials = _cornell_quads()
-    mesh = _charted(pieces[:-1], materials[:-1], resolution, "Box")
+    mesh = charted(pieces[:-1], materials[:-1], resolution, "Box")
     return Scene((mesh,), _materials(0.0), lights=tuple(_lamps(lamps)))
 
 
@@ -55,7 +55,7 @@ def hilly_room(resolution: int, triangles: int) -> Scene:
     """
     side = max(1, round(np.sqrt(max(triangles - 12, 2) / 2)))
     pieces = [*room_walls(ROOM, ROOM, ROOM)[1:], _hanging_light()]
-    charts = _packed([*[(1.0, 1.0)] * 5, (0.25, 0.25)], resolution, (0, resolution // 2))
+    charts = packed([*[(1.0, 1.0)] * 5, (0.25, 0.25)], resolution, (0, resolution // 2))
     walls = quads(
         np.stack(pieces), charts, [_WHITE, _RED, _GREEN, _WHITE, _WHITE, _LIGHT], resolution, "Room"
     )
@@ -66,7 +66,7 @@ def _cornell_quads() -> tuple[list[np.ndarray], list[int]]:
     """Return quads and materials; the light is the last."""
     pieces, materials = list(room_walls(ROOM, ROOM, ROOM)), [_WHITE, _WHITE, _RED, _GREEN, _WHITE, _WHITE]
     for size, height, position, turn in ((0.6, 0.6, (1.33, 0.61), -17), (0.6, 1.2, (0.67, 1.27), 18)):
-        pieces += _box(size, height, position, np.radians(turn))
+        pieces += standing_box(size, height, position, np.radians(turn))
         materials += [_WHITE] * 5
     return [*pieces, _hanging_light()], [*materials, _LIGHT]
 
@@ -75,7 +75,7 @@ def _hanging_light() -> np.ndarray:
     return rectangle((1.25, 0.75, ROOM - 0.1), (-0.5, 0, 0), (0, 0.5, 0))
 
 
-def _box(size: float, height: float, position: tuple[float, float], turn: float) -> list[np.ndarray]:
+def standing_box(size: float, height: float, position: tuple[float, float], turn: float) -> list[np.ndarray]:
     """Return the sides and the top of a box that stands on the floor, turned about its middle."""
     across = size * np.array([np.cos(turn), np.sin(turn), 0])
     along = size * np.array([-np.sin(turn), np.cos(turn), 0])
@@ -89,13 +89,14 @@ def _box(size: float, height: float, position: tuple[float, float], turn: float)
     ]
 
 
-def _charted(pieces: Sequence[np.ndarray], materials: Sequence[int], resolution: int, name: str) -> Mesh:
+def charted(pieces: Sequence[np.ndarray], materials: Sequence[int], resolution: int, name: str) -> Mesh:
+    """Return a mesh of quads, (4, 3) each, whose charts fill a lightmap."""
     sizes = [tuple(np.linalg.norm(piece[[1, 3]] - piece[0], axis=1)) for piece in pieces]
-    charts = _packed(sizes, resolution, (0, resolution))
+    charts = packed(sizes, resolution, (0, resolution))
     return quads(np.stack(pieces), charts, materials, resolution, name)
 
 
-def _packed(sizes: Sequence[tuple[float, float]], width: int, rows: tuple[int, int]) -> list[Chart]:
+def packed(sizes: Sequence[tuple[float, float]], width: int, rows: tuple[int, int]) -> list[Chart]:
     """Lay out charts of given sizes in m as densely as they fit between two rows of a lightmap."""
     low, high = 0.0, 2.0 * width / min(max(size) for size in sizes)
     for _ in range(40):

@@ -32,18 +32,26 @@ class Quality(NamedTuple):
 
 
 def _quality(
-    label: str, error: float, hemicube: int, samples: int, light_samples: int, denoised: float | None = None
+    label: str,
+    error: float,
+    hemicube: int,
+    samples: int,
+    light_samples: int,
+    adaptive: bool,
+    denoised: float | None = None,
 ) -> Quality:
-    values = {"hemicube": hemicube, "samples": samples, "light_samples": light_samples}
+    values = {
+        "hemicube": hemicube, "samples": samples, "light_samples": light_samples, "adaptive": adaptive
+    }  # fmt: skip
     return Quality(label, error, values, denoised)
 
 
 #: By name, the fastest first; `high` is what the engine does by itself. Errors measured by tools/quality.py.
 QUALITIES = {
-    "draft": _quality("Draft", 0.08, 8, 64, 16, denoised=0.04),
-    "preview": _quality("Preview", 0.03, 16, 256, 32),
-    "high": _quality("High", 0.007, 32, 0, 64),
-    "very_high": _quality("Very High", 0.003, 64, 0, 256),
+    "draft": _quality("Draft", 0.08, 8, 64, 16, adaptive=False, denoised=0.04),
+    "preview": _quality("Preview", 0.03, 16, 256, 32, adaptive=True),
+    "high": _quality("High", 0.007, 32, 0, 64, adaptive=False),
+    "very_high": _quality("Very High", 0.003, 64, 0, 256, adaptive=False),
 }
 
 #: The settings that a quality stands for.

@@ -156,6 +156,14 @@ class Settings:
         "Rays of each patch, where rays are cast; 0 for as many as give the error of a hemicube",
         Span(4, 65536, "rays", automatic=0),
     )
+    adaptive: bool = described(
+        False,
+        "Adaptive",
+        "On a processor, solve bounces for squares of 4 x 4 patches with four times the rays; only patches "
+        "around which the light of these does not lie in a plane gather for themselves. Off, and on a card, "
+        "every patch gathers",
+        Switch(),
+    )
     light_samples: int = described(
         64, "Light Samples", "Shadow rays from each patch to each light", Span(1, 4096, "rays")
     )

@@ -21,7 +21,7 @@ _ITEMS = [
 _CUSTOM = (
     "custom",
     "Custom",
-    "Hemicube, samples and light samples are those under Advanced",
+    "Hemicube, samples, light samples and adaptive are those under Advanced",
     "NONE",
     len(_ITEMS),
 )

@@ -32,12 +32,12 @@ Defaults are those of `engine.Settings`; a new scene starts with the quality *Pr
 
 ## Quality: `quality`
 
-Stands for Hemicube, Samples and Light Samples, and shows *Custom* where these are of no quality. Its error is
-the largest RMSE of a lightmap, relative to the map's mean, in the rooms of `tools/quality.py`. Choosing a
-Hemicube sets Samples to 0, so that rays follow it.
+Stands for Hemicube, Samples, Light Samples and Adaptive, and shows *Custom* where these are of no quality.
+Its error is the largest RMSE of a lightmap, relative to the map's mean, in the rooms of `tools/quality.py`.
+Choosing a Hemicube sets Samples to 0, so that rays follow it.
 
-| Quality | Error | with Denoise | Hemicube | Samples | Light Samples |
-|---|---|---|---|---|---|
+| Quality | Error | with Denoise | Hemicube | Samples | Light Samples | Adaptive |
+|---|---|---|---|---|---|---|
 """
 
 _TABLE = """
@@ -57,17 +57,17 @@ def page() -> str:
         for title, names in groups.items()
     ]
     choices = [_options(name, known[name]) for names in groups.values() for name in names]
-    return _HEAD + _qualities() + "".join(tables) + "".join(choices)
+    return _HEAD + _qualities(known) + "".join(tables) + "".join(choices)
 
 
-def _qualities() -> str:
+def _qualities(known: dict[str, Description]) -> str:
     """Return the rows of the table of qualities."""
     rows = [
         (
             f"**{quality.label}** `{name}`",
             f"{100 * quality.error:g} %",
             f"{100 * quality.denoised:g} %" if quality.denoised else "",
-            *quality.values.values(),
+            *(_shown(known[setting], value) for setting, value in quality.values.items()),
         )
         for name, quality in QUALITIES.items()
     ]

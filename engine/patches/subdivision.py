@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -39,6 +39,10 @@ class Subdivision:
     texel_to_patch: np.ndarray
     warnings: tuple[str, ...]
     back_to_back: bool = False
+
+    def part(self, chosen: np.ndarray) -> Subdivision:
+        """Return some patches, which see all of them."""
+        return replace(self, patches=self.patches.part(chosen), geometry=self.geometry.part(chosen))
 
     @cached_property
     def sources(self) -> int:

@@ -21,6 +21,8 @@ from ..solve.darkness import Darkness
 from ..solve.device_radiosity import DeviceRadiosity
 from ..solve.grouped_solution import GroupedSolution
 from ..solve.host_radiosity import HostRadiosity
+from ..solve.interpolated_gather import InterpolatedGather
+from ..solve.interpolation import Interpolation
 from ..solve.last_gather import LastGather
 from ..solve.patch_groups import PatchGroups
 from ..solve.solver import Radiosity, Solution, Solver
@@ -28,13 +30,20 @@ from ..visibility.identity import Identity, Sampling
 from ..visibility.raster.tiles import IDENTITY_BYTES, plan_tiles
 from ..visibility.rays.identity import RayIdentity
 from ..visibility.rays.ray_scene import RayScene
-from ..visibility.samples import expected_samples
-from .memory import group_width, is_kept, memory_budget, memory_clause
+from ..visibility.samples import expected_samples, ray_count
+from .memory import MORE_RAYS, group_width, is_adaptive, is_kept, memory_budget, memory_clause
 from .solve_job import SolveJob
 from .trial import choose_identity, make_identity
 
 #: Why nothing is looked for.
 _KEPT = "Visibility was kept from the last bake: no geometry, UVs, transparency or setting of it has changed."
+
+#: What a plane through the light of groups may leave over, as a fraction of all light, times the root of the
+#: rays of a patch: about the error of these.
+_TOLERANCE = 0.4
+
+#: Patches that gather for themselves, as a fraction, before it is known.
+_GATHERING = 0.25
 
 
 @dataclass(frozen=True)
@@ -93,7 +102,7 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Choic
     groups = PatchGroups(job.rays, job.parts, job.area, radiance, width)
     squares = replace(
         job,
-        settings=replace(job.settings, outputs=job.settings.light_outputs),
+        settings=_settings_of_groups(job),
         parts=groups.parts,
         rays=groups.rays,
         emission=groups.mean(job.emission),
@@ -101,9 +110,42 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Choic
         area=groups.area,
     )
     solver, choice = _solver(squares)
+    if is_adaptive(job):
+        choice = replace(choice, final_samples=int(_GATHERING * job.count * ray_count(job.settings)))
+        between = _interpolated(job, squares, solver, groups, choice)
+        return GroupedSolution(solver, groups, between), choice, squares
     receivers = Receivers(job.parts, job.rays, job.sampled_light)
     last, samples = last_gather(squares, choice, receivers, job.settings)
     return GroupedSolution(solver, groups, last), replace(choice, final_samples=samples), squares
+
+
+def _settings_of_groups(job: SolveJob) -> Settings:
+    """Return the settings by which groups are solved: they give light alone."""
+    settings = replace(job.settings, outputs=job.settings.light_outputs)
+    if is_adaptive(job):
+        settings = replace(settings, samples=MORE_RAYS * ray_count(settings))
+    return settings
+
+
+def _interpolated(
+    job: SolveJob, squares: SolveJob, solver: Solver, groups: PatchGroups, choice: Choice
+) -> InterpolatedGather:
+    """Return what gathers for the patches that differ from the groups around them."""
+
+    def last_of(chosen: np.ndarray) -> LastGather:
+        parts = job.parts.part(chosen)
+        receivers = Receivers(parts, job.rays.of(parts), job.sampled_light[chosen])
+        return last_gather(squares, choice, receivers, job.settings)[0]
+
+    return InterpolatedGather(
+        solver,
+        Interpolation(job.rays, job.parts, groups),
+        job.sampled_light,
+        squares.sampled_light,
+        _TOLERANCE / math.sqrt(ray_count(job.settings)),
+        _separates_direct(job, job.settings),
+        last_of,
+    )
 
 
 @dataclass(frozen=True)
@@ -135,12 +177,21 @@ def last_gather(
     )
     identity = make_identity(lookers, choice.visibility)
     final = FinalGather(solved.opencl, _stream(lookers, identity), receivers.sampled_light)
-    separate_direct = solved.gathers_direct and bool({"direct", "indirect"} & set(settings.outputs))
     reflectance = solved.parts.surfaces.reflectance
     last = LastGather(
-        final, receivers.sampled_light, solved.emission, reflectance, settings.bounces, separate_direct
+        final,
+        receivers.sampled_light,
+        solved.emission,
+        reflectance,
+        settings.bounces,
+        _separates_direct(solved, settings),
     )
     return last, last.gathers * lookers.count * identity.samples
+
+
+def _separates_direct(solved: SolveJob, settings: Settings) -> bool:
+    """Return whether what is gathered before any bounce is an output, or a part of one."""
+    return solved.gathers_direct and not {"direct", "indirect"}.isdisjoint(settings.outputs)
 
 
 def _by_hemicubes(job: SolveJob) -> bool:

@@ -6,8 +6,14 @@ from ..visibility.identity import Identity
 from ..visibility.samples import most_samples, sample_bytes
 from .solve_job import SolveJob
 
-#: Width of the squares of patches that are solved as one where memory is short, texels.
+#: Width of the squares of patches that are solved as one, texels.
 _GROUP_WIDTH = 4
+
+#: Rays of a group where the light between groups is interpolated, as a multiple of those of a patch.
+MORE_RAYS = 4
+
+#: Fewer patches than this gather for themselves, all of them: that takes no time.
+_FEWEST = 4096
 
 
 def memory_budget(job: SolveJob) -> int:
@@ -26,6 +32,23 @@ def finding_sweeps(job: SolveJob, identity: Identity) -> int:
     return 1 if is_kept(job, identity) else max(2, job.settings.iterations)
 
 
+def is_adaptive(job: SolveJob) -> bool:
+    """Return whether only patches that differ from the groups around them gather for themselves.
+
+    A graphics card casts the rays that are saved while the host sorts patches out. Directional maps need what
+    each patch sees, and what a patch sees is found anew where the settings say so.
+    """
+    settings = job.settings
+    return (
+        settings.adaptive
+        and job.opencl.processor
+        and settings.patch_groups != 1
+        and settings.method in ("auto", "cached")
+        and not settings.directional
+        and job.count >= _FEWEST
+    )
+
+
 def group_width(job: SolveJob) -> tuple[int, tuple[str, ...]]:
     """Return the width of the squares of patches that are solved as one, texels, and why; 1 for none."""
     settings, count = job.settings, job.count
@@ -33,6 +56,9 @@ def group_width(job: SolveJob) -> tuple[int, tuple[str, ...]]:
         return 1, ()
     if settings.patch_groups:
         return settings.patch_groups, ("The settings ask for groups of patches.",)
+    if is_adaptive(job):
+        reason = f"Squares of {_GROUP_WIDTH} x {_GROUP_WIDTH} patches are solved as one, with more rays each."
+        return _GROUP_WIDTH, (reason,)
     needed = most_samples(settings) * count * sample_bytes(count)
     if settings.method != "auto" or needed <= memory_budget(job):
         return 1, ()

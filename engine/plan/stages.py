@@ -38,6 +38,9 @@ _LOOK_UP = 0.02
 #: Patches among the texels of a lightmap, and their mean reflectance, before they are known.
 _COVERAGE, _REFLECTANCE = 0.6, 0.6
 
+#: Samples that adaptive bakes find, as a part of those of all patches, before it is known.
+_ADAPTED = 0.5
+
 #: Texels that show more than their centre among all, before they are known.
 _REFINED = 0.15
 
@@ -207,7 +210,7 @@ class BakeStages(Schedule):
         """Set the work of what is done for each patch."""
         settings = self._settings
         self.direct.amount = patches * settings.light_samples * min(self._lamps + 1, MOST_LIGHTS)
-        self.visibility.amount = patches * expected_samples(settings)
+        self.visibility.amount = patches * expected_samples(settings) * (_ADAPTED if settings.adaptive else 1)
         self._samples_of_sweep = int(self.visibility.amount)
         rays: float = settings.ao_samples * ("ambient_occlusion" in settings.outputs)
         rays += settings.light_samples * self._lamps * ("shadow_mask" in settings.outputs)

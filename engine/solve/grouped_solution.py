@@ -7,6 +7,7 @@ from collections.abc import Generator
 import numpy as np
 
 from ..lightmap import Energy
+from .interpolated_gather import InterpolatedGather
 from .last_gather import LastGather
 from .patch_groups import PatchGroups
 from .solver import Solver
@@ -18,7 +19,7 @@ class GroupedSolution:
     last  by every patch, from the groups
     """
 
-    def __init__(self, solver: Solver, groups: PatchGroups, last: LastGather) -> None:
+    def __init__(self, solver: Solver, groups: PatchGroups, last: LastGather | InterpolatedGather) -> None:
         self._solver, self._groups, self._last = solver, groups, last
 
     @property

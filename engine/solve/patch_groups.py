@@ -25,10 +25,12 @@ _SQUARES = 8
 class PatchGroups:
     """Squares of patches that are solved as one: each is a patch that stands for its members.
 
-    group  (n,) int64, the group of each patch
-    parts  groups as a Subdivision
-    area   (m,) float32, m^2, of all patches in each
-    rays   casts rays from them
+    width   of a square, texels
+    group   (n,) int64, the group of each patch
+    leader  (m,) int64, the patch that each group is
+    parts   groups as a Subdivision
+    area    (m,) float32, m^2, of all patches in each
+    rays    casts rays from them
     """
 
     def __init__(
@@ -39,18 +41,18 @@ class PatchGroups:
         area: (n,) float32, m^2; radiance: (n, 3) float32, what each sends out before any bounce
         """
         leader = _leaders(rays, parts, radiance.sum(axis=1), width)
-        leading = np.flatnonzero(leader == np.arange(len(leader)))
+        self.width, self.leader = width, np.flatnonzero(leader == np.arange(len(leader)))
         number = np.zeros(len(leader), np.int64)
-        number[leading] = np.arange(len(leading))
+        number[self.leader] = np.arange(len(self.leader))
         self.group = number[leader]
-        self._members = np.bincount(self.group, minlength=len(leading)).astype(np.float32)
+        self._members = np.bincount(self.group, minlength=len(self.leader)).astype(np.float32)
         self.area = self.mean(area) * self._members
         surfaces = PatchSurfaces(self.mean(parts.surfaces.reflectance), self.mean(parts.surfaces.emission))
         entries = np.concatenate([[0], self.group + 1]).astype(np.uint32)
         self.parts = replace(
             parts,
-            patches=parts.patches.part(leading),
-            geometry=parts.geometry.part(leading),
+            patches=parts.patches.part(self.leader),
+            geometry=parts.geometry.part(self.leader),
             surfaces=surfaces,
             texel_to_patch=entries[parts.texel_to_patch],
         )

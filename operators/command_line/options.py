@@ -48,7 +48,9 @@ def parser(program: str, description: str) -> Parser:
     made = Parser(prog=program, description=description, allow_abbrev=False)
     made.add_argument("--out", type=Path, required=True, help="folder for the lightmaps")
     _add_settings(made)
-    made.add_argument("--quality", choices=[*QUALITIES], help="sets hemicube, samples and light samples")
+    made.add_argument(
+        "--quality", choices=[*QUALITIES], help="sets hemicube, samples, light samples and adaptive"
+    )
     for name, (kind, word, text) in OWN.items():
         made.add_argument(f"--{name.replace('_', '-')}", type=kind, metavar=word, help=text)
     made.add_argument("--world", type=colour, metavar="R,G,B", help="replace the world by this radiance")

@@ -60,7 +60,7 @@ def compare(
     mean = np.average(truth[used], weights=weight[used]) if used.any() else 0.0
     if mean == 0:
         raise SystemExit("Cycles sees no light in this scene: there is nothing to compare.")
-    edge = _edges(truth, used.any(axis=-1), mean)
+    edge = edges_of_light(truth, used.any(axis=-1), mean)
     difference = np.where(used, (ours - truth) / mean, 0)
     ours = ours.astype(np.float64)
     error = (ours - first) * (ours - second)
@@ -86,7 +86,7 @@ def _root(squares: np.ndarray, weight: np.ndarray, used: np.ndarray) -> float:
     return float(np.sqrt(max(0.0, np.average(squares[used], weights=weight[used]))))
 
 
-def _edges(truth: np.ndarray, used: np.ndarray, mean: float) -> np.ndarray:
+def edges_of_light(truth: np.ndarray, used: np.ndarray, mean: float) -> np.ndarray:
     """Return the texels, (atlases, h, w) bool, whose neighbours that are used differ much."""
     grey = truth.mean(axis=-1)
     low, high = np.where(used, grey, np.inf), np.where(used, grey, -np.inf)

@@ -1,0 +1,55 @@
+"""Light of patches from that of the groups around each, where it changes evenly from one to the next."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyopencl as cl
+
+from ..device.buffers import download, upload
+from ..patches.subdivision import Subdivision
+from ..visibility.rays.ray_scene import RayScene
+from ..visibility.rays.receivers import RECEIVER_SOURCE
+from .patch_groups import PatchGroups
+
+#: Light that is less or more than these parts of the mean counts as if it were that bright.
+_DARK, _BRIGHT = 0.05, 2.0
+
+
+class Interpolation:
+    """Planes fitted to the light of groups, around each of n patches; kernels/interpolate.cl."""
+
+    def __init__(self, rays: RayScene, parts: Subdivision, groups: PatchGroups) -> None:
+        self._compute, self._receivers = rays.compute, rays.receivers
+        (self._interpolate,) = self._compute.kernels((*RECEIVER_SOURCE, "interpolate.cl"), "interpolate")
+        patches = parts.patches
+        arrays = (patches.atlas, patches.texel, groups.group.astype(np.int32), groups.leader.astype(np.int32))
+        self._count = len(patches)
+        self._where = (
+            upload(self._compute, parts.texel_to_patch), np.int32(patches.resolution), np.int32(groups.width),
+            *(upload(self._compute, array) for array in arrays),
+        )  # fmt: skip
+
+    def fit(
+        self, layers: list[np.ndarray], beside: np.ndarray, tolerance: float
+    ) -> tuple[list[np.ndarray], np.ndarray]:
+        """Return the light of each patch, (n, 4) float32 of each layer, and whether it fits, (n,) bool.
+
+        layers     (m, 4) float32 each, of the groups: light, and the fraction of the view that no back takes;
+                   the first tells what fits
+        beside     (n,) float32, other light of each patch, sum of the channels
+        tolerance  what a plane may leave over of the light of groups, as a fraction of all light there
+        """
+        compute, count = self._compute, self._count
+        write = cl.mem_flags.WRITE_ONLY
+        values = cl.Buffer(compute.context, write, 16 * count * len(layers))
+        fits = cl.Buffer(compute.context, write, 4 * count)
+        mean = layers[0][:, :3].sum(axis=1).mean() + beside.mean()
+        compute.run(
+            self._interpolate, count, *self._where, self._receivers,
+            upload(compute, np.stack(layers)), np.int32(len(layers)), np.int32(len(layers[0])),
+            upload(compute, beside), *map(np.float32, (_DARK * mean, _BRIGHT * mean, tolerance)),
+            values, fits, np.int32(count),
+        )  # fmt: skip
+        fitting = np.empty(count, np.int32)
+        cl.enqueue_copy(compute.queue, fitting, fits)
+        return list(download(compute, values, (len(layers), count, 4))), fitting != 0

@@ -1,0 +1,154 @@
+// Light of patches from that of the groups of patches around each: a plane fitted to it over the lightmap, by
+// least squares whose weights fall with the distance (local regression, Cleveland 1979).
+
+// Groups in the squares around a patch's own: at most one of each is where the patch's surface goes on.
+#define AROUND 9
+
+// Of these there have to be some, so that what the plane leaves over tells something.
+#define FEWEST 5
+
+// A group goes on with a patch's surface if it lies where texels away lie in the world, but for this part of a
+// square, and is turned like it. If one of them has more backs in view than this leaves, things stand there: where
+// they end is for each patch to see.
+#define OFF_PLANE 0.5f
+#define SAME_WAY 0.9f
+#define FRONTS 0.9f
+
+// Squares from a patch at which groups weigh nothing; the largest sum of squares of what groups count for.
+#define REACH 2.0f
+#define MOST_GAIN 0.75f
+
+typedef struct {
+    float x, y, weight;  // in squares, along u and v
+    int group;
+    int square;          // in which of the squares around, row by row
+} Anchor;
+
+// The inverse of a symmetric matrix, in the order xx, xy, xz, yy, yz, zz; false if it is as good as singular.
+bool invert(const float *m, float *inverse)
+{
+    inverse[0] = m[3] * m[5] - m[4] * m[4];
+    inverse[1] = m[2] * m[4] - m[1] * m[5];
+    inverse[2] = m[1] * m[4] - m[2] * m[3];
+    inverse[3] = m[0] * m[5] - m[2] * m[2];
+    inverse[4] = m[1] * m[2] - m[0] * m[4];
+    inverse[5] = m[0] * m[3] - m[1] * m[1];
+    const float determinant = m[0] * inverse[0] + m[1] * inverse[1] + m[2] * inverse[2];
+    for (int k = 0; k < 6; ++k)
+        inverse[k] /= determinant;
+    return determinant > 1e-4f * m[0] * m[0] * m[0];
+}
+
+float sum3(const float4 v) { return v.x + v.y + v.z; }
+
+// The groups around a patch on whose surface they are; return how many, 0 if one stands inside of something.
+int anchors_of(const int patch, __global const uint *texel_to_patch, const int resolution, const int width,
+               __global const int *atlases, __global const int *texels, __global const int *groups,
+               __global const int *leaders, __global const ReceiverRecord *receivers,
+               __global const float4 *light, Anchor *anchors)
+{
+    const int texel = texels[patch], x = texel % resolution, y = texel / resolution;
+    __global const uint *page = texel_to_patch + (size_t)atlases[patch] * resolution * resolution;
+    __global const ReceiverRecord *own = receivers + patch;
+    const float3 at = vload3(0, own->at), normal = vload3(0, own->normal);
+    const float3 edge_u = vload3(0, own->edge_u), edge_v = vload3(0, own->edge_v);
+    const float off = OFF_PLANE * width, farthest = off * off * fmax(dot(edge_u, edge_u), dot(edge_v, edge_v));
+    int count = 0;
+    for (int k = 0; k < AROUND; ++k) {
+        const int tx = x + (k % 3 - 1) * width, ty = y + (k / 3 - 1) * width;
+        if (tx < 0 || ty < 0 || tx >= resolution || ty >= resolution)
+            continue;
+        const uint entry = page[(size_t)ty * resolution + tx];
+        if (entry == 0 || texels[entry - 1] != ty * resolution + tx)
+            continue;
+        const int group = groups[entry - 1], leader = leaders[group], there = texels[leader];
+        const int dx = there % resolution - x, dy = there / resolution - y;
+        __global const ReceiverRecord *other = receivers + leader;
+        const float3 missed = vload3(0, other->at) - at - (float)dx * edge_u - (float)dy * edge_v;
+        if (dot(missed, missed) > farthest || dot(vload3(0, other->normal), normal) < SAME_WAY)
+            continue;
+        if (light[group].w < FRONTS)
+            return 0;
+        Anchor *anchor = anchors + count;
+        anchor->x = (float)dx / width;
+        anchor->y = (float)dy / width;
+        anchor->group = group;
+        anchor->square = k;
+        const float root = 1.0f - (anchor->x * anchor->x + anchor->y * anchor->y) / (REACH * REACH);
+        anchor->weight = root * root;
+        count += root > 0.0f;
+    }
+    return count;
+}
+
+// Light of each patch from `layers` of that of `group_count` groups, 0 where too few are around it; and whether it
+// fits: whether theirs lies in a plane, but for `tolerance` of the light there and `beside` it, from `least` to `most`.
+__kernel void interpolate(__global const uint *texel_to_patch, const int resolution, const int width,
+                          __global const int *atlases, __global const int *texels, __global const int *groups,
+                          __global const int *leaders, __global const ReceiverRecord *receivers,
+                          __global const float4 *light, const int layers, const int group_count,
+                          __global const float *beside, const float least, const float most,
+                          const float tolerance,
+                          __global float4 *values, __global int *fits, const int count)
+{
+    const int patch = get_global_id(0);
+    if (patch >= count)
+        return;
+    fits[patch] = 0;
+    for (int layer = 0; layer < layers; ++layer)
+        values[(size_t)layer * count + patch] = (float4)(0.0f);
+    Anchor anchors[AROUND];
+    const int found = anchors_of(patch, texel_to_patch, resolution, width, atlases, texels, groups, leaders,
+                                 receivers, light, anchors);
+    if (found < FEWEST)
+        return;
+    float moments[6] = {0.0f}, inverse[6];
+    for (int k = 0; k < found; ++k) {
+        const Anchor a = anchors[k];
+        moments[0] += a.weight;
+        moments[1] += a.weight * a.x;
+        moments[2] += a.weight * a.y;
+        moments[3] += a.weight * a.x * a.x;
+        moments[4] += a.weight * a.x * a.y;
+        moments[5] += a.weight * a.y * a.y;
+    }
+    if (!invert(moments, inverse))
+        return;
+
+    // What each group counts for at the patch; the slope of all light together.
+    float counts[AROUND], gain = 0.0f, value = 0.0f;
+    float2 slope = (float2)(0.0f);
+    for (int k = 0; k < found; ++k) {
+        const Anchor a = anchors[k];
+        const float all = sum3(light[a.group]);
+        counts[k] = a.weight * (inverse[0] + inverse[1] * a.x + inverse[2] * a.y);
+        gain += counts[k] * counts[k];
+        value += counts[k] * all;
+        slope += a.weight * all * (float2)(inverse[1] + inverse[3] * a.x + inverse[4] * a.y,
+                                           inverse[2] + inverse[4] * a.x + inverse[5] * a.y);
+    }
+
+    // Where a chart ends and two rows or columns of squares are all there is, a plane fits a step between them.
+    int columns = 0, rows = 0;
+    for (int k = 0; k < found; ++k) {
+        columns |= 1 << anchors[k].square % 3;
+        rows |= 1 << anchors[k].square / 3;
+    }
+    if (columns != 7 || rows != 7)
+        slope = (float2)(0.0f);
+    float left = 0.0f;
+    for (int k = 0; k < found; ++k) {
+        const Anchor a = anchors[k];
+        const float off = sum3(light[a.group]) - value - slope.x * a.x - slope.y * a.y;
+        left += a.weight * off * off;
+    }
+    left *= found / ((found - 3.0f) * moments[0]);
+    const float allowed = tolerance * clamp(value + beside[patch], least, most);
+    fits[patch] = gain <= MOST_GAIN && left <= allowed * allowed;
+    for (int layer = 0; layer < layers; ++layer) {
+        float4 sum = (float4)(0.0f);
+        for (int k = 0; k < found; ++k)
+            sum += counts[k] * light[(size_t)layer * group_count + anchors[k].group];
+        values[(size_t)layer * count + patch] = fmax(sum, 0.0f);
+    }
+}

@@ -1,0 +1,117 @@
+"""Light of patches from that of the groups around them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.rooms import cornell_box
+from engine import Settings
+from engine.patches.subdivision import subdivide
+from engine.solve.interpolation import Interpolation
+from engine.solve.patch_groups import PatchGroups
+from engine.visibility.rays.ray_scene import RayScene
+from tests.analytic.drive import drive
+from tests.analytic.scenes import nine_quad_room
+
+WIDTH = 4
+
+
+@pytest.fixture(scope="module")
+def room(graphics, compute):
+    """The patches of a room of quads, groups of them, and what interpolates between these."""
+    parts = subdivide(graphics, compute, nine_quad_room(), Settings(resolution=128))
+    rays = RayScene(compute, parts)
+    dark = np.zeros((len(parts.patches), 3), np.float32)
+    groups = PatchGroups(rays, parts, parts.geometry.area, dark, WIDTH)
+    return parts, groups, Interpolation(rays, parts, groups)
+
+
+def light_of(groups, values, front=1.0):
+    """Return light of groups from that of patches, (n,), grey, as a layer."""
+    layer = np.ones((len(groups.leader), 4), np.float32)
+    layer[:, :3] = values[groups.leader, None]
+    layer[:, 3] = np.broadcast_to(front, len(layer))
+    return layer
+
+
+def fit(room, layers, tolerance=0.02):
+    """Return the light of patches, grey, of each layer, and which fit."""
+    values, fits = room[2].fit(layers, np.zeros(len(room[0].patches), np.float32), tolerance)
+    return [layer[:, 0] for layer in values], fits
+
+
+def test_light_that_lies_in_a_plane_is_met(room):
+    """Linear in the world is linear on each quad; where charts end it is left out."""
+    center = room[0].geometry.center
+    planes = [5 + center @ np.float32(slope) for slope in ((0.3, -0.2, 0.5), (-0.4, 0.1, 0.2))]
+    values, fits = fit(room, [light_of(room[1], plane) for plane in planes])
+    assert fits.mean() > 0.55
+    for found, plane in zip(values, planes, strict=True):
+        assert found[fits] == pytest.approx(plane[fits], rel=1e-4)
+
+
+def test_patches_at_a_step_do_not_fit(room):
+    parts, groups, _ = room
+    step = np.where(parts.geometry.center[:, 0] > 0.83, 3.0, 1.0)
+    (values,), fits = fit(room, [light_of(groups, step)])
+    assert values[fits] == pytest.approx(step[fits], rel=1e-3)
+    assert 0.3 < fits.mean() < 0.95
+
+
+def test_charts_side_by_side_do_not_mix(room):
+    """Each quad has a light of its own: what fits has that of its quad, though charts are 2 texels apart."""
+    parts, groups, _ = room
+    own = 1 + (parts.geometry.triangle // 2).astype(np.float32)
+    (values,), fits = fit(room, [light_of(groups, own)])
+    assert fits.mean() > 0.8
+    assert values[fits] == pytest.approx(own[fits], rel=1e-4)
+
+
+def test_groups_that_see_backs_do_not_count(room):
+    parts, groups, _ = room
+    inside = parts.geometry.center[:, 0] > 1.0
+    front = np.where(inside[groups.leader], 0.5, 1.0)
+    (values,), fits = fit(room, [light_of(groups, np.where(inside, 100.0, 1.0), front)])
+    assert values[fits] == pytest.approx(1.0, rel=1e-3)
+    far = parts.geometry.center[:, 0] > 1.5
+    assert far.any() and not fits[far].any()
+
+
+def test_other_light_of_a_patch_hides_what_is_left_over(room):
+    parts, groups, interpolation = room
+    noisy = 1 + 0.3 * np.random.default_rng(3).random(len(parts.patches)).astype(np.float32)
+    beside = np.where(parts.geometry.center[:, 1] > 1.0, 50, 0).astype(np.float32)
+    _, fits = interpolation.fit([light_of(groups, noisy)], beside, 0.02)
+    assert fits[beside > 0].mean() > 0.8 and fits[beside == 0].mean() < 0.1
+
+
+@pytest.mark.parametrize("outputs", [("combined",), ("combined", "direct", "indirect")])
+def test_adaptive_bakes_show_the_same_light(outputs):
+    """A ceiling behind a panel, which sees backs, is not taken for what is around it."""
+    settings = Settings(
+        resolution=96, samples=256, light_samples=64, visibility="rays", outputs=outputs, texel_samples=1,
+        hide_seams=False, intermediates=False,
+    )  # fmt: skip
+    scene = cornell_box(96)
+    truth, plain, adaptive = (
+        drive(scene, replace(settings, **more))
+        for more in ({"samples": 1024, "seed": 5}, {}, {"adaptive": True})
+    )
+    has_patch = truth.has_patch & truth.known
+    mean = truth.image[has_patch].mean()
+    errors = [
+        np.sqrt((((lightmap.image - truth.image)[has_patch]) ** 2).mean()) / mean
+        for lightmap in (plain, adaptive)
+    ]
+    assert "with more rays each" in adaptive.report.reasons[0]
+    assert errors[1] < 1.1 * errors[0]
+    for name in outputs:
+        expected = truth.passes[name][has_patch].mean()
+        assert adaptive.passes[name][has_patch].mean() == pytest.approx(expected, rel=0.02)
+
+
+def test_few_patches_gather_for_themselves():
+    settings = Settings(resolution=32, samples=64, visibility="rays", texel_samples=1)
+    plain, adaptive = (drive(nine_quad_room(), replace(settings, adaptive=on)) for on in (False, True))
+    assert np.array_equal(plain.image, adaptive.image)

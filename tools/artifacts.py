@@ -1,8 +1,8 @@
 """Draws the paper's Fig. 6 from our own bakes: hemicubes 32, 64, 128 wide, without and with random rotation.
 
 Under each picture stand the banding and the noise of all its patches; below, the spectra of the error on the
-floor. The scene is the nine-quad room of the tests, 10,700 patches; it is compared with a bake of 8,192 rays
-a patch, direct light in closed form. Writes the picture and, beside it, the figures as JSON.
+floor. The scene is a room with a panel and a light in its ceiling; it is compared with a bake of 8,192 rays a
+patch, direct light in closed form. Writes the picture and, beside it, the figures as JSON.
 
     python tools/artifacts.py [--out docs/paper/fig6.png]
 """
@@ -19,14 +19,14 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.rooms import panel_box
 from engine import Settings
 from tests.analytic.drive import Prepared, drive, irradiance, prepare
-from tests.analytic.scenes import nine_quad_room
 
-RESOLUTION, WIDTHS = 128, (32, 64, 128)
+RESOLUTION, WIDTHS = 72, (32, 64, 128)
 
 #: Polygons of the room: what is shown, and what is no wall.
-FLOOR, BACK, LIGHT = 0, 5, 8
+FLOOR, BACK, LIGHT = 0, 4, 14
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("docs/paper/fig6.png"))
     out = parser.parse_args().out
-    prepared = prepare(nine_quad_room(), RESOLUTION)
+    prepared = prepare(panel_box(RESOLUTION), RESOLUTION)
     truth = _truth(prepared)
     bakes = {(n, turned): _bake(prepared, n, turned) for turned in (False, True) for n in WIDTHS}
     found = {}

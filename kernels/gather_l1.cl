@@ -30,7 +30,7 @@ __kernel void gather_l1(__global const Front *cache, const int cached_from, __gl
     const int patch = start + get_group_id(0);
     __global const Front *row = cache + (size_t)(patch - cached_from) * samples;
     const Receiver receiver = load_receiver(receivers + patch);
-    const View view = view_of(&receiver, patch, salt, rotate);
+    const View view = view_of(&receiver, patch, samples, salt, rotate);
     const float2 shift = convert_float2(view.shift >> 8) * (1.0f / 16777216.0f);
     float4 along_right = (float4)(0.0f), along_up = (float4)(0.0f), along_normal = (float4)(0.0f);
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {

@@ -35,7 +35,7 @@ __kernel void look(LOOK_ARGUMENTS, const int start, const int cached_from, __glo
     const Rays rays = RAYS;
     const Lightmaps lightmaps = {uvs, atlases, texel_to_patch, resolution};
     const Receiver receiver = load_receiver(receivers + patch);
-    const View view = view_of(&receiver, patch, salt, rotate);
+    const View view = view_of(&receiver, patch, samples, salt, rotate);
     ViewSum sum = {(float4)(0.0f)};
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
         const float3 direction = sample_direction(&view, i, pattern, n);
@@ -59,7 +59,7 @@ __kernel void gather_rays(LOOK_ARGUMENTS, const int start, __global const float4
     const Rays rays = RAYS;
     const Lightmaps lightmaps = {uvs, atlases, texel_to_patch, resolution};
     const Receiver receiver = load_receiver(receivers + patch);
-    const View view = view_of(&receiver, patch, salt, rotate);
+    const View view = view_of(&receiver, patch, samples, salt, rotate);
     ViewSum sum = {(float4)(0.0f)};
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
         const float3 direction = sample_direction(&view, i, pattern, n);

@@ -7,6 +7,7 @@ typedef struct {
     float3 normals[3];                             // of the triangle's corners
     float height, size;                            // of the start of rays above the surface; of the texel
     float lifted;                                  // factor of `lift_at`, 0 to 1: 0 on flat surfaces
+    uint rank;                                     // along a curve through the texels
     float3 horizon;                                // normal of the plane beyond which no lamp is seen
 } Receiver;
 
@@ -19,7 +20,7 @@ Receiver load_receiver(__global const ReceiverRecord *record)
         vload3(0, record->at), normal, geometric, edge_u, edge_v,
         vload3(0, record->corner), vload3(0, record->edge1), vload3(0, record->edge2),
         {vload3(0, record->normal1), vload3(0, record->normal2), vload3(0, record->normal3)},
-        record->height, fmax(length(edge_u), length(edge_v)), lifted, lifted > 0.0f ? normal : geometric
+        record->height, fmax(length(edge_u), length(edge_v)), lifted, record->rank, lifted > 0.0f ? normal : geometric
     };
     return r;
 }

@@ -11,7 +11,7 @@ __kernel void add_surroundings(__global const Front *cache, const int cached_fro
     const int patch = start + get_group_id(0);
     __global const Front *row = cache + (size_t)(patch - cached_from) * samples;
     const Receiver receiver = load_receiver(receivers + patch);
-    const View view = view_of(&receiver, patch, salt, rotate);
+    const View view = view_of(&receiver, patch, samples, salt, rotate);
     ViewSum sum = {(float4)(0.0f)};
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
         if (row[i] != outside)

@@ -6,19 +6,36 @@ typedef struct {
     uint2 shift;
 } View;
 
-// Where a patch looks from, turned about its normal at random for life (engine/visibility/views/hemicube.py: rotations).
-View view_of(const Receiver *r, const int patch, const uint salt, const int rotate)
+#ifdef COSINE
+// Steps of the R2 sequence (engine/visibility/views/directions.py).
+#define R2 (uint2)(3242174889u, 2447445414u)
+
+// Where a patch looks from. Its samples go on in the sequence where those of the patch before it along a curve
+// through the texels end: together, neighbours sample the view as evenly as one patch with all their samples, so
+// that what each is off is taken back beside it (Ahmed and Wonka, "Screen-Space Blue-Noise Diffusion of Monte
+// Carlo Sampling Error via Hierarchical Ordering of Pixels", 2020).
+View view_of(const Receiver *r, const int patch, const int samples, const uint salt, const int rotate)
 {
-    const uint mixed = hash((uint)patch ^ salt);
     float3 x, y;
     basis(r->normal, &x, &y);
-    const float angle = rotate ? (float)mixed * (1.0f / 2147483648.0f) - 1.0f : 0.0f;
-    const float c = cospi(angle), s = sinpi(angle);
-    const uint2 shift = (uint2)(mixed, hash(mixed));
-    const View view = {r->at + r->height * r->geometric, c * x + s * y, c * y - s * x, r->normal, r->geometric,
-                       rotate ? shift : (uint2)(0)};
+    const uint2 shift = r->rank * samples * R2 + (uint2)(salt, hash(salt));
+    const View view = {r->at + r->height * r->geometric, x, y, r->normal, r->geometric, rotate ? shift : (uint2)(0)};
     return view;
 }
+#else
+// Where a patch looks from, turned about its normal at random for life (engine/visibility/views/hemicube.py: rotations).
+View view_of(const Receiver *r, const int patch, const int samples, const uint salt, const int rotate)
+{
+    float3 x, y;
+    basis(r->normal, &x, &y);
+    const uint mixed = hash((uint)patch ^ salt);
+    const float angle = rotate ? (float)mixed * (1.0f / 2147483648.0f) - 1.0f : 0.0f;
+    const float c = cospi(angle), s = sinpi(angle);
+    const View view = {r->at + r->height * r->geometric, c * x + s * y, c * y - s * x, r->normal, r->geometric,
+                       (uint2)(0)};
+    return view;
+}
+#endif
 
 // The direction of a sample in world space.
 #ifdef COSINE

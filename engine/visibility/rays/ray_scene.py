@@ -51,7 +51,7 @@ class RayScene:
     @cached_property
     def receivers(self) -> cl.Buffer:
         """The records of all patches, see `receivers.pack_receivers`; their lifts end before other faces."""
-        records = pack_receivers(self.compute, self._parts.geometry)
+        records = pack_receivers(self.compute, self._parts.patches, self._parts.geometry)
         (bound,) = self.rays.kernels((*RECEIVER_SOURCE, "lift.cl"), "bound_lifts")
         self.rays.run(bound, self.count, records, np.int32(self.count))
         return records

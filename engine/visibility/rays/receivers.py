@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pyopencl as cl
 
@@ -9,6 +11,7 @@ from ...device.buffers import upload
 from ...device.compute import Compute, Source
 from ...device.record import Record
 from ...patches.geometry import PatchGeometry
+from ...patches.patch_list import PatchList
 from ..views.viewpoints import OF_COORDINATE, OF_DIAGONAL, OF_TEXEL
 
 #: A patch as a receiver of light, on its triangle. Metres from `Triangles.origin`.
@@ -27,6 +30,7 @@ RECEIVER = Record(
     ("float[3]", "normal1", "of the smooth surface at the first corner"),
     ("float[3]", "normal2", "at the second corner"),
     ("float[3]", "normal3", "at the third corner"),
+    ("int", "rank", "along a Hilbert curve through the texels of its lightmap, see pack.cl"),
 )
 
 #: What kernels on receivers are built from.
@@ -42,8 +46,8 @@ TEXEL_STEP = Record(
 )
 
 
-def pack_receivers(compute: Compute, geometry: PatchGeometry) -> cl.Buffer:
-    """Return the records of patches on the device."""
+def pack_receivers(compute: Compute, patches: PatchList, geometry: PatchGeometry) -> cl.Buffer:
+    """Return the records of patches on the device; those that share a texel follow each other."""
     triangles, steps, count = geometry.triangles, geometry.steps, len(geometry.triangle)
     step = TEXEL_STEP.array(
         len(triangles.positions),
@@ -58,5 +62,12 @@ def pack_receivers(compute: Compute, geometry: PatchGeometry) -> cl.Buffer:
     records = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, RECEIVER.dtype.itemsize * count)
     (pack,) = compute.kernels((*RECEIVER_SOURCE, TEXEL_STEP, "pack.cl"), "pack")
     origin = cl.cltypes.make_float4(*triangles.origin, 0)
-    compute.run(pack, count, *inputs, *map(np.float32, heights), origin, records, np.int32(count))
+    texels = upload(compute, patches.texel), np.int32(patches.resolution), np.int32(_points(patches))
+    compute.run(pack, count, *inputs, *map(np.float32, heights), origin, *texels, records, np.int32(count))
     return records
+
+
+def _points(patches: PatchList) -> int:
+    """Return how many patches share a texel: 1, or more where these are samples of texels."""
+    runs = 1 + np.count_nonzero(np.diff(patches.texel))
+    return math.ceil(len(patches) / runs)

@@ -52,7 +52,7 @@ def preferences():
         group.property_unset(name)
 
 
-MACHINE = {"memory_budget", "batch_bytes", "opencl_device", "denoise_device"}
+MACHINE = {"memory_budget", "batch_bytes", "opencl_device", "denoise_device", "scheduler", "kept_budget"}
 
 
 @pytest.mark.parametrize(

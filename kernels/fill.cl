@@ -34,22 +34,27 @@ __kernel void distance_in_column(__global const ushort *in_row, __global ushort 
     distance[texel] = nearest <= reach ? nearest : FAR;
 }
 
-// A ring of texels, each with the mean of its neighbours in inner rings.
-__kernel void grow(__global const ushort *distance, const int ring, __global float4 *image, const int width,
-                   const int height)
+// A ring of texels, each with the mean of its neighbours on a chart's surface, else in inner rings.
+__kernel void grow(__global const ushort *distance, __global const uchar *surface, const int ring,
+                   __global float4 *image, const int width, const int height)
 {
     TEXEL;
     if (distance[texel] != ring)
         return;
-    float4 sum = (float4)(0.0f);
-    float total = 0.0f;
+    float4 sum = (float4)(0.0f), surface_sum = (float4)(0.0f);
+    float total = 0.0f, surface_total = 0.0f;
     for (int v = max(y - 1, 0); v <= min(y + 1, height - 1); ++v)
-        for (int u = max(x - 1, 0); u <= min(x + 1, width - 1); ++u)
-            if (distance[AT(u, v)] < ring) {
-                sum += image[AT(u, v)];
-                total += 1.0f;
+        for (int u = max(x - 1, 0); u <= min(x + 1, width - 1); ++u) {
+            if (distance[AT(u, v)] >= ring)
+                continue;
+            sum += image[AT(u, v)];
+            total += 1.0f;
+            if (surface[AT(u, v)]) {
+                surface_sum += image[AT(u, v)];
+                surface_total += 1.0f;
             }
-    image[texel] = sum / total;
+        }
+    image[texel] = surface_total > 0.0f ? surface_sum / surface_total : sum / total;
 }
 
 // What texels are to the membrane: known up to some rings, unknown in further ones and where nobody sees them.

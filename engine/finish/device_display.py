@@ -36,7 +36,10 @@ class DeviceDisplay:
         self._fit = DeviceFit(compute, equations) if equations.count else None
         known = centres.copy()
         known.ravel()[equations.texel] = True
-        self._images = DeviceImages(compute, centres, DeviceFill(compute, known, has_patch, RINGS, dilation))
+        surface = centres.copy()
+        surface.ravel()[beside.texels(centres.shape[1])] = True
+        fill = DeviceFill(compute, known, surface, has_patch, RINGS, dilation)
+        self._images = DeviceImages(compute, centres, fill)
 
     def images(self, texels: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Return lightmaps, (atlases, r, r, 3) float32.

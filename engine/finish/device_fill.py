@@ -35,20 +35,27 @@ class _Scale(NamedTuple):
 class DeviceFill:
     """Fills unknown texels of images.
 
-    known   (atlases, r, r) bool, texels that keep their bits
-    inside  (atlases, r, r) bool, texels that are filled at any distance
-    rings   that grow from known texels, each with the mean of its neighbours
-    reach   how far texels are filled, smoothly beyond the rings; others are 0
+    known    (atlases, r, r) bool, texels that keep their bits
+    surface  (atlases, r, r) bool, those of them that lie on a chart
+    inside   (atlases, r, r) bool, texels that are filled at any distance
+    rings    that grow from known texels, each with the mean of its neighbours, on charts where there are some
+    reach    how far texels are filled, smoothly beyond the rings; others are 0
     """
 
     def __init__(
-        self, compute: Compute, known: np.ndarray, inside: np.ndarray, rings: int, reach: int
+        self,
+        compute: Compute,
+        known: np.ndarray,
+        surface: np.ndarray,
+        inside: np.ndarray,
+        rings: int,
+        reach: int,
     ) -> None:
         self._compute, self._rings = compute, min(rings, reach)
         self._kernels = dict(zip(_NAMES, compute.kernels(("texel.cl", "fill.cl"), *_NAMES), strict=True))
         shape = (len(inside), inside.shape[1], inside.shape[2])
         in_row, self._distance = (self._buffer(2, shape) for _ in range(2))
-        seeds = upload(compute, known.view(np.uint8))
+        seeds, self._surface = (upload(compute, mask.view(np.uint8)) for mask in (known, surface))
         self._run("distance_in_row", shape, seeds, in_row, np.int32(reach))
         self._run("distance_in_column", shape, in_row, self._distance, np.int32(reach))
         states = self._buffer(1, shape)
@@ -63,7 +70,7 @@ class DeviceFill:
     def fill(self, image: cl.Buffer) -> None:
         """Fill images, float4 of each texel."""
         for ring in range(1, self._rings + 1):
-            self._run("grow", self._scales[0].shape, self._distance, np.int32(ring), image)
+            self._run("grow", self._scales[0].shape, self._distance, self._surface, np.int32(ring), image)
         images = [image, *(scale.image for scale in self._scales[1:])]
         for index, scale in enumerate(self._scales[1:]):
             finer = self._scales[index]

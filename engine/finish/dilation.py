@@ -10,12 +10,15 @@ _NEIGHBOURS = np.array([(dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1) if (d
 class Dilation:
     """Fills unknown texels one ring at a time, each with the mean of its known neighbours.
 
-    known   (h, w) bool, texels that keep their bits
-    texels  number of rings
+    known    (h, w) bool, texels that keep their bits
+    texels   number of rings
+    surface  (h, w) bool, known texels that lie on a chart, all by default. A texel beside some has the
+             mean of these alone: a gutter texel that was fitted to one chart is no light of the next
+
     The neighbours are found once; `fill` may be called for every iteration's image.
     """
 
-    def __init__(self, known: np.ndarray, texels: int) -> None:
+    def __init__(self, known: np.ndarray, texels: int, surface: np.ndarray | None = None) -> None:
         self._unknown = np.flatnonzero(~known)
         self._rings: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         known = known.copy()
@@ -23,7 +26,7 @@ class Dilation:
             ring = np.flatnonzero(grown(known) & ~known)
             if not len(ring):
                 break
-            self._rings.append(_ring_neighbours(ring, known))
+            self._rings.append(_ring_neighbours(ring, known, known if surface is None else surface))
             known.ravel()[ring] = True
 
     def fill(self, image: np.ndarray) -> None:
@@ -45,11 +48,14 @@ def grown(mask: np.ndarray) -> np.ndarray:
     return grown
 
 
-def _ring_neighbours(ring: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _ring_neighbours(
+    ring: np.ndarray, known: np.ndarray, surface: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the ring's flat indices, their (t, 8) neighbours and the (t, 8) float32 weights."""
     height, width = known.shape
     y, x = (start[:, None] + step for start, step in zip(np.divmod(ring, width), _NEIGHBOURS.T, strict=True))
     inside = (y >= 0) & (y < height) & (x >= 0) & (x < width)
     neighbours = np.where(inside, y * width + x, 0)
-    weights = (inside & known.ravel()[neighbours]).astype(np.float32)
+    nearest, others = (inside & mask.ravel()[neighbours] for mask in (surface, known))
+    weights = np.where(nearest.any(axis=1, keepdims=True), nearest, others).astype(np.float32)
     return ring, neighbours, weights / weights.sum(axis=1, keepdims=True)

@@ -31,8 +31,10 @@ class DisplayFit:
         self._centre = np.flatnonzero(centres)
         points = joined_points(centre_points(self._centre, resolution), beside)
         self._fit = BilinearFit(resolution, atlases, points, seams)
+        surface = np.zeros_like(has_patch)
+        surface.ravel()[points.texels(resolution)] = True
         self._fills = [
-            _fills(known, texels, dilation) for known, texels in zip(self._fit.known, has_patch, strict=True)
+            _fills(*masks, dilation) for masks in zip(self._fit.known, surface, has_patch, strict=True)
         ]
 
     def images(self, texels: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -49,8 +51,10 @@ class DisplayFit:
         return np.ascontiguousarray(np.broadcast_to(images, (*images.shape[:3], 3)))
 
 
-def _fills(known: np.ndarray, has_patch: np.ndarray, dilation: int) -> tuple[Dilation, SmoothFill]:
-    """Return what fills an atlas around its known texels, (r, r) bool."""
+def _fills(
+    known: np.ndarray, surface: np.ndarray, has_patch: np.ndarray, dilation: int
+) -> tuple[Dilation, SmoothFill]:
+    """Return what fills an atlas around its known texels, of which some lie on charts, (r, r) bool each."""
     rings = min(RINGS, dilation)
     near = known
     for _ in range(rings):
@@ -58,4 +62,4 @@ def _fills(known: np.ndarray, has_patch: np.ndarray, dilation: int) -> tuple[Dil
     extended = near
     for _ in range(dilation - rings):
         extended = grown(extended)
-    return Dilation(known, rings), SmoothFill(near, has_patch | extended)
+    return Dilation(known, rings, surface), SmoothFill(near, has_patch | extended)

@@ -179,7 +179,7 @@ class LightmapStore:
         """Return texels on the device as images with hidden texels filled and charts dilated."""
         if self._gutters is None:
             known = self.known
-            fill = DeviceFill(compute, known, np.zeros_like(known), self._rings, self._rings)
+            fill = DeviceFill(compute, known, known, np.zeros_like(known), self._rings, self._rings)
             self._gutters = DeviceImages(compute, known, fill)
         self._gutters.load(texels, channels)
         return self._gutters.filled()

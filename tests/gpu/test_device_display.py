@@ -1,5 +1,6 @@
 """The fit, rings and membrane of the OpenCL device are those of NumPy."""
 
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -15,7 +16,8 @@ from engine.finish.store import LightmapStore
 from engine.patches.patch_list import PatchList
 from engine.patches.seams import Seams, find_seams
 from tests.gpu.test_texel_pieces import triangles_of
-from tests.unit.test_bilinear_fit import NO_SEAMS, covered, points_at
+from tests.unit.test_bilinear_fit import NO_SEAMS, covered, points_at, shown, step
+from tests.unit.test_near_charts import all_over, images_of, near_charts
 from tests.unit.test_seams import R, cylinder, joined, tile
 
 NO_POINTS = points_at(np.zeros((0, 2)))
@@ -98,6 +100,14 @@ def test_cylinder_has_no_step_and_texels_inside_keep_their_bits(compute: Compute
     assert same.all(axis=1).mean() > 0.7
 
 
+@pytest.mark.parametrize(("gap", "offset"), [(2, 0), (2, 0.6), (2.3, 0.3)])
+def test_seam_is_not_seen_on_a_chart_beside_it(compute: Compute, gap: float, offset: float) -> None:
+    triangles, chart = near_charts(gap, offset)
+    _, fitted, seams = images_of(partial(DeviceDisplay, compute), triangles)
+    np.testing.assert_allclose(shown(fitted, 0, all_over(chart)), 0.2, rtol=0.005)
+    assert step(fitted, seams) < 1e-3
+
+
 def test_bake_after_bake_gives_the_same_bits(compute: Compute) -> None:
     case = strips(3)
     texels, values = lit(case, 3)
@@ -157,7 +167,7 @@ def test_store_makes_the_same_images_with_and_without_opencl(compute: Compute, c
         np.full((count, 3), 1 / 3, np.float32),
     )  # fmt: skip
     values = random.random((count, 4)).astype(np.float32)[:, :channels]
-    near = NearFaces(random.random(count) < 0.1, np.zeros(count, bool))
+    near = NearFaces(random.random(count) < 0.1, *np.zeros((2, count), bool))
     front = np.where(random.random(count) < 0.2, 0, 1).astype(np.float32)
     stores = [LightmapStore(patches, 2, 3, device) for device in (None, compute)]
     for store in stores:

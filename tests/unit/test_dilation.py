@@ -31,3 +31,10 @@ def filled_by(dilation, image):
     filled = image.copy()
     dilation.fill(filled)
     return filled
+
+
+def test_texel_beside_a_surface_takes_its_light_alone():
+    image = np.zeros((1, 5, 1), np.float32)
+    image[0, [0, 2], 0] = 1, 9
+    known, surface = (image[:, :, 0] > 0), (image[:, :, 0] == 1)
+    assert (filled_by(Dilation(known, 1, surface), image)[0, :, 0] == [1, 1, 9, 9, 0]).all()

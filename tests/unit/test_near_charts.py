@@ -1,0 +1,56 @@
+"""Charts that lie near each other on a lightmap: the seam of one is not seen on the other."""
+
+import numpy as np
+import pytest
+
+from engine.finish.display_fit import DisplayFit
+from engine.patches.seams import find_seams, no_seams
+from tests.unit.test_bilinear_fit import covered, points_at, shown, step
+from tests.unit.test_seams import R, joined, tile
+
+NO_POINTS = points_at(np.zeros((0, 2)))
+
+
+def near_charts(gap, offset):
+    """Return two lit charts that share a seam, and a dark one beside the first; the chart of the dark one.
+
+    gap, offset  texels between lit and dark, and of their borders from those of texels
+    """
+    lit = tile((0, 0), (2, 2), (3, 4 + offset, 17 + offset, 16))
+    beyond_seam = tile((2, 0), (2, 2), (4, 38, 17, 16))
+    chart = (20 + offset + gap, 4 + offset, 17, 16)
+    return joined(lit, beyond_seam, tile((9, 0), (2, 2), chart)), chart
+
+
+def case_of(triangles, seams):
+    """Return what a fit takes and the light of texels: 1 on what is lit, 0.2 elsewhere."""
+    centres, world = covered(triangles, 1)
+    texels = np.zeros((1, R, R, 1), np.float32)
+    texels[centres] = np.where(world[:, :1] < 5, 1, 0.2)
+    return (centres, NO_POINTS, seams, centres, 2), texels
+
+
+def all_over(chart):
+    """Return points all over a chart, borders included, (p, 2) texels."""
+    x, y, width, height = chart
+    along = np.linspace(0, 1, 61)
+    return np.stack(np.meshgrid(x + width * along, y + height * along), axis=2).reshape(-1, 2)
+
+
+def images_of(display, triangles):
+    """Return images without and with seams hidden, by `DisplayFit` or what makes the same, and the seams."""
+    seams = find_seams(triangles, 1, R)
+    images = []
+    for some in (no_seams(), seams):
+        case, texels = case_of(triangles, some)
+        images.append(display(*case).images(texels, np.zeros((0, 1), np.float32)))
+    return (*images, seams)
+
+
+@pytest.mark.parametrize("offset", [0, 0.3, 0.6])
+@pytest.mark.parametrize("gap", [2, 2.3, 3])
+def test_seam_is_not_seen_on_a_chart_beside_it(gap, offset):
+    triangles, chart = near_charts(gap, offset)
+    _, fitted, seams = images_of(DisplayFit, triangles)
+    np.testing.assert_allclose(shown(fitted, 0, all_over(chart)), 0.2, rtol=0.005)
+    assert len(seams) > 20 and step(fitted, seams) < 1e-3

@@ -135,7 +135,7 @@ def test_lamps_of_every_kind_have_the_direction_of_their_light(lamp):
     light = Light("Lamp", lamp, where, np.stack([x, np.cross(z, x), z]), np.ones(3, np.float32), **size)
     combined, _, l1, _ = maps(scene_of(square(), [light]))
     expected = combined[0] * fitted(z[None])[0] / z[2]
-    assert l1[:, 0] == pytest.approx(expected, rel=0.02, abs=0.01 * combined[0])
+    assert l1[:, 0] == pytest.approx(expected, rel=0.02, abs=0.01 * float(combined[0]))
 
 
 def test_an_emissive_wall_and_one_in_its_light_count():
@@ -164,7 +164,7 @@ def test_bright_sky_and_dim_sky_give_one_sum():
         maps(scene_of(square(), world=world), sample_emission=sample, samples=16384)[2]
         for sample in (True, False)
     )
-    assert sampled == pytest.approx(seen, rel=0.04, abs=0.02 * np.abs(seen).max())
+    assert sampled == pytest.approx(seen, rel=0.04, abs=0.02 * float(np.abs(seen).max()))
 
 
 @pytest.mark.parametrize("way", EVERY_WAY)

@@ -257,9 +257,20 @@ def test_the_underside_of_something_that_stands_on_a_floor_is_hidden():
     """It lies in the floor's plane; neither its light nor that of the floor beneath it is shown."""
     floor = quads(rectangle((-2, -2, 0), 4 * X, 4 * Y)[None], [(1, 1, 6, 6)], [0], 16, "Floor")
     foot = quads(rectangle((-0.5, -0.5, 0), Y, X)[None], [(9, 9, 6, 6)], [0], 16, "Foot")
+    sides = np.stack(
+        [
+            rectangle((-0.5, -0.5, 0.4), X, Y),
+            rectangle((-0.5, -0.5, 0), X, 0.4 * Z),
+            rectangle((0.5, -0.5, 0), Y, 0.4 * Z),
+            rectangle((0.5, 0.5, 0), -X, 0.4 * Z),
+            rectangle((-0.5, 0.5, 0), -Y, 0.4 * Z),
+        ]
+    )
+    charts = [(9, 1, 2, 2), (12, 1, 2, 2), (9, 4, 2, 2), (12, 4, 2, 2), (1, 9, 4, 4)]
+    box = quads(sides, charts, [0] * 5, 16, "Box")
     lamps = (light("point"), dataclasses.replace(light("point"), position=np.array([0, 0, -2.0])))
     unfilled = dataclasses.replace(SETTINGS, dilation=0, hide_seams=False, texel_samples=1)
-    lightmap = drive(Scene((floor, foot), (BLACK,), lights=lamps), unfilled)
+    lightmap = drive(Scene((floor, foot, box), (BLACK,), lights=lamps), unfilled)
     assert (lightmap.display[0, 9:15, 9:15] == 0).all()
     shown, lit = lightmap.display[0, 1:7, 1:7], lightmap.image[0, 1:7, 1:7]
     assert (shown[:2] == lit[:2]).all() and (lit[:2] > 0).all()

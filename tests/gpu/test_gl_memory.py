@@ -12,6 +12,7 @@ from engine.device import devices, raw_gl
 from engine.device.compute import Compute
 from engine.device.devices import Devices
 from engine.plan import trial
+from engine.plan.kept import Kept
 from engine.plan.stages import BakeStages, Extent
 from engine.visibility.raster import raster
 from tests.analytic.scenes import furnace
@@ -42,7 +43,7 @@ def opened():
 def at_the_first_sweep(opened, settings):
     """Return what lives once it is decided how patches gather, and the report."""
     scene = furnace(0.5, 1.0)
-    work, found = bake(opened, scene, settings, BakeStages(Extent.of(scene), settings, {})), None
+    work, found = bake(opened, scene, settings, BakeStages(Extent.of(scene), settings, {}), Kept()), None
     try:
         while True:
             progress = next(work)
@@ -79,7 +80,7 @@ def test_bakes_leave_no_objects_behind(monkeypatch, compute):
         for changes in ({"method": "paper"}, {"visibility": "raster"}, {"visibility": "auto"}):
             settings = dataclasses.replace(QUICK, **changes)
             scene = furnace(0.5, 1.0)
-            finished(bake(opened, scene, settings, BakeStages(Extent.of(scene), settings, {})))
+            finished(bake(opened, scene, settings, BakeStages(Extent.of(scene), settings, {}), Kept()))
             opened.clear()
         counts.append(living())
     opened.release()

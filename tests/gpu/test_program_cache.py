@@ -100,4 +100,4 @@ def test_a_bake_with_programs_of_an_earlier_session_gives_the_same_bits(built, t
         if len(images) == 1:
             assert len(built) > 5
             built.clear()
-    assert np.array_equal(*images) and len(built) == 1  # the probe of the device
+    assert np.array_equal(*images) and len(built) <= 1  # the probe of the device

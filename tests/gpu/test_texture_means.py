@@ -67,14 +67,14 @@ def test_textures_are_those_of_the_host(compute, extension, smooth, srgb):
         assert len(np.unique(getattr(expected, name))) > 500
 
         # A sample on the border of a triangle or of a plain pixel may be taken for either side.
-        assert np.quantile(difference, 0.97 if smooth else 0.9) < 1e-5 and difference.mean() < 1e-3
+        assert np.quantile(difference, 0.97 if smooth else 0.9) < 1e-4 and difference.mean() < 1e-3
 
 
 def test_images_are_shrunk_in_strips(compute, monkeypatch):
     scene = textured_scene()
     whole = surfaces_of(compute, scene).reflectance
     monkeypatch.setattr(texture_means, "_STRIP", 12 * 1021 * 11)
-    assert (surfaces_of(compute, scene).reflectance == whole).all()
+    assert surfaces_of(compute, scene).reflectance == pytest.approx(whole, abs=1e-6)
 
 
 def test_images_that_the_device_cannot_hold_are_left_to_the_host():

@@ -22,12 +22,14 @@ class ChartEdges:
     positions  (e, 2, 3) float32, metres from `Triangles.origin`
     normals    (e, 2, 3) float32, shading normals
     texels     (e, 2, 2) float64, lightmap position in texels
+    outward    (e, 2) float64, unit vector on the lightmap, away from the edge's triangle
     atlas      (e,) int32
     """
 
     positions: np.ndarray
     normals: np.ndarray
     texels: np.ndarray
+    outward: np.ndarray
     atlas: np.ndarray
 
     def __len__(self) -> int:
@@ -35,9 +37,7 @@ class ChartEdges:
 
     def part(self, chosen: np.ndarray) -> ChartEdges:
         """Return some edges, by a mask or their numbers."""
-        return ChartEdges(
-            self.positions[chosen], self.normals[chosen], self.texels[chosen], self.atlas[chosen]
-        )
+        return ChartEdges(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
 
     @property
     def length(self) -> np.ndarray:
@@ -62,10 +62,13 @@ def chart_edges(triangles: Triangles, atlases: int, resolution: int) -> ChartEdg
 
     triangle, corner = shown[alone // 3], alone % 3
     ends = triangle[:, None], np.stack([corner, (corner + 1) % 3], axis=1)
+    texels = triangles.uvs[ends].astype(np.float64) * resolution
+    opposite = triangles.uvs[triangle, (corner + 2) % 3].astype(np.float64) * resolution
     edges = ChartEdges(
         triangles.positions[ends],
         triangles.normals[ends],
-        triangles.uvs[ends].astype(np.float64) * resolution,
+        texels,
+        _outward(texels, opposite),
         triangles.atlas[triangle],
     )
     return edges.part((edges.length > 0) & (edges.texel_length > 0))
@@ -75,6 +78,14 @@ def end_keys(edges: ChartEdges) -> np.ndarray:
     """Return a key of every edge, (e,) uint64, that edges with the same end points in the world share."""
     keys: np.ndarray = _hashed(edges.positions, _FACTORS).sum(axis=1)
     return keys
+
+
+def _outward(ends: np.ndarray, opposite: np.ndarray) -> np.ndarray:
+    """Return the unit normals of edges, (e, 2, 2), away from the third corners of their triangles, (e, 2)."""
+    along = ends[:, 1] - ends[:, 0]
+    normal = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    away = np.einsum("ed,ed->e", ends[:, 0] - opposite, normal)
+    return normal * (np.sign(away) / np.maximum(_length(normal), 1e-20))[:, None]
 
 
 def _texels(uvs: np.ndarray, resolution: int) -> np.ndarray:

@@ -46,11 +46,11 @@ def find_seams(triangles: Triangles, atlases: int, resolution: int) -> Seams:
     two, with the same corners or not. A hard edge is no seam.
     """
     edges = chart_edges(triangles, atlases, resolution)
-    return _points(edges, edge_pairs(edges))
+    return seams_of(edges, edge_pairs(edges))
 
 
-def _points(edges: ChartEdges, pairs: EdgePairs) -> Seams:
-    """Return points spread evenly over the common parts of pairs of edges."""
+def seams_of(edges: ChartEdges, pairs: EdgePairs) -> Seams:
+    """Return seams as points spread evenly over the common parts of pairs of edges."""
     both = np.stack([pairs.first, pairs.second], axis=1)
     length = (edges.texel_length[both] * np.abs(pairs.part[:, :, 1] - pairs.part[:, :, 0])).max(axis=1)
     count = np.ceil(_POINTS * length).astype(np.int64)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from engine.finish.display_fit import DisplayFit
+from engine.finish.seam_sides import display_seams
 from engine.patches.seams import find_seams, no_seams
 from tests.unit.test_bilinear_fit import covered, points_at, shown, step
 from tests.unit.test_seams import R, joined, tile
@@ -39,12 +40,11 @@ def all_over(chart):
 
 def images_of(display, triangles):
     """Return images without and with seams hidden, by `DisplayFit` or what makes the same, and the seams."""
-    seams = find_seams(triangles, 1, R)
     images = []
-    for some in (no_seams(), seams):
+    for some in (no_seams(), display_seams(triangles, 1, R)):
         case, texels = case_of(triangles, some)
         images.append(display(*case).images(texels, np.zeros((0, 1), np.float32)))
-    return (*images, seams)
+    return (*images, find_seams(triangles, 1, R))
 
 
 @pytest.mark.parametrize("offset", [0, 0.3, 0.6])
@@ -54,3 +54,26 @@ def test_seam_is_not_seen_on_a_chart_beside_it(gap, offset):
     _, fitted, seams = images_of(DisplayFit, triangles)
     np.testing.assert_allclose(shown(fitted, 0, all_over(chart)), 0.2, rtol=0.005)
     assert len(seams) > 20 and step(fitted, seams) < 1e-3
+
+
+@pytest.mark.parametrize("offset", [0, 0.3, 0.6])
+@pytest.mark.parametrize("gap", [0.7, 1, 1.4])
+def test_gutter_that_two_charts_read_is_as_without_seams(gap, offset):
+    triangles, chart = near_charts(gap, offset)
+    plain, fitted, seams = images_of(DisplayFit, triangles)
+    before, after = (shown(images, 0, all_over(chart)) for images in (plain, fitted))
+    np.testing.assert_allclose(after, before, rtol=0.005)
+    assert step(fitted, seams) <= step(plain, seams) + 1e-4
+
+
+def test_only_sides_beside_a_free_border_move():
+    triangles, _ = near_charts(1, 0)
+    seams, own = (find(triangles, 1, R) for find in (find_seams, display_seams))
+    np.testing.assert_array_equal(own.weight, seams.weight)
+    moved = (own.texel != seams.texel).any(axis=2)
+    beside = np.isclose(seams.texel[:, :, 0], 20)
+    assert (moved == beside).all() and (own.texel[beside, 0] == 19.5).all()
+    for gap in (2, 2.6, 3):
+        triangles, _ = near_charts(gap, 0.3)
+        seams, own = (find(triangles, 1, R) for find in (find_seams, display_seams))
+        np.testing.assert_array_equal(own.texel, seams.texel)

@@ -1,0 +1,40 @@
+"""Borders of charts that no seam follows: beyond them a chart shows its own light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .chart_edges import ChartEdges
+from .edge_pairs import EdgePairs
+
+#: Points for a texel of a border's length, at least; its ends are two further ones.
+_POINTS = 1.5
+
+
+@dataclass(frozen=True)
+class ChartBorders:
+    """Points along the borders of charts.
+
+    atlas    (b,) int32
+    texel    (b, 2) float64, place on the lightmap, texels: the first one's centre is at (0.5, 0.5)
+    outward  (b, 2) float64, unit vector on the lightmap, away from the chart
+    """
+
+    atlas: np.ndarray
+    texel: np.ndarray
+    outward: np.ndarray
+
+
+def free_borders(edges: ChartEdges, pairs: EdgePairs) -> ChartBorders:
+    """Return points along those edges of charts that belong to no pair, ends included."""
+    free = np.ones(len(edges), bool)
+    free[pairs.first] = free[pairs.second] = False
+    edges = edges.part(free)
+    steps = np.ceil(_POINTS * edges.texel_length).astype(np.int64)
+    edge = np.repeat(np.arange(len(edges)), steps + 1)
+    number = np.arange(len(edge)) - np.repeat(np.cumsum(steps + 1) - steps - 1, steps + 1)
+    along = (number / steps[edge])[:, None]
+    texel = (1 - along) * edges.texels[edge, 0] + along * edges.texels[edge, 1]
+    return ChartBorders(edges.atlas[edge], texel, edges.outward[edge])

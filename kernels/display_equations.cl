@@ -1,7 +1,7 @@
 // Equations of the texels whose bilinear display is nearest to the light at points, and the same on both sides of
 // seams (engine/finish/display_equations.py).
 
-// Marks of texels: a point tells about it; it is an unknown; some look-up reads it with its right, or upper
+// Marks of texels: a point tells about it; it is an unknown; one look-up reads it and its right, or upper
 // neighbour.
 #define TOLD 1u
 #define UNKNOWN 2u
@@ -23,9 +23,11 @@ void mark_footprint(const Footprint *f, const int atlas, const int resolution, _
 {
     for (int corner = 0; corner < 4; ++corner) {
         const uint texel = flat_index(atlas, corner_of(f, corner), resolution);
-        uint mark = weight_of(f, corner) > 0.0f ? UNKNOWN : 0u;
-        mark |= !(corner & 1) && f->near.x != f->far.x ? RIGHT : 0u;
-        mark |= !(corner & 2) && f->near.y != f->far.y ? UPPER : 0u;
+        if (weight_of(f, corner) == 0.0f)
+            continue;
+        uint mark = UNKNOWN;
+        mark |= !(corner & 1) && weight_of(f, corner | 1) > 0.0f ? RIGHT : 0u;
+        mark |= !(corner & 2) && weight_of(f, corner | 2) > 0.0f ? UPPER : 0u;
         atomic_or(marks + texel, mark);
     }
 }

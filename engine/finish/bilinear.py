@@ -37,12 +37,18 @@ def beside_centres(position: np.ndarray) -> np.ndarray:
     return beside
 
 
-def cell_sides(texels: np.ndarray, count: int) -> np.ndarray:
-    """Return the pairs of neighbours in footprints, (p, 4), each pair once: (s, 2) int64, the lower first.
+def cell_sides(texels: np.ndarray, weights: np.ndarray, count: int) -> np.ndarray:
+    """Return the pairs of neighbours that look-ups read, each pair once: (s, 2) int64, the lower first.
+
+    texels, weights: (p, 4), footprints; a texel without weight is in no pair
 
     count: number of texels
     """
-    keys = [texels[:, one] * count + texels[:, other] for one, other in ((0, 1), (2, 3), (0, 2), (1, 3))]
+    read = weights > 0
+    keys = [
+        (texels[:, one] * count + texels[:, other])[read[:, one] & read[:, other]]
+        for one, other in ((0, 1), (2, 3), (0, 2), (1, 3))
+    ]
     sides = np.stack(np.divmod(np.unique(np.concatenate(keys)), count), axis=1)
     different: np.ndarray = sides[sides[:, 0] != sides[:, 1]]
     return different

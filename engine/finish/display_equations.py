@@ -74,8 +74,12 @@ def display_equations(
     seam_rows = SparseRows(
         _numbered(number, sides, differences), differences * np.sqrt(_SEAM * length)[:, None], count
     )
-    cells = cell_sides(np.concatenate([around, sides[:, :4], sides[:, 4:]]), len(told))
-    smooth = _smoothness(number[cells[unknown[cells].all(axis=1)]].astype(np.intp), stencil.diagonal)
+    cells = cell_sides(
+        np.concatenate([around, sides[:, :4], sides[:, 4:]]),
+        np.concatenate([shares, differences[:, :4], -differences[:, 4:]]),
+        len(told),
+    )
+    smooth = _smoothness(number[cells].astype(np.intp), stencil.diagonal)
     return DisplayEquations(
         np.flatnonzero(unknown), point, read, weights * weight[:, None], stencil, seam_rows, smooth
     )

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from engine.finish.display_equations import display_equations
 from engine.finish.display_fit import DisplayFit
 from engine.finish.seam_sides import display_seams
 from engine.patches.seams import find_seams, no_seams
-from tests.unit.test_bilinear_fit import covered, points_at, shown, step
+from tests.unit.test_bilinear_fit import centres, covered, points_at, shown, step
 from tests.unit.test_seams import R, joined, tile
 
 NO_POINTS = points_at(np.zeros((0, 2)))
@@ -25,10 +26,10 @@ def near_charts(gap, offset):
 
 def case_of(triangles, seams):
     """Return what a fit takes and the light of texels: 1 on what is lit, 0.2 elsewhere."""
-    centres, world = covered(triangles, 1)
+    mask, world = covered(triangles, 1)
     texels = np.zeros((1, R, R, 1), np.float32)
-    texels[centres] = np.where(world[:, :1] < 5, 1, 0.2)
-    return (centres, NO_POINTS, seams, centres, 2), texels
+    texels[mask] = np.where(world[:, :1] < 5, 1, 0.2)
+    return (mask, NO_POINTS, seams, mask, 2), texels
 
 
 def all_over(chart):
@@ -77,3 +78,15 @@ def test_only_sides_beside_a_free_border_move():
         triangles, _ = near_charts(gap, 0.3)
         seams, own = (find(triangles, 1, R) for find in (find_seams, display_seams))
         np.testing.assert_array_equal(own.texel, seams.texel)
+
+
+def test_smoothness_ties_no_texels_of_different_charts():
+    """The lit border lies on centres up to rounding; the dark chart's seam reads the texels beside these."""
+    charts = [(3.5, 5, 16.001, 16), (4.5, 38, 16, 16), (20.7, 5, 16, 16), (40.3, 38, 16, 16)]
+    corners = [(0, 0), (2, 0), (9, 0), (7, 0)]
+    triangles = joined(*(tile(corner, (2, 2), chart) for corner, chart in zip(corners, charts, strict=True)))
+    mask, _ = covered(triangles, 1)
+    equations = display_equations(centres(mask), find_seams(triangles, 1, R), R, 1)
+    lit = equations.texel % R < 20
+    dark = (equations.texel % R >= 20) & (equations.texel < 30 * R)
+    assert dark.sum() > 20 and not equations.smooth.times(dark.astype(float))[lit].any()

@@ -104,7 +104,8 @@ def _turn(
     edge = border[fresh[chart[border]]]
     count, local = int(fresh.sum()), numbers[chart[edge]]
     angle = lying(lain[edge], lain[after[edge]], local, count)
-    loop = np.flatnonzero((chart >= 0) & fresh[chart])
+    loop = np.flatnonzero(chart >= 0)
+    loop = loop[fresh[chart[loop]]]
     local = numbers[chart[loop]]
     points = turned(lain[loop], angle[local])
     low = np.full((count, 2), np.inf)

@@ -61,10 +61,14 @@ _session = Session()
 
 
 def bake(scene: Scene, resolution: int, values: dict) -> tuple[Lightmap, float, float]:
-    """Return a lightmap without what is only shown, its seconds of wall time and of all processors."""
+    """Return a lightmap without what is only shown, its seconds of wall time and of all processors.
+
+    What patches see is found anew.
+    """
     settings = Settings(
         resolution=resolution, visibility="rays", intermediates=False, hide_seams=False, dilation=0, **values
     )
+    _session.forget()
     started, busy = time.perf_counter(), time.process_time()
     lightmap = finished(_session.bake(scene, settings))
     return lightmap, time.perf_counter() - started, time.process_time() - busy

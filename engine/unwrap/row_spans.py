@@ -21,11 +21,7 @@ def row_spans(
     """
     triangle, row = _crossed_rows(corners[:, :, 1], size[chart, 1])
     low, high = _extent_in_row(corners[triangle], row)
-    chart = chart[triangle]
-    width = size[chart, 0]
-    first = np.clip(np.floor(low + _ROUNDING).astype(np.int64), 0, width - 1)
-    end = np.clip(np.ceil(high - _ROUNDING).astype(np.int64), first + 1, width)
-    return _union(chart, row, first, end)
+    return _touched(chart[triangle], row, low, high, size)
 
 
 def border_spans(
@@ -43,6 +39,16 @@ def border_spans(
     inside = _inside(ends, chart, size)
     parts = [(chart[edge], row, low, high), inside]
     chart, row, low, high = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    return _touched(chart, row, low, high, size)
+
+
+def _touched(
+    chart: np.ndarray, row: np.ndarray, low: np.ndarray, high: np.ndarray, size: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the runs of texels that extents in rows touch, as `row_spans` does.
+
+    low, high  (n,) texels, least and greatest x
+    """
     width = size[chart, 0]
     first = np.clip(np.floor(low + _ROUNDING).astype(np.int64), 0, width - 1)
     end = np.clip(np.ceil(high - _ROUNDING).astype(np.int64), first + 1, width)

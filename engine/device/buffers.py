@@ -14,6 +14,11 @@ def upload(compute: Compute, values: np.ndarray) -> cl.Buffer:
     return cl.Buffer(compute.context, flags, hostbuf=np.ascontiguousarray(values))
 
 
+def upload_once(compute: Compute, values: np.ndarray) -> cl.Buffer:
+    """Return the one buffer with the bits of an array that nobody changes; see `SharedBuffers`."""
+    return compute.shared.of(values, "bits", lambda: upload(compute, values))
+
+
 def upload_float4(compute: Compute, values: np.ndarray, first: int = 0, last: int = 0) -> cl.Buffer:
     """Return (n, 3) float32 as (first + n + last, 4): rows of zeros around the values; the fourth is 0."""
     count = first + len(values) + last

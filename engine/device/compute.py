@@ -12,6 +12,7 @@ from ..errors import DeviceError
 from .kernel import Kernel
 from .program_cache import ProgramCache, build
 from .record import Record
+from .shared_buffers import SharedBuffers
 from .source import kernel_source
 from .starters import keep_starters_in_memory
 
@@ -29,6 +30,7 @@ class Compute:
 
     cache_dir, opencl_device  see `Settings`
     context_of                makes the context of a device
+    shared                    what is uploaded once for several users
 
     Raises DeviceError if there is no device that can build kernels.
     """
@@ -43,6 +45,7 @@ class Compute:
         keep_starters_in_memory()
         self._built: dict[tuple, cl.Program] = {}
         self._kernels: dict[tuple, Kernel] = {}
+        self.shared = SharedBuffers()
         self.context = self._first_working_context(_chosen(found_devices(), opencl_device))
         self.device = self.context.devices[0]
         self._programs = ProgramCache(self.context, cache_dir)

@@ -117,7 +117,7 @@ class Surroundings:
 
 def surroundings(compute: Compute, emission: np.ndarray, sky: np.ndarray) -> Surroundings:
     """Upload emission, (n, 3) float32, and sky, (h, w, 3) float32."""
-    backs = upload_float4(compute, emission, first=1)
+    backs = compute.shared.of(emission, "float4", lambda: upload_float4(compute, emission, first=1))
     pixels = upload_float4(compute, sky.reshape(-1, 3))
     size = np.int32(sky.shape[1]), np.int32(sky.shape[0])
     return Surroundings(backs, np.uint32(len(emission) + 1), pixels, *size, not sky.any())

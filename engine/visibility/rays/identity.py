@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl as cl
 
-from ...device.buffers import upload
+from ...device.buffers import upload, upload_once
 from ...device.compute import Compute
 from ...device.kernel import Kernel
 from ...device.slices import sliced
@@ -69,7 +69,7 @@ class RayIdentity:
         self._look, self._gather_rays = rays.kernels(source, "look", "gather_rays", options=options)
         triangles = sources.triangles
         arrays = (triangles.uvs, triangles.atlas, sources.texel_to_patch)
-        lookups = (upload(compute, array) for array in arrays)
+        lookups = (upload_once(compute, array) for array in arrays)
         self._arguments = (
             *rays.arguments, receivers.receivers, *lookups, np.int32(sources.patches.resolution),
             surroundings.emission, surroundings.outside,

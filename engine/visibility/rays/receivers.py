@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pyopencl as cl
 
-from ...device.buffers import upload
+from ...device.buffers import upload, upload_once
 from ...device.compute import Compute, Source
 from ...device.record import Record
-from ...patches.geometry import PatchGeometry
+from ...patches.geometry import PatchGeometry, TexelSteps
 from ...patches.patch_list import PatchList
 from ..views.viewpoints import OF_COORDINATE, OF_DIAGONAL, OF_TEXEL
 
@@ -49,15 +49,13 @@ TEXEL_STEP = Record(
 def pack_receivers(compute: Compute, patches: PatchList, geometry: PatchGeometry) -> cl.Buffer:
     """Return the records of patches on the device; those that share a texel follow each other."""
     triangles, steps, count = geometry.triangles, geometry.steps, len(geometry.triangle)
-    step = TEXEL_STEP.array(
-        len(triangles.positions),
-        edge_u=steps.edge_u,
-        edge_v=steps.edge_v,
-        geometric=steps.geometric,
-        area=steps.area,
+    inputs = (
+        upload(compute, geometry.triangle),
+        upload(compute, geometry.barycentric),
+        upload_once(compute, triangles.positions),
+        upload_once(compute, triangles.normals),
+        compute.shared.of(steps.area, "steps", lambda: upload(compute, _step_records(steps))),
     )
-    arrays = (geometry.triangle, geometry.barycentric, triangles.positions, triangles.normals, step)
-    inputs = [upload(compute, array) for array in arrays]
     heights = (OF_TEXEL, OF_DIAGONAL * triangles.diagonal, OF_COORDINATE)
     records = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, RECEIVER.dtype.itemsize * count)
     (pack,) = compute.kernels((*RECEIVER_SOURCE, TEXEL_STEP, "pack.cl"), "pack")
@@ -65,6 +63,17 @@ def pack_receivers(compute: Compute, patches: PatchList, geometry: PatchGeometry
     texels = upload(compute, patches.texel), np.int32(patches.resolution), np.int32(_points(patches))
     compute.run(pack, count, *inputs, *map(np.float32, heights), origin, *texels, records, np.int32(count))
     return records
+
+
+def _step_records(steps: TexelSteps) -> np.ndarray:
+    """Return the records of triangles, (t,) TEXEL_STEP."""
+    return TEXEL_STEP.array(
+        len(steps.area),
+        edge_u=steps.edge_u,
+        edge_v=steps.edge_v,
+        geometric=steps.geometric,
+        area=steps.area,
+    )
 
 
 def _points(patches: PatchList) -> int:

@@ -1,0 +1,24 @@
+"""Buffers of arrays that several users upload alike: each is made once, and lives as long as its array."""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable
+
+import numpy as np
+import pyopencl as cl
+
+
+class SharedBuffers:
+    """Buffers by the array that they are made of, which nobody changes afterwards."""
+
+    def __init__(self) -> None:
+        self._made: dict[tuple[int, str], cl.Buffer] = {}
+
+    def of(self, array: np.ndarray, form: str, make: Callable[[], cl.Buffer]) -> cl.Buffer:
+        """Return the buffer of an array in one of its forms on the device, made if there is none."""
+        key = id(array), form
+        if key not in self._made:
+            self._made[key] = make()
+            weakref.finalize(array, self._made.pop, key, None).atexit = False
+        return self._made[key]

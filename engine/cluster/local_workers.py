@@ -12,6 +12,7 @@ from distributed import Client, LocalCluster
 from pyopencl import device_type
 
 from ..device.compute import device_name, found_devices
+from ..device.egl_devices import egl_devices
 from ..errors import DeviceError
 from .prepared_scene import DEVICE
 
@@ -73,15 +74,28 @@ def _end(worker: subprocess.Popen[bytes]) -> None:
 def local_environments() -> list[dict[str, str]]:
     """Return what tells each worker of this machine its device: one for each graphics card, else one.
 
-    CUDA_VISIBLE_DEVICES hides the other cards of NVIDIA's driver from OpenCL and OpenGL; other cards are
-    told apart by their OpenCL names, as far as these differ.
+    CUDA_VISIBLE_DEVICES hides the other cards of NVIDIA's driver from OpenCL, but not from OpenGL, which
+    takes the device of EGL that GLCONTEXT_DEVICE_INDEX numbers. Other cards are told apart by their OpenCL
+    names, as far as these differ.
     """
     cards = [device for device in found_devices() if device.type & device_type.GPU]
     if not cards:
         return [{}]
     if all(_NVIDIA in device.vendor for device in cards):
-        return [{"CUDA_VISIBLE_DEVICES": str(number)} for number in range(len(cards))]
+        drawing = egl_devices()
+        return [_nvidia_environment(number, drawing) for number in range(len(cards))]
     return [{DEVICE: name} for name in dict.fromkeys(map(device_name, cards))]
+
+
+def _nvidia_environment(number: int, drawing: Mapping[int, int]) -> dict[str, str]:
+    """Return what tells a worker to compute and draw on a card of NVIDIA's, by its number.
+
+    drawing: see `egl_devices`
+    """
+    environment = {"CUDA_VISIBLE_DEVICES": str(number)}
+    if number in drawing:
+        environment["GLCONTEXT_DEVICE_INDEX"] = str(drawing[number])
+    return environment
 
 
 def start_worker(

@@ -18,11 +18,13 @@ from .lightmap import Lightmap, Report
 from .patches.areas import surface_areas
 from .patches.occluders import place_occluders
 from .patches.subdivision import Subdivision
-from .plan.choose import Choice, choose_solver
+from .plan.choice import Choice
+from .plan.choose import choose_solver
 from .plan.display_light import DisplayJob, DisplayLight, light_in_texels
 from .plan.kept import Kept
 from .plan.limits import check_limits, check_patch_count
-from .plan.solve_job import RemoteGather, SolveJob
+from .plan.remote_devices import RemoteDevices
+from .plan.solve_job import SolveJob
 from .plan.stages import BakeStages
 from .plan.without_opencl import without_opencl
 from .progress import Progress
@@ -30,8 +32,9 @@ from .scene.model import Scene
 from .settings import Settings
 from .solve.solver import Solution
 
-#: Makes what gathers for all patches of a scene that occluders have their places in.
-RemoteGathers = Callable[[Scene], RemoteGather]
+#: Sends a scene that occluders have their places in to other processes; returns what uses their devices for a
+#: number of patches.
+Ship = Callable[[Scene], Callable[[int], RemoteDevices]]
 
 
 def bake(
@@ -40,13 +43,13 @@ def bake(
     settings: Settings,
     stages: BakeStages,
     kept: Kept,
-    remote: RemoteGathers | None = None,
+    ship: Ship | None = None,
 ) -> Generator[Progress, None, Lightmap]:
     """Bake a scene that has been checked; see `engine.bake`. The devices and what is kept stay.
 
-    remote: makes what gathers on devices of other processes; None to gather on these
+    ship: sends the scene to devices of other processes; None to use these alone
     """
-    return (yield from _current(devices, _bake(devices, scene, settings, stages, kept, remote)))
+    return (yield from _current(devices, _bake(devices, scene, settings, stages, kept, ship)))
 
 
 def _current(
@@ -70,13 +73,16 @@ def _bake(
     settings: Settings,
     stages: BakeStages,
     kept: Kept,
-    remote: RemoteGathers | None,
+    ship: Ship | None,
 ) -> Generator[Progress, None, Lightmap]:
     """Bake: the paper's algorithm."""
     graphics, compute = devices.graphics, devices.compute
     settings, notes = without_opencl(devices, scene, settings)
     atlases, scene = scene.atlases, place_occluders(scene, settings.resolution)
     check_limits(graphics, compute, scene, settings)
+
+    # Other processes make the patches meanwhile, too.
+    shipped = ship and ship(scene)
 
     # Texture space subdivision: which texels are patches, and where they are (III.A, IV.A).
     yield stages.begin(stages.patches)
@@ -87,7 +93,8 @@ def _bake(
 
     # Lamps, small bright surfaces and bright sky are sampled with shadow rays (direct light).
     rays = kept.ray_scene(compute, parts)
-    lighting = DirectLighting(scene, parts, rays, settings)
+    remote = shipped and shipped(len(parts.patches))
+    lighting = DirectLighting(scene, parts, rays, settings, remote)
     sampled = yield from stages.run(stages.direct, lighting.gather())
 
     # The room appears in direct light, while it is still to be found what patches see of each other.
@@ -101,11 +108,10 @@ def _bake(
     parts = replace(parts, back_to_back=bool(near.back_to_back.any()))
 
     # All other light is gathered: through hemicubes drawn in every iteration (IV.B), or what is kept of them.
-    left = (lighting.emission_left, lighting.sky_left)
-    area = surface_areas(parts.triangles, parts.geometry, settings.resolution)
     job = SolveJob(
-        graphics, compute, parts, rays, *left, sampled, area, settings, remote and remote(scene), kept
-    )
+        graphics, compute, parts, rays, lighting.emission_left, lighting.sky_left, sampled,
+        surface_areas(parts.triangles, parts.geometry, settings.resolution), settings, remote, kept,
+    )  # fmt: skip
     solution, choice, solved = choose_solver(job)
     yield stages.chosen(choice)
 
@@ -120,8 +126,8 @@ def _bake(
 
     # What was asked for; where a texel shows more than its centre, at several points of it.
     made = yield from stages.run(stages.outputs, outputs.make(solution, parts.geometry))
-    texels = DisplayJob(scene, len(atlases), job, solved, choice, lighting, near)
-    lit = yield from stages.run(stages.texels, light_in_texels(texels, solution))
+    texels = DisplayJob(scene, job, solved, choice, lighting)
+    lit = yield from stages.run(stages.texels, light_in_texels(texels, len(atlases), near, solution))
 
     # Images without noise and seams, and with dilated charts (VI.B).
     _refine(store, lit, solution.irradiance.sum(axis=1))

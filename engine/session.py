@@ -93,8 +93,8 @@ class Session:
         stages.opened(devices.on_card)
         try:
             with _workers(settings) as workers:
-                gather = partial(workers.gather, settings) if workers else None
-                lightmap = yield from bake(devices, scene, settings, stages, kept, gather)
+                ship = partial(workers.ship, settings) if workers else None
+                lightmap = yield from bake(devices, scene, settings, stages, kept, ship)
         except BaseException:
             devices.release()
             raise
@@ -131,10 +131,9 @@ def _workers(settings: Settings) -> Iterator[Workers | None]:
     if not settings.scheduler:
         yield None
         return
-    if settings.directional or settings.method not in ("auto", "cached"):
+    if settings.method not in ("auto", "cached"):
         raise SettingsError(
-            "Workers keep what patches see, and make no directional maps: choose method auto or cached and "
-            "other outputs, or bake without a scheduler."
+            "Workers keep what patches see: choose method auto or cached, or bake without a scheduler."
         )
     try:
         from .cluster.workers import workers

@@ -2,47 +2,54 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
+from ..device.buffers import download
 from ..gather.final_gather import FinalGather
 from ..plan.choose import keeping_sweep
-from ..plan.kept import Kept
-from ..plan.trial import make_identity
+from ..plan.trial import make_identity, untried_visibility
 from ..progress import finished
+from .half_light import HalfLight
 from .prepared_scene import prepared
-from .shipment import Shipment
+from .shipment import Shipment, Squares
 
 
 class Block:
-    """The patches first ... last of a scene, which gather from all of them.
+    """The patches first ... last of a scene, or groups of them, which gather from all of them.
 
     Sent to another worker it is found anew there: what patches see is on the device and does not travel.
+
+    views  (last - first, 2) float32, see `RemoteDevices.views`
     """
 
-    def __init__(self, shipment: Shipment, first: int, last: int) -> None:
-        self._made_of = shipment, first, last
-        scene = prepared(shipment)
-        scene.devices.graphics.use()
-        job, part = scene.job, slice(first, last)
-        parts = replace(
-            job.parts, patches=job.parts.patches.part(part), geometry=job.parts.geometry.part(part)
-        )
-        lookers = replace(job, parts=parts, rays=job.rays.of(parts), kept=Kept())
-        visibility = "raster" if job.settings.visibility == "raster" else "rays"
-        identity = make_identity(lookers, visibility)
-        self._scene, self._bytes = scene, identity.row_bytes * (last - first)
-        sweep = keeping_sweep(lookers, identity)
-        self._gather = FinalGather(job.opencl, sweep, np.zeros((last - first, 3), np.float32))
+    def __init__(self, shipment: Shipment, first: int, last: int, squares: Squares | None) -> None:
+        self._made_of = shipment, first, last, squares
+        self._sources = prepared(shipment).sources(squares)
+        with self._sources.working():
+            lookers = self._sources.part(first, last)
+            identity = make_identity(lookers, untried_visibility(lookers.settings))
+            self._bytes = identity.row_bytes * lookers.count
+            sweep, compute = keeping_sweep(lookers, identity), lookers.opencl
+            self._gather = FinalGather(compute, sweep, np.zeros((lookers.count, 3), np.float32))
 
-        # The first gather finds what is seen.
-        self.gather(np.zeros((job.count, 3), np.float32))
+            # The first gather finds what is seen.
+            gathered = self._gathered(HalfLight.of(np.zeros((self._sources.job.count, 3), np.float32)))
+            seen = download(compute, self._gather.patches_seen, (lookers.count,))
+            self.views = np.stack([gathered[:, 3], seen], axis=1)
 
-    def gather(self, radiance: np.ndarray) -> np.ndarray:
-        """Gather from radiance of all patches, (n, 3) float32; return (last - first, 4), see `Gather`."""
-        with self._scene.devices.failures_told():
-            return finished(self._gather.gather_from(self._scene.table(radiance)))
+    def gather(self, light: HalfLight) -> np.ndarray:
+        """Gather from the light of all patches; return E/pi, (last - first, 3) float32."""
+        with self._sources.working():
+            return np.ascontiguousarray(self._gathered(light)[:, :3])
+
+    def gather_l1(self, light: HalfLight) -> np.ndarray:
+        """Return the L1 of the same light, (last - first, 3, 3) float32."""
+        with self._sources.working():
+            self._gathered(light)
+            return finished(self._gather.gather_l1())
+
+    def _gathered(self, light: HalfLight) -> np.ndarray:
+        return finished(self._gather.gather_from(self._sources.table(light)))
 
     def __reduce__(self) -> tuple:
         return find, self._made_of
@@ -51,11 +58,21 @@ class Block:
         return self._bytes
 
 
-def find(shipment: Shipment, first: int, last: int) -> Block:
-    """Find what a block of patches sees: the task that a sweep's tasks depend on."""
-    return Block(shipment, first, last)
+def find(shipment: Shipment, first: int, last: int, squares: Squares | None) -> Block:
+    """Find what a block of patches sees: the task that those of sweeps depend on."""
+    return Block(shipment, first, last, squares)
 
 
-def gather(block: Block, radiance: np.ndarray) -> np.ndarray:
+def views(block: Block) -> np.ndarray:
+    """Return how much a block's patches see of patches and backs."""
+    return block.views
+
+
+def gather(block: Block, light: HalfLight) -> np.ndarray:
     """Gather for a block: a task of a sweep, which runs where the block is."""
-    return block.gather(radiance)
+    return block.gather(light)
+
+
+def gather_l1(block: Block, light: HalfLight) -> np.ndarray:
+    """Gather the L1 of light for a block."""
+    return block.gather_l1(light)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 #: Patches of a block at most, and blocks at least: many enough for a slow device to take fewer of them.
-_LARGEST, _FEWEST = 1 << 16, 16
+_LARGEST, _FEWEST = 1 << 18, 16
 
 
 def cut(count: int) -> list[tuple[int, int]]:

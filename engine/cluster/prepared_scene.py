@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -10,11 +13,19 @@ import pyopencl as cl
 
 from ..device.buffers import upload_float4
 from ..device.devices import Devices
+from ..direct.contact import patches_in_contact
 from ..direct.lighting import DirectLighting
 from ..patches.subdivision import subdivide
+from ..plan.choice import Choice
+from ..plan.choose import light_alone
+from ..plan.display_light import DisplayJob
+from ..plan.kept import Kept
 from ..plan.solve_job import SolveJob
+from ..plan.trial import untried_visibility
+from ..solve.patch_groups import PatchGroups
 from ..visibility.rays.ray_scene import RayScene
-from .shipment import Shipment
+from .half_light import HalfLight
+from .shipment import Shipment, Squares
 
 #: Environment variable that names the OpenCL device of a worker.
 DEVICE = "HEMIBAKE_OPENCL_DEVICE"
@@ -26,33 +37,95 @@ def worker_devices() -> Devices:
     return Devices(opencl_device=os.environ.get(DEVICE))
 
 
-class PreparedScene:
+class Sources:
+    """Patches, or groups of them, that send light out, on the device of a worker.
+
+    job  the radiosity equation of all of them, without the light that shadow rays sample
+    """
+
+    def __init__(self, devices: Devices, job: SolveJob) -> None:
+        self._devices, self.job = devices, job
+        self._light: HalfLight | None = None
+
+    @contextmanager
+    def working(self) -> Iterator[None]:
+        """Work on the devices of this worker, and tell how they fail."""
+        self._devices.graphics.use()
+        with self._devices.failures_told():
+            yield
+
+    def part(self, first: int, last: int) -> SolveJob:
+        """Return those from first to last, which see all of them."""
+        parts = self.job.parts.part(slice(first, last))
+        return replace(self.job, parts=parts, rays=self.job.rays.of(parts), kept=Kept())
+
+    def table(self, light: HalfLight) -> cl.Buffer:
+        """Return the radiance of all on the device, float4: once for all blocks of a sweep."""
+        if light is not self._light:
+            self._light, radiance = light, light.radiance
+            self._table = upload_float4(self.job.opencl, radiance, first=1, last=1)
+        return self._table
+
+
+class PreparedScene(Sources):
     """The scene of a shipment.
 
-    job  the radiosity equation of all its patches, without the light that shadow rays sample
+    scene     occluders have their places in it
+    lighting  what shadow rays sample
 
     Raises DeviceError if the worker has no OpenGL, or no OpenCL.
     """
 
     def __init__(self, shipment: Shipment) -> None:
-        scene, settings = shipment.unpacked()
+        self.scene, settings = shipment.unpacked()
         self.digest = shipment.digest
-        self.devices = worker_devices()
-        graphics, compute = self.devices.graphics, self.devices.compute
+        devices = worker_devices()
+        graphics, compute = devices.graphics, devices.compute
         graphics.use()
-        parts = subdivide(graphics, compute, scene, settings)
+        parts = subdivide(graphics, compute, self.scene, settings)
         rays = RayScene(compute, parts)
-        lighting = DirectLighting(scene, parts, rays, settings)
+        if untried_visibility(settings) == "raster":
+            parts = replace(parts, back_to_back=bool(patches_in_contact(rays, rays.count)[1].any()))
+        self.lighting = DirectLighting(self.scene, parts, rays, settings)
         nothing = np.zeros((len(parts.patches), 3), np.float32)
-        self._radiance: np.ndarray | None = None
-        left = lighting.emission_left, lighting.sky_left
-        self.job = SolveJob(graphics, compute, parts, rays, *left, nothing, parts.geometry.area, settings)
+        left = self.lighting.emission_left, self.lighting.sky_left
+        job = SolveJob(graphics, compute, parts, rays, *left, nothing, parts.geometry.area, settings)
+        super().__init__(devices, job)
+        self._display: DisplayJob | None = None
+        self._groups: tuple[str, Sources] | None = None
 
-    def table(self, radiance: np.ndarray) -> cl.Buffer:
-        """Return radiance of all patches, (n, 3) float32, on the device: once for all blocks of a sweep."""
-        if radiance is not self._radiance:
-            self._radiance, self._table = radiance, upload_float4(self.job.opencl, radiance, first=1, last=1)
-        return self._table
+    def sources(self, squares: Squares | None) -> Sources:
+        """Return groups of the patches, the last of which are kept; without any the patches themselves."""
+        if squares is None:
+            return self
+        if self._groups is None or self._groups[0] != squares.digest:
+            self._groups = squares.digest, Sources(self._devices, self._grouped(squares))
+        return self._groups[1]
+
+    def display(self, squares: Squares | None, choice: Choice) -> DisplayJob:
+        """Return what light at points of texels is gathered for; the last one is kept."""
+        solved = self.sources(squares).job
+        if self._display is None or self._display.solved is not solved:
+            self._display = DisplayJob(self.scene, self.job, solved, choice, self.lighting)
+        return self._display
+
+    def _grouped(self, squares: Squares) -> SolveJob:
+        """Return the radiosity equation of groups."""
+        job = self.job
+        groups = PatchGroups(job.rays, job.parts, job.area, squares.leader, squares.width)
+        return replace(
+            job,
+            parts=groups.parts,
+            rays=groups.rays,
+            emission=groups.mean(job.emission),
+            sampled_light=groups.mean(job.sampled_light),
+            area=groups.area,
+            settings=light_alone(job.settings),
+        )
+
+    def clear(self) -> None:
+        """Free what the devices hold of the scene."""
+        self._devices.clear()
 
 
 _prepared: PreparedScene | None = None
@@ -63,6 +136,11 @@ def prepared(shipment: Shipment) -> PreparedScene:
     global _prepared
     if _prepared is None or _prepared.digest != shipment.digest:
         if _prepared is not None:
-            _prepared.devices.clear()
+            _prepared.clear()
         _prepared = PreparedScene(shipment)
     return _prepared
+
+
+def prepare(shipment: Shipment) -> None:
+    """Make the patches of a scene: a task for each worker, while the client makes its own."""
+    prepared(shipment)

@@ -1,4 +1,4 @@
-"""What travels to workers once a bake: the scene and the settings, compressed."""
+"""What travels to workers once a bake: the scene and the settings, compressed; groups of patches."""
 
 from __future__ import annotations
 
@@ -7,18 +7,21 @@ import pickle
 import zlib
 from dataclasses import dataclass
 
+import numpy as np
+
 from ..scene.model import Scene
 from ..settings import Settings
 
-#: Fast compression: coordinates and textures shrink little more at higher levels.
-_LEVEL = 1
+#: Fast compression: coordinates and textures shrink little more at higher levels. Within a machine there is
+#: none, which takes longer than the way.
+_LEVEL, _NONE = 1, 0
 
 
 @dataclass(frozen=True)
 class Shipment:
     """A scene and settings as bytes.
 
-    data    compressed
+    data    compressed, see zlib
     digest  of the data, hexadecimal: names the scene in tasks, and on workers
     """
 
@@ -26,12 +29,31 @@ class Shipment:
     digest: str
 
     @classmethod
-    def of(cls, scene: Scene, settings: Settings) -> Shipment:
-        """Pack a scene that occluders have their places in."""
-        data = zlib.compress(pickle.dumps((scene, settings), protocol=5), _LEVEL)
+    def of(cls, scene: Scene, settings: Settings, local: bool) -> Shipment:
+        """Pack a scene that occluders have their places in; `local` if it does not leave this machine."""
+        data = zlib.compress(pickle.dumps((scene, settings), protocol=5), _NONE if local else _LEVEL)
         return cls(data, hashlib.sha256(data).hexdigest())
 
     def unpacked(self) -> tuple[Scene, Settings]:
         """Return the scene and the settings."""
         scene, settings = pickle.loads(zlib.decompress(self.data))
         return scene, settings
+
+
+@dataclass(frozen=True)
+class Squares:
+    """Groups of the patches of a scene; see `solve.patch_groups.PatchGroups`.
+
+    leader  (n,) uint32, the patch that each patch follows
+    width   of a square, texels
+    digest  hexadecimal: names the groups on workers
+    """
+
+    leader: np.ndarray
+    width: int
+    digest: str
+
+    @classmethod
+    def of(cls, leader: np.ndarray, width: int) -> Squares:
+        """Name groups."""
+        return cls(leader, width, hashlib.sha256(leader.tobytes()).hexdigest())

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from urllib.parse import urlsplit
 
 from distributed import Client
+from distributed.security import Security
 
 from ..errors import DeviceError
 from ..scene.model import Scene
 from ..settings import Settings
 from .admission import REFUSED, Admission
-from .cluster_gather import ClusterGather
+from .cluster_devices import ClusterDevices, ship
 from .local_workers import LocalWorkers, local_environments
 from .shipment import Shipment
 
@@ -29,6 +31,11 @@ _REFUSAL, _OTHERS = 0.5, 2
 _UNSAFE = (
     "The scene travels unencrypted to the scheduler at {}: use tls:// and certificates (docs/scale.md), or a "
     "network that nobody else is on."
+)
+
+_CERTIFICATES = (
+    "Name their files in Dask's configuration, distributed.comm.tls: ca-file, client.cert and client.key, or "
+    "in the environment, as DASK_DISTRIBUTED__COMM__TLS__CA_FILE (docs/scale.md)."
 )
 
 
@@ -59,9 +66,10 @@ class Workers:
                 f"{' '.join(self.warnings)}".rstrip()
             ) from error
 
-    def gather(self, settings: Settings, scene: Scene) -> ClusterGather:
-        """Return what gathers for all patches of a scene that occluders have their places in."""
-        return ClusterGather(self.client, Shipment.of(scene, settings))
+    def ship(self, settings: Settings, scene: Scene) -> Callable[[int], ClusterDevices]:
+        """Send a scene that occluders have their places in; return what works for so many patches."""
+        shipment = Shipment.of(scene, settings, local=_is_of_this_machine(self.address))
+        return partial(ClusterDevices, self.client, ship(self.client, shipment))
 
 
 @contextmanager
@@ -77,20 +85,31 @@ def workers(scheduler: str) -> Iterator[Workers]:
         finally:
             local.close()
         return
-    try:
-        client = Client(scheduler, timeout=_ANSWER)
-    except (OSError, ValueError) as error:
-        raise DeviceError(
-            f"No Dask scheduler answers at '{scheduler}' ({error}). Start one with `dask scheduler`, "
-            "and give its address as tcp://host:8786."
-        ) from error
-    with client:
+    with _connected(scheduler) as client:
         found = Workers(client)
         found.wait()
         yield found
 
 
+def _connected(scheduler: str) -> Client:
+    """Return a client of a scheduler; raises DeviceError if none answers, or TLS has no certificates."""
+    if scheduler.startswith("tls://") and not Security().get_connection_args("client")["ssl_context"]:
+        raise DeviceError(f"The scheduler at '{scheduler}' needs certificates. {_CERTIFICATES}")
+    try:
+        return Client(scheduler, timeout=_ANSWER)
+    except (OSError, ValueError) as error:
+        raise DeviceError(
+            f"No Dask scheduler answers at '{scheduler}' ({error}). Start one with `dask scheduler`, "
+            "and give its address as tcp://host:8786; one that was started with certificates has tls://host:8786."
+        ) from error
+
+
 def _is_private(address: str) -> bool:
-    """True if nobody else can listen: TLS, the memory of this process, or this machine alone."""
+    """True if nobody else can listen: TLS, or what does not leave this machine."""
+    return urlsplit(address).scheme in ("tls", "wss") or _is_of_this_machine(address)
+
+
+def _is_of_this_machine(address: str) -> bool:
+    """True for the memory of this process, and for addresses that nobody else can reach."""
     parts = urlsplit(address)
-    return parts.scheme in ("tls", "wss", "inproc") or parts.hostname in ("127.0.0.1", "::1", "localhost")
+    return parts.scheme == "inproc" or parts.hostname in ("127.0.0.1", "::1", "localhost")

@@ -15,7 +15,7 @@ from .contact import NearFaces, patches_in_contact, patches_lit_by_backs
 from .emitters import BrightTriangles, bright_triangles
 from .enclosed import note_enclosed
 from .host_contact import in_contact_on_host
-from .shadow_rays import ShadowRays
+from .shadow_rays import Casting, ShadowRays
 from .sky import Sky, split_sky, whole_sky
 
 
@@ -29,11 +29,20 @@ class DirectLighting:
     warnings       sentences for the user
     """
 
-    def __init__(self, scene: Scene, parts: Subdivision, rays: RayScene, settings: Settings) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        parts: Subdivision,
+        rays: RayScene,
+        settings: Settings,
+        elsewhere: Casting | None = None,
+    ) -> None:
+        """Split the light; `elsewhere` casts rays from all patches on devices of other processes."""
         self._scene, self._parts, self._settings = scene, parts, settings
         self._ray_scene = rays
         self._lamps = [lamp.relative_to(parts.triangles.origin) for lamp in shining_lights(scene)]
-        self._shadow_rays: ShadowRays | None = None
+        self._shadow_rays: Casting | None = None
+        self._elsewhere = elsewhere
         self.warnings: list[str] = []
         self.l1 = self._no_l1()
 
@@ -57,7 +66,7 @@ class DirectLighting:
         """Return E/pi of the sampled light, (n, 3) float32; yield the fraction done."""
         if not (self._lamps or len(self._bright.triangles) or self._sky.bright is not None):
             return np.zeros((self._ray_scene.count, 3), np.float32)
-        light, self.l1 = yield from self._casting().gather()
+        light, self.l1 = yield from self._casting().sampled()
         return light
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
@@ -108,10 +117,10 @@ class DirectLighting:
         """Return what casts rays from the patches of a ray scene."""
         return ShadowRays(points, self._parts, self._lamps, self._bright, self._sky.bright, settings)
 
-    def _casting(self) -> ShadowRays:
+    def _casting(self) -> Casting:
         """Return what casts rays, made when it is first needed."""
         if self._shadow_rays is None:
             rays = self._ray_scene.rays
             self.warnings += note_enclosed(rays, self._scene, self._parts.triangles, self._lamps)
-            self._shadow_rays = self._cast_from(self._ray_scene, self._settings)
+            self._shadow_rays = self._elsewhere or self._cast_from(self._ray_scene, self._settings)
         return self._shadow_rays

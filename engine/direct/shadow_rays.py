@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
+from typing import Protocol
 
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import download, upload, upload_float4, zeros
+from ..device.buffers import download, upload, upload_float4, upload_once, zeros
 from ..device.kernel import Kernel
 from ..device.slices import sliced
 from ..patches.subdivision import Subdivision
@@ -23,6 +24,22 @@ from .sky import solid_angles
 _SOURCE = (*LIGHT_TREE_SOURCE, "tilt.cl", "direct.cl")
 
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+
+class Casting(Protocol):
+    """What casts shadow rays from n patches: `ShadowRays`, or devices of other processes."""
+
+    def sampled(self) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
+        """Return E/pi of all emitters and its L1; see `ShadowRays.sampled`."""
+        ...
+
+    def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
+        """Return how much of its light a lamp brings to each patch, (n,) float32."""
+        ...
+
+    def ambient_occlusion(self) -> Generator[float, None, np.ndarray]:
+        """Return the fraction of each patch's hemisphere that is open, (n,) float32."""
+        ...
 
 
 class ShadowRays:
@@ -62,7 +79,7 @@ class ShadowRays:
         self._glow = self._glow_arguments(parts)
         self._sky = self._sky_arguments(sky)
 
-    def gather(self) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
+    def sampled(self) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
         """Return E/pi of all emitters at every patch, (n, 3) float32, and its L1; yield the fraction done.
 
         The L1, see kernels/tilt.cl, is (n, 3, 3) float32, of each axis of the world its rgb; (0, 3, 3) unless
@@ -125,8 +142,9 @@ class ShadowRays:
 
     def _glow_arguments(self, parts: Subdivision) -> tuple:
         """Return radiance of patches, texels to patches, UVs of triangles and the resolution."""
-        radiance = upload_float4(self._compute, parts.surfaces.emission, first=1)
-        lookups = (upload(self._compute, array) for array in (parts.texel_to_patch, parts.triangles.uvs))
+        compute, emission = self._compute, parts.surfaces.emission
+        radiance = compute.shared.of(emission, "float4", lambda: upload_float4(compute, emission, first=1))
+        lookups = (upload_once(compute, array) for array in (parts.texel_to_patch, parts.triangles.uvs))
         return (radiance, *lookups, np.int32(parts.patches.resolution))
 
     def _sky_arguments(self, sky: np.ndarray | None) -> tuple:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+from typing import Protocol
 
 import numpy as np
 import pyopencl as cl
@@ -10,6 +11,18 @@ import pyopencl as cl
 from ..device.buffers import download, upload_float4, zeros
 from ..device.compute import Compute
 from .sweep import Sweep
+
+
+class LightGather(Protocol):
+    """A gather by n points from m sources: `FinalGather`, or devices of other processes."""
+
+    def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
+        """Gather from radiance; see `FinalGather.gather`."""
+        ...
+
+    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+        """Return the L1 of what was gathered last; see `Sweep.gather_l1`."""
+        ...
 
 
 class FinalGather:

@@ -40,7 +40,7 @@ class Subdivision:
     warnings: tuple[str, ...]
     back_to_back: bool = False
 
-    def part(self, chosen: np.ndarray) -> Subdivision:
+    def part(self, chosen: np.ndarray | slice) -> Subdivision:
         """Return some patches, which see all of them."""
         return replace(self, patches=self.patches.part(chosen), geometry=self.geometry.part(chosen))
 

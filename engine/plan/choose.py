@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..gather.cached import CachedSweep, RayStreamSweep, StreamSweep
-from ..gather.final_gather import FinalGather
+from ..gather.final_gather import FinalGather, LightGather
 from ..gather.glsl_cached import fits_glsl_cache
 from ..gather.hemicube_gather import Gather, GlslGather, PaperGather
 from ..gather.kept_samples import Backs, KeptSamples
 from ..gather.l1_gather import L1Gather, NoL1
+from ..gather.remote import RemoteFinal, RemoteSweep
 from ..gather.static_light import StaticLight
 from ..gather.sweep import Sweep
 from ..patches.subdivision import Subdivision
@@ -24,16 +25,17 @@ from ..solve.host_radiosity import HostRadiosity
 from ..solve.interpolated_gather import InterpolatedGather
 from ..solve.interpolation import Interpolation
 from ..solve.last_gather import LastGather
-from ..solve.patch_groups import PatchGroups
+from ..solve.patch_groups import PatchGroups, leaders
 from ..solve.solver import Radiosity, Solution, Solver
 from ..visibility.identity import Identity, Sampling
 from ..visibility.raster.tiles import IDENTITY_BYTES, plan_tiles
 from ..visibility.rays.identity import RayIdentity
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.samples import expected_samples, ray_count
+from .choice import Choice
 from .memory import MORE_RAYS, group_width, is_adaptive, is_kept, memory_budget, memory_clause
 from .solve_job import SolveJob
-from .trial import choose_identity, make_identity
+from .trial import choose_identity, make_identity, untried_visibility
 
 #: Why nothing is looked for.
 _KEPT = "Visibility was kept from the last bake: no geometry, UVs, transparency or setting of it has changed."
@@ -46,32 +48,6 @@ _TOLERANCE = 0.4
 _GATHERING = 0.25
 
 
-@dataclass(frozen=True)
-class Choice:
-    """How patches gather.
-
-    method      "paper", "cached" or "stream"; "none" where there is no light to gather
-    visibility  "raster" or "rays"; "none" where nothing is looked for
-    samples     of each patch
-    reasons     sentences that say why
-    integrator  what sums up, "opencl" or "glsl"
-    patches     that are solved for
-    pace        seconds that a sample takes to be found, as tried; NaN if it was not
-    final_samples  of all patches together, found after the light has settled
-    found       True if an earlier bake has found what patches see
-    """
-
-    method: str
-    visibility: str
-    samples: int
-    reasons: tuple[str, ...]
-    integrator: str = "opencl"
-    patches: int = 0
-    pace: float = math.nan
-    final_samples: int = 0
-    found: bool = False
-
-
 def choose_solver(job: SolveJob) -> tuple[Solution, Choice, SolveJob]:
     """Return what solves a bake's light, the way that was chosen for patches to gather, and what is solved.
 
@@ -80,7 +56,7 @@ def choose_solver(job: SolveJob) -> tuple[Solution, Choice, SolveJob]:
     if job.dark:
         why = "No light reaches any patch: nothing is looked for."
         return Darkness(job.count), Choice("none", "none", 0, (why,)), job
-    width, reasons = (1, ()) if job.remote else group_width(job)
+    width, reasons = group_width(job)
     if width == 1:
         return *_solver(job), job
     solution, choice, squares = _grouped_solution(job, width)
@@ -99,7 +75,10 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Choic
     """Return what solves for squares of patches, then gathers for each patch."""
     surfaces = job.parts.surfaces
     radiance = surfaces.emission + surfaces.reflectance * job.sampled_light
-    groups = PatchGroups(job.rays, job.parts, job.area, radiance, width)
+    leader = leaders(job.rays, job.parts, radiance, width)
+    groups = PatchGroups(job.rays, job.parts, job.area, leader, width)
+    if job.remote is not None:
+        job.remote.of_groups(leader, width)
     squares = replace(
         job,
         settings=_settings_of_groups(job),
@@ -121,10 +100,15 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Choic
 
 def _settings_of_groups(job: SolveJob) -> Settings:
     """Return the settings by which groups are solved: they give light alone."""
-    settings = replace(job.settings, outputs=job.settings.light_outputs)
+    settings = light_alone(job.settings)
     if is_adaptive(job):
         settings = replace(settings, samples=MORE_RAYS * ray_count(settings))
     return settings
+
+
+def light_alone(settings: Settings) -> Settings:
+    """Return the settings for light alone, without directions, occlusion and masks."""
+    return replace(settings, outputs=settings.light_outputs)
 
 
 def _interpolated(
@@ -167,16 +151,11 @@ def last_gather(
 
     The receivers look for themselves, but see the patches of the job.
     """
-    parts = replace(receivers.parts, texel_to_patch=solved.parts.texel_to_patch)
-    lookers = replace(
-        solved,
-        parts=parts,
-        rays=receivers.rays,
-        sampled_light=receivers.sampled_light,
-        settings=settings,
-    )
-    identity = make_identity(lookers, choice.visibility)
-    final = FinalGather(solved.opencl, _stream(lookers, identity), receivers.sampled_light)
+    final: LightGather
+    if solved.remote is not None:
+        final, samples = RemoteFinal(solved.remote, receivers.sampled_light), choice.samples
+    else:
+        final, samples = final_gather(solved, choice.visibility, receivers, settings)
     reflectance = solved.parts.surfaces.reflectance
     last = LastGather(
         final,
@@ -186,7 +165,23 @@ def last_gather(
         settings.bounces,
         _separates_direct(solved, settings),
     )
-    return last, last.gathers * lookers.count * identity.samples
+    return last, last.gathers * len(receivers.sampled_light) * samples
+
+
+def final_gather(
+    solved: SolveJob, visibility: str, receivers: Receivers, settings: Settings
+) -> tuple[FinalGather, int]:
+    """Return what gathers on this device from the patches of a job, and the samples of each receiver."""
+    parts = replace(receivers.parts, texel_to_patch=solved.parts.texel_to_patch)
+    lookers = replace(
+        solved,
+        parts=parts,
+        rays=receivers.rays,
+        sampled_light=receivers.sampled_light,
+        settings=settings,
+    )
+    identity = make_identity(lookers, visibility)
+    return FinalGather(solved.opencl, _stream(lookers, identity), receivers.sampled_light), identity.samples
 
 
 def _separates_direct(solved: SolveJob, settings: Settings) -> bool:
@@ -195,18 +190,31 @@ def _separates_direct(solved: SolveJob, settings: Settings) -> bool:
 
 
 def _by_hemicubes(job: SolveJob) -> bool:
-    """True if irradiance comes to host memory: OpenGL draws hemicubes, or other processes gather."""
-    return job.settings.method == "paper" or job.compute is None or job.remote is not None
+    """True if irradiance comes to host memory, since OpenGL draws hemicubes in every iteration, or sums."""
+    return job.settings.method == "paper" or job.compute is None
 
 
 def _device_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
     """Return the light of all patches on the OpenCL device, gathered through identities."""
-    sweep, choice = _kept_sweep(job) or _new_sweep(job)
+    sweep, choice = _remote_sweep(job) or _kept_sweep(job) or _new_sweep(job)
     radiosity = DeviceRadiosity(
         job.opencl, sweep, job.parts.surfaces.reflectance, job.surroundings.emission, job.area,
         job.sampled_light, job.gathers_direct, job.columns,
     )  # fmt: skip
     return radiosity, choice
+
+
+def _remote_sweep(job: SolveJob) -> tuple[Sweep, Choice] | None:
+    """Return how devices of other processes gather, None if this process does."""
+    if job.remote is None:
+        return None
+    choice = Choice(
+        "cached",
+        untried_visibility(job.settings),
+        expected_samples(job.settings),
+        (job.remote.describe(),),
+    )
+    return RemoteSweep(job.opencl, job.remote, job.count), choice
 
 
 def _kept_sweep(job: SolveJob) -> tuple[Sweep, Choice] | None:
@@ -240,9 +248,6 @@ def _host_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
 def _choose_gather(job: SolveJob) -> tuple[Gather, Choice]:
     """Return how hemicubes are drawn and summed."""
     settings, samples = job.settings, 3 * job.settings.hemicube**2
-    if job.remote is not None:
-        visibility = "raster" if settings.visibility == "raster" else "rays"
-        return job.remote, Choice("cached", visibility, expected_samples(settings), (job.remote.describe(),))
     seen = (job.parts, job.emission, job.sky, settings)
     tiles, why = plan_tiles(settings, job.count, IDENTITY_BYTES), "the settings ask for the paper's method"
     if settings.method != "paper":

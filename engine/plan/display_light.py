@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from ..finish.store import is_hidden
 from ..finish.texel_means import TexelMeans
 from ..finish.thin_walls import in_thin_walls, note_thin_walls
 from ..finish.wall_fit import WallFit
-from ..patches.geometry import PatchGeometry, texel_steps
+from ..patches.geometry import PatchGeometry, TexelSteps, texel_steps
 from ..patches.patch_list import PatchList
 from ..patches.subdivision import Subdivision
 from ..progress import Made
@@ -32,7 +32,9 @@ from ..scene.model import Scene
 from ..settings import Settings
 from ..solve.solver import Solution
 from ..visibility.samples import ray_count
-from .choose import Choice, Receivers, last_gather
+from .choice import Choice
+from .choose import Receivers, last_gather
+from .lit_samples import LitSamples
 from .solve_job import SolveJob
 
 #: What a point that was pushed out of something weighs: it counts where no other point of its texel is seen.
@@ -86,23 +88,32 @@ class DisplayLight:
 class DisplayJob:
     """What light in texels is gathered for.
 
-    atlases  lightmaps of the user's
     job      the patches of all texels
     solved   the patches that send light out: those of the job, or groups of them
-    near     of the patches
     """
 
     scene: Scene
-    atlases: int
     job: SolveJob
     solved: SolveJob
     choice: Choice
     lighting: DirectLighting
-    near: NearFaces
+    _steps: dict[int, TexelSteps] = field(default_factory=dict)
+
+    def steps(self, side: float) -> TexelSteps:
+        """Return what a sample is of each triangle in the world; a texel has `side` of them along u and v."""
+        width = round(self.job.parts.patches.resolution * side)
+        if width not in self._steps:
+            self._steps[width] = texel_steps(self.job.parts.triangles, width)
+        return self._steps[width]
 
 
-def light_in_texels(what: DisplayJob, solution: Solution) -> Generator[float, None, DisplayLight]:
-    """Return the light at the display samples of a solution; yield the fraction done."""
+def light_in_texels(
+    what: DisplayJob, atlases: int, near: NearFaces, solution: Solution
+) -> Generator[float, None, DisplayLight]:
+    """Return the light at the display samples of a solution; yield the fraction done.
+
+    atlases: lightmaps of the user's; near: of the patches
+    """
     if what.job.settings.texel_samples == 1 or what.choice.method == "none":
         return _nothing()
     compute, why = what.job.compute, _why_centres_only(what.job, what.choice)
@@ -110,18 +121,21 @@ def light_in_texels(what: DisplayJob, solution: Solution) -> Generator[float, No
         return _nothing(why)
     front = solution.gathered[:, 3]
     light = solution.irradiance @ np.ones(3, np.float32)
-    known = PatchLight(light, front, is_hidden(front, what.near))
+    known = PatchLight(light, front, is_hidden(front, near))
     asked = what.job.settings.texel_samples
-    samples, count = display_samples(compute, what.job.parts, what.atlases, known, asked)
+    samples, count = display_samples(compute, what.job.parts, atlases, known, asked)
     if not len(samples):
         return _nothing("No texel shows more than its centre.")
     settings = _settings_of_samples(what.job.settings, count)
-    settled, lit = _as_seen(what, solution, known), []
+    settled, remote = _as_seen(what, solution, known), what.job.remote
+    if remote is not None:
+        return _joined(what, (yield from remote.light_at(samples, settled, what.choice, settings)))
+    lit = []
     for first in range(0, len(samples), _BATCH):
         last = min(first + _BATCH, len(samples))
-        points = _Points(what.job, samples.part(slice(first, last)), settings)
         fractions = first / len(samples), last / len(samples)
-        lit.append((yield from _between(*fractions, _gather(what, settled, points))))
+        batch = light_at(what, settled, samples.part(slice(first, last)), settings)
+        lit.append((yield from _between(*fractions, batch)))
     return _joined(what, lit)
 
 
@@ -139,21 +153,6 @@ def _nothing(*reasons: str) -> DisplayLight:
     return DisplayLight(no_samples(), nothing > 0, normals, nothing, inside, {}, reasons)
 
 
-@dataclass(frozen=True)
-class _Batch:
-    """Some samples, where they are after they were pushed out, and what they receive; see `DisplayLight`.
-
-    irradiance  (s, 3) float32, E/pi of all light
-    """
-
-    samples: DisplaySamples
-    ways: WaysOut
-    visible: np.ndarray
-    normals: np.ndarray
-    irradiance: np.ndarray
-    values: dict[str, np.ndarray]
-
-
 def _as_seen(what: DisplayJob, solution: Solution, known: PatchLight) -> np.ndarray:
     """Return E/pi, (m, 3) float32, of the patches that send light out, as the samples see it."""
     if what.solved is not what.job:
@@ -161,9 +160,11 @@ def _as_seen(what: DisplayJob, solution: Solution, known: PatchLight) -> np.ndar
     return _seen_beside_hidden(what.job.parts, solution.settled, known.hidden)
 
 
-def _gather(what: DisplayJob, settled: np.ndarray, points: _Points) -> Generator[float, None, _Batch]:
-    """Return the light at points of texels, from patches of E/pi (m, 3) float32."""
-    settings = points.settings
+def light_at(
+    what: DisplayJob, settled: np.ndarray, samples: DisplaySamples, settings: Settings
+) -> Generator[float, None, LitSamples]:
+    """Return the light at points of texels, from patches of E/pi (m, 3) float32; yield the fraction done."""
+    points = _Points(what, samples, settings)
     ways = points.push_out(what.lighting.lit_by_backs(points.rays))
     yield 0.1
 
@@ -177,10 +178,10 @@ def _gather(what: DisplayJob, settled: np.ndarray, points: _Points) -> Generator
     values = yield from _between(0.8, 1.0, outputs.make(last, geometry))
     normals = geometry.normal if settings.denoise else np.zeros((0, 3), np.float32)
     visible = ~is_hidden(last.gathered[:, 3], lighting.near_faces())
-    return _Batch(points.samples, ways, visible, normals, last.irradiance, values)
+    return LitSamples(points.samples, ways, visible, normals, last.irradiance, values)
 
 
-def _joined(what: DisplayJob, lit: list[_Batch]) -> DisplayLight:
+def _joined(what: DisplayJob, lit: list[LitSamples]) -> DisplayLight:
     """Return the light of all batches, and what the report says of it."""
     samples = joined_samples([batch.samples for batch in lit])
     ways = joined_ways([batch.ways for batch in lit])
@@ -209,13 +210,12 @@ class _Points:
     rays      casts rays from them
     """
 
-    def __init__(self, job: SolveJob, samples: DisplaySamples, settings: Settings) -> None:
-        self._job, self.settings = job, settings
+    def __init__(self, what: DisplayJob, samples: DisplaySamples, settings: Settings) -> None:
+        self._job, self.settings = what.job, settings
 
         # A sample stands for a part of its texel.
         self._side = math.sqrt(settings.texel_samples)
-        parts = job.parts
-        self._steps = texel_steps(parts.triangles, round(parts.patches.resolution * self._side))
+        self._steps = what.steps(self._side)
         self._place(samples)
 
     def _place(self, samples: DisplaySamples) -> None:

@@ -12,6 +12,10 @@ _GROUP_WIDTH = 4
 #: Rays of a group where the light between groups is interpolated, as a multiple of those of a patch.
 MORE_RAYS = 4
 
+#: Where other processes gather, more patches than this are solved in squares: light of all of them travels
+#: to each process in each sweep. No memory decides, so that the bits are the same for any devices.
+_MOST_SHARED = 1 << 22
+
 #: Fewer patches than this gather for themselves, all of them: that takes no time.
 _FEWEST = 4096
 
@@ -41,6 +45,7 @@ def is_adaptive(job: SolveJob) -> bool:
     settings = job.settings
     return (
         settings.adaptive
+        and job.remote is None
         and job.opencl.processor
         and settings.patch_groups != 1
         and settings.method in ("auto", "cached")
@@ -58,6 +63,13 @@ def group_width(job: SolveJob) -> tuple[int, tuple[str, ...]]:
         return settings.patch_groups, ("The settings ask for groups of patches.",)
     if is_adaptive(job):
         reason = f"Squares of {_GROUP_WIDTH} x {_GROUP_WIDTH} patches are solved as one, with more rays each."
+        return _GROUP_WIDTH, (reason,)
+    if job.remote is not None:
+        if settings.method != "auto" or count <= _MOST_SHARED:
+            return 1, ()
+        reason = (
+            f"Squares of {_GROUP_WIDTH} x {_GROUP_WIDTH} patches are solved as one: {count:,} share light."
+        )
         return _GROUP_WIDTH, (reason,)
     needed = most_samples(settings) * count * sample_bytes(count)
     if settings.method != "auto" or needed <= memory_budget(job):

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
 from ..device.compute import Compute
 from ..device.graphics import Graphics
 from ..errors import DeviceError
-from ..gather.hemicube_gather import Gather
 from ..patches.subdivision import Subdivision
 from ..settings import Settings
 from ..solve.anderson import COLUMNS
@@ -19,13 +17,7 @@ from ..solve.solver import PLAIN_COLUMNS
 from ..visibility.identity import Surroundings, surroundings
 from ..visibility.rays.ray_scene import RayScene
 from .kept import Kept
-
-
-class RemoteGather(Gather, Protocol):
-    """A gather on devices of other processes, such as `cluster.cluster_gather.ClusterGather`."""
-
-    def describe(self) -> str:
-        """Return a sentence for the report: who gathers."""
+from .remote_devices import RemoteDevices
 
 
 @dataclass(frozen=True)
@@ -49,7 +41,7 @@ class SolveJob:
     sampled_light: np.ndarray
     area: np.ndarray
     settings: Settings
-    remote: RemoteGather | None = None
+    remote: RemoteDevices | None = None
     kept: Kept = field(default_factory=Kept)
 
     @property

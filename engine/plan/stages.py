@@ -17,7 +17,7 @@ from .sweeps import sweeps_left
 
 if TYPE_CHECKING:
     from ..solve.solver import Solution
-    from .choose import Choice
+    from .choice import Choice
 
 #: Seconds that nothing has measured yet: to open devices and to choose a method; of the host for a texel of a
 #: lightmap; of a processor to cast a ray or to draw a texel of a hemicube.

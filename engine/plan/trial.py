@@ -9,6 +9,7 @@ from collections.abc import Callable
 import pyopencl as cl
 
 from ..gather.kept_samples import Backs
+from ..settings import Settings
 from ..visibility.identity import Identity
 from ..visibility.raster.identity import RasterIdentity
 from ..visibility.rays.identity import RayIdentity
@@ -29,6 +30,11 @@ _CLEARLY = 10
 def make_identity(job: SolveJob, visibility: str) -> Identity:
     """Return a way to find what patches see, "rays" or "raster"."""
     return _makers(job)[visibility]()
+
+
+def untried_visibility(settings: Settings) -> str:
+    """Return the way to find what patches see where no trial tells the faster one: rays, unless set."""
+    return "raster" if settings.visibility == "raster" else "rays"
 
 
 def choose_identity(job: SolveJob) -> tuple[Identity, list[str], float]:

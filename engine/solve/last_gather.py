@@ -6,7 +6,7 @@ from collections.abc import Generator
 
 import numpy as np
 
-from ..gather.final_gather import FinalGather
+from ..gather.final_gather import LightGather
 
 
 class LastGather:
@@ -21,7 +21,7 @@ class LastGather:
 
     def __init__(
         self,
-        final: FinalGather,
+        final: LightGather,
         sampled_light: np.ndarray,
         emission: np.ndarray,
         reflectance: np.ndarray,

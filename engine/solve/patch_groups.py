@@ -34,13 +34,12 @@ class PatchGroups:
     """
 
     def __init__(
-        self, rays: RayScene, parts: Subdivision, area: np.ndarray, radiance: np.ndarray, width: int
+        self, rays: RayScene, parts: Subdivision, area: np.ndarray, leader: np.ndarray, width: int
     ) -> None:
-        """Take what casts rays from patches, what is known of them, and the width of a square.
+        """Take what casts rays from patches, what is known of them, and the patch that each follows.
 
-        area: (n,) float32, m^2; radiance: (n, 3) float32, what each sends out before any bounce
+        area: (n,) float32, m^2; leader: (n,) uint32, see `leaders`
         """
-        leader = _leaders(rays, parts, radiance.sum(axis=1), width)
         self.width, self.leader = width, np.flatnonzero(leader == np.arange(len(leader)))
         number = np.zeros(len(leader), np.int64)
         number[self.leader] = np.arange(len(self.leader))
@@ -66,12 +65,12 @@ class PatchGroups:
         return means.reshape(len(self._members), *values.shape[1:]).astype(np.float32)
 
 
-def _leaders(rays: RayScene, parts: Subdivision, radiance: np.ndarray, width: int) -> np.ndarray:
+def leaders(rays: RayScene, parts: Subdivision, radiance: np.ndarray, width: int) -> np.ndarray:
     """Return the patch that each patch follows, (n,) uint32; kernels/patch_groups.cl.
 
-    radiance: (n,) float32, sum of the channels
+    radiance: (n, 3) float32, what each sends out before any bounce; width: of a square, texels
     """
-    compute, patches = rays.compute, parts.patches
+    compute, patches, radiance = rays.compute, parts.patches, radiance.sum(axis=1)
     (group_patches,) = compute.kernels((*RECEIVER_SOURCE, "patch_groups.cl"), "group_patches")
     arrays = (parts.texel_to_patch, patches.texel, parts.geometry.material, radiance)
     lookup, texels, materials, light = (upload(compute, array) for array in arrays)

@@ -9,19 +9,20 @@ import numpy as np
 import pytest
 
 import engine
-from engine import Settings
+from engine import Light, Settings
 from engine.cluster import admission, local_workers
 from engine.cluster.blocks import cut
 from engine.errors import DeviceError, SettingsError
 from engine.progress import finished
 from engine.session import Session
 from tests.analytic.scenes import nine_quad_room
+from tests.gpu.schedulers import ONE_THREAD
 
 #: Odd, so that the last block is a short one.
 SETTINGS = Settings(resolution=45, samples=100, visibility="rays", texel_samples=1, intermediates=False)
 
-#: Half of the two processors that tests are sure of.
-ONE_THREAD = {"POCL_MAX_PTHREAD_COUNT": "1"}
+#: Every task of workers is in it.
+IN_TEXELS = replace(SETTINGS, texel_samples=4)
 
 
 @contextmanager
@@ -54,12 +55,12 @@ def bake(made, settings=SETTINGS, scene=None):
     return Session().bake(scene or nine_quad_room(), replace(settings, scheduler=address))
 
 
-@pytest.mark.parametrize("count", [1, 15, 16, 17, 1009, (1 << 16) * 20 + 1])
+@pytest.mark.parametrize("count", [1, 15, 16, 17, 1009, (1 << 18) * 20 + 1])
 def test_blocks_hold_every_patch_once(count):
     spans = cut(count)
     assert spans[0][0] == 0 and spans[-1][1] == count
     assert all(last == first for (_, last), (first, _) in itertools.pairwise(spans))
-    assert max(last - first for first, last in spans) <= 1 << 16
+    assert max(last - first for first, last in spans) <= 1 << 18
 
 
 def test_workers_bring_the_light_of_one_device(by_two):
@@ -73,9 +74,42 @@ def test_workers_bring_the_light_of_one_device(by_two):
     assert any("2 Dask workers" in reason for reason in by_two.report.reasons)
 
 
+def test_workers_make_every_output_and_points_of_texels(two):
+    names = ("combined", "direct", "directional", "ambient_occlusion", "shadow_mask")
+    lamp = Light("Lamp", "point", np.array([0.4, 0.5, 0.6]), np.eye(3), np.full(3, 2, np.float32), 0.1)
+    scene = replace(nine_quad_room(), lights=(lamp,))
+    settings = replace(SETTINGS, samples=256, outputs=names, texel_samples=4)
+    alone = finished(engine.bake(scene, replace(settings, seed=1)))
+    by_two = baked(two, settings, scene)
+    assert by_two.passes.keys() == alone.passes.keys()
+    both = alone.known & by_two.known
+    scale = alone.passes["combined"][both].mean()
+    for name, expected in alone.passes.items():
+        difference = (by_two.passes[name] - expected)[both]
+        assert abs(difference.mean()) < 0.02 * scale
+        assert np.sqrt((difference**2).mean()) < 0.15 * scale
+    assert any("more points" in reason for reason in by_two.report.reasons)
+    assert by_two.report.energy.emitted == pytest.approx(alone.report.energy.emitted, rel=0.01)
+
+
 def test_any_number_of_workers_brings_the_same_bits(by_two):
     with cluster(1) as one:
         assert np.array_equal(baked(one).image, by_two.image)
+
+
+def test_squares_of_patches_bring_the_light_of_one_device(two):
+    settings = replace(
+        SETTINGS, samples=256, patch_groups=2, texel_samples=4, outputs=("combined", "indirect")
+    )
+    alone = finished(engine.bake(nine_quad_room(), settings))
+    by_two = baked(two, settings)
+    both = alone.known & by_two.known
+    for name, expected in alone.passes.items():
+        difference = (by_two.passes[name] - expected)[both]
+        assert abs(difference.mean()) < 0.01 * expected[both].mean()
+        assert np.sqrt((difference**2).mean()) < 0.1 * expected[both].mean()
+    with cluster(1) as one:
+        assert np.array_equal(baked(one, settings).display, by_two.display)
 
 
 @pytest.mark.long
@@ -88,6 +122,22 @@ def test_a_worker_that_is_lost_changes_no_bit(by_two, steps):
             next(work)
         made.kill(0)
         assert np.array_equal(finished(work).image, by_two.image)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("stage", ["Direct light", "Visibility", "Bounce 2", "Texels", "Images"])
+def test_a_worker_that_is_lost_in_a_stage_changes_no_bit(by_two_in_texels, stage):
+    with cluster(2) as made:
+        work = bake(made, IN_TEXELS)
+        while next(work).stage != stage:
+            pass
+        made.kill(1)
+        assert np.array_equal(finished(work).display, by_two_in_texels.display)
+
+
+@pytest.fixture(scope="module")
+def by_two_in_texels(two):
+    return baked(two, IN_TEXELS)
 
 
 @pytest.mark.long
@@ -125,8 +175,6 @@ def test_scheduler_that_is_not_there_is_an_error_with_the_remedy(monkeypatch, ad
 def test_what_workers_do_not_do_is_refused(two):
     with pytest.raises(SettingsError, match="Workers keep what patches see"):
         baked(two, replace(SETTINGS, method="paper"))
-    with pytest.raises(SettingsError, match="Workers keep what patches see"):
-        baked(two, replace(SETTINGS, outputs=("combined", "directional")))
 
 
 def test_without_dask_the_remedy_is_told(monkeypatch):

@@ -10,7 +10,7 @@ from engine import Settings
 from engine.device.compute import Compute
 from engine.patches.subdivision import subdivide
 from engine.solve.interpolation import Interpolation
-from engine.solve.patch_groups import PatchGroups
+from engine.solve.patch_groups import PatchGroups, leaders
 from engine.visibility.rays.ray_scene import RayScene
 from tests.analytic.drive import drive
 from tests.analytic.scenes import nine_quad_room
@@ -24,7 +24,7 @@ def room(graphics, compute):
     parts = subdivide(graphics, compute, nine_quad_room(), Settings(resolution=128))
     rays = RayScene(compute, parts)
     dark = np.zeros((len(parts.patches), 3), np.float32)
-    groups = PatchGroups(rays, parts, parts.geometry.area, dark, WIDTH)
+    groups = PatchGroups(rays, parts, parts.geometry.area, leaders(rays, parts, dark, WIDTH), WIDTH)
     return parts, groups, Interpolation(rays, parts, groups)
 
 

@@ -1,0 +1,221 @@
+"""The devices of a Dask scheduler's workers: a task for each block of patches, where the block is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterator
+from concurrent.futures import CancelledError
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import dask
+import numpy as np
+from distributed import Client, Future, wait
+from distributed.comm import CommClosedError
+from distributed.scheduler import KilledWorker
+
+from ..errors import DeviceError
+from ..finish.display_samples import DisplaySamples
+from ..plan.choice import Choice
+from ..plan.lit_samples import LitSamples
+from ..settings import Settings
+from . import block, final_tasks, shadow_tasks
+from .blocks import cut
+from .half_light import HalfLight
+from .prepared_scene import prepare
+from .shipment import Shipment, Squares
+
+#: Seconds after which a bake that waits may be cancelled, and those that it waits while there are no workers.
+_PAUSE, _PATIENCE = 0.2, 20.0
+
+#: Dask warns of tasks with large arguments; here the scheduler shall keep them, to repeat the tasks.
+_LARGE_GRAPH = "distributed.admin.large-graph-warning-threshold"
+
+Span = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Shipped:
+    """A scene on its way to workers.
+
+    shipment  a task whose result workers fetch from each other
+    ready     of each worker a task that makes the patches
+    """
+
+    shipment: Future
+    ready: list[Future]
+
+
+def ship(client: Client, shipment: Shipment) -> Shipped:
+    """Send a scene to all workers, which make its patches.
+
+    The shipment is the argument of a task, so that the scheduler can give it to a worker again.
+    """
+    sent = _submit(client, _given, shipment)
+    workers = client.scheduler_info(n_workers=-1)["workers"]
+    ready = [
+        client.submit(prepare, sent, workers=[address], allow_other_workers=True, pure=False)
+        for address in workers
+    ]
+    return Shipped(sent, ready)
+
+
+class ClusterDevices:
+    """See `RemoteDevices`: the workers that are there, or join, work for the patches of a scene.
+
+    A worker that is lost takes its blocks along; Dask has others find these anew, with the same bits.
+    """
+
+    def __init__(self, client: Client, shipped: Shipped, count: int) -> None:
+        """Take the number of patches."""
+        self._client, self._shipped, self._patches = client, shipped, cut(count)
+        self._address: str = client.scheduler_info()["address"]
+        self._squares: Future | None = None
+        self._blocks: dict[Span, Future] = {}
+
+    def describe(self) -> str:
+        """Return a sentence for the report: how many workers there are, and where to watch them."""
+        workers = self._client.scheduler_info(n_workers=-1)["workers"]
+        return (
+            f"{len(workers)} Dask workers find what patches see and gather for them; "
+            f"dashboard: {self._client.dashboard_link}."
+        )
+
+    def sampled(self) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
+        """Return the light that shadow rays sample, and its L1; see `Casting.sampled`."""
+        light = yield from self._of_patches(shadow_tasks.sampled)
+        return light[:, :3].copy(), light[:, 3:].reshape(-1, 3, 3).copy()
+
+    def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
+        """Return how much of a lamp patches see; see `Casting.shadow_mask`."""
+        return (yield from self._of_patches(shadow_tasks.shadow_mask, lamp))
+
+    def ambient_occlusion(self) -> Generator[float, None, np.ndarray]:
+        """Return how open patches are; see `Casting.ambient_occlusion`."""
+        return (yield from self._of_patches(shadow_tasks.ambient_occlusion))
+
+    def views(self, count: int) -> Generator[float, None, np.ndarray]:
+        """Return how much patches see of patches and backs; see `RemoteGather.views`."""
+        self._blocks = {span: self._block(*span) for span in cut(count)}
+        return (yield from self._of_blocks(block.views))
+
+    def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
+        """Gather once; see `RemoteGather.gather`."""
+        return (yield from self._of_blocks(block.gather, self._light(radiance)))
+
+    def gather_l1(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
+        """Gather L1; see `RemoteGather.gather_l1`."""
+        return (yield from self._of_blocks(block.gather_l1, self._light(radiance)))
+
+    def of_groups(self, leader: np.ndarray, width: int) -> None:
+        """Let the workers solve groups of patches; see `RemoteGather.of_groups`."""
+        self._squares = self._sent(Squares.of(leader, width))
+
+    def final(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
+        """Gather for every patch; see `RemoteGather.final`."""
+        return (yield from self._of_patches(final_tasks.final, self._squares, self._light(radiance)))
+
+    def final_l1(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
+        """Gather L1 for every patch; see `RemoteGather.final_l1`."""
+        return (yield from self._of_patches(final_tasks.final_l1, self._squares, self._light(radiance)))
+
+    def light_at(
+        self, samples: DisplaySamples, settled: np.ndarray, choice: Choice, settings: Settings
+    ) -> Generator[float, None, list[LitSamples]]:
+        """Return the light at points of texels; see `RemoteDevices.light_at`."""
+        seen, tasks = (self._squares, self._sent(settled)), {}
+        for first, last in cut(len(samples)):
+            part = samples.part(slice(first, last))
+            task = self._task(
+                final_tasks.light_at_samples, self._shipped.shipment, part, *seen, choice, settings
+            )
+            tasks[task] = first, last
+        lit = yield from self._results(tasks)
+        return [lit[span] for span in tasks.values()]
+
+    def _block(self, first: int, last: int) -> Future:
+        """Have what a block of patches sees found, by a task that any worker can do again."""
+        return self._task(block.find, self._shipped.shipment, first, last, self._squares)
+
+    def _light(self, radiance: np.ndarray) -> Future:
+        """Return radiance as workers take it."""
+        return self._sent(HalfLight.of(radiance))
+
+    def _sent(self, value: object) -> Future:
+        """Return a value as the result of a task, which workers fetch from each other."""
+        return self._task(_given, value)
+
+    def _task(self, function: Callable, *arguments: object) -> Future:
+        return _submit(self._client, function, *arguments)
+
+    def _of_patches(self, function: Callable, *arguments: object) -> Generator[float, None, np.ndarray]:
+        """Do a task for each block of patches, on any worker; return the rows of all patches."""
+        shipment, spans = self._shipped.shipment, self._patches
+        return (
+            yield from self._rows({self._task(function, shipment, *span, *arguments): span for span in spans})
+        )
+
+    def _of_blocks(self, function: Callable, *arguments: object) -> Generator[float, None, np.ndarray]:
+        """Do a task for each block whose views are found, where it is; return the rows of all."""
+        blocks = self._blocks.items()
+        return (
+            yield from self._rows({self._task(function, found, *arguments): span for span, found in blocks})
+        )
+
+    def _rows(self, tasks: dict[Future, Span]) -> Generator[float, None, np.ndarray]:
+        """Return the results of tasks, one after another; yield the fraction done."""
+        results = yield from self._results(tasks)
+        return np.concatenate([results[span] for span in tasks.values()])
+
+    def _results(self, tasks: dict[Future, Span]) -> Generator[float, None, dict[Span, Any]]:
+        """Return the result of each task by its span; yield the fraction done."""
+        with _losses_told(self._address):
+            yield from self._until_all_end(list(tasks))
+            results = self._client.gather(list(tasks), direct=True)
+        return dict(zip(tasks.values(), results, strict=True))
+
+    def _until_all_end(self, tasks: list[Future]) -> Generator[float, None, None]:
+        """Wait for tasks to end; yield the fraction of them that have. Raises DeviceError without workers."""
+        lost = 0.0
+        while True:
+            try:
+                wait(tasks, timeout=_PAUSE)
+            except TimeoutError:
+                lost = 0.0 if self._client.scheduler_info(n_workers=1)["workers"] else lost + _PAUSE
+                if lost > _PATIENCE:
+                    raise DeviceError(
+                        f"The scheduler at {self._address} has had no workers for {_PATIENCE:.0f} s. "
+                        "Start some with tools/worker.py, then bake again."
+                    ) from None
+                yield sum(task.done() for task in tasks) / len(tasks)
+                continue
+            yield 1.0
+            return
+
+
+def _submit(client: Client, function: Callable, *arguments: object) -> Future:
+    """Have a worker do a task; the same one submitted again is another task."""
+    with dask.config.set({_LARGE_GRAPH: "1 PiB"}):
+        return client.submit(function, *arguments, pure=False)
+
+
+def _given(value: object) -> object:
+    """Return what is given: a task whose result workers fetch from each other."""
+    return value
+
+
+@contextmanager
+def _losses_told(address: str) -> Iterator[None]:
+    """Turn into a DeviceError that the scheduler is gone, or that a block ends every worker that takes it."""
+    try:
+        yield
+    except KilledWorker as error:
+        raise DeviceError(
+            f"Workers died again and again while they found what a block of patches sees ({error}). "
+            "Their logs tell why; less memory is needed with Patch Groups or fewer samples."
+        ) from error
+    except (CommClosedError, CancelledError, TimeoutError, OSError) as error:
+        raise DeviceError(
+            f"The Dask scheduler at {address} cannot be reached any more ({error}). Start it again, "
+            "then bake again."
+        ) from error

@@ -1,0 +1,58 @@
+"""Tasks that gather once from light that has settled: for a block of patches, and at points of texels."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..finish.display_samples import DisplaySamples
+from ..gather.final_gather import FinalGather
+from ..plan.choice import Choice
+from ..plan.choose import Receivers, final_gather
+from ..plan.display_light import light_at
+from ..plan.lit_samples import LitSamples
+from ..plan.trial import untried_visibility
+from ..progress import finished
+from ..settings import Settings
+from .half_light import HalfLight
+from .prepared_scene import PreparedScene, prepared
+from .shipment import Shipment, Squares
+
+
+def final(shipment: Shipment, first: int, last: int, squares: Squares, light: HalfLight) -> np.ndarray:
+    """Gather for patches from the light of groups; see `RemoteGather.final`."""
+    scene = prepared(shipment)
+    with scene.working():
+        return _gathered(scene, squares, (first, last), light)[1]
+
+
+def final_l1(shipment: Shipment, first: int, last: int, squares: Squares, light: HalfLight) -> np.ndarray:
+    """Return the L1 of the same light; see `RemoteGather.final_l1`."""
+    scene = prepared(shipment)
+    with scene.working():
+        gather, _ = _gathered(scene, squares, (first, last), light)
+        return finished(gather.gather_l1())
+
+
+def _gathered(
+    scene: PreparedScene, squares: Squares, span: tuple[int, int], light: HalfLight
+) -> tuple[FinalGather, np.ndarray]:
+    """Return what has gathered for patches, and what."""
+    lookers, groups = scene.part(*span), scene.sources(squares)
+    receivers = Receivers(lookers.parts, lookers.rays, np.zeros((lookers.count, 3), np.float32))
+    visibility = untried_visibility(lookers.settings)
+    gather, _ = final_gather(groups.job, visibility, receivers, lookers.settings)
+    return gather, finished(gather.gather_from(groups.table(light)))
+
+
+def light_at_samples(
+    shipment: Shipment,
+    samples: DisplaySamples,
+    squares: Squares | None,
+    settled: np.ndarray,
+    choice: Choice,
+    settings: Settings,
+) -> LitSamples:
+    """Return the light at samples, from sources of E/pi (m, 3) float32; see `display_light.light_at`."""
+    scene = prepared(shipment)
+    with scene.working():
+        return finished(light_at(scene.display(squares, choice), settled, samples, settings))

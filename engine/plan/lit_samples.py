@@ -1,0 +1,25 @@
+"""Display samples and the light that they receive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..finish.display_samples import DisplaySamples
+from ..finish.push_out import WaysOut
+
+
+@dataclass(frozen=True)
+class LitSamples:
+    """Some samples, where they are after they were pushed out, and what they receive; see `DisplayLight`.
+
+    irradiance  (s, 3) float32, E/pi of all light
+    """
+
+    samples: DisplaySamples
+    ways: WaysOut
+    visible: np.ndarray
+    normals: np.ndarray
+    irradiance: np.ndarray
+    values: dict[str, np.ndarray]

@@ -1,0 +1,28 @@
+"""What devices of other processes do in a bake: all that is done for each patch, or point of a texel."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from typing import Protocol
+
+import numpy as np
+
+from ..direct.shadow_rays import Casting
+from ..finish.display_samples import DisplaySamples
+from ..gather.remote import RemoteGather
+from ..settings import Settings
+from .choice import Choice
+from .lit_samples import LitSamples
+
+
+class RemoteDevices(Casting, RemoteGather, Protocol):
+    """Devices of other processes, such as `cluster.cluster_devices.ClusterDevices`."""
+
+    def describe(self) -> str:
+        """Return a sentence for the report: who works."""
+
+    def light_at(
+        self, samples: DisplaySamples, settled: np.ndarray, choice: Choice, settings: Settings
+    ) -> Generator[float, None, list[LitSamples]]:
+        """Return the light at points of texels, some at a time; see `display_light.light_at`."""
+        ...

@@ -1,0 +1,257 @@
+"""What bakes by many devices cost: constants fitted to what is stored, and a bake that nobody has made.
+
+    python benchmarks/cost_model.py benchmarks/results/cluster.json [--devices H200] [--left-out 3]
+    python benchmarks/cost_model.py benchmarks/results/cluster.json --patches 1e9 --workers 1000 --groups 4
+
+Time is a sum of terms, each a constant times a number that a bake's size tells. Of tasks the seconds of all
+workers together are fitted, which W workers share; of the client, and of what travels, its own. Constants are
+not negative: least squares with those that would be left out (Lawson and Hanson 1974, active set).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+#: Patches of a block at most, and blocks at least; see engine/cluster/blocks.py.
+_LARGEST, _FEWEST = 1 << 18, 16
+
+#: Bytes of a patch: its radiance on the way to a worker, its light on the way back, a kept sample.
+SENT, RETURNED, SAMPLE = 6, 12, 4
+
+Record = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Size:
+    """How large a bake is.
+
+    patches  that show light
+    solved   patches, or groups of them, that bounces are solved for
+    """
+
+    patches: float
+    solved: float
+    triangles: float
+    samples: float
+    sweeps: float
+    workers: float
+
+    @classmethod
+    def of(cls, record: Record) -> Size:
+        """Return the size of a bake that was measured."""
+        names, patches = ("triangles", "samples", "sweeps", "workers"), record["patches"]
+        return cls(patches, patches / record["groups"] ** 2, *(record[name] for name in names))
+
+    def share(self, blocks: float) -> float:
+        """Return the part of some blocks that the worker with most of them has."""
+        return float(np.ceil(blocks / self.workers) / blocks)
+
+
+def _blocks(size: Size) -> float:
+    """Return the blocks of what is solved."""
+    return float(max(_FEWEST, np.ceil(size.solved / _LARGEST)))
+
+
+def _final_blocks(size: Size) -> float:
+    """Return the blocks of the patches."""
+    return float(max(_FEWEST, np.ceil(size.patches / _LARGEST)))
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a bake's time.
+
+    seconds  that a record tells of it
+    terms    numbers that it grows with, by what they are
+    blocks   tasks that workers share; None if the client takes it
+    """
+
+    name: str
+    seconds: Callable[[Record], float]
+    terms: dict[str, Callable[[Size], float]]
+    blocks: Callable[[Size], float] | None = None
+
+
+def _task(kind: str) -> Callable[[Record], float]:
+    return lambda record: record["tasks"][kind]["compute"]
+
+
+def _rest(stage: str, *kinds: str) -> Callable[[Record], float]:
+    """Return what a stage takes beside its tasks, which workers do at the same time."""
+    return lambda record: (
+        record["stages"][stage] - sum(_task(kind)(record) for kind in kinds) / record["workers"]
+    )
+
+
+PARTS = (
+    Part("patches", lambda record: record["stages"]["patches"],
+         {"patch": lambda size: size.patches, "triangle": lambda size: size.triangles}),
+    Part("shadow rays", _task("sampled"),
+         {"patch": lambda size: size.patches, "block": _final_blocks}, _final_blocks),
+    Part("shadow rays, client and way", _rest("direct", "sampled"),
+         {"patch": lambda size: size.patches, "block": _final_blocks}),
+    Part("finding", _task("find"),
+         {"ray": lambda size: size.solved * size.samples, "block": _blocks}, _blocks),
+    Part("sweeps", _task("gather"),
+         {"sample": lambda size: size.solved * size.samples * size.sweeps,
+          "block": lambda size: _blocks(size) * size.sweeps}, _blocks),
+    Part("bounces, client and way", _rest("hemicubes", "find", "gather"),
+         {"patch and sweep": lambda size: size.solved * size.sweeps,
+          "block and sweep": lambda size: _blocks(size) * (size.sweeps + 1)}),
+    Part("points of texels", _task("light_at_samples"),
+         {"patch": lambda size: size.patches, "block": _final_blocks}, _final_blocks),
+    Part("points of texels, client and way", _rest("texels", "light_at_samples"),
+         {"patch": lambda size: size.patches, "block": _final_blocks}),
+    Part("images", lambda record: record["stages"]["outputs"], {"patch": lambda size: size.patches}),
+)  # fmt: skip
+
+
+def fitted(part: Part, records: Sequence[Record]) -> np.ndarray:
+    """Return the constants of a part's terms, not negative, least squares of relative errors."""
+    rows = np.array([[term(Size.of(record)) for term in part.terms.values()] for record in records])
+    seconds = np.array([max(part.seconds(record), 0.0) for record in records])
+    scale = 1 / np.maximum(seconds, 1e-3)
+    return _not_negative(rows * scale[:, None], seconds * scale)
+
+
+def _not_negative(rows: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return the least squares solution without negative entries: the best of all sets of columns."""
+    count = rows.shape[1]
+    best, error = np.zeros(count), float((values**2).sum())
+    for chosen in range(1, 1 << count):
+        columns = [column for column in range(count) if chosen >> column & 1]
+        found = np.linalg.lstsq(rows[:, columns], values, rcond=None)[0]
+        left = float(((rows[:, columns] @ found - values) ** 2).sum())
+        if (found >= 0).all() and left < error:
+            best, error = np.zeros(count), left
+            best[columns] = found
+    return best
+
+
+class CostModel:
+    """Seconds of bakes, by parts."""
+
+    def __init__(self, records: Sequence[Record]) -> None:
+        """Fit bakes by workers."""
+        self.constants = {part.name: fitted(part, records) for part in PARTS}
+
+    def seconds(self, size: Size) -> dict[str, float]:
+        """Return the seconds that each part of a bake takes, as the client waits for it."""
+        return {part.name: self._of(part, size) for part in PARTS}
+
+    def _of(self, part: Part, size: Size) -> float:
+        all_together = sum(
+            constant * term(size)
+            for constant, term in zip(self.constants[part.name], part.terms.values(), strict=True)
+        )
+        return float(all_together) * (size.share(part.blocks(size)) if part.blocks else 1)
+
+    @property
+    def ray(self) -> float:
+        """Seconds that a device takes to find where a ray ends."""
+        return float(self.constants["finding"][0])
+
+
+def final_seconds(model: CostModel, size: Size) -> float:
+    """Return the seconds of the last gather by every patch, whose rays nobody keeps; 0 without groups."""
+    if size.solved == size.patches:
+        return 0.0
+    return model.ray * size.patches * size.samples * size.share(_final_blocks(size))
+
+
+def network_seconds(size: Size, bandwidth: float) -> float:
+    """Return what a network adds to the measured ways within a machine; bandwidth in bytes a second.
+
+    Workers that have the radiance of a sweep give it to others, so that it is everywhere after log2 of their
+    number of ways; light comes back to the client from one worker after the other.
+    """
+    ways = SENT * np.ceil(np.log2(max(size.workers, 2))) + RETURNED
+    return float(size.sweeps * size.solved * ways / bandwidth)
+
+
+def traffic(size: Size) -> dict[str, float]:
+    """Return bytes: what travels in a sweep, and what each device keeps of what patches see."""
+    return {
+        "to each worker in a sweep": SENT * size.solved,
+        "to the client in a sweep": RETURNED * size.solved,
+        "samples on each device": SAMPLE * size.solved * size.samples * size.share(_blocks(size)),
+    }
+
+
+def host_bytes(records: Sequence[Record]) -> float:
+    """Return what each patch takes of the memory of a worker's process, by two bakes of different size."""
+    told = sorted(
+        (record["patches"], max(record["host_bytes"][1:])) for record in records if record["workers"]
+    )
+    (few, less), (many, more) = told[0], told[-1]
+    return (more - less) / (many - few)
+
+
+def main() -> None:
+    """Print constants, what they say of measured bakes, and of one that is asked for."""
+    options = _parser().parse_args()
+    records = [
+        record for record in json.loads(options.results.read_text()) if record["devices"] == options.devices
+    ]
+    by_workers = [record for record in records if record["workers"] and record["groups"] == 1]
+    kept = [record for number, record in enumerate(by_workers) if number not in options.left_out]
+    model = CostModel(kept)
+    for part in PARTS:
+        told = zip(part.terms, model.constants[part.name], strict=True)
+        print(f"{part.name}: " + ", ".join(f"{constant:.3g} s a {term}" for term, constant in told))
+    print(f"\nhost memory of a worker: {host_bytes(by_workers):,.0f} bytes a patch")
+    print("\n| patches | rays | workers | measured s | model s | |\n|---|---|---|---|---|---|")
+    for number, record in enumerate(by_workers):
+        size = Size.of(record)
+        told = sum(model.seconds(size).values())
+        part = "left out" if number in options.left_out else "fitted"
+        measured = sum(record["stages"].values()) - record["stages"]["devices"]
+        print(
+            f"| {size.patches:,} | {size.samples:,} | {size.workers} | {measured:.2f} | {told:.2f} | {part} |"
+        )
+    if options.patches:
+        _foretell(model, options, host_bytes(by_workers))
+
+
+def _foretell(model: CostModel, options: argparse.Namespace, host: float) -> None:
+    """Print what a bake costs that was not made."""
+    solved = options.patches / options.groups**2
+    size = Size(options.patches, solved, options.triangles, options.samples, options.sweeps, options.workers)
+    print(f"\n{size.patches:,.0f} patches, {solved:,.0f} solved, {options.workers} workers:\n")
+    print("| | s |\n|---|---|")
+    seconds = model.seconds(size) | {"last gather": final_seconds(model, size)}
+    seconds |= {"network": network_seconds(size, options.bandwidth)}
+    for name, value in seconds.items():
+        print(f"| {name} | {value:,.1f} |")
+    print(f"| all | {sum(seconds.values()):,.1f} |")
+    print("\n| | GB |\n|---|---|")
+    for name, value in (traffic(size) | {"memory of each process": host * size.patches}).items():
+        print(f"| {name} | {value / 1e9:,.2f} |")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("results", type=Path, help="what benchmarks/cluster.py has stored")
+    parser.add_argument("--devices", default="processor", help="of which records")
+    parser.add_argument(
+        "--left-out", type=int, nargs="*", default=[], help="numbers of bakes that are not fitted"
+    )
+    parser.add_argument("--patches", type=float, default=0, help="of a bake to foretell")
+    parser.add_argument("--triangles", type=float, default=1e7)
+    parser.add_argument("--samples", type=float, default=2048)
+    parser.add_argument("--sweeps", type=float, default=6)
+    parser.add_argument("--workers", type=int, default=1000)
+    parser.add_argument("--bandwidth", type=float, default=1.25e9, help="of a network, bytes a second")
+    parser.add_argument("--groups", type=int, default=4, help="width of the squares that are solved")
+    return parser
+
+
+if __name__ == "__main__":
+    main()

@@ -9,9 +9,10 @@ READY45 := .venv-bpy45/.ready
 
 # What packages bring with them, for every platform.
 WHEELS := out/wheels/.ready
+WHEELS_DASK := out/wheels_dask/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-4.5 test-long package test-package test-package-short test-gui test-export gui-picture fuzz-short fuzz verify bench bench-gpu lint setup locks clean
+.PHONY: help demo test test-4.5 test-long package package-dask test-package test-package-short test-gui test-export gui-picture fuzz-short fuzz verify bench bench-gpu lint setup locks clean
 
 help: ## list the targets
 	@grep -E '^[a-z0-9.-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9.-]+):.*## /\1\t/' | expand -t 20
@@ -42,6 +43,9 @@ fuzz: setup ## 3,000 random scenes and 500 random .blend files, about an hour; S
 
 package: $(READY50) $(WHEELS) ## build the files to drag into Blender, one for each platform; in out/package
 	.venv/bin/python -m tools.package out/wheels out/package
+
+package-dask: $(READY50) $(WHEELS_DASK) ## the same files with Dask, for bakes by several devices; in out/package_dask
+	.venv/bin/python -m tools.package out/wheels_dask out/package_dask
 
 test-package: ## install the package into Blender 4.2 to 5.2, bake, upgrade, remove it, without a network
 	@$(MAKE) --keep-going --no-print-directory $(READY45) .venv-bpy42/.ready .venv-bpy51/.ready .venv-bpy52/.ready || \
@@ -88,7 +92,7 @@ COMPILE = set -e; $(1) -m venv out/locks; out/locks/bin/pip install --quiet pip-
 
 locks: ## pin the newest versions that requirements/*.in allow; needs Python 3.11 and 3.13
 	$(call COMPILE,$(PYTHON),bpy50 bpy45 bpy42,--allow-unsafe)
-	$(call COMPILE,$(PYTHON),wheels,--unsafe-package numpy)
+	$(call COMPILE,$(PYTHON),wheels wheels_dask,--unsafe-package numpy)
 	$(call COMPILE,$(PYTHON313),bpy51 bpy52,--allow-unsafe)
 
 clean: ## remove what was made: environments, results, caches
@@ -121,7 +125,7 @@ define environment
 	@touch $@
 endef
 
-$(WHEELS): requirements/wheels.txt tools/packages/platforms.py tools/packages/wheels.py | $(READY50)
+out/%/.ready: requirements/%.txt tools/packages/platforms.py tools/packages/wheels.py | $(READY50)
 	rm -rf $(@D)
 	.venv/bin/python -m tools.packages.wheels $< $(@D)
 	@touch $@

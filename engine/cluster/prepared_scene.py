@@ -137,6 +137,9 @@ def prepared(shipment: Shipment) -> PreparedScene:
     if _prepared is None or _prepared.digest != shipment.digest:
         if _prepared is not None:
             _prepared.clear()
+
+        # The memory of the last scene is free for this one.
+        _prepared = None
         _prepared = PreparedScene(shipment)
     return _prepared
 

@@ -15,16 +15,20 @@ from collections.abc import Generator
 
 from .errors import DeviceError, EngineError, PatchFileError, SceneError, SettingsError
 from .lightmap import Lightmap
+from .live import Live
 from .progress import Progress, finished
+from .scene.changes import Changes
 from .scene.model import Light, Material, Mesh, Scene, Texture
 from .session import Session
 from .settings import Settings
 
 __all__ = [
+    "Changes",
     "DeviceError",
     "EngineError",
     "Light",
     "Lightmap",
+    "Live",
     "Material",
     "Mesh",
     "PatchFileError",

@@ -22,6 +22,7 @@ from .plan.choice import Choice
 from .plan.choose import choose_solver
 from .plan.display_light import DisplayJob, DisplayLight, light_in_texels
 from .plan.kept import Kept
+from .plan.last_light import LastLight
 from .plan.limits import check_limits, check_patch_count
 from .plan.remote_devices import RemoteDevices
 from .plan.solve_job import SolveJob
@@ -91,16 +92,14 @@ def _bake(
     store = LightmapStore(parts.patches, len(atlases), settings.dilation, compute)
     yield stages.listed(parts.surfaces.reflectance)
 
-    # Lamps, small bright surfaces and bright sky are sampled with shadow rays (direct light).
+    # Lamps, small bright surfaces and bright sky are sampled with shadow rays (direct light). The room
+    # appears in it, while it is still to be found what patches see of each other.
     rays = kept.ray_scene(compute, parts)
     remote = shipped and shipped(len(parts.patches))
     lighting = DirectLighting(scene, parts, rays, settings, remote)
-    sampled = yield from stages.run(stages.direct, lighting.gather())
-
-    # The room appears in direct light, while it is still to be found what patches see of each other.
     outputs = Outputs(scene, settings, lighting)
-    if outputs.begin_with_direct and sampled.any():
-        yield stages.lit(store.display(sampled))
+    last = kept.light_on(parts.patches, settings)
+    sampled = yield from _direct_light(stages, store, outputs, lighting, last)
 
     # Faces that touch patches hide them, or lie back to back with them.
     yield stages.begin(stages.choosing)
@@ -111,6 +110,7 @@ def _bake(
     job = SolveJob(
         graphics, compute, parts, rays, lighting.emission_left, lighting.sky_left, sampled,
         surface_areas(parts.triangles, parts.geometry, settings.resolution), settings, remote, kept,
+        last.indirect if last else None,
     )  # fmt: skip
     solution, choice, solved = choose_solver(job)
     yield stages.chosen(choice)
@@ -119,6 +119,7 @@ def _bake(
     # iteration tells which patches lie inside objects; after groups were solved, the last one does.
     while not outputs.done(solution):
         yield from stages.iterate(solution)
+        kept.light = LastLight.of(solution, parts.patches, sampled, near) if settings.warm_start else None
         if outputs.done(solution) or (settings.intermediates and solution.iterations == 1):
             store.hide(solution.gathered[:, 3], near)
         image = store.display(outputs.light(solution)) if settings.intermediates else None
@@ -146,6 +147,28 @@ def _bake(
         report,
         passes,
     )
+
+
+def _direct_light(
+    stages: BakeStages,
+    store: LightmapStore,
+    outputs: Outputs,
+    lighting: DirectLighting,
+    last: LastLight | None,
+) -> Generator[Progress, None, np.ndarray]:
+    """Return E/pi of the sampled light, (n, 3) float32, once it is shown.
+
+    last: on a warm start what is known of all other light; it is shown with few rays' direct light first
+    """
+    if last:
+        store.hide(last.front, last.near)
+    if last and outputs.begin_with_direct:
+        glimpse = yield from stages.run(stages.first, lighting.glimpse())
+        yield stages.lit(store.display(glimpse + last.gathered))
+    sampled = yield from stages.run(stages.direct, lighting.gather())
+    if outputs.begin_with_direct and (last or sampled.any()):
+        yield stages.lit(store.display(sampled + last.gathered if last else sampled))
+    return sampled
 
 
 def _quiet(

@@ -8,7 +8,7 @@ OpenGL and OpenCL are imported by the first bake: a process that leaves baking t
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
@@ -18,8 +18,10 @@ from .device.found import DeviceSurvey
 from .device.packages import require_packages
 from .errors import DeviceError, DeviceMemoryError, SettingsError
 from .lightmap import Lightmap
+from .live import Live
 from .plan.stages import BakeStages, Extent
 from .progress import Progress, finished
+from .scene.changes import Changes
 from .scene.checks import check_scene
 from .scene.model import Scene
 from .settings import Settings, check_settings
@@ -47,6 +49,8 @@ class Session:
     ) -> Generator[Progress, None, Lightmap]:
         """Bake; see `engine.bake`. After an error or a cancel the next bake gets new devices.
 
+        A warm start that is cancelled leaves them, and what it has found so far.
+
         The light is that of a bake without what is kept, to the bit if both use one way to find what patches
         see. If the memory of a device is full, what is kept is dropped, and the bake starts again.
 
@@ -63,6 +67,10 @@ class Session:
             if not begins_with_kept:
                 raise
         return (yield from self._bake(scene, settings))
+
+    def live(self, scene: Scene, settings: Settings, paces: Mapping[str, float] = _NONE) -> Live:
+        """Return a bake that follows its scene; one at a time. Parameters as of `bake`."""
+        return Live(partial(self.bake, paces=paces), scene, settings)
 
     def warm_up(self, scene: Scene, settings: Settings) -> None:
         """Build what bakes by like settings need, but learn nothing of how long they take."""
@@ -95,6 +103,12 @@ class Session:
             with _workers(settings) as workers:
                 ship = partial(workers.ship, settings) if workers else None
                 lightmap = yield from bake(devices, scene, settings, stages, kept, ship)
+        except GeneratorExit:
+            if settings.warm_start:
+                self._keep(devices, kept, settings)
+            else:
+                devices.release()
+            raise
         except BaseException:
             devices.release()
             raise
@@ -102,10 +116,14 @@ class Session:
         warnings = (*lightmap.report.warnings, *(workers.warnings if workers else ()))
         report = replace(lightmap.report, paces=dict(self._paces), warnings=warnings)
         lightmap = replace(lightmap, report=report)
+        self._keep(devices, kept, settings)
+        return lightmap
+
+    def _keep(self, devices: Devices, kept: Kept, settings: Settings) -> None:
+        """Leave the devices, and what is kept on them, to the next bake."""
         kept.limit(devices.compute, settings.kept_budget)
         devices.clear()
         self._devices, self._kept = devices, kept
-        return lightmap
 
     def _take(self, settings: Settings) -> Devices:
         """Return the devices of the last bake, or new ones; until the bake has ended well nobody has them."""
@@ -154,6 +172,28 @@ def bake(
 ) -> Generator[Progress, None, Lightmap]:
     """Bake in the one session of this process: what the worker process runs; see `Session.bake`."""
     return (yield from _session.bake(scene, settings, paces))
+
+
+def live(
+    scene: Scene, settings: Settings, paces: Mapping[str, float] = _NONE
+) -> Generator[Progress | Lightmap, list[Changes | Scene] | None, None]:
+    """Follow a scene in the one session of this process: what the worker process runs; see `Session.live`.
+
+    Yields each step, and the Lightmap once nothing is left to do; is sent changes, and goes on until it is
+    closed.
+    """
+    followed = _session.live(scene, settings, paces)
+    while True:
+        with closing(followed.settle()) as work:
+            lightmap = None
+            while lightmap is None:
+                try:
+                    changes = yield next(work)
+                except StopIteration as stop:
+                    lightmap = stop.value
+                    changes = yield lightmap
+                for change in changes or ():
+                    followed.update(change)
 
 
 def find_devices(opencl_device: str | None) -> Generator[Progress, None, DeviceSurvey]:

@@ -299,6 +299,14 @@ class Settings:
     intermediates: bool = described(
         True, "Intermediate Lightmaps", "Yield the lightmaps so far after each iteration", Switch(), None
     )
+    warm_start: bool = described(
+        False,
+        "Warm Start",
+        "Show at once the light of the session's last bake with the new direct light, and go on from there; "
+        "the light converges to that of a bake of its own",
+        Switch(),
+        None,
+    )
     denoise_library: str | None = described(
         None,
         "Denoise Library",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from copy import copy
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from .enclosed import note_enclosed
 from .host_contact import in_contact_on_host
 from .shadow_rays import Casting, ShadowRays
 from .sky import Sky, split_sky, whole_sky
+
+#: Shadow rays to each light for a glimpse of it.
+_FEW = 4
 
 
 class DirectLighting:
@@ -64,10 +68,17 @@ class DirectLighting:
 
     def gather(self) -> Generator[float, None, np.ndarray]:
         """Return E/pi of the sampled light, (n, 3) float32; yield the fraction done."""
-        if not (self._lamps or len(self._bright.triangles) or self._sky.bright is not None):
+        if not self._samples_any:
             return np.zeros((self._ray_scene.count, 3), np.float32)
         light, self.l1 = yield from self._casting().sampled()
         return light
+
+    def glimpse(self) -> Generator[float, None, np.ndarray]:
+        """Return what `gather` returns, but by few rays; yield the fraction done."""
+        if not self._samples_any:
+            return np.zeros((self._ray_scene.count, 3), np.float32)
+        few = replace(self._settings, light_samples=min(self._settings.light_samples, _FEW))
+        return (yield from self.of(self._ray_scene, few).gather())
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
         """Return how much of a shining lamp each patch sees, (n,) float32; yield the fraction done."""
@@ -108,6 +119,11 @@ class DirectLighting:
         other._ray_scene, other._settings, other.warnings = points, settings, []
         other._shadow_rays, other.l1 = self._cast_from(points, settings), other._no_l1()
         return other
+
+    @property
+    def _samples_any(self) -> bool:
+        """Whether anything is sampled as a light."""
+        return bool(self._lamps) or len(self._bright.triangles) > 0 or self._sky.bright is not None
 
     def _no_l1(self) -> np.ndarray:
         """Return the L1 of no light."""

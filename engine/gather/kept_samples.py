@@ -50,7 +50,7 @@ class KeptSamples:
 
     sampling  how views were sampled
     count     patches that look
-    pieces    all rows, once they are found
+    pieces    all rows, once they are found; of as many patches as are found, before
     """
 
     def __init__(
@@ -66,11 +66,12 @@ class KeptSamples:
         self._parts, self._emission = parts, emission
         self.backs = Backs(compute, self.count, len(emission), directional)
         self.pieces: list[Rows] = []
+        self._found = 0
 
     @property
     def complete(self) -> bool:
         """True once it is found what all patches see."""
-        return bool(self.pieces) and self.pieces[-1].last == self.count
+        return self._found == self.count
 
     @property
     def bytes(self) -> int:
@@ -78,22 +79,30 @@ class KeptSamples:
         return sum(rows.cache.size for rows in self.pieces) + self.backs.light.size
 
     def find(self, identity: Identity) -> Generator[float, None, None]:
-        """Find what all patches see; yield the fraction done."""
+        """Find what all patches see, from where a cancelled bake has come to on; yield the fraction done."""
+        while not self.complete:
+            rows, first = self._unfinished_piece(), self._found
+            for done in identity.find(first, rows.last, self.backs.found_with(rows.cache, rows.first)):
+                self._found = first + int(done * (rows.last - first))
+                yield self._found / self.count
+            self._found = rows.last
+
+    def _unfinished_piece(self) -> Rows:
+        """Return the piece of the first patch that is not found; a new one if no piece has it."""
+        if self.pieces and self._found < self.pieces[-1].last:
+            return self.pieces[-1]
         row, context = self.sampling.row_bytes, self._compute.context
         largest = min(_PIECE, self._compute.device.max_mem_alloc_size)
-        step = max(1, largest // row)
-        self.pieces.clear()
-        for first in range(0, self.count, step):
-            last = min(first + step, self.count)
-            cache = cl.Buffer(context, cl.mem_flags.READ_WRITE, row * (last - first))
-            for done in identity.find(first, last, self.backs.found_with(cache, first)):
-                yield (first + done * (last - first)) / self.count
-            self.pieces.append(Rows(cache, first, last))
+        first, last = self._found, min(self._found + max(1, largest // row), self.count)
+        cache = cl.Buffer(context, cl.mem_flags.READ_WRITE, row * (last - first))
+        self.pieces.append(Rows(cache, first, last))
+        return self.pieces[-1]
 
     def holds_for(self, parts: Subdivision, emission: np.ndarray) -> bool:
         """Return whether it holds for patches of the same geometry that emit radiance, (m, 3) float32.
 
-        Groups of patches may be others than they were, since light decides where they end.
+        Groups of patches may be others than they were, since light decides where they end. What is not found
+        yet will be found with this emission.
         """
         patches, mine = parts.patches, self._parts.patches
         same = np.array_equal(patches.texel, mine.texel) and np.array_equal(patches.atlas, mine.atlas)
@@ -104,4 +113,7 @@ class KeptSamples:
         marks = np.empty(self.backs.seen.size, np.uint8)
         cl.enqueue_copy(self._compute.queue, marks, self.backs.seen)
         seen = marks[1 : len(emission) + 1] > 0
-        return not (emission[seen].any() or self._emission[seen].any())
+        if emission[seen].any() or self._emission[seen].any():
+            return False
+        self._emission = emission
+        return True

@@ -40,6 +40,9 @@ from .trial import choose_identity, make_identity, untried_visibility
 #: Why nothing is looked for.
 _KEPT = "Visibility was kept from the last bake: no geometry, UVs, transparency or setting of it has changed."
 
+#: Why only the rest is looked for.
+_RESUMED = "Visibility that a bake before it was cancelled had found was kept; the rest was found now."
+
 #: What a plane through the light of groups may leave over, as a fraction of all light, times the root of the
 #: rays of a patch: about the error of these.
 _TOLERANCE = 0.4
@@ -54,6 +57,7 @@ def choose_solver(job: SolveJob) -> tuple[Solution, Choice, SolveJob]:
     That is the job itself, or that of groups of its patches.
     """
     if job.dark:
+        job.kept.light = None
         why = "No light reaches any patch: nothing is looked for."
         return Darkness(job.count), Choice("none", "none", 0, (why,)), job
     width, reasons = group_width(job)
@@ -66,9 +70,9 @@ def choose_solver(job: SolveJob) -> tuple[Solution, Choice, SolveJob]:
 def _solver(job: SolveJob) -> tuple[Solver, Choice]:
     """Return what solves for every patch on its own."""
     radiosity, choice = _host_radiosity(job) if _by_hemicubes(job) else _device_radiosity(job)
-    return Solver(radiosity, job.sampled_light, job.settings, job.gathers_direct), replace(
-        choice, patches=job.count
-    )
+    warm = job.indirect is not None
+    solver = Solver(radiosity, job.sampled_light, job.settings, job.gathers_direct, warm)
+    return solver, replace(choice, patches=job.count)
 
 
 def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Choice, SolveJob]:
@@ -87,6 +91,7 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Choic
         emission=groups.mean(job.emission),
         sampled_light=groups.mean(job.sampled_light),
         area=groups.area,
+        indirect=None if job.indirect is None else groups.mean(job.indirect),
     )
     solver, choice = _solver(squares)
     if is_adaptive(job):
@@ -199,7 +204,7 @@ def _device_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
     sweep, choice = _remote_sweep(job) or _kept_sweep(job) or _new_sweep(job)
     radiosity = DeviceRadiosity(
         job.opencl, sweep, job.parts.surfaces.reflectance, job.surroundings.emission, job.area,
-        job.sampled_light, job.gathers_direct, job.columns,
+        job.sampled_light, job.gathers_direct, job.columns, job.indirect,
     )  # fmt: skip
     return radiosity, choice
 
@@ -220,11 +225,11 @@ def _remote_sweep(job: SolveJob) -> tuple[Sweep, Choice] | None:
 def _kept_sweep(job: SolveJob) -> tuple[Sweep, Choice] | None:
     """Return how what an earlier bake has kept becomes light, None if there is nothing that holds."""
     kept = job.kept.samples
-    if kept is None or not kept.complete or not kept.holds_for(job.parts, job.emission):
+    if kept is None or not kept.pieces or not kept.holds_for(job.parts, job.emission):
         return None
-    sampling = kept.sampling
-    choice = Choice("cached", sampling.name, sampling.samples, (_KEPT,), found=True)
-    return _cached(job, kept, None), choice
+    sampling, found = kept.sampling, kept.complete
+    choice = Choice("cached", sampling.name, sampling.samples, (_KEPT if found else _RESUMED,), found=found)
+    return _cached(job, kept, None if found else make_identity(job, sampling.name)), choice
 
 
 def _new_sweep(job: SolveJob) -> tuple[Sweep, Choice]:
@@ -240,8 +245,9 @@ def _host_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
     gather, choice = _choose_gather(job)
     reflectance = job.parts.surfaces.reflectance
     radiosity = HostRadiosity(
-        gather, reflectance, job.emission, job.area, job.sampled_light, job.gathers_direct, job.columns
-    )
+        gather, reflectance, job.emission, job.area,
+        job.sampled_light, job.gathers_direct, job.columns, job.indirect,
+    )  # fmt: skip
     return radiosity, choice
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from ..device.compute import Compute
 from ..device.graphics import Graphics
 from ..gather.kept_samples import KeptSamples
+from ..patches.patch_list import PatchList
 from ..patches.subdivision import Subdivision, subdivide
 from ..patches.surfaces import patch_surfaces
 from ..scene.digests import geometry_digest, surfaces_digest
@@ -15,12 +16,13 @@ from ..scene.model import Scene
 from ..settings import Settings
 from ..visibility.identity import directional_options
 from ..visibility.rays.ray_scene import RayScene
+from .last_light import LastLight
 
 #: Settings that change nothing of what patches are and see. Whether light bounces and has directions does.
 _LEAVING_VISIBILITY = frozenset({
     "accelerate", "ao_distance", "ao_samples", "denoise", "denoise_device", "denoise_library", "dilation",
     "hide_seams", "intermediates", "iterations", "kept_budget", "light_samples", "outputs", "sample_emission",
-    "texel_samples", "tolerance",
+    "texel_samples", "tolerance", "warm_start",
 })  # fmt: skip
 
 #: What is kept takes this part of the device's memory by default.
@@ -34,9 +36,11 @@ class Kept:
     these change what patches see.
 
     samples  what patches see; None if that is not kept
+    light    of the last bake that left it for a warm start, whatever its geometry; None if none did
     """
 
     samples: KeptSamples | None
+    light: LastLight | None = None
     _parts: Subdivision | None
     _rays: RayScene | None
 
@@ -72,6 +76,10 @@ class Kept:
         if self._rays is None:
             self._rays = RayScene(compute, parts)
         return self._rays
+
+    def light_on(self, patches: PatchList, settings: Settings) -> LastLight | None:
+        """Return the light of the last bake on patches for a warm start; None without one."""
+        return self.light.on(patches) if settings.warm_start and self.light else None
 
     def limit(self, compute: Compute | None, budget: int) -> None:
         """Drop what patches see if it takes more memory of the device than a budget, bytes.

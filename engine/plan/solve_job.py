@@ -30,6 +30,7 @@ class SolveJob:
     area           (n,) float32, m^2, of each patch
     remote         gathers for all patches on devices of other processes; None to gather here
     kept           what an earlier bake has left of the same patches, and what this one leaves
+    indirect       (n, 3) float32, E/pi of reflected light that a warm start begins with; None for none
     """
 
     graphics: Graphics
@@ -43,6 +44,7 @@ class SolveJob:
     settings: Settings
     remote: RemoteDevices | None = None
     kept: Kept = field(default_factory=Kept)
+    indirect: np.ndarray | None = None
 
     @property
     def count(self) -> int:

@@ -77,10 +77,10 @@ class BakeStages(Schedule):
 
         starting   once                    visibility  samples of patches
         patches    texels                  bounces     samples of patches, times sweeps
-        direct     shadow rays             final       samples of patches
-        choosing   once                    outputs     rays
-        texels     samples of patches      denoising   texels
-        images     texels
+        first      shadow rays             final       samples of patches
+        direct     shadow rays             outputs     rays
+        choosing   once                    denoising   texels
+        texels     samples of patches      images      texels
 
     paces  seconds that a unit of each stage took in earlier bakes, by its name; `learn` adds to them
     """
@@ -95,6 +95,7 @@ class BakeStages(Schedule):
         texels = settings.resolution**2 * extent.atlases
         self.starting = self._stage("Starting", 1, _OPENING)
         self.patches = self._stage("Patches", texels + _TRIANGLE * extent.triangles, _TEXEL)
+        self.first = self._stage("First light", 0, _RAY)
         self.direct = self._stage("Direct light", 0, _RAY)
         self.choosing = self._stage("Choosing a method", 1, _CHOOSING)
         self.visibility = self._stage("Visibility", 0, _RAY)
@@ -107,7 +108,9 @@ class BakeStages(Schedule):
         self.denoising = self._stage("Denoising", filtered, _FILTERED)
         maps = len(settings.outputs) + 3 * ("directional" in settings.outputs or settings.projected)
         self.images = self._stage("Images", texels * maps, _TEXEL)
-        self._casting = (self.direct, self.visibility, self.bounces, self.final, self.outputs, self.texels)
+        self._casting = (
+            self.first, self.direct, self.visibility, self.bounces, self.final, self.outputs, self.texels,
+        )  # fmt: skip
         super().__init__(list(self._names))
         self._size(int(_COVERAGE * texels))
         self.begin(self.starting)

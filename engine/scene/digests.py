@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable
+from dataclasses import fields, is_dataclass
 
 import numpy as np
 
@@ -44,6 +45,23 @@ def surfaces_digest(scene: Scene) -> bytes:
         for texture in _maps(material):
             _feed_texture(digest, texture)
     return digest.digest()
+
+
+def same_values(one: object, other: object) -> bool:
+    """Return whether arrays, records and builtins, and what these hold, are the same."""
+    if one is other:
+        return True
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+        return one.dtype == other.dtype and np.array_equal(one, other)
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return len(one) == len(other) and all(map(same_values, one, other))
+    if isinstance(one, dict) and isinstance(other, dict):
+        return one.keys() == other.keys() and all(same_values(one[key], other[key]) for key in one)
+    if is_dataclass(one):
+        return all(same_values(getattr(one, entry.name), getattr(other, entry.name)) for entry in fields(one))
+    return one == other
 
 
 def _maps(material: Material) -> tuple[Texture | None, Texture | None]:

@@ -39,6 +39,7 @@ class DeviceRadiosity:
         sampled_light: np.ndarray,
         gathers_direct: bool,
         columns: int,
+        indirect: np.ndarray | None = None,
     ) -> None:
         self._compute, self._queue, self._sweep = compute, compute.queue, sweep
         self.count, self.area = len(reflectance), float(area.sum(dtype=np.float64))
@@ -54,9 +55,13 @@ class DeviceRadiosity:
         self._area = upload(compute, (area / max(self.area, _LEAST_AREA)).astype(np.float32))
         self.patches_seen = zeros(compute, 4 * self.count)
         self._gathered, self._defects = (zeros(compute, 16 * self.count * columns) for _ in range(2))
-        self._irradiance = (
-            zeros(compute, 16 * self.count) if gathers_direct else upload_float4(compute, sampled_light)
-        )
+        first = None if gathers_direct else sampled_light
+        if indirect is not None and gathers_direct:
+            held, column = upload_float4(compute, indirect), 16 * self.count * (columns - 1)
+            cl.enqueue_copy(self._queue, self._gathered, held, dst_offset=column)
+        elif indirect is not None:
+            first = sampled_light + indirect
+        self._irradiance = zeros(compute, 16 * self.count) if first is None else upload_float4(compute, first)
         self.radiance = zeros(compute, 16 * (self.count + 2))
         compute.run(
             begin, self.count, self._emission, self._reflectance, self._irradiance, self.radiance,

@@ -20,6 +20,7 @@ class HostRadiosity:
     sampled_light   (n, 3) float32, E/pi of the light that shadow rays sample; None for none
     gathers_direct  see `solve.Solver`
     columns         see `solve.Radiosity`
+    indirect        (n, 3) float32, E/pi of reflected light to begin with; None for none
     """
 
     def __init__(
@@ -31,6 +32,7 @@ class HostRadiosity:
         sampled_light: np.ndarray | None = None,
         gathers_direct: bool = True,
         columns: int = PLAIN_COLUMNS,
+        indirect: np.ndarray | None = None,
     ) -> None:
         self._gather, self._reflectance, self._emission = gather, reflectance, emission
         self._areas = area.astype(np.float64)
@@ -39,6 +41,10 @@ class HostRadiosity:
         self.count, self.area, self.columns = len(emission), float(self._areas.sum()), columns
         self._gathered = np.zeros((columns, self.count, 4), np.float32)
         self._defects = np.zeros((columns, self.count, 3), np.float32)
+        if indirect is not None and gathers_direct:
+            self._gathered[-1, :, :3] = indirect
+        elif indirect is not None:
+            self._irradiance = self._sampled_light + indirect
 
     @property
     def radiance(self) -> np.ndarray:

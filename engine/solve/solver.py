@@ -89,6 +89,9 @@ class Radiosity(Protocol):
     area     sum over all patches, m^2
     columns  iterates that are kept, in a ring: `anderson.COLUMNS` for acceleration, else PLAIN_COLUMNS
 
+    For a warm start the first irradiance contains reflected light; if patches gather direct light, too, a
+    sweep for that alone comes first, and the last column holds the reflected light meanwhile.
+
     An iterate is what all patches gathered from the radiance of the irradiance before; its defect is
     the difference to that irradiance.
     """
@@ -207,6 +210,7 @@ class Solver:
     sampled_light   (n, 3) float32, E/pi of the light that shadow rays sample
     gathers_direct  True if the patches gather light at first: the first sweep then gives the direct light
                     of emission and surroundings
+    warm            True if the radiosity begins with reflected light, see `Radiosity`
     """
 
     gathers_finally = False
@@ -217,8 +221,10 @@ class Solver:
         sampled_light: np.ndarray,
         settings: Settings,
         gathers_direct: bool = True,
+        warm: bool = False,
     ) -> None:
         self._radiosity, self._sampled_light, self._gathers_direct = radiosity, sampled_light, gathers_direct
+        self._warm = warm
         self._limit, self._tolerance = settings.iterations, settings.tolerance
         self._anderson = Anderson() if radiosity.columns > PLAIN_COLUMNS else None
         self._newest = -1
@@ -267,12 +273,17 @@ class Solver:
         return self.irradiance
 
     def iteration(self) -> Generator[float, None, None]:
-        """Sweep once; yield the fraction done."""
+        """Sweep once, on a warm start for direct light before; yield the fraction done."""
+        parts = 2 if self._gathers_direct and self._warm and not self._steps else 1
+        if parts > 1:
+            for done in self._sweep_direct():
+                yield done / parts
         self._newest = (self._newest + 1) % self._radiosity.columns
-        yield from self._radiosity.sweep(self._newest)
+        for done in self._radiosity.sweep(self._newest):
+            yield (parts - 1 + done) / parts
         self._gathered = None
         sums = self._radiosity.sums(self._newest, max(self._least_share * self._total, _DARKEST))
-        if self._gathers_direct and not self._steps:
+        if self._gathers_direct and not self._warm and not self._steps:
             self._direct = self._radiosity.iterate(self._newest)[:, :3]
         self._total = sums.total
         if self._steps:
@@ -299,13 +310,22 @@ class Solver:
         balance = self._radiosity.balance(self._newest, emission, self.direct)
         return None if balance is None else balance.energy
 
+    def _sweep_direct(self) -> Generator[float, None, None]:
+        """Sweep for direct light alone, and add the reflected light that the last column holds."""
+        self._newest = 0
+        yield from self._radiosity.sweep(0)
+        self._direct = self._radiosity.iterate(0)[:, :3]
+        weights = np.zeros((self._radiosity.columns, 3))
+        weights[[0, -1]] = 1
+        self._radiosity.mix(weights, np.zeros(3), _DARKEST)
+
     def _mixture(self, sums: Sums) -> tuple[np.ndarray, np.ndarray]:
         """Return weights of the columns, (columns, 3), and the ambient light, (3,)."""
         weights, ambient = np.zeros((self._radiosity.columns, 3)), np.zeros(3)
         weights[self._newest] = 1
         if self._anderson is not None:
             weights = self._anderson.weights(self._newest, sums.products)
-            if not self._steps:
+            if not self._steps and not self._warm:
                 lost = np.maximum(self._radiosity.area - sums.seen, 1e-3 * self._radiosity.area)
                 ambient = np.maximum(sums.reflected, 0) / lost
         return weights, ambient

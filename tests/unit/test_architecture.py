@@ -12,9 +12,10 @@ ROOT = Path(__file__).resolve().parents[2]
 #: Rooms and files of each package, from the top down.
 ORDERS = {
     "engine": [
-        "worker", "__init__", "warm_up", "self_test", "session", "cluster", "algorithm", "plan", "finish",
-        "solve", "gather", "direct", "reference", "visibility", "patches", "denoise", "device", "unwrap",
-        "encoding", "scene", "settings", "setting", "quality", "lightmap", "naming", "progress", "errors",
+        "worker", "__init__", "warm_up", "self_test", "session", "live", "cluster", "algorithm", "plan",
+        "finish", "solve", "gather", "direct", "reference", "visibility", "patches", "denoise", "device",
+        "unwrap", "encoding", "scene", "settings", "setting", "quality", "lightmap", "naming", "progress",
+        "errors",
     ],
     "operators/scene": [
         "__init__", "overlaps", "targets", "density", "read", "read_stages", "fingerprints", "faults",

@@ -1,0 +1,66 @@
+"""A bake that follows its scene: changes are taken between steps, and the light goes on from where it was."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from contextlib import closing
+from dataclasses import replace
+
+from .lightmap import Lightmap
+from .progress import Progress
+from .scene.changes import Changes
+from .scene.checks import check_scene
+from .scene.model import Scene
+from .settings import Settings
+
+#: Bakes a scene that has been changed; see `Session.bake`.
+Bake = Callable[[Scene, Settings], Generator[Progress, None, Lightmap]]
+
+
+class Live:
+    """The lightmaps of a scene that changes; made by `Session.live`.
+
+    scene     as it is after all changes
+    lightmap  the finished bake of it; None while there is something to do
+    """
+
+    def __init__(self, bake: Bake, scene: Scene, settings: Settings) -> None:
+        """Take what bakes; every patch gathers for itself, since light decides where groups of them end."""
+        self._bake, self.scene = bake, scene
+        self._settings = replace(settings, warm_start=True, intermediates=True, adaptive=False)
+        self.lightmap: Lightmap | None = None
+        self._changed = False
+
+    def update(self, changes: Changes | Scene) -> None:
+        """Take changes, or a whole other scene, between two steps of `settle`, or after it.
+
+        Raises SceneError for what cannot be baked; then everything stays as it was.
+        """
+        scene = changes.of(self.scene) if isinstance(changes, Changes) else changes
+        check_scene(scene)
+        self.scene, self.lightmap, self._changed = scene, None, True
+
+    def settle(self) -> Generator[Progress, None, Lightmap]:
+        """Bake until nothing is left to do; yields as `Session.bake`, returns the Lightmap.
+
+        The first image has new direct light, by few rays, above the other light of before; one follows each
+        sweep. Changes that come meanwhile take effect after the next image, so that there is one however
+        fast they follow each other.
+        """
+        while self.lightmap is None:
+            self._changed = False
+            with closing(self._bake(self.scene, self._settings)) as work:
+                yield from self._follow(work)
+        return self.lightmap
+
+    def _follow(self, work: Generator[Progress, None, Lightmap]) -> Generator[Progress, None, None]:
+        """Bake to the end, or to the first image after which the scene is another one."""
+        shown = False
+        while not (self._changed and shown):
+            try:
+                progress = next(work)
+            except StopIteration as stop:
+                self.lightmap = None if self._changed else stop.value
+                return
+            shown |= progress.intermediate is not None
+            yield progress

@@ -1,0 +1,109 @@
+"""What is other than it was in a scene: lights, the world, materials, moved or replaced meshes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
+
+import numpy as np
+
+from ..errors import SceneError
+from .digests import same_values
+from .model import Light, Material, Mesh, Scene
+
+Part = TypeVar("Part", Material, Mesh)
+
+
+@dataclass(frozen=True)
+class Changes:
+    """Changes of a scene; what is None or not named stays.
+
+    lights     all lamps from now on: those that are left out are gone
+    world      as `Scene.world`
+    materials  by their number in `Scene.materials`
+    moves      (4, 4) float64 of meshes by number: maps their positions, metres from `Scene.origin`, to
+               where they are from now on
+    meshes     by their number in `Scene.meshes`: other shapes, UVs or materials
+    """
+
+    lights: tuple[Light, ...] | None = None
+    world: np.ndarray | None = None
+    materials: Mapping[int, Material] = field(default_factory=dict)
+    moves: Mapping[int, np.ndarray] = field(default_factory=dict)
+    meshes: Mapping[int, Mesh] = field(default_factory=dict)
+
+    @property
+    def empty(self) -> bool:
+        """True if nothing changes."""
+        others = self.materials or self.moves or self.meshes
+        return self.lights is None and self.world is None and not others
+
+    def of(self, scene: Scene) -> Scene:
+        """Return the scene with the changes; raises SceneError for a number that nothing has."""
+        _check_numbers("materials", self.materials, len(scene.materials))
+        _check_numbers("meshes", (*self.meshes, *self.moves), len(scene.meshes))
+        meshes = [self.meshes.get(number, mesh) for number, mesh in enumerate(scene.meshes)]
+        for number, matrix in self.moves.items():
+            meshes[number] = moved(meshes[number], matrix)
+        return replace(
+            scene,
+            lights=scene.lights if self.lights is None else self.lights,
+            world=scene.world if self.world is None else self.world,
+            materials=tuple(self.materials.get(i, surface) for i, surface in enumerate(scene.materials)),
+            meshes=tuple(meshes),
+        )
+
+
+def changes_between(before: Scene, after: Scene) -> Changes | None:
+    """Return what makes one scene the other; None if they have other numbers of parts or other lightmaps."""
+    if (before.atlases, len(before.meshes), len(before.materials)) != (
+        after.atlases,
+        len(after.meshes),
+        len(after.materials),
+    ) or not np.array_equal(before.origin, after.origin):
+        return None
+    return Changes(
+        lights=None if same_values(before.lights, after.lights) else after.lights,
+        world=None if same_values(before.world, after.world) else after.world,
+        materials=_replaced(before.materials, after.materials),
+        meshes=_replaced(before.meshes, after.meshes),
+    )
+
+
+def moved(mesh: Mesh, matrix: np.ndarray) -> Mesh:
+    """Return a mesh whose positions a matrix, (4, 4) float64, maps; a mirrored one stays counter-clockwise.
+
+    Raises SceneError for a matrix that flattens it.
+    """
+    linear = np.asarray(matrix, np.float64)[:3, :3]
+    turned = float(np.linalg.det(linear))
+    if not np.isfinite(turned) or turned == 0:
+        raise SceneError(f"The matrix that moves '{mesh.name}' has no inverse. Scale it by other than 0.")
+    positions = mesh.positions @ linear.T + np.asarray(matrix, np.float64)[:3, 3]
+    normals = mesh.normals.astype(np.float64) @ np.linalg.inv(linear)
+    normals /= np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-30)
+    corners = [0, 1, 2] if turned > 0 else [0, 2, 1]
+    return replace(
+        mesh,
+        positions=positions.astype(np.float32)[:, corners],
+        normals=normals.astype(np.float32)[:, corners],
+        uvs=mesh.uvs[:, corners],
+        texture_uvs={name: uvs[:, corners] for name, uvs in mesh.texture_uvs.items()},
+    )
+
+
+def _replaced(before: tuple[Part, ...], after: tuple[Part, ...]) -> dict[int, Part]:
+    """Return the parts that are not as they were, by number."""
+    pairs = zip(before, after, strict=True)
+    return {number: new for number, (old, new) in enumerate(pairs) if not same_values(old, new)}
+
+
+def _check_numbers(what: str, numbers: Iterable[int], count: int) -> None:
+    """Raise SceneError for a number that none of `count` parts has."""
+    unknown = sorted(number for number in numbers if not 0 <= number < count)
+    if unknown:
+        raise SceneError(
+            f"Changes name number {unknown[0]} of the scene's {what}; there are {count}, from 0 on. "
+            "Bake the scene anew to add any."
+        )

@@ -1,0 +1,237 @@
+"""A bake that follows its scene ends with the light of a bake of its own, and gets there without detours."""
+
+import dataclasses
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from engine import Changes, Light, Lightmap, Scene, SceneError, Session, Settings, finished
+from engine.scene.model import OCCLUDER
+from engine.visibility.rays.identity import RayIdentity
+from tests.analytic.scenes import nine_quad_room
+
+SETTINGS = Settings(
+    resolution=41, hemicube=8, samples=64, visibility="rays", light_samples=5, texel_samples=1,
+)  # fmt: skip
+BLACK = np.zeros(3, np.float32)
+
+
+def open_room() -> Scene:
+    """Return a room without a ceiling, below a bright sky, of three meshes; one is an occluder."""
+    room = nine_quad_room()
+    mesh = room.meshes[0]
+    pillar, panel = mesh.face == 7, mesh.face == 6
+    stays = (mesh.face != 1) & ~pillar & ~panel
+    meshes = (
+        dataclasses.replace(mesh.part(stays), name="Room"),
+        dataclasses.replace(mesh.part(pillar), name="Pillar", atlas=OCCLUDER),
+        dataclasses.replace(mesh.part(panel), name="Panel"),
+    )
+    world = np.random.default_rng(11).random((5, 9, 3), np.float32)
+    return dataclasses.replace(room, meshes=meshes, world=world)
+
+
+ROOM = open_room()
+
+
+def lamp(random: np.random.Generator) -> Light:
+    """Return a lamp somewhere, perhaps inside or below something, strong or as good as off."""
+    place = random.uniform(-0.3, 1.3, 3) * [4, 3, 2.5]
+    strength = (random.random(3) * 10.0 ** random.integers(-3, 3)).astype(np.float32)
+    kind = random.choice(["point", "sun", "spot", "area"])
+    axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
+    size = random.random(2) + 0.01
+    return Light("Lamp", str(kind), place, axes, strength, radius=0.1, half_angle=0.5, size=size)
+
+
+def change_lights(scene: Scene, random: np.random.Generator) -> Changes:
+    """Add, delete, or replace a lamp."""
+    lights = list(scene.lights)
+    if lights and random.random() < 0.6:
+        lights.pop(int(random.integers(len(lights))))
+    if random.random() < 0.7:
+        lights.append(lamp(random))
+    return Changes(lights=tuple(lights))
+
+
+def change_world(scene: Scene, random: np.random.Generator) -> Changes:
+    """Take other surroundings, or none."""
+    worlds = [BLACK, random.random(3, np.float32), random.random((3, 4, 3), np.float32)]
+    return Changes(world=worlds[random.integers(3)])
+
+
+def change_colour(scene: Scene, random: np.random.Generator) -> Changes:
+    """Paint something, perhaps white as chalk or black."""
+    number = int(random.integers(len(scene.materials)))
+    colour = np.clip(random.uniform(-0.2, 1.1, 3), 0, 0.95).astype(np.float32)
+    return Changes(materials={number: dataclasses.replace(scene.materials[number], reflectance=colour)})
+
+
+def change_emission(scene: Scene, random: np.random.Generator) -> Changes:
+    """Let something shine, or nothing more of it."""
+    number = int(random.integers(len(scene.materials)))
+    light = (random.random(3) * (random.random() < 0.6)).astype(np.float32)
+    return Changes(materials={number: dataclasses.replace(scene.materials[number], emission=light)})
+
+
+def move_something(scene: Scene, random: np.random.Generator) -> Changes:
+    """Move the pillar or the panel by a little, perhaps into the floor."""
+    matrix = np.eye(4)
+    matrix[:3, 3] = random.uniform(-0.2, 0.2, 3)
+    return Changes(moves={int(random.integers(1, 3)): matrix})
+
+
+EDITS = [change_lights, change_lights, change_world, change_colour, change_emission, move_something]
+
+
+@pytest.fixture
+def session():
+    """What lives."""
+    followed = Session()
+    yield followed
+    followed.close()
+
+
+@pytest.fixture(scope="module")
+def other():
+    """What makes fresh bakes."""
+    unaware = Session()
+    yield unaware
+    unaware.close()
+
+
+def fresh(session: Session, scene: Scene, **changes: object) -> Lightmap:
+    """Return a bake that knows nothing of others."""
+    session.forget()
+    return finished(session.bake(scene, dataclasses.replace(SETTINGS, **changes)))
+
+
+def error(image: np.ndarray, truth: np.ndarray, has_patch: np.ndarray) -> float:
+    """Return how much an image is off, mean over the patches, relative to each one's light."""
+    image, light = image[has_patch].sum(axis=1), truth[has_patch].sum(axis=1)
+    least = max(1e-4 * float(light.mean()), 1e-12)
+    return float((np.abs(image - light) / np.maximum(light, least)).mean())
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_twenty_edits_end_with_the_light_of_a_fresh_bake(session, other, seed):
+    random = np.random.default_rng(seed)
+    live = session.live(ROOM, SETTINGS)
+    finished(live.settle())
+    for step in range(20):
+        live.update(random.choice(EDITS)(live.scene, random))
+        if random.random() < 0.3:
+            next(live.settle())
+            live.update(random.choice(EDITS)(live.scene, random))
+        lightmap = finished(live.settle())
+        if step % 5 == 4:
+            expected = fresh(other, live.scene)
+            assert error(lightmap.image, expected.image, expected.has_patch) < 2 * SETTINGS.tolerance
+            assert np.array_equal(lightmap.has_patch, expected.has_patch)
+            assert error(lightmap.display, expected.display, expected.known) < 4 * SETTINGS.tolerance
+
+
+@pytest.mark.parametrize("changes", [{}, {"accelerate": False}], ids=["accelerated", "plain"])
+def test_each_image_is_nearer_to_the_light_than_the_one_before(session, other, changes):
+    """A lamp comes on, and a wall is painted: the last light is right neither in sum nor in colour."""
+    live = session.live(ROOM, dataclasses.replace(SETTINGS, **changes))
+    finished(live.settle())
+    paint = dataclasses.replace(ROOM.materials[0], reflectance=np.float32([0.9, 0.5, 0.1]))
+    light = Light("Lamp", "point", np.array([1.0, 2, 1.5]), np.eye(3), np.float32([5, 4, 3]))
+    live.update(Changes(lights=(light,), materials={0: paint}))
+    images = [step.intermediate for step in live.settle() if step.intermediate is not None]
+    truth = fresh(other, live.scene, tolerance=0, iterations=30, hide_seams=False)
+    errors = [error(image, truth.display, truth.known) for image in images]
+    assert len(errors) > 4 and errors[-1] < SETTINGS.tolerance
+    assert all(later <= before + 1e-4 for before, later in pairwise(errors)), errors
+
+
+def test_light_that_has_settled_takes_few_sweeps_to_settle_again(session):
+    live = session.live(ROOM, SETTINGS)
+    cold = finished(live.settle()).report.iterations
+    live.update(Changes(world=ROOM.world * np.float32(1.01)))
+    assert finished(live.settle()).report.iterations < cold
+
+
+def test_visibility_that_edits_interrupt_is_found_only_once(session, other, monkeypatch):
+    """Somebody drags a lamp from the start: each patch looks once all the same."""
+    random, found = np.random.default_rng(5), []
+    find = RayIdentity.find
+
+    def counted(self, first, last, seen):
+        work, before = find(self, first, last, seen), 0
+        for done in work:
+            found.append(round(done * (last - first)) - before)
+            before = round(done * (last - first))
+            yield done
+
+    monkeypatch.setattr(RayIdentity, "find", counted)
+    live, edits = session.live(ROOM, SETTINGS), 0
+    for progress in live.settle():
+        if progress.stage.startswith("Visibility") and progress.fraction > 0 and edits < 4:
+            live.update(Changes(lights=(lamp(random),)))
+            edits += 1
+    assert edits > 1 and live.lightmap is not None
+    count = live.lightmap.report.patches
+    assert count <= sum(found) <= count + edits
+    monkeypatch.undo()
+    expected = fresh(other, live.scene)
+    assert error(live.lightmap.image, expected.image, expected.has_patch) < 2 * SETTINGS.tolerance
+
+
+def test_changes_that_come_faster_than_images_do_not_keep_them_away(session):
+    random, live = np.random.default_rng(6), session.live(ROOM, SETTINGS)
+    finished(live.settle())
+    shown = 0
+    live.update(Changes(lights=(lamp(random),)))
+    for step, progress in enumerate(live.settle()):
+        shown += progress.intermediate is not None
+        if step < 40:
+            live.update(Changes(lights=(lamp(random),)))
+    assert shown > 5
+
+
+def test_what_cannot_be_baked_is_refused_and_leaves_all_as_it_was(session):
+    live = session.live(ROOM, SETTINGS)
+    lightmap = finished(live.settle())
+    broken = dataclasses.replace(ROOM.materials[0], reflectance=np.float32([np.nan, 0, 0]))
+    for changes in (Changes(materials={0: broken}), Changes(materials={99: broken})):
+        with pytest.raises(SceneError):
+            live.update(changes)
+    assert live.lightmap is lightmap and live.scene is ROOM
+
+
+def test_a_light_goes_out_and_comes_back(session):
+    live = session.live(ROOM, SETTINGS)
+    first = finished(live.settle())
+    dark = {number: dataclasses.replace(paint, emission=BLACK) for number, paint in enumerate(ROOM.materials)}
+    live.update(Changes(lights=(), world=BLACK, materials=dark))
+    assert not finished(live.settle()).display.any()
+    live.update(ROOM)
+    again = finished(live.settle())
+    assert error(again.image, first.image, first.has_patch) < 2 * SETTINGS.tolerance
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"patch_groups": 2},
+        {"method": "stream"},
+        {"outputs": ("combined", "direct", "indirect", "directional")},
+        {"method": "paper", "visibility": "raster", "accelerate": False},
+    ],
+    ids=["groups", "stream", "outputs", "paper"],
+)
+def test_every_way_to_bake_can_be_followed(session, other, changes):
+    settings = dataclasses.replace(SETTINGS, **changes)
+    live = session.live(ROOM, settings)
+    finished(live.settle())
+    paint = dataclasses.replace(ROOM.materials[0], reflectance=np.float32([0.9, 0.5, 0.1]))
+    live.update(Changes(materials={0: paint}, world=ROOM.world[::-1].copy()))
+    lightmap = finished(live.settle())
+    expected = fresh(other, live.scene, **changes)
+    assert lightmap.passes.keys() == expected.passes.keys()
+    for name in set(lightmap.passes) & {"combined", "direct", "indirect"}:
+        close = error(lightmap.passes[name], expected.passes[name], expected.known)
+        assert close < (8 if name == "indirect" else 3) * settings.tolerance, name

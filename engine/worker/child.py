@@ -13,6 +13,10 @@ take turns in using it:
                                   <-  lightmap or error (in the block); the bake is over
     cancel                        ->
                                   <-  cancelled; the bake is over
+    follow BLOCK MODULE:FUNCTION  ->                              as bake, but goes on until cancelled
+                                  <-  settled (a lightmap in the block)
+    update BLOCK (changes)        ->                              while it goes on; a block for each
+                                  <-  read BLOCK                  it is not needed any more
     call MODULE:FUNCTION (builtins) ->                            between bakes; nothing is answered
 """
 
@@ -31,6 +35,7 @@ from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import Any, NoReturn
 
+from ..lightmap import Lightmap
 from ..progress import Progress
 from . import messages
 from .memory import give_back_freed_memory, keep_freed_memory
@@ -45,8 +50,9 @@ _IDLE = 20.0
 if sys.platform == "win32":
     from multiprocessing.connection import PipeConnection
 
-#: A bake, or any other work that tells its progress: what it returns travels as the lightmap does.
-Bake = Callable[..., Generator[Progress, None, Any]]
+#: A bake, or any other work that tells its progress: what it returns travels as the lightmap does. One that
+#: follows its scene yields each lightmap once it is finished, and is sent lists of changes.
+Bake = Callable[..., Generator[Progress | Lightmap, list[Any] | None, Any]]
 
 
 class _CancelError(Exception):
@@ -59,6 +65,7 @@ class _Outbox:
     def __init__(self, connection: Connection[Any, Any], block: str) -> None:
         self._connection = connection
         self._block: str | None = block
+        self._changes: list[Any] = []
 
     def offer(self, kind: str, value: object) -> bool:
         """Send an object if it is our turn and the block is large enough; return whether it went."""
@@ -82,7 +89,27 @@ class _Outbox:
             request, *names = self._connection.recv()
             if request == "cancel":
                 raise _CancelError
-            (self._block,) = names
+            if request == "update":
+                self._read_changes(*names)
+            else:
+                (self._block,) = names
+
+    def changes(self, patience: float | None = 0) -> list[Any] | None:
+        """Return the changes that have come since the last call, after waiting for some if need be.
+
+        patience: 0 returns None if there are none, None waits
+        """
+        self.listen(0)
+        while patience is None and not self._changes:
+            self.listen(None)
+        changes, self._changes = self._changes, []
+        return changes or None
+
+    def _read_changes(self, name: str) -> None:
+        """Read changes from a block of their own."""
+        with BorrowedBlock(name) as block:
+            self._changes.append(block.read())
+        self._connection.send(("read", name))
 
 
 def serve(connection: Connection[Any, Any], bake: Bake) -> None:
@@ -93,6 +120,9 @@ def serve(connection: Connection[Any, Any], bake: Bake) -> None:
         request, *names = connection.recv()
         if request == "bake":
             _answer(connection, bake, *names)
+        elif request == "follow":
+            block, function = names
+            _answer(connection, found(function), block)
         elif request == "cancel":
             connection.send(("cancelled",))
         elif request == "call":
@@ -131,15 +161,19 @@ def _outcome(bake: Bake, arguments: tuple[object, ...], outbox: _Outbox) -> tupl
         return "error", messages.describe_error(error, traceback.format_exc())
 
 
-def _report(job: Generator[Progress, None, Any], outbox: _Outbox) -> NoReturn:
+def _report(job: Generator[Progress | Lightmap, list[Any] | None, Any], outbox: _Outbox) -> NoReturn:
     """Run a bake to its StopIteration; after each slice offer the newest progress and lightmaps."""
     newest = next(job)
     while True:
-        outbox.listen()
+        if isinstance(newest, Lightmap):
+            outbox.send("settled", newest)
+            newest = job.send(outbox.changes(None))
+            continue
+        changes = outbox.changes()
         sent = outbox.offer("progress", newest)
         intermediate = None if sent else newest.intermediate
-        newest = next(job)
-        if newest.intermediate is None and intermediate is not None:
+        newest = job.send(changes)
+        if isinstance(newest, Progress) and newest.intermediate is None and intermediate is not None:
             newest = replace(newest, intermediate=intermediate)
 
 

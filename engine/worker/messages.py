@@ -22,6 +22,7 @@ from ..device.found import DeviceSurvey, FoundDevice
 from ..lightmap import Energy, Lightmap, Report
 from ..naming import Note
 from ..progress import Progress
+from ..scene.changes import Changes
 from ..scene.model import Light, Material, Mesh, Scene, Texture
 from ..scene.profile import Profile
 from ..settings import Settings
@@ -33,6 +34,7 @@ from ..unwrap.unwrapping import FilledSquare, Square, Unwrapped
 RECORDS: dict[str, type] = {
     record.__name__: record
     for record in (
+        Changes,
         Charts,
         Cutting,
         DeviceSurvey,

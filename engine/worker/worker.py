@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Generator, Sequence
-from typing import Any
+from typing import Any, Self
 
 from ..errors import WorkerError
 from ..lightmap import Lightmap
@@ -16,7 +16,10 @@ from . import messages
 from .process import BAKING, Job, WorkerProcess
 from .shared_block import SharedBlock
 
-Bake = Generator[Progress | None, None, Lightmap]
+Bake = Generator[Progress | None, None, Any]
+
+#: What a child does, lightmaps of a bake that goes on included.
+Steps = Generator[Any, None, Any]
 
 
 class Worker:
@@ -49,6 +52,7 @@ class Worker:
         self._start_limit, self._job = start_limit, job
         self._child: WorkerProcess | None = None
         self._busy = False
+        self._updates: list[messages.Parcel] = []
 
     @property
     def process(self) -> subprocess.Popen[bytes] | None:
@@ -72,13 +76,29 @@ class Worker:
         DeviceError, or a WorkerError if the child has a bug, dies, cannot be started or is at work
         already. Closing the generator cancels the bake, within about 2 s.
         """
+        return (yield from self._run(arguments, ("bake",)))
+
+    def follow(self, function: str, *arguments: object) -> Generator[Progress | Lightmap | None, None, None]:
+        """Let "module:function", as `engine.session:live`, work in the child until the generator is closed.
+
+        Yields as `run`, and each Lightmap that is finished; raises the same errors. `update` sends changes.
+        """
+        yield from self._run(arguments, ("follow", function))
+
+    def update(self, changes: object) -> None:
+        """Send changes to the child that follows; they leave with the next step of `follow`."""
+        self._updates.append(messages.Parcel(changes))
+
+    def _run(self, arguments: tuple[object, ...], request: tuple[str, ...]) -> Steps:
+        """Let the child do what a message asks for, with arguments."""
         if self._busy:
             raise WorkerError("Another bake is running. Wait until it is done, or cancel it.")
         self._busy = True
+        self._updates.clear()
         try:
             child = yield from self._ready_child()
             with SharedBlock(messages.Parcel(arguments)) as block:
-                return (yield from self._converse(child, block))
+                return (yield from self._converse(child, block, request))
         finally:
             self._busy = False
 
@@ -123,11 +143,12 @@ class Worker:
             self._child = WorkerProcess(self._executable, self._search_path, self._bake, self._job)
         return self._child  # type: ignore[return-value]
 
-    def _converse(self, child: WorkerProcess, block: SharedBlock) -> Generator[Progress | None, None, Any]:
+    def _converse(self, child: WorkerProcess, block: SharedBlock, request: tuple[str, ...]) -> Steps:
         """Have the child work on what is in the block; cancel it if anything goes wrong on this side."""
+        work, *function = request
         try:
-            child.send("bake", block.name)
-            kind = yield from _relay(child, block)
+            child.send(work, block.name, *function)
+            kind = yield from self._relay(child, block)
             outcome = block.read()
         except BaseException:
             child.cancel()
@@ -141,18 +162,49 @@ class Worker:
             self.stop()
         raise error
 
+    def _relay(
+        self, child: WorkerProcess, block: SharedBlock
+    ) -> Generator[Progress | Lightmap | None, None, str]:
+        """Yield the child's progress until the bake is over; return what the block then holds.
 
-def _relay(child: WorkerProcess, block: SharedBlock) -> Generator[Progress | None, None, str]:
-    """Yield the child's progress until the bake is over; return what the block then holds."""
-    while True:
-        kind, *sizes = child.receive() or ("nothing",)
-        if kind in ("lightmap", "error"):
-            return str(kind)
-        progress = None
-        if kind == "progress":
-            progress = block.read()
-        if kind == "grow":
-            block.grow(*sizes)
-        if kind != "nothing":
-            child.send("turn", block.name)
-        yield progress
+        Lightmaps that are finished are yielded, too, where the bake goes on; changes are sent meanwhile.
+        """
+        with _Changes(child) as changes:
+            while True:
+                changes.send(self._updates)
+                kind, *facts = child.receive() or ("nothing",)
+                if kind in ("lightmap", "error"):
+                    return str(kind)
+                arrived = block.read() if kind in ("progress", "settled") else None
+                if kind == "read":
+                    changes.drop(*facts)
+                elif kind == "grow":
+                    block.grow(*facts)
+                if kind in ("progress", "settled", "grow"):
+                    child.send("turn", block.name)
+                yield arrived
+
+
+class _Changes:
+    """Changes on their way to the child, in a block each until they are read; used inside `with`."""
+
+    def __init__(self, child: WorkerProcess) -> None:
+        self._child, self._blocks = child, dict[str, SharedBlock]()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        for name in list(self._blocks):
+            self.drop(name)
+
+    def send(self, updates: list[messages.Parcel]) -> None:
+        """Send all changes of a list, and empty it."""
+        while updates:
+            block = SharedBlock(updates.pop(0))
+            self._blocks[block.name] = block
+            self._child.send("update", block.name)
+
+    def drop(self, name: str) -> None:
+        """Remove a block that is not needed any more."""
+        self._blocks.pop(name).__exit__()

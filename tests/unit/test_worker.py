@@ -411,6 +411,55 @@ def _ended(pid):
     return status.exists() and status.read_text().split()[2] == "Z"
 
 
+def _settled(job):
+    """Return the next finished lightmap of a bake that follows."""
+    return next(step for step in job if isinstance(step, Lightmap))
+
+
+def test_changes_reach_a_bake_that_follows_at_work_and_at_rest(start):
+    worker = start("echo")
+    job = worker.follow("worker_bakes:follow", _scene(), SETTINGS)
+    worker_process = _settled(job).report.devices
+    large = np.arange(300_000, dtype=np.float32)
+    for changes in (["one"], ["two", "three"], [large]):
+        for change in changes:
+            worker.update(change)
+        last = _settled(job)
+        while len(last.report.reasons) == 0 or last.report.reasons[-1] != str(changes[-1]):
+            last = _settled(job)
+    assert last.report.reasons == ("one", "two", "three", str(large))
+    job.close()
+    assert worker.alive
+
+    # It bakes as ever afterwards, in the same process.
+    _, lightmap = _finish(worker.bake(_scene(), SETTINGS))
+    assert lightmap.report.devices == worker_process and lightmap.report.reasons == ("Asked for.",)
+
+
+def test_a_bake_that_follows_tells_its_error_and_leaves_no_changes_behind(start):
+    worker = start("echo")
+    job = worker.follow("worker_bakes:follow", _scene(), SETTINGS)
+    _settled(job)
+    for change in ("end", "more", "even more"):
+        worker.update(change)
+    with pytest.raises(SceneError, match="The end"):
+        list(job)
+    worker.update("late")
+    again = worker.follow("worker_bakes:follow", _scene(), SETTINGS)
+    assert _settled(again).report.reasons == ()
+    again.close()
+
+
+def test_a_killed_child_that_followed_is_reported(start):
+    worker = start("echo")
+    job = worker.follow("worker_bakes:follow", _scene(), SETTINGS)
+    _settled(job)
+    worker.process.kill()
+    worker.update("one")
+    with pytest.raises(WorkerError, match="baking process"):
+        list(job)
+
+
 def test_memory_that_is_not_there_is_refused(start):
     huge = Parcel(None)
     huge.size = 1 << 50

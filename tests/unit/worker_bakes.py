@@ -3,6 +3,7 @@
 import os
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 
@@ -99,3 +100,16 @@ def note(path, text):
     """Append to a file; the parent asks for it between bakes."""
     with open(path, "a") as file:
         file.write(f"{os.getpid()} {text}\n")
+
+
+def follow(scene, settings):
+    """Yield progress, then a lightmap whose report lists all changes so far, over and over."""
+    known = []
+    while True:
+        for step in range(3):
+            known += (yield Progress("Bounce 1", step / 3)) or []
+        lightmap = _lightmap(scene, settings)
+        told = tuple(str(change) for change in known)
+        known += (yield replace(lightmap, report=replace(lightmap.report, reasons=told))) or []
+        if any(isinstance(change, str) and change == "end" for change in known):
+            raise SceneError("The end.")

@@ -9,10 +9,12 @@ from dataclasses import replace
 import numpy as np
 
 from .device.devices import Devices
+from .direct.contact import NearFaces
 from .direct.lighting import DirectLighting
 from .finish.carried_maps import carried_maps, restored_maps
 from .finish.denoising import Denoising
-from .finish.outputs import Outputs
+from .finish.light_group_maps import summing_up
+from .finish.outputs import Outputs, is_light, is_of_light_group, output_names
 from .finish.store import LightmapStore
 from .lightmap import Lightmap, Report
 from .patches.areas import surface_areas
@@ -23,6 +25,7 @@ from .plan.choose import choose_solver
 from .plan.display_light import DisplayJob, DisplayLight, light_in_texels
 from .plan.kept import Kept
 from .plan.last_light import LastLight
+from .plan.light_group_light import light_by_groups
 from .plan.limits import check_limits, check_patch_count
 from .plan.remote_devices import RemoteDevices
 from .plan.solve_job import SolveJob
@@ -126,9 +129,8 @@ def _bake(
         yield stages.iterated(solution, image)
 
     # What was asked for; where a texel shows more than its centre, at several points of it.
-    made = yield from stages.run(stages.outputs, outputs.make(solution, parts.geometry))
     texels = DisplayJob(scene, job, solved, choice, lighting)
-    lit = yield from stages.run(stages.texels, light_in_texels(texels, len(atlases), near, solution))
+    made, lit = yield from _made(stages, outputs, texels, len(atlases), near, solution)
 
     # Images without noise and seams, and with dilated charts (VI.B).
     _refine(store, lit, solution.irradiance.sum(axis=1))
@@ -171,19 +173,43 @@ def _direct_light(
     return sampled
 
 
+def _made(
+    stages: BakeStages,
+    outputs: Outputs,
+    texels: DisplayJob,
+    atlases: int,
+    near: NearFaces,
+    solution: Solution,
+) -> Generator[Progress, None, tuple[dict[str, np.ndarray], DisplayLight]]:
+    """Return every output of the patches, (n, 3) or (n,) float32, by name; and of the samples of texels.
+
+    atlases: lightmaps of the user's; near: of the patches
+    """
+    job = texels.job
+    made = yield from stages.run(stages.outputs, outputs.make(solution, job.parts.geometry))
+    lit = yield from stages.run(stages.texels, light_in_texels(texels, atlases, near, solution))
+
+    # The light of each light group on its own, over what was found of all light.
+    groups, samples = yield from stages.run(stages.light_groups, light_by_groups(texels, solution, lit))
+    made |= groups
+    names = output_names(texels.scene, job.settings)
+    return {name: made[name] for name in names}, replace(lit, values=lit.values | samples)
+
+
 def _quiet(
-    denoising: Denoising, settings: Settings, shown: dict[str, np.ndarray], normals: np.ndarray
+    denoising: Denoising, shown: dict[str, np.ndarray], normals: np.ndarray
 ) -> Generator[float, None, dict[str, np.ndarray]]:
     """Return maps of light, and of where it comes from, without noise, by name; yield the fraction done.
 
     shown    what texels show, (atlases, r, r, 3) float32, by name
     normals  of the texels, (atlases, r, r, 3) float32
     """
-    light = {name: shown[name] for name in settings.light_outputs} | carried_maps(shown)
+    names = [name for name in shown if is_light(name)]
+    light = {name: shown[name] for name in names} | carried_maps(shown)
     filtered = yield from denoising.run(light)
     if filtered is light:
         return {}
-    quiet = {name: filtered[name] for name in settings.light_outputs}
+    quiet = {name: filtered[name] for name in names}
     return quiet | restored_maps(shown, filtered, normals)
 
 
@@ -211,11 +237,14 @@ def _finished(
     shown = {name: store.texels(values, lit.values.get(name)) for name, values in made.items()}
     if settings.denoise:
         normals = store.texels(parts.geometry.normal, lit.normals)
-        shown |= yield from stages.run(stages.denoising, _quiet(denoising, settings, shown, normals))
+        shown |= yield from stages.run(stages.denoising, _quiet(denoising, shown, normals))
     yield stages.begin(stages.images)
     if settings.hide_seams:
         store.hide_seams(parts.triangles)
     passes = {name: store.final(images) for name, images in shown.items()}
+    groups = {name: images for name, images in passes.items() if is_of_light_group(name)}
+    if groups:
+        passes |= summing_up(groups, passes["combined"])
     yield stages.end()
     return passes
 

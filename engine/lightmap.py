@@ -82,7 +82,8 @@ class Lightmap:
     known      (atlases, h, w) bool, texels of `display` that are not filled
     passes     every output asked for, as `display`, by name: "combined", "direct", "indirect" (E/pi),
                "ambient_occlusion" (1 where nothing is near), "shadow_mask NAME" for each light (1
-               where it is seen whole), and, signed, "L0", "L1 x", "L1 y", "L1 z" and "dominant_direction"
+               where it is seen whole), "light_group NAME" for each group of light (E/pi; together they are
+               "combined"), and, signed, "L0", "L1 x", "L1 y", "L1 z" and "dominant_direction"
                (see `finish.outputs.directional_maps`), "SH L0" and signed "SH L1 x", "SH L1 y", "SH L1 z"
                (see `finish.outputs.projected_maps`)
     """

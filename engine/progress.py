@@ -242,3 +242,13 @@ def finished(work: Generator[Any, None, Made]) -> Made:
         except StopIteration as stop:
             made: Made = stop.value
             return made
+
+
+def part_of(first: float, last: float, work: Generator[float, None, Made]) -> Generator[float, None, Made]:
+    """Do work as a part of something; yield the fraction done of all of it."""
+    while True:
+        try:
+            yield first + (last - first) * next(work)
+        except StopIteration as stop:
+            made: Made = stop.value
+            return made

@@ -149,9 +149,10 @@ def _workers(settings: Settings) -> Iterator[Workers | None]:
     if not settings.scheduler:
         yield None
         return
-    if settings.method not in ("auto", "cached"):
+    if settings.by_light_groups or settings.method not in ("auto", "cached"):
         raise SettingsError(
-            "Workers keep what patches see: choose method auto or cached, or bake without a scheduler."
+            "Workers keep what patches see, and make no maps of light groups: choose method auto or cached "
+            "and other outputs, or bake without a scheduler."
         )
     try:
         from .cluster.workers import workers

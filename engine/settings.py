@@ -64,8 +64,15 @@ _OUTPUTS = {
         "Four maps beside Combined as Bakery has them, SH L0, and SH L1 x, y, z in parts of it, from -1 to "
         "1: a normal map n in world space shows SH L0 (1 + 2 SH L1 . n)",
     ),
+    "light_groups": Option(
+        "Light Groups",
+        "A map beside Combined for each light group of the view layer, and one for light in none: together "
+        "they are Combined, and the preview mixes them",
+    ),
 }
-_LIGHT = ("combined", "direct", "indirect")
+#: Outputs of E/pi: all light, or parts of it.
+LIGHT_OUTPUTS = ("combined", "direct", "indirect")
+
 _DIRECTIONAL = ("directional", "dominant_direction", "spherical_harmonics")
 _PATCH_GROUPS = {
     0: Option("Automatic", "Squares of 4 x 4 patches if memory is short"),
@@ -321,7 +328,7 @@ class Settings:
     @property
     def light_outputs(self) -> tuple[str, ...]:
         """The outputs that hold light."""
-        return tuple(name for name in self.outputs if name in _LIGHT)
+        return tuple(name for name in self.outputs if name in LIGHT_OUTPUTS)
 
     @property
     def directional(self) -> bool:
@@ -336,7 +343,12 @@ class Settings:
     @property
     def only_light(self) -> bool:
         """True if all outputs are black where there is no light."""
-        return set(self.outputs) <= {*_LIGHT, *_DIRECTIONAL}
+        return set(self.outputs) <= {*LIGHT_OUTPUTS, *_DIRECTIONAL, "light_groups"}
+
+    @property
+    def by_light_groups(self) -> bool:
+        """True if light groups have maps of their own."""
+        return "light_groups" in self.outputs
 
     @property
     def bounces(self) -> bool:
@@ -375,6 +387,11 @@ def check_settings(settings: Settings) -> None:
         description.check(name, getattr(settings, name))
     if settings.directional:
         _check_directional(settings)
+    if settings.by_light_groups and "combined" not in settings.outputs:
+        raise SettingsError(
+            f"outputs is {', '.join(settings.outputs)}; maps of light groups sum up to the lightmap of all "
+            "light: choose combined, too."
+        )
 
 
 def _check_directional(settings: Settings) -> None:

@@ -55,16 +55,25 @@ void finish_run(const Run *run, Sum *sum)
     sum->unshadowed += luminance(open);
 }
 
+// Adds the light so far to that of a light group, and starts anew.
+void add_to_group(Sum *sum, __global float4 *group)
+{
+    *group += (float4)(sum->light, sum->unshadowed);
+    sum->light = (float3)(0.0f);
+    sum->unshadowed = 0.0f;
+}
+
 // E/pi of emitters at each patch. Samples go to emitters by systematic resampling: in proportion to what
 // they may bring, so that many emitters cost little more than one. rgb of the result is the light; a its
-// luminance if nothing cast a shadow. DIRECTIONAL: the L1 of the light, too, x, y and z of each patch.
+// luminance if nothing cast a shadow; of each patch as many as there are light groups, one for the emitters
+// of each. DIRECTIONAL: the L1 of all light, too, x, y and z of each patch.
 __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const Emitter *emitters,
                      __global const LightNode *light_nodes, const int root, __global const Modulation *modulations,
                      __global const float *profiles, const int budget,
                      __global const float4 *radiance, __global const uint *texel_to_patch, __global const float2 *uvs,
                      const int resolution, __global const float4 *sky_pixels, __global const float *cumulative,
                      __global const int *listed, const int sky_width, const int sky_height, const int sky_count,
-                     const float sky_total, const uint seed, __global float4 *l1,
+                     const float sky_total, const uint seed, __global float4 *l1, const int light_groups,
                      __global float4 *result, const int start, const int end)
 {
     const int patch = start + get_global_id(0);
@@ -86,10 +95,18 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
     Run run = {0.0f};
     float tried = 0.0f, through = 0.0f;
     int emitter = -1;
+    __global float4 *groups = result + (size_t)patch * light_groups;
+    for (int i = 0; i < light_groups; ++i)
+        groups[i] = (float4)(0.0f);
+    int group = 0;
     for (int index = 0; index < budget && total > 0.0f; ++index) {
         if (index + offset >= span.x) {
             finish_run(&run, &sum);
             emitter = next_emitter(&walk, &lights, &r, index + offset, &span);
+            if (emitter >= 0 && emitters[emitter].light_group != group) {
+                add_to_group(&sum, groups + group);
+                group = emitters[emitter].light_group;
+            }
             run.expected = span.y;
             run.shadowed = run.unshadowed = tried = through = 0.0f;
             run.tilted = (float3)(0.0f);
@@ -132,7 +149,7 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
         }
     }
     finish_run(&run, &sum);
-    result[patch] = (float4)(sum.light, sum.unshadowed);
+    add_to_group(&sum, groups + group);
 #ifdef DIRECTIONAL
     l1[3 * (size_t)patch] = sum.l1.x;
     l1[3 * (size_t)patch + 1] = sum.l1.y;

@@ -37,6 +37,11 @@ class HemibakeLightmapProperties(bpy.types.PropertyGroup):
         description="The last bake of the lightmap wrote its directional maps, too",
         options={"HIDDEN"},
     )
+    light_groups: StringProperty(
+        name="Light Groups",
+        description="Light groups that the last bake of the lightmap wrote maps of, as a JSON list",
+        options={"HIDDEN"},
+    )
     packing: StringProperty(
         name="Packing",
         description="Digest of how the charts of the lightmap were packed last",
@@ -105,6 +110,12 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
     lightmaps: CollectionProperty(
         type=HemibakeLightmapProperties,
         description="Image of each atlas that has been baked in the scene",
+    )
+    light_mixer: PointerProperty(
+        type=bpy.types.NodeTree,
+        name="Light Mixer",
+        description="Node group with color and strength of each light group, which the preview shows",
+        options={"HIDDEN"},
     )
     active_lightmap: IntProperty(
         name="Active Lightmap", description="Lightmap that is chosen in the list", options={"HIDDEN"}

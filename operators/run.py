@@ -18,6 +18,7 @@ from ..engine.lightmap import Energy, Lightmap
 from ..engine.naming import fix_of, naming, objects_of
 from ..engine.plan.stages import Extent
 from ..engine.progress import Progress, finished
+from ..engine.scene.light_groups import light_group_names
 from ..engine.scene.model import Scene
 from ..engine.settings import Settings
 from .bake_settings import read_settings
@@ -315,15 +316,17 @@ class Run:
                 images.remember(scene, name, image)
 
     def _remember_use(self, lightmap: Lightmap) -> None:
-        """Write on the scene whether each atlas has directional maps, and how much of it has patches.
+        """Write on the scene which maps each atlas has beside light, and how much of it has patches.
 
         That is known where all of its objects were baked.
         """
         known = self._context.scene.hemibake.lightmaps
+        groups = light_group_names(self._read.scene) if self._settings.by_light_groups else []
         kept = {atlas for atlas, _ in self._kept.objects()}
         for atlas, has_patch in zip(lightmap.atlases, lightmap.has_patch, strict=True):
             if atlas in known:
                 known[atlas].directional = "directional" in self._settings.outputs
+                known[atlas].light_groups = json.dumps(groups)
             if atlas in known and atlas not in kept:
                 known[atlas].used = 100 * float(has_patch.mean())
 

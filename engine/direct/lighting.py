@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..patches.subdivision import Subdivision
+from ..scene.light_groups import light_groups
 from ..scene.model import Scene, shining_lights
 from ..settings import Settings
 from ..visibility.rays.ray_scene import RayScene
@@ -79,6 +80,21 @@ class DirectLighting:
             return np.zeros((self._ray_scene.count, 3), np.float32)
         few = replace(self._settings, light_samples=min(self._settings.light_samples, _FEW))
         return (yield from self.of(self._ray_scene, few).gather())
+
+    def gather_by_group(self) -> Generator[float, None, np.ndarray]:
+        """Return the same light by light groups, (groups, n, 3) float32; yield the fraction done."""
+        groups = light_groups(self._scene)
+        if not self._samples_any:
+            return np.zeros((groups.count, self._ray_scene.count, 3), np.float32)
+        casting = self._cast_from(self._ray_scene, self._settings)
+        return (yield from casting.sampled_by_group(groups))
+
+    def left_to_hemicubes(self, group: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return `emission_left` and `sky_left` of one light group."""
+        groups, triangles = light_groups(self._scene), self._parts.triangles
+        mine = groups.meshes[triangles.mesh[self._parts.geometry.triangle]] == group
+        sky = self.sky_left if groups.world == group else np.zeros((1, 1, 3), np.float32)
+        return self.emission_left * mine[:, None], sky
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
         """Return how much of a shining lamp each patch sees, (n,) float32; yield the fraction done."""

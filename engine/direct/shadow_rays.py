@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator, Sequence
 from typing import Protocol
 
@@ -12,6 +13,7 @@ from ..device.buffers import download, upload, upload_float4, upload_once, zeros
 from ..device.kernel import Kernel
 from ..device.slices import sliced
 from ..patches.subdivision import Subdivision
+from ..scene.light_groups import LightGroups
 from ..scene.model import Light
 from ..settings import MOST_LIGHTS, Settings
 from ..visibility.identity import directional_options
@@ -65,17 +67,16 @@ class ShadowRays:
         self._count = receivers.count
         options = directional_options(settings)
         (self._direct,) = rays.kernels(_SOURCE, "direct", options=options)
-        self._receivers = receivers.receivers
-        self._result = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * self._count)
+        self._receivers, self._mesh = receivers.receivers, parts.triangles.mesh
         self._l1 = zeros(compute, 48 * self._count) if settings.directional else None
 
         # Emitters: each lamp's, the surfaces', the sky's.
         modulations, profiles, numbers = pack_modulations(lamps)
         self._modulations = upload(compute, modulations), upload(compute, profiles)
-        self._groups = [lamp_records(lamp, number) for lamp, number in zip(lamps, numbers, strict=True)]
-        self._groups.append(surface_records(parts.triangles, bright, rays.culled))
+        self._records = [lamp_records(lamp, number) for lamp, number in zip(lamps, numbers, strict=True)]
+        self._records.append(surface_records(parts.triangles, bright, rays.culled))
         if sky is not None:
-            self._groups.append(sky_record())
+            self._records.append(sky_record())
         self._glow = self._glow_arguments(parts)
         self._sky = self._sky_arguments(sky)
 
@@ -85,19 +86,33 @@ class ShadowRays:
         The L1, see kernels/tilt.cl, is (n, 3, 3) float32, of each axis of the world its rgb; (0, 3, 3) unless
         the settings ask for directional maps.
         """
-        groups = [group for group in self._groups if len(group)]
-        if not groups:
-            return np.zeros((self._count, 3), np.float32), self._read_l1()
-        budget = self._settings.light_samples * min(len(groups), MOST_LIGHTS)
-        light = yield from self._light(EMITTER.joined(groups), budget)
-        return light[:, :3].copy(), self._read_l1()
+        light = yield from self._all_light(self._records, 1)
+        return light[:, 0, :3].copy(), self._read_l1()
+
+    def sampled_by_group(self, groups: LightGroups) -> Generator[float, None, np.ndarray]:
+        """Return the same light by light groups, (groups, n, 3) float32; yield the fraction done."""
+        triangle = self._records[len(groups.lamps)]["triangle"]
+        numbers = (*groups.lamps, groups.meshes[self._mesh[triangle]], groups.world)
+        numbered = [records.copy() for records in self._records]
+        for records, number in zip(numbered, numbers, strict=False):
+            records["light_group"] = number
+        light = yield from self._all_light(numbered, groups.count)
+        return np.ascontiguousarray(light[..., :3].transpose(1, 0, 2))
+
+    def _all_light(self, records: list[np.ndarray], groups: int) -> Generator[float, None, np.ndarray]:
+        """Return the light of the records of each light, (n, groups, 4) float32."""
+        shining = [emitters for emitters in records if len(emitters)]
+        if not shining:
+            return np.zeros((self._count, groups, 4), np.float32)
+        budget = self._settings.light_samples * min(len(shining), MOST_LIGHTS)
+        return (yield from self._light(EMITTER.joined(shining), budget, groups))
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
         """Return how much of its light a lamp brings to each patch, (n,) float32; yield the fraction done.
 
         1 where nothing casts a shadow, 0 where all is shadow or the lamp does not shine.
         """
-        light = yield from self._light(self._groups[lamp], self._settings.light_samples)
+        light = (yield from self._light(self._records[lamp], self._settings.light_samples))[:, 0]
         passed = light[:, :3] @ _LUMINANCE.astype(np.float32)
         mask: np.ndarray = np.where(light[:, 3] > 0, passed / np.maximum(light[:, 3], 1e-30), 0)
         return np.minimum(mask, 1).astype(np.float32)
@@ -110,18 +125,20 @@ class ShadowRays:
         reach = np.float32(self._settings.ao_distance or np.inf)
         arguments = (np.int32(self._settings.ao_samples), reach, np.uint32(self._settings.seed))
         (occlusion,) = self._rays.kernels((*EMITTER_SOURCE, "occlusion.cl"), "occlusion")
-        return (yield from self._sliced(occlusion, arguments))[:, 0].copy()
+        return (yield from self._sliced(occlusion, arguments))[:, 0, 0].copy()
 
-    def _light(self, emitters: np.ndarray, budget: int) -> Generator[float, None, np.ndarray]:
-        """Return light and unshadowed luminance of some emitters, (n, 4) float32."""
+    def _light(
+        self, emitters: np.ndarray, budget: int, groups: int = 1
+    ) -> Generator[float, None, np.ndarray]:
+        """Return light and unshadowed luminance of some emitters, (n, groups, 4) float32."""
         tree = build_light_tree(emitters)
         nodes = tree.nodes if len(tree.nodes) else LIGHT_NODE.array(1)
         arguments = (
             upload(self._compute, emitters), upload(self._compute, nodes), np.int32(tree.root),
             *self._modulations, np.int32(budget),
-            *self._glow, *self._sky, np.uint32(self._settings.seed), self._l1,
+            *self._glow, *self._sky, np.uint32(self._settings.seed), self._l1, np.int32(groups),
         )  # fmt: skip
-        return (yield from self._sliced(self._direct, arguments))
+        return (yield from self._sliced(self._direct, arguments, groups))
 
     def _read_l1(self) -> np.ndarray:
         """Return the L1 of the light that was computed last, (n, 3, 3) float32; (0, 3, 3) without one."""
@@ -129,16 +146,20 @@ class ShadowRays:
             return np.zeros((0, 3, 3), np.float32)
         return download(self._compute, self._l1, (self._count, 3, 4))[..., :3].copy()
 
-    def _sliced(self, kernel: Kernel, arguments: tuple) -> Generator[float, None, np.ndarray]:
-        """Run a kernel over all patches, some at a time, and return its result, (n, 4) float32."""
+    def _sliced(
+        self, kernel: Kernel, arguments: tuple, results: int = 1
+    ) -> Generator[float, None, np.ndarray]:
+        """Run a kernel over all patches, some at a time, and return its results, (n, results, 4) float32."""
+        shape = (self._count, results, 4)
+        result = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, 4 * math.prod(shape))
 
         def launch(start: int, end: int) -> None:
             slice_ = np.int32(start), np.int32(end)
-            self._rays.run(kernel, end - start, self._receivers, *arguments, self._result, *slice_)
+            self._rays.run(kernel, end - start, self._receivers, *arguments, result, *slice_)
 
         for end in sliced(self._compute.queue, 0, self._count, launch):
             yield end / self._count
-        return download(self._compute, self._result, (self._count, 4))
+        return download(self._compute, result, shape)
 
     def _glow_arguments(self, parts: Subdivision) -> tuple:
         """Return radiance of patches, texels to patches, UVs of triangles and the resolution."""

@@ -83,14 +83,15 @@ class Denoising:
     def _filtered(
         self, device: DenoiseDevice, images: dict[str, np.ndarray]
     ) -> Generator[float, None, dict[str, np.ndarray]]:
-        """Filter every window of every image."""
+        """Filter every window of every image; black ones stay black."""
         windows = [window for window in _windows(self._known.shape) if self._known[window.core].any()]
-        scales = {name: _scale(image[self._known]) for name, image in images.items()}
         filtered = {name: image.copy() for name, image in images.items()}
+        lit = {name: image for name, image in images.items() if image[self._known].any()}
+        scales = {name: _scale(image[self._known]) for name, image in lit.items()}
         wide = np.stack([_wide(known) for known in self._known])
         for number, window in enumerate(windows):
             gutters = _Gutters(self._known[window.whole])
-            for name, image in images.items():
+            for name, image in lit.items():
                 yield number / len(windows)
                 noisy = image[window.whole] * scales[name]
                 gutters.fill(noisy)

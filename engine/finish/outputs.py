@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from ..errors import SceneError
+from ..scene.light_groups import light_group_names
 from ..scene.model import Scene, shining_lights
-from ..settings import Settings
+from ..settings import LIGHT_OUTPUTS, Settings
 from ..solve.solver import Solution
 
 if TYPE_CHECKING:
@@ -26,6 +27,8 @@ def output_names(scene: Scene, settings: Settings) -> list[str]:
     for name in settings.outputs:
         if name == "shadow_mask":
             names += [f"{name} {light.name}" for light in shining_lights(scene)]
+        elif name == "light_groups":
+            names += light_group_maps(scene)
         elif name in MAPS_OF:
             names += MAPS_OF[name]
         else:
@@ -39,6 +42,21 @@ def output_names(scene: Scene, settings: Settings) -> list[str]:
         names[index] = _unused(name, taken)
         taken.add(names[index])
     return names
+
+
+def light_group_maps(scene: Scene) -> list[str]:
+    """Return the names of the maps of a scene's light groups."""
+    return [f"{_LIGHT_GROUP}{name}" for name in light_group_names(scene)]
+
+
+def is_light(name: str) -> bool:
+    """Return whether a map, of `output_names`, holds E/pi."""
+    return name in LIGHT_OUTPUTS or is_of_light_group(name)
+
+
+def is_of_light_group(name: str) -> bool:
+    """Return whether a map, of `output_names`, is that of a light group."""
+    return name.startswith(_LIGHT_GROUP)
 
 
 #: The maps of the output "directional", whose L0 + L1 . n' is E/pi of a normal n' in world space.
@@ -64,6 +82,9 @@ DECODING = {
     ),
     "dominant_direction": "combined max(0, 1 + D . (n' - n)), D = rgb, signed, world space, z up",
 }
+
+#: What names of light groups' maps begin with.
+_LIGHT_GROUP = "light_group "
 
 #: Of Rec.709.
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
@@ -96,7 +117,9 @@ class Outputs:
     """Makes the outputs that the settings name."""
 
     def __init__(self, scene: Scene, settings: Settings, lighting: DirectLighting) -> None:
-        self._names, self._settings, self._lighting = output_names(scene, settings), settings, lighting
+        groups = light_group_maps(scene) if settings.by_light_groups else []
+        self._names = [name for name in output_names(scene, settings) if name not in groups]
+        self._settings, self._lighting = settings, lighting
 
     @property
     def begin_with_direct(self) -> bool:
@@ -117,7 +140,7 @@ class Outputs:
         return _light(first, solution)
 
     def make(self, solution: Light, geometry: PatchGeometry) -> Generator[float, None, dict[str, np.ndarray]]:
-        """Make every output, (n, 3) or (n,) float32, by name; yield the fraction done of each.
+        """Make every output but light groups, (n, 3) or (n,) float32, by name; yield the fraction of each.
 
         geometry  of each point
         """

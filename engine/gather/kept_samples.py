@@ -110,10 +110,20 @@ class KeptSamples:
             return False
         if np.array_equal(emission, self._emission):
             return True
-        marks = np.empty(self.backs.seen.size, np.uint8)
-        cl.enqueue_copy(self._compute.queue, marks, self.backs.seen)
-        seen = marks[1 : len(emission) + 1] > 0
-        if emission[seen].any() or self._emission[seen].any():
+        if emission[self._backs_seen].any() or self.has_light_of_backs:
             return False
         self._emission = emission
         return True
+
+    @property
+    def has_light_of_backs(self) -> bool:
+        """True if a back that is seen shines: its light is in `backs`."""
+        return bool(self._emission[self._backs_seen].any())
+
+    @property
+    def _backs_seen(self) -> np.ndarray:
+        """Patches whose backs are seen, (m,) bool."""
+        marks = np.empty(self.backs.seen.size, np.uint8)
+        cl.enqueue_copy(self._compute.queue, marks, self.backs.seen)
+        seen: np.ndarray = marks[1 : len(self._emission) + 1] > 0
+        return seen

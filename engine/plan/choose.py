@@ -67,6 +67,12 @@ def choose_solver(job: SolveJob) -> tuple[Solution, Choice, SolveJob]:
     return solution, replace(choice, reasons=(*reasons, *choice.reasons)), squares
 
 
+def solver_like(job: SolveJob, choice: Choice) -> Solver:
+    """Return what solves for a part of the light, with samples as were chosen for all of it."""
+    settings = replace(job.settings, method=choice.method, visibility=choice.visibility)
+    return _solver(replace(job, settings=settings))[0]
+
+
 def _solver(job: SolveJob) -> tuple[Solver, Choice]:
     """Return what solves for every patch on its own."""
     radiosity, choice = _host_radiosity(job) if _by_hemicubes(job) else _device_radiosity(job)
@@ -177,16 +183,21 @@ def final_gather(
     solved: SolveJob, visibility: str, receivers: Receivers, settings: Settings
 ) -> tuple[FinalGather, int]:
     """Return what gathers on this device from the patches of a job, and the samples of each receiver."""
+    lookers = looking(solved, receivers, settings)
+    identity = make_identity(lookers, visibility)
+    return FinalGather(solved.opencl, _stream(lookers, identity), receivers.sampled_light), identity.samples
+
+
+def looking(solved: SolveJob, receivers: Receivers, settings: Settings) -> SolveJob:
+    """Return what receivers look for that see the patches of a job."""
     parts = replace(receivers.parts, texel_to_patch=solved.parts.texel_to_patch)
-    lookers = replace(
+    return replace(
         solved,
         parts=parts,
         rays=receivers.rays,
         sampled_light=receivers.sampled_light,
         settings=settings,
     )
-    identity = make_identity(lookers, visibility)
-    return FinalGather(solved.opencl, _stream(lookers, identity), receivers.sampled_light), identity.samples
 
 
 def _separates_direct(solved: SolveJob, settings: Settings) -> bool:
@@ -292,16 +303,16 @@ def _stream(job: SolveJob, identity: Identity) -> Sweep:
         return RayStreamSweep(job.opencl, identity, job.count, sources, l1)
     fitting = max(min(memory_budget(job), job.settings.batch_bytes) // identity.row_bytes, identity.batch)
     backs = Backs(job.opencl, job.count, sources, job.settings.directional)
-    return StreamSweep(job.opencl, identity, backs, _static_light(job, sampling), job.count, fitting, l1)
+    return StreamSweep(job.opencl, identity, backs, static_light(job, sampling), job.count, fitting, l1)
 
 
 def _cached(job: SolveJob, kept: KeptSamples, identity: Identity | None) -> Sweep:
     """Return how what is kept, or is to be found by an identity first, becomes light."""
     sampling = kept.sampling
-    return CachedSweep(job.opencl, kept, identity, _static_light(job, sampling), _l1_gather(job, sampling))
+    return CachedSweep(job.opencl, kept, identity, static_light(job, sampling), _l1_gather(job, sampling))
 
 
-def _static_light(job: SolveJob, sampling: Sampling) -> StaticLight:
+def static_light(job: SolveJob, sampling: Sampling) -> StaticLight:
     """Return what sums up the light that no bounce changes."""
     return StaticLight(job.opencl, sampling, job.surroundings, job.rays.receivers, job.settings, job.count)
 

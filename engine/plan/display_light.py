@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -27,13 +27,15 @@ from ..finish.wall_fit import WallFit
 from ..patches.geometry import PatchGeometry, TexelSteps, texel_steps
 from ..patches.patch_list import PatchList
 from ..patches.subdivision import Subdivision
-from ..progress import Made
+from ..progress import part_of
 from ..scene.model import Scene
 from ..settings import Settings
 from ..solve.solver import Solution
 from ..visibility.samples import ray_count
 from .choice import Choice
 from .choose import Receivers, last_gather
+from .light_group_gather import gather_light_groups
+from .light_group_solver import SettledGroup
 from .lit_samples import LitSamples
 from .solve_job import SolveJob
 
@@ -60,6 +62,8 @@ class DisplayLight:
     light    (s,) float32, E/pi of all light, sum of the channels
     inside   (k,) int64, samples in walls that texels cannot part
     values   (s, 3) or (s,) float32 of every output, by name; of none without samples
+    hidden   (n,) bool, patches that nobody sees
+    count    samples of a texel
     reasons   sentences for the report
     warnings  sentences for the user
     """
@@ -70,6 +74,8 @@ class DisplayLight:
     light: np.ndarray
     inside: np.ndarray
     values: dict[str, np.ndarray]
+    hidden: np.ndarray
+    count: int
     reasons: tuple[str, ...]
     warnings: tuple[str, ...] = ()
 
@@ -127,16 +133,52 @@ def light_in_texels(
     if not len(samples):
         return _nothing("No texel shows more than its centre.")
     settings = _settings_of_samples(what.job.settings, count)
-    settled, remote = _as_seen(what, solution, known), what.job.remote
+    settled, remote = _as_seen(what, solution.settled, known.hidden), what.job.remote
     if remote is not None:
-        return _joined(what, (yield from remote.light_at(samples, settled, what.choice, settings)))
-    lit = []
+        lit = yield from remote.light_at(samples, settled, what.choice, settings)
+    else:
+        lit = []
+        for batch, done in _batches(samples):
+            lit.append((yield from part_of(*done, light_at(what, settled, batch, settings))))
+    return _joined(what, lit, known.hidden, count)
+
+
+def light_groups_in_texels(
+    what: DisplayJob, lit: DisplayLight, groups: list[SettledGroup]
+) -> Generator[float, None, list[np.ndarray]]:
+    """Return E/pi of light groups at the samples of all light, (s, 3) float32 each.
+
+    Yields the fraction done.
+    """
+    if not len(lit.samples):
+        return []
+    settings = _settings_of_samples(what.job.settings, lit.count)
+    side_by_side = np.concatenate([group.settled for group in groups], axis=1)
+    seen = _as_seen(what, side_by_side, lit.hidden).reshape(len(side_by_side), len(groups), 3)
+    light: list[np.ndarray] = []
+    for batch, done in _batches(lit.samples):
+        points = _Points(what, batch, settings)
+        light.append((yield from part_of(*done, _gather_groups(what, groups, seen, points))))
+    return list(np.concatenate(light, axis=1))
+
+
+def _gather_groups(
+    what: DisplayJob, groups: list[SettledGroup], seen: np.ndarray, points: _Points
+) -> Generator[float, None, np.ndarray]:
+    """Return E/pi of light groups at points of texels, (g, s, 3) float32, from that of patches, (m, g, 3)."""
+    lighting = what.lighting.of(points.rays, points.settings)
+    sampled = yield from part_of(0.0, 0.3, lighting.gather_by_group())
+    parts, settled = [group.solved for group in groups], list(seen.transpose(1, 0, 2))
+    receivers = Receivers(points.parts, points.rays, sampled[0])
+    gathering = gather_light_groups(parts, settled, what.choice, receivers, sampled, points.settings)
+    return (yield from part_of(0.3, 1.0, gathering))
+
+
+def _batches(samples: DisplaySamples) -> Iterator[tuple[DisplaySamples, tuple[float, float]]]:
+    """Yield samples that gather together, and which fraction of all is before them and after them."""
     for first in range(0, len(samples), _BATCH):
         last = min(first + _BATCH, len(samples))
-        fractions = first / len(samples), last / len(samples)
-        batch = light_at(what, settled, samples.part(slice(first, last)), settings)
-        lit.append((yield from _between(*fractions, batch)))
-    return _joined(what, lit)
+        yield samples.part(slice(first, last)), (first / len(samples), last / len(samples))
 
 
 def _why_centres_only(job: SolveJob, choice: Choice) -> str:
@@ -150,14 +192,14 @@ def _nothing(*reasons: str) -> DisplayLight:
     """Return the light of no samples, and why there are none."""
     nothing = np.zeros(0, np.float32)
     normals, inside = np.zeros((0, 3), np.float32), nothing.astype(np.int64)
-    return DisplayLight(no_samples(), nothing > 0, normals, nothing, inside, {}, reasons)
+    return DisplayLight(no_samples(), nothing > 0, normals, nothing, inside, {}, nothing > 0, 1, reasons)
 
 
-def _as_seen(what: DisplayJob, solution: Solution, known: PatchLight) -> np.ndarray:
-    """Return E/pi, (m, 3) float32, of the patches that send light out, as the samples see it."""
+def _as_seen(what: DisplayJob, settled: np.ndarray, hidden: np.ndarray) -> np.ndarray:
+    """Return E/pi, (m, 3 g) float32, of the patches that send light out, as the samples see it."""
     if what.solved is not what.job:
-        return solution.settled
-    return _seen_beside_hidden(what.job.parts, solution.settled, known.hidden)
+        return settled
+    return _seen_beside_hidden(what.job.parts, settled, hidden)
 
 
 def light_at(
@@ -170,18 +212,18 @@ def light_at(
 
     # Direct light, then all other light from what the patches send out.
     lighting = what.lighting.of(points.rays, settings)
-    sampled = yield from _between(0.1, 0.3, lighting.gather())
+    sampled = yield from part_of(0.1, 0.3, lighting.gather())
     receivers = Receivers(points.parts, points.rays, sampled)
     last, _ = last_gather(what.solved, what.choice, receivers, settings)
-    yield from _between(0.3, 0.8, last.gather(settled))
+    yield from part_of(0.3, 0.8, last.gather(settled))
     outputs, geometry = Outputs(what.scene, settings, lighting), points.parts.geometry
-    values = yield from _between(0.8, 1.0, outputs.make(last, geometry))
+    values = yield from part_of(0.8, 1.0, outputs.make(last, geometry))
     normals = geometry.normal if settings.denoise else np.zeros((0, 3), np.float32)
     visible = ~is_hidden(last.gathered[:, 3], lighting.near_faces())
     return LitSamples(points.samples, ways, visible, normals, last.irradiance, values)
 
 
-def _joined(what: DisplayJob, lit: list[LitSamples]) -> DisplayLight:
+def _joined(what: DisplayJob, lit: list[LitSamples], hidden: np.ndarray, count: int) -> DisplayLight:
     """Return the light of all batches, and what the report says of it."""
     samples = joined_samples([batch.samples for batch in lit])
     ways = joined_ways([batch.ways for batch in lit])
@@ -199,7 +241,8 @@ def _joined(what: DisplayJob, lit: list[LitSamples]) -> DisplayLight:
     light = irradiance.sum(axis=1)
     inside = in_thin_walls(parts, samples, ways, visible, light)
     warnings = note_thin_walls(what.scene, parts, samples, ways, inside)
-    return DisplayLight(samples, visible, normals, light, inside, values, (reason,), tuple(warnings))
+    found = samples, visible, normals, light, inside, values
+    return DisplayLight(*found, hidden, count, (reason,), tuple(warnings))
 
 
 class _Points:
@@ -262,11 +305,12 @@ def _settings_of_samples(settings: Settings, count: int) -> Settings:
 
 
 def _seen_beside_hidden(parts: Subdivision, light: np.ndarray, hidden: np.ndarray) -> np.ndarray:
-    """Return light of patches, (n, 3) float32, in which hidden ones have that of patches beside them.
+    """Return light of patches, (n, 3 g) float32, in which hidden ones have that of patches beside them.
 
     Who sees the visible part of a texel whose centre is hidden sees what is beside the centre. Where that is
     light on one side of a thin wall and dark on the other, it counts as their harmonic mean, which is dark:
-    what is bright would light the foot of the wall on its dark side.
+    what is bright would light the foot of the wall on its dark side. The light of g groups of light, side by
+    side, is bright or dark together.
     """
     filled, known, left = light.copy(), ~hidden, np.flatnonzero(hidden)
     for _ in range(_FILLED):
@@ -308,13 +352,3 @@ def _patches_beside(parts: Subdivision, patches: np.ndarray) -> np.ndarray:
     atlas = parts.patches.atlas[patches, None]
     beside = parts.texel_to_patch[atlas, np.clip(y, 0, last), np.clip(x, 0, last)]
     return np.where(inside, beside, 0).astype(np.int64)
-
-
-def _between(first: float, last: float, work: Generator[float, None, Made]) -> Generator[float, None, Made]:
-    """Do work as a part of something; yield the fraction done of all of it."""
-    while True:
-        try:
-            yield first + (last - first) * next(work)
-        except StopIteration as stop:
-            made: Made = stop.value
-            return made

@@ -31,6 +31,7 @@ class SolveJob:
     remote         gathers for all patches on devices of other processes; None to gather here
     kept           what an earlier bake has left of the same patches, and what this one leaves
     indirect       (n, 3) float32, E/pi of reflected light that a warm start begins with; None for none
+    part_of        the job of all light, of which this one is a part: both begin alike
     """
 
     graphics: Graphics
@@ -45,6 +46,7 @@ class SolveJob:
     remote: RemoteDevices | None = None
     kept: Kept = field(default_factory=Kept)
     indirect: np.ndarray | None = None
+    part_of: SolveJob | None = None
 
     @property
     def count(self) -> int:
@@ -71,10 +73,15 @@ class SolveJob:
     @property
     def gathers_direct(self) -> bool:
         """True if patches gather light before any is reflected."""
-        return bool(self.emission.any() or self.sky.any())
+        all_light = self.part_of or self
+        return bool(all_light.emission.any() or all_light.sky.any())
 
     @property
     def dark(self) -> bool:
         """True if no light reaches any patch, and nothing but light is asked for."""
-        lit = self.gathers_direct or self.sampled_light.any()
-        return not lit and self.settings.only_light
+        return not self.lit and self.settings.only_light
+
+    @property
+    def lit(self) -> bool:
+        """True if light reaches any patch."""
+        return bool(self.emission.any() or self.sky.any() or self.sampled_light.any())

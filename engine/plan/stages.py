@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..progress import Progress, Schedule, Stage
+from ..scene.light_groups import light_group_names
 from ..scene.model import Scene, shining_lights
 from ..settings import MOST_LIGHTS, Settings
 from ..visibility.samples import expected_samples
@@ -53,22 +54,24 @@ _SHORTEST = 0.02
 
 @dataclass(frozen=True)
 class Extent:
-    """How large a scene is: numbers of lightmaps, triangles, and lamps that shine."""
+    """How large a scene is: numbers of lightmaps, triangles, lamps that shine, and light groups."""
 
     atlases: int
     triangles: int
     lamps: int
+    light_groups: int = 1
 
     @classmethod
     def of(cls, scene: Scene) -> Extent:
         """Return the extent of a scene."""
         triangles = sum(len(mesh.positions) for mesh in scene.meshes)
-        return cls(len(scene.atlases), triangles, len(shining_lights(scene)))
+        groups = len(light_group_names(scene))
+        return cls(len(scene.atlases), triangles, len(shining_lights(scene)), groups)
 
 
 def _filtered_images(settings: Settings) -> int:
     """Return how many images Denoise filters of a lightmap: two a signed map, see `finish.carried_maps`."""
-    carried = {"directional": 6, "spherical_harmonics": 7, "dominant_direction": 2}
+    carried = {"directional": 6, "spherical_harmonics": 7, "dominant_direction": 2, "light_groups": 1}
     return len(settings.light_outputs) + sum(carried.get(name, 0) for name in settings.outputs)
 
 
@@ -81,13 +84,14 @@ class BakeStages(Schedule):
         direct     shadow rays             outputs     rays
         choosing   once                    denoising   texels
         texels     samples of patches      images      texels
+        light_groups  samples of patches
 
     paces  seconds that a unit of each stage took in earlier bakes, by its name; `learn` adds to them
     """
 
     def __init__(self, extent: Extent, settings: Settings, paces: dict[str, float]) -> None:
         self._settings, self._paces = settings, paces
-        self._lamps = extent.lamps
+        self._lamps, self._light_groups = extent.lamps, extent.light_groups
         self._residuals: list[float] = []
         self._reflectance = _REFLECTANCE
         self._names: dict[Stage, str] = {}
@@ -104,13 +108,15 @@ class BakeStages(Schedule):
         self.outputs = self._stage("Outputs", 0, _RAY)
         self.texels = self._stage("Texels", 0, _RAY)
         self.texels.like = self.visibility
-        filtered = texels * _filtered_images(settings) if settings.denoise else 0
+        self.light_groups = self._stage("Light groups", 0, _RAY)
+        self.light_groups.like = self.visibility
+        more = (extent.light_groups - 1) * settings.by_light_groups
+        filtered = texels * (_filtered_images(settings) + more) if settings.denoise else 0
         self.denoising = self._stage("Denoising", filtered, _FILTERED)
-        maps = len(settings.outputs) + 3 * ("directional" in settings.outputs or settings.projected)
+        maps = len(settings.outputs) + 3 * ("directional" in settings.outputs or settings.projected) + more
         self.images = self._stage("Images", texels * maps, _TEXEL)
-        self._casting = (
-            self.first, self.direct, self.visibility, self.bounces, self.final, self.outputs, self.texels,
-        )  # fmt: skip
+        gathering = (self.visibility, self.bounces, self.final, self.texels, self.light_groups)
+        self._casting = (self.first, self.direct, self.outputs, *gathering)
         super().__init__(list(self._names))
         self._size(int(_COVERAGE * texels))
         self.begin(self.starting)
@@ -126,6 +132,7 @@ class BakeStages(Schedule):
             "hemicubes": sum(stage.seconds for stage in solving),
             "outputs": self.outputs.seconds + self.images.seconds,
             "texels": self.texels.seconds,
+            "light groups": self.light_groups.seconds,
             "denoising": self.denoising.seconds,
         }
 
@@ -221,6 +228,8 @@ class BakeStages(Schedule):
         self.outputs.amount = patches * rays
         if settings.texel_samples > 1 and settings.method != "paper":
             self.texels.amount = _REFINED * patches * expected_samples(settings)
+        if settings.by_light_groups:
+            self.light_groups.amount = self._light_groups * (_REFINED * patches * expected_samples(settings))
         self._expect_sweeps()
 
     def _expect_sweeps(self) -> None:

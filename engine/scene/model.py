@@ -72,6 +72,7 @@ class Mesh:
     material      (t,) int32, index into `Scene.materials`
     atlas         index of the lightmap that holds the object's charts, or OCCLUDER
     texture_uvs   (t, 3, 2) float32 of each UV map that the materials' textures name
+    light_group   name of the light group that what it emits belongs to, see `Scene.light_groups`
     """
 
     name: str
@@ -83,6 +84,7 @@ class Mesh:
     material: np.ndarray
     atlas: int = 0
     texture_uvs: dict[str, np.ndarray] = field(default_factory=dict)
+    light_group: str = ""
 
     def part(self, chosen: np.ndarray) -> Mesh:
         """Return the triangles that a mask selects."""
@@ -118,6 +120,7 @@ class Light:
     profile      factors of strength over directions, None for 1 everywhere; not of a sun
     falloff_power   strength is multiplied by the distance to the receiver, m, to this power
     falloff_smooth  and by d^2 / (smooth + d^2), m^2; neither of a sun
+    light_group  name of the light group that it belongs to, see `Scene.light_groups`
     """
 
     name: str
@@ -136,6 +139,7 @@ class Light:
     profile: Profile | None = None
     falloff_power: int = 0
     falloff_smooth: float = 0.0
+    light_group: str = ""
 
     def relative_to(self, point: np.ndarray) -> Light:
         """Return the light with a position relative to a point, (3,) float64, metres."""
@@ -151,6 +155,9 @@ class Scene:
              direction (x, y, z) is at u = 1/2 - atan2(y, x) / (2 pi), v = 1 - acos(z) / pi, row 0 at
              v = 0 (Cycles, kernel/camera/projection.h)
     origin   (3,) float64, world space: the point that all positions are relative to
+    light_groups  names of groups of light, each with a lightmap of its own as output "light_groups"; what
+             names another one, or none, is in the group `light_groups.UNGROUPED`
+    world_light_group  name of the group of the surroundings
     """
 
     meshes: tuple[Mesh, ...]
@@ -159,6 +166,8 @@ class Scene:
     world: np.ndarray = field(default_factory=lambda: np.zeros(3, np.float32))
     origin: np.ndarray = field(default_factory=lambda: np.zeros(3))
     lights: tuple[Light, ...] = ()
+    light_groups: tuple[str, ...] = ()
+    world_light_group: str = ""
 
 
 def shining_lights(scene: Scene) -> tuple[Light, ...]:

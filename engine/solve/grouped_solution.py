@@ -16,11 +16,12 @@ from .solver import Solver
 class GroupedSolution:
     """What a `Solver` is, for all patches, from a solver of groups.
 
-    last  by every patch, from the groups
+    groups  of patches
+    last    by every patch, from the groups
     """
 
     def __init__(self, solver: Solver, groups: PatchGroups, last: LastGather | InterpolatedGather) -> None:
-        self._solver, self._groups, self._last = solver, groups, last
+        self._solver, self.groups, self.last = solver, groups, last
 
     @property
     def iterations(self) -> int:
@@ -50,14 +51,19 @@ class GroupedSolution:
     @property
     def done(self) -> bool:
         """True once every patch has gathered."""
-        return self._last.done
+        return self.last.done
+
+    @property
+    def of_patch_groups(self) -> np.ndarray:
+        """What the groups gathered, (m, 4) float32: E/pi, and the fraction that is no back."""
+        return self._solver.gathered
 
     def iteration(self) -> Generator[float, None, None]:
         """Sweep once, or gather for the last time if the sweeps are done; yield the fraction done."""
         if not self._solver.done:
             yield from self._solver.iteration()
             return
-        yield from self._last.gather(self._solver.irradiance)
+        yield from self.last.gather(self._solver.irradiance)
 
     def energy(self, emission: np.ndarray) -> Energy | None:
         """Return where the light of the groups goes; see `solver.Solution.energy`."""
@@ -65,12 +71,12 @@ class GroupedSolution:
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
         """Return the L1 of the last gather; see `solver.Radiosity.gather_l1`."""
-        return (yield from self._last.gather_l1())
+        return (yield from self.last.gather_l1())
 
     @property
     def gathered(self) -> np.ndarray:
         """E/pi and the fraction that is no back, (n, 4) float32; before the last gather of the groups."""
-        return self._last.gathered if self.done else self._solver.gathered[self._groups.group]
+        return self.last.gathered if self.done else self._solver.gathered[self.groups.group]
 
     @property
     def irradiance(self) -> np.ndarray:
@@ -80,8 +86,8 @@ class GroupedSolution:
     @property
     def direct(self) -> np.ndarray:
         """E/pi of light that was not reflected, (n, 3) float32."""
-        coarse = self._last.separate_direct and not self.done
-        return self._solver.direct[self._groups.group] if coarse else self._last.direct
+        coarse = self.last.separate_direct and not self.done
+        return self._solver.direct[self.groups.group] if coarse else self.last.direct
 
     @property
     def indirect(self) -> np.ndarray:

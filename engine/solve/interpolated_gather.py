@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 
 import numpy as np
 
@@ -38,6 +38,7 @@ class InterpolatedGather:
         self._solver, self._interpolation, self._last_of = solver, interpolation, last_of
         self._of_groups, self._tolerance, self.separate_direct = of_groups, tolerance, separate_direct
         self.direct, self.gathered = sampled_light, np.zeros((len(sampled_light), 4), np.float32)
+        self._rest = np.zeros(0, np.int64)
         self.done = False
 
     def gather(self, irradiance: np.ndarray) -> Generator[float, None, None]:
@@ -49,7 +50,7 @@ class InterpolatedGather:
         self.gathered[:, :3] += sampled
         if self.separate_direct:
             self.direct = direct[0][:, :3] + sampled
-        rest = np.flatnonzero(~fits)
+        self._rest = rest = np.flatnonzero(~fits)
         if len(rest):
             last = self._last_of(rest)
             yield from last.gather(irradiance)
@@ -57,6 +58,27 @@ class InterpolatedGather:
             if self.separate_direct:
                 self.direct[rest] = last.direct
         self.done = True
+
+    def gather_groups(
+        self,
+        gathered: Sequence[np.ndarray],
+        sampled_light: np.ndarray,
+        gather_rest: Callable[[np.ndarray], Generator[float, None, np.ndarray]],
+    ) -> Generator[float, None, np.ndarray]:
+        """Return E/pi of light groups, (g, n, 3) float32, once all light was gathered.
+
+        Yields the fraction done.
+
+        gathered       (m, 4) float32 of each light group, by groups of patches, without the sampled light
+        sampled_light  (g, n, 3) float32
+        gather_rest    gathers for the patches, by their numbers, that have gathered all light for themselves
+        """
+        nothing = np.zeros(sampled_light.shape[1], np.float32)
+        between, _ = self._interpolation.fit(list(gathered), nothing, 0.0)
+        light: np.ndarray = np.stack([layer[:, :3] for layer in between]) + sampled_light
+        if len(self._rest):
+            light[:, self._rest] = yield from gather_rest(self._rest)
+        return light
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
         """Raise DeviceError: the directions that light comes from are not interpolated."""

@@ -19,6 +19,8 @@ class ShownLightmap:
 
     images   of which an object without instances has one
     l1       of each axis of the world the L1 maps beside the images; empty if some have none
+    groups   of each light group its maps beside the images; empty if some have none
+    mixer    node group that adds their light up, one input a group; None without groups
     table    places of the object's instances instead of scale and offset, see `instance_places`
     buckets  of the table
     """
@@ -30,12 +32,14 @@ class ShownLightmap:
     offset: tuple[float, float] = (0.0, 0.0)
     table: bpy.types.Image | None = None
     buckets: int = 0
+    groups: tuple[tuple[bpy.types.Image, ...], ...] = ()
+    mixer: bpy.types.NodeTree | None = None
 
 
 class LightmapNodes:
     """Nodes of a tree that read the light of a surface: UV Map -> scale, offset -> Image Texture.
 
-    colour  E/pi of the surface
+    colour  E/pi of the surface; of light groups, as they are mixed
     """
 
     def __init__(self, tree: bpy.types.NodeTree, lightmap: ShownLightmap) -> None:
@@ -43,7 +47,7 @@ class LightmapNodes:
         uv = self._nodes.make("ShaderNodeUVMap", uv_map=lightmap.uv_layer)
         self._is_image: tuple[bpy.types.NodeSocket, ...] = ()
         self._uv = self._placed(uv) if lightmap.table is None else self._placed_by_number(uv, lightmap.table)
-        self.colour = self._light(lightmap.images)
+        self.colour = self._light(lightmap.images) if lightmap.mixer is None else self._mixed(lightmap.mixer)
 
     @property
     def has_directions(self) -> bool:
@@ -62,8 +66,17 @@ class LightmapNodes:
 
     @cached_property
     def _l1(self) -> list[bpy.types.NodeSocket]:
-        """The L1 of the light, axis after axis."""
-        return [self._light(images) for images in self._lightmap.l1]
+        """The L1 of the light, axis after axis; mixed light has that of all light, in its proportion."""
+        l1 = [self._light(images) for images in self._lightmap.l1]
+        if self._lightmap.mixer is None:
+            return l1
+        part = self._nodes.vector("DIVIDE", self.colour, self._light(self._lightmap.images))
+        return [self._nodes.vector("MULTIPLY", light, part) for light in l1]
+
+    def _mixed(self, mixer: bpy.types.NodeTree) -> bpy.types.NodeSocket:
+        """Return the light of all groups as a node group adds it up."""
+        maps = [self._light(images) for images in self._lightmap.groups]
+        return self._nodes.make("ShaderNodeGroup", *maps, node_tree=mixer)
 
     def _placed(self, uv: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
         """Return the lightmap UV of an object."""

@@ -7,6 +7,7 @@ The preview materials sit in slots linked to the object; what was there is remem
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import bpy
 import numpy as np
@@ -15,6 +16,7 @@ from ..scene.objects.meshes import read_array
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from .directional_images import l1_images
 from .instance_places import InstancePlace, instance_places, place_table
+from .light_mixer import group_images, light_mixer
 from .lightmap_nodes import ShownLightmap
 from .preview_material import MARK, preview_material, remove_unused_previews
 
@@ -110,8 +112,8 @@ def _shown_lightmap(
     """Return where the light of an object, or of all its instances, is; the layer where it was not baked."""
     own = obj.hemibake
     if instances is None:
-        l1 = l1_images(scene, [own.image])
-        return ShownLightmap((own.image,), l1, own.uv_layer, own.uv_scale, tuple(own.uv_offset))
+        place = own.uv_layer, own.uv_scale, tuple(own.uv_offset)
+        return _with_groups(ShownLightmap((own.image,), l1_images(scene, [own.image]), *place), scene)
     images = tuple(dict.fromkeys(place.image for place in instances))
     table = place_table(instances, images)
     rows, width, _ = table.texels.shape
@@ -122,4 +124,14 @@ def _shown_lightmap(
     image.pixels.foreach_set(table.texels.reshape(-1))
     image.pack()
     layer = own.uv_layer or lightmap_layer(obj, scene.hemibake.uv_layer)
-    return ShownLightmap(images, l1_images(scene, images), layer, table=image, buckets=table.buckets)
+    shown = ShownLightmap(images, l1_images(scene, images), layer, table=image, buckets=table.buckets)
+    return _with_groups(shown, scene)
+
+
+def _with_groups(lightmap: ShownLightmap, scene: bpy.types.Scene) -> ShownLightmap:
+    """Return a lightmap mixed from its light groups, if it has maps of them."""
+    groups = group_images(scene, lightmap.images)
+    if not groups:
+        return lightmap
+    mixer = light_mixer(scene, list(groups))
+    return replace(lightmap, groups=tuple(groups.values()), mixer=mixer)

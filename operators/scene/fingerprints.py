@@ -44,7 +44,7 @@ def find_fingerprints(
         parts = (shapes[id(shape)], *(looks[index] for index in used), reading.matrix, place)
         own.append((yield from _digest_of(parts)))
         if any(materials[index].emission.any() for index in used):
-            shining.append(own[-1])
+            shining.append(own[-1] + reading.light_group.encode())
     light = b"".join(shining)
     return [
         None if place is None else hashlib.blake2b(digest + light, digest_size=_SIZE).hexdigest()

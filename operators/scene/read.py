@@ -159,6 +159,9 @@ class _SceneReading:
         self._world = yield from read_world(self._watch, self._notes, self._cache)
         self._lights = yield from self._lamps.finish(self._origin, self._watch)
         self._watch.depsgraph()
+        world = self._watch.context.scene.world
+        self._world_group = "" if world is None else world.lightgroup
+        self._light_groups = tuple(group.name for group in self._watch.context.view_layer.lightgroups)
         self._skipped: list[str] = []
         note_skipped(self._watch.context, self._skipped)
 
@@ -175,6 +178,8 @@ class _SceneReading:
             world=self._world,
             origin=self._origin,
             lights=self._lights,
+            light_groups=self._light_groups,
+            world_light_group=self._world_group,
         )
         scene = yield from without_faults(scene, self._notes)
         entries = tuple(

@@ -46,6 +46,7 @@ class Reading:
     uvs            session uid of what its UVs come from, see `uv_source`
     matrix         (4, 4) float64, object space to world space
     scale          factor on its texels per metre
+    light_group    name of the light group of what it emits
     shape          its mesh; None until all meshes have been read
     """
 
@@ -57,6 +58,7 @@ class Reading:
     atlas: str | None
     matrix: np.ndarray
     scale: float
+    light_group: str
     shape: Shape | None
 
     @property
@@ -130,6 +132,7 @@ class ItemReader:
             atlas=atlas,
             matrix=item.matrix,
             scale=item.source.hemibake.lightmap_scale,
+            light_group=item.source.lightgroup,
             shape=None,
         )
         self._items.append((key, reading))

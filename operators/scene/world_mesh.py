@@ -45,6 +45,7 @@ def world_mesh(reading: Reading, origin: np.ndarray, atlas: int, place: Place | 
             name: np.ascontiguousarray(values[:, order]) if turned else values
             for name, values in texture_uvs.items()
         },
+        light_group=reading.light_group,
     )
 
 

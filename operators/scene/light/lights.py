@@ -158,6 +158,7 @@ def _read_light(item: SceneItem) -> Light:
         "axes": axes,
         "casts_shadow": bool(lamp.use_shadow),
         "stretch": np.maximum(scale / max(scale.max(), 1e-30), 1e-6),
+        "light_group": item.source.lightgroup,
     }
     if lamp.type == "SUN":
         return Light(kind="sun", strength=_sun(lamp, power), half_angle=lamp.angle / 2, **common)

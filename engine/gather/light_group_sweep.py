@@ -1,0 +1,142 @@
+"""Gathers for several light groups at once, over what patches, or points of texels, were found to see."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+
+import numpy as np
+import pyopencl as cl
+
+from ..device.buffers import download, upload, zeros
+from ..device.compute import Compute
+from ..errors import DeviceError
+from ..visibility.identity import Identity, Sampling, identity_options
+from .kept_samples import Backs, KeptSamples, Rows
+from .static_light import StaticLight
+from .sweep import Light
+
+#: Light groups whose radiances are read at a time: they lie in one or two cache lines.
+TOGETHER = 4
+
+
+class _Gather:
+    """The gather kernel of g light groups, and the radiance that it reads: that of a source lies together."""
+
+    def __init__(self, compute: Compute, sampling: Sampling, groups: int, sources: int) -> None:
+        self._compute, self._groups, self._sources = compute, groups, sources
+        options = (*identity_options(sampling.sample_bytes), f"-DLIGHT_GROUPS={groups}")
+        options += ("-DEVEN",) if sampling.even else ()
+        files = ("hemicube.cl", "tilt.cl", "identity.cl", "gather.cl", "light_groups.cl")
+        (self._gather,) = compute.kernels(files, "gather_groups", options=options)
+        multiplier = np.zeros(4, np.float32) if sampling.multiplier is None else sampling.multiplier
+        self._multiplier = upload(compute, multiplier)
+        self._quads = np.int32(sampling.samples // 4)
+
+        # Whole blocks of groups: of nothing, of each source, of the surroundings.
+        self._radiance = zeros(compute, 16 * groups * (sources + 2))
+
+    def read(self, radiance: cl.Buffer) -> None:
+        """Take radiance, float4 of each source and group behind a black one."""
+        cl.enqueue_copy(
+            self._compute.queue, self._radiance, radiance, byte_count=16 * self._groups * self._sources,
+            src_offset=16, dst_offset=16 * self._groups,
+        )  # fmt: skip
+
+    def load(self, radiance: np.ndarray) -> None:
+        """Take radiance, (m, g, 3) float32."""
+        blocks = np.zeros((self._sources + 2, self._groups, 4), np.float32)
+        blocks[1:-1, :, :3] = radiance
+        cl.enqueue_copy(self._compute.queue, self._radiance, blocks)
+
+    def gather(self, rows: Rows, static_light: cl.Buffer, *outputs: object) -> None:
+        """Gather for the receivers whose samples these are; outputs as `sweep.Light` has them."""
+        (group,) = self._gather.group(self._compute.group)
+        self._gather(
+            self._compute.queue, (group * (rows.last - rows.first),), (group,),
+            rows.cache, self._multiplier, self._radiance, static_light, *outputs,
+            self._quads, np.int32(rows.first), cl.LocalMemory(16 * group),
+        )  # fmt: skip
+
+
+class LightGroupSweep:
+    """See `sweep.Sweep`; the light of n patches and g groups is that of n g patches, a patch's side by side.
+
+    A sample is read once for all groups, whose radiances share cache lines.
+
+    static  sums up the static light of each group
+    """
+
+    def __init__(self, compute: Compute, kept: KeptSamples, static: Sequence[StaticLight]) -> None:
+        self._compute, self._kept, self._groups = compute, kept, len(static)
+        self._kernel = _Gather(compute, kept.sampling, len(static), kept.count)
+        for light in static:
+            for rows in kept.pieces:
+                light.sum_up(rows, kept.backs)
+        beside = [download(compute, light.light, (kept.count, 4)) for light in static]
+        self._static = upload(compute, np.stack(beside, axis=1))
+        self._begun = False
+
+    def gather(self, light: Light, column: int) -> Generator[float, None, None]:
+        """Gather; see `sweep.Sweep.gather`."""
+        if not self._begun:
+            seen = download(self._compute, self._kept.backs.patches_seen, (self._kept.count,))
+            cl.enqueue_copy(self._compute.queue, light.patches_seen, np.repeat(seen, self._groups))
+            self._begun = True
+        self._kernel.read(light.radiance)
+        for rows in self._kept.pieces:
+            self._kernel.gather(rows, self._static, *light.outputs(column))
+        yield 1.0
+
+    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+        """Raise DeviceError: light groups have no directional maps."""
+        raise DeviceError("Light groups have no directional maps.")
+        yield 1.0
+
+
+class LightGroupLook:
+    """Gathers once for receivers that look for themselves, from several light groups at once.
+
+    sources  that may be seen
+    static   sums up the static light of each group; backs count as black
+    cached   receivers whose samples are kept at a time
+    """
+
+    def __init__(
+        self,
+        compute: Compute,
+        identity: Identity,
+        count: int,
+        sources: int,
+        static: Sequence[StaticLight],
+        cached: int,
+    ) -> None:
+        self._compute, self._identity, self._count = compute, identity, count
+        self._static, self._step = static, max(1, min(cached, count))
+        self._backs = Backs(compute, count, sources, False)
+        self._runs = [slice(first, first + TOGETHER) for first in range(0, len(static), TOGETHER)]
+        sampling = Sampling.of(identity)
+        self._kernels = [_Gather(compute, sampling, len(static[run]), sources) for run in self._runs]
+
+    def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
+        """Return E/pi of each group, (n, g, 3) float32, from radiance, (m, g, 3); yield the fraction done."""
+        compute, count = self._compute, self._count
+        sizes = [16 * count * len(self._static[run]) for run in self._runs]
+        nothing, lights = zeros(compute, max(sizes)), [zeros(compute, size) for size in sizes]
+        for run, kernel in zip(self._runs, self._kernels, strict=True):
+            kernel.load(radiance[:, run])
+        cache = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, self._identity.row_bytes * self._step)
+        for first in range(0, count, self._step):
+            last = min(first + self._step, count)
+            for done in self._identity.find(first, last, self._backs.found_with(cache, first)):
+                yield (first + done * (last - first)) / count
+            rows = Rows(cache, first, last)
+            for static in self._static:
+                static.sum_up(rows, self._backs)
+            for kernel, light in zip(self._kernels, lights, strict=True):
+                kernel.gather(rows, nothing, nothing, nothing, light, light, np.int32(0), np.int32(0))
+        gathered = [
+            download(compute, light, (count, size // (16 * count), 4))[..., :3]
+            for light, size in zip(lights, sizes, strict=True)
+        ]
+        beside = [download(compute, static.light, (count, 4))[:, :3] for static in self._static]
+        return np.concatenate(gathered, axis=1) + np.stack(beside, axis=1)

@@ -1,0 +1,63 @@
+"""What receivers that look for themselves gather of each light group, once its light has settled."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+
+import numpy as np
+
+from ..gather.light_group_sweep import LightGroupLook
+from ..progress import part_of
+from ..settings import Settings
+from ..visibility.identity import Sampling
+from .choice import Choice
+from .choose import Receivers, last_gather, looking, static_light
+from .solve_job import SolveJob
+from .trial import make_identity
+
+
+def gather_light_groups(
+    groups: Sequence[SolveJob],
+    settled: Sequence[np.ndarray],
+    choice: Choice,
+    receivers: Receivers,
+    sampled: np.ndarray,
+    settings: Settings,
+) -> Generator[float, None, np.ndarray]:
+    """Return E/pi of light groups, (g, n, 3) float32, at n receivers; yield the fraction done.
+
+    settled   (m, 3) float32 of each group, E/pi of what is seen
+    sampled   (g, n, 3) float32, E/pi of the light that shadow rays sample
+
+    Receivers look once for all groups that leave no emission to hemicubes, once for each of the others: what
+    backs send out is summed as they are found.
+    """
+    light = sampled.copy()
+    lit = [number for number, group in enumerate(groups) if group.lit]
+    apart = [number for number in lit if groups[number].emission.any()]
+    together = [number for number in lit if number not in apart]
+    looks = len(apart) + bool(together)
+    if together:
+        some = [groups[number] for number in together]
+        look = _look(some, choice, receivers, settings)
+        sent = [groups[number].parts.surfaces.reflectance * settled[number] for number in together]
+        found = yield from part_of(0.0, 1 / looks, look.gather(np.stack(sent, axis=1)))
+        light[together] += found.transpose(1, 0, 2)
+    for count, number in enumerate(apart, bool(together)):
+        where = Receivers(receivers.parts, receivers.rays, sampled[number])
+        last, _ = last_gather(groups[number], choice, where, settings)
+        yield from part_of(count / looks, (count + 1) / looks, last.gather(settled[number]))
+        light[number] = last.irradiance
+    return light
+
+
+def _look(
+    groups: Sequence[SolveJob], choice: Choice, receivers: Receivers, settings: Settings
+) -> LightGroupLook:
+    """Return what looks for receivers, for groups without emission."""
+    jobs = [looking(group, receivers, settings) for group in groups]
+    identity = make_identity(jobs[0], choice.visibility)
+    sampling, first = Sampling.of(identity), jobs[0]
+    fitting = max(settings.batch_bytes // identity.row_bytes, identity.batch)
+    static = [static_light(job, sampling) for job in jobs]
+    return LightGroupLook(first.opencl, identity, first.count, len(first.emission), static, fitting)

@@ -1,0 +1,124 @@
+"""The node group that mixes light groups in the preview: a colour and a strength of each.
+
+Colours and strengths are nodes inside of the group, which all preview materials of a scene share: a change
+shows at once, and they take keyframes and drivers as any node does.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+
+import bpy
+
+from .nodes import make_node
+
+#: Width of a column of nodes, and height of the rows of a light group.
+_COLUMN, _ROW = 200, 220
+
+
+def group_images(
+    scene: bpy.types.Scene, lightmaps: Sequence[bpy.types.Image]
+) -> dict[str, tuple[bpy.types.Image, ...]]:
+    """Return the maps of each light group beside some lightmaps, by its name; nothing unless all have them.
+
+    Those of a bake before the last one of a lightmap do not count.
+    """
+    found = [_maps_beside(scene, lightmap) for lightmap in lightmaps]
+    if not found or any(maps.keys() != found[0].keys() for maps in found):
+        return {}
+    return {name: tuple(maps[name] for maps in found) for name in found[0]}
+
+
+def _maps_beside(scene: bpy.types.Scene, lightmap: bpy.types.Image) -> dict[str, bpy.types.Image]:
+    """Return the maps of light groups beside a lightmap, by group."""
+    entries = scene.hemibake.lightmaps
+    atlas = next((entry.name for entry in entries if entry.image == lightmap), None)
+    if atlas is None or not entries[atlas].light_groups:
+        return {}
+    names = json.loads(entries[atlas].light_groups)
+    found = {name: entries.get(f"{atlas} light group {name}") for name in names}
+    if not all(entry and entry.image and entry.image.size[0] for entry in found.values()):
+        return {}
+    return {name: entry.image for name, entry in found.items()}
+
+
+def light_mixer(scene: bpy.types.Scene, groups: Sequence[str]) -> bpy.types.NodeTree:
+    """Return the mixer of a scene, with an input for each light group, in their order.
+
+    Colours and strengths of groups that it has already stay as they are, with their animation.
+    """
+    tree = scene.hemibake.light_mixer
+    if tree is None or _is_of_another(tree, scene):
+        tree = bpy.data.node_groups.new("Light Mixer", "ShaderNodeTree") if tree is None else tree.copy()
+        scene.hemibake.light_mixer = tree
+    if _inputs(tree) != list(groups):
+        _build(tree, groups)
+    return tree
+
+
+def mixed_groups(tree: bpy.types.NodeTree) -> list[tuple[str, bpy.types.NodeSocket, bpy.types.NodeSocket]]:
+    """Return each light group of a mixer, with what holds its colour and its strength."""
+    nodes = tree.nodes
+    return [
+        (name, nodes[_color(name)].outputs[0], nodes[_strength(name)].outputs[0])
+        for name in _inputs(tree)
+        if _color(name) in nodes and _strength(name) in nodes
+    ]
+
+
+def _is_of_another(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> bool:
+    """Return whether another scene has a mixer, too: the scene was copied."""
+    return any(other.hemibake.light_mixer == tree for other in bpy.data.scenes if other != scene)
+
+
+def _inputs(tree: bpy.types.NodeTree) -> list[str]:
+    """Return the names of a mixer's inputs."""
+    return [item.name for item in tree.interface.items_tree if item.in_out == "INPUT"]
+
+
+def _color(group: str) -> str:
+    return f"{group} Color"
+
+
+def _strength(group: str) -> str:
+    return f"{group} Strength"
+
+
+def _build(tree: bpy.types.NodeTree, groups: Sequence[str]) -> None:
+    """Make inputs and nodes for some groups; what holds their colours and strengths stays if it is there."""
+    kept = {name(group) for group in groups for name in (_color, _strength)}
+    for node in [node for node in tree.nodes if node.name not in kept]:
+        tree.nodes.remove(node)
+    tree.interface.clear()
+    for group in groups:
+        tree.interface.new_socket(group, in_out="INPUT", socket_type="NodeSocketVector")
+    tree.interface.new_socket("Light", in_out="OUTPUT", socket_type="NodeSocketVector")
+
+    # Light = sum of map x colour x strength.
+    inputs = tree.nodes.new("NodeGroupInput")
+    light: bpy.types.NodeSocket | tuple[float, ...] = (0.0, 0.0, 0.0)
+    for row, group in enumerate(groups):
+        at = [(column * _COLUMN, -row * _ROW) for column in range(1, 5)]
+        color = _holder(tree, "ShaderNodeRGB", _color(group), at[0], (1.0, 1.0, 1.0, 1.0))
+        strength = _holder(tree, "ShaderNodeValue", _strength(group), (at[0][0], at[0][1] - _ROW / 2), 1.0)
+        scaled = make_node(tree, "ShaderNodeVectorMath", at[1], color, operation="SCALE")
+        tree.links.new(strength, scaled.node.inputs["Scale"])
+        feeds = (inputs.outputs[row], scaled, light)
+        light = make_node(tree, "ShaderNodeVectorMath", at[2], *feeds, operation="MULTIPLY_ADD")
+    output = tree.nodes.new("NodeGroupOutput")
+    output.location = (5 * _COLUMN, 0)
+    tree.links.new(light, output.inputs[0])
+
+
+def _holder(
+    tree: bpy.types.NodeTree, kind: str, name: str, at: tuple[float, float], value: object
+) -> bpy.types.NodeSocket:
+    """Return the output of the node of a name that holds a value, made if it is not there."""
+    node = tree.nodes.get(name)
+    if node is None:
+        node = tree.nodes.new(kind)
+        node.name = node.label = name
+        node.outputs[0].default_value = value
+    node.location = at
+    return node.outputs[0]

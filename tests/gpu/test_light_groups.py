@@ -1,0 +1,203 @@
+"""Maps of light groups: each is a bake of its light alone, and together they are the map of all light."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from engine import Light, Lightmap, Scene, Settings, SettingsError, bake, finished
+from engine.plan import choose
+from engine.scene.model import OCCLUDER
+from tests.analytic.drive import drive
+from tests.analytic.scenes import nine_quad_room
+from tests.gpu.test_hide_seams import tiles
+from tests.tools.real_denoiser import LIBRARY, needs_library
+
+#: Sweeps without acceleration do the same to all light and to each group's.
+SETTINGS = Settings(
+    resolution=53, hemicube=8, samples=64, iterations=4, tolerance=0, visibility="rays", light_samples=8,
+    texel_samples=1, hide_seams=False, dilation=3, accelerate=False, intermediates=False,
+    outputs=("combined", "light_groups"),
+)  # fmt: skip
+
+MAPS = ["light_group Lamps", "light_group Panel", "light_group Nobody", "light_group Ungrouped"]
+
+
+def lamp(x: float, y: float, z: float, colour: tuple[float, float, float], group: str) -> Light:
+    """Return a lamp without a size: one ray tells its shadow."""
+    strength = np.float32(colour)
+    return Light("Lamp", "point", np.array([x, y, z]), np.eye(3), strength, light_group=group)
+
+
+def room() -> Scene:
+    """Return a room without a ceiling below a sky of no group, with lamps and a panel of groups.
+
+    One panel on the floor is an occluder; a lamp names a group that is not there.
+    """
+    base = nine_quad_room()
+    mesh = base.meshes[0]
+    faces = {"Room": [0, 2, 3, 4, 5, 6], "Pillar": [7], "Light": [8]}
+    shown, pillar, light = (
+        dataclasses.replace(mesh.part(np.isin(mesh.face, chosen)), name=name)
+        for name, chosen in faces.items()
+    )
+    lights = (
+        lamp(1, 2, 1.5, (5, 4, 3), "Lamps"),
+        lamp(3, 1, 2, (0, 7, 0), "Lamps"),
+        lamp(2.2, 3, 0.7, (1, 0, 2), "No such group"),
+    )
+    return dataclasses.replace(
+        base,
+        meshes=(
+            shown,
+            dataclasses.replace(pillar, atlas=OCCLUDER),
+            dataclasses.replace(light, light_group="Panel"),
+        ),
+        world=np.random.default_rng(11).random((5, 9, 3), np.float32),
+        lights=lights,
+        light_groups=("Lamps", "Panel", "Nobody"),
+    )
+
+
+def alone(scene: Scene, group: str) -> Scene:
+    """Return a scene with the light of one group."""
+    known = scene.light_groups
+
+    def is_in(name: str) -> bool:
+        return (name if name in known else "Ungrouped") == group
+
+    dark = [dataclasses.replace(material, emission=np.zeros(3, np.float32)) for material in scene.materials]
+    shift, meshes = len(dark), []
+    for mesh in scene.meshes:
+        material = mesh.material if is_in(mesh.light_group) else mesh.material + shift
+        meshes.append(dataclasses.replace(mesh, material=material))
+    return dataclasses.replace(
+        scene,
+        meshes=tuple(meshes),
+        materials=(*scene.materials, *dark),
+        lights=tuple(light for light in scene.lights if is_in(light.light_group)),
+        world=scene.world if is_in(scene.world_light_group) else np.zeros(3, np.float32),
+    )
+
+
+def assert_sums(lightmap: Lightmap) -> None:
+    """The groups' maps are all light together, texel by texel; none is negative, one is black."""
+    combined, groups = lightmap.passes["combined"], [lightmap.passes[name] for name in MAPS]
+    total = np.sum(groups, axis=0, dtype=np.float64)
+    assert np.abs(total - combined).max() <= 1e-5 * combined.mean()
+    assert all(images.min() >= 0 for images in groups)
+    assert all(images.max() > 0 for images in (groups[0], groups[1], groups[3]))
+    assert not groups[2].any()
+
+
+def off(first: np.ndarray, second: np.ndarray, of: np.ndarray) -> float:
+    """Return the RMS of what two maps differ by, as a fraction of the mean of a third."""
+    return float(np.sqrt(np.mean((first - second) ** 2)) / of.mean())
+
+
+@pytest.mark.parametrize(
+    ("changes", "limit"),
+    [
+        ({}, 1e-5),
+        ({"method": "stream"}, 1e-5),
+        ({"visibility": "raster"}, 1e-5),
+        ({"patch_groups": 2}, 1e-5),
+        ({"sample_emission": False}, 1e-5),
+        ({"texel_samples": 4}, 1e-5),
+        ({"texel_samples": 4, "patch_groups": 2, "hide_seams": True}, 5e-3),
+    ],
+    ids=["cached", "stream", "raster", "patch groups", "backs", "texels", "fitted"],
+)
+def test_light_is_the_sum_of_groups_before_anything_makes_it_so(changes, limit, monkeypatch):
+    """And all light is that of a bake without groups, bit for bit."""
+    monkeypatch.setattr("engine.algorithm.summing_up", lambda maps, combined: maps)
+    settings = dataclasses.replace(SETTINGS, **changes)
+    several = drive(room(), settings)
+    assert list(several.passes) == ["combined", *MAPS]
+    combined = several.passes["combined"]
+    total = np.sum([several.passes[name] for name in MAPS], axis=0, dtype=np.float64)
+    assert off(total, combined, combined) < limit
+    plain = drive(room(), dataclasses.replace(settings, outputs=("combined",)))
+    assert np.array_equal(plain.passes["combined"], combined)
+
+
+def test_a_group_is_a_bake_of_its_light_alone():
+    """But for the noise of its shadow rays: alone, a light gets all of them."""
+    scene = room()
+    settings = dataclasses.replace(
+        SETTINGS, light_samples=128, accelerate=True, iterations=50, tolerance=1e-3
+    )
+    several = drive(scene, settings)
+    plain = dataclasses.replace(settings, outputs=("combined",))
+    for name in ("Lamps", "Panel", "Ungrouped"):
+        single = drive(alone(scene, name), plain).passes["combined"]
+        assert off(several.passes[f"light_group {name}"], single, single) < 0.04, name
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"accelerate": True, "iterations": 50, "tolerance": 0.002},
+        {"accelerate": True, "iterations": 50, "tolerance": 0.002, "texel_samples": 4, "hide_seams": True},
+        {"method": "paper", "accelerate": False},
+        {"adaptive": True, "resolution": 113, "accelerate": True, "texel_samples": 4},
+        {"resolution": 31, "samples": 16, "patch_groups": 4},
+    ],
+    ids=["accelerated", "fitted", "paper", "adaptive", "coarse"],
+)
+def test_maps_of_groups_sum_up_to_all_light(changes):
+    assert_sums(drive(room(), dataclasses.replace(SETTINGS, **changes)))
+
+
+@needs_library
+def test_groups_sum_up_after_denoising():
+    changes = {"denoise": True, "denoise_library": str(LIBRARY), "texel_samples": 4, "hide_seams": True}
+    assert_sums(drive(room(), dataclasses.replace(SETTINGS, **changes)))
+
+
+def test_accelerated_groups_settle_each_on_its_own():
+    """Two lamps in opposite corners, of very different strength: neither's bounces stop with all light's."""
+    scene = dataclasses.replace(
+        room(),
+        lights=(lamp(0.9, 0.9, 1, (9, 9, 9), "Lamps"), lamp(3.2, 3.2, 1, (0.01, 0, 0.01), "Panel")),
+        world=np.zeros(3, np.float32),
+        materials=tuple(
+            dataclasses.replace(material, emission=np.zeros(3, np.float32)) for material in room().materials
+        ),
+    )
+    exact = drive(scene, dataclasses.replace(SETTINGS, iterations=50)).passes
+    settings = dataclasses.replace(SETTINGS, accelerate=True, iterations=50, tolerance=1e-3)
+    several = drive(scene, settings).passes
+    for name in MAPS[:2]:
+        assert off(several[name], exact[name], exact[name]) < 2e-3, name
+    assert not several[MAPS[1]][..., 1].any()
+
+
+def test_what_patches_see_is_found_once(monkeypatch):
+    """As long as no back that is seen shines."""
+    found = []
+    choose_identity = choose.choose_identity
+    monkeypatch.setattr(choose, "choose_identity", lambda job: found.append(job) or choose_identity(job))
+    drive(room(), SETTINGS)
+    assert len(found) == 1
+
+
+def test_a_scene_without_groups_has_all_light_in_one():
+    lightmap = drive(tiles(), dataclasses.replace(SETTINGS, resolution=53))
+    assert list(lightmap.passes) == ["combined", "light_group Ungrouped"]
+    np.testing.assert_allclose(
+        lightmap.passes["light_group Ungrouped"], lightmap.passes["combined"], rtol=1e-6, atol=1e-12
+    )
+
+
+def test_dark_groups_are_black():
+    """Also where no light reaches anything, so that nothing is looked for."""
+    scene = dataclasses.replace(alone(room(), "Nobody"))
+    lightmap = drive(scene, SETTINGS)
+    assert lightmap.report.method == "none" and not any(image.any() for image in lightmap.passes.values())
+    assert list(lightmap.passes) == ["combined", *MAPS[:3]]
+
+
+def test_groups_go_with_the_map_of_all_light():
+    with pytest.raises(SettingsError, match="choose combined, too"):
+        finished(bake(room(), dataclasses.replace(SETTINGS, outputs=("light_groups",))))

@@ -12,6 +12,7 @@ from tests.analytic.drive import drive
 from tests.analytic.scenes import material, nine_quad_room, quads, rectangle
 from tests.analytic.test_sky_and_cutouts import sky
 from tests.analytic.tilts import directions, fitted, received, rough_normals
+from tests.rows import long
 
 X, Y, Z = np.eye(3)
 NIGHT = np.zeros(3, np.float32)
@@ -27,8 +28,8 @@ WAYS = {
     "streamed raster": {"method": "stream", "visibility": "raster"},
 }
 
-#: The same for tests: streams are the slow ones.
-EVERY_WAY = [pytest.param(way, marks=pytest.mark.long) if way.startswith("streamed") else way for way in WAYS]
+#: The same for tests: those that start rays from patches and keep what they see stand for all.
+EVERY_WAY = [long(way) if way.startswith("streamed") or way == "raster" else way for way in WAYS]
 
 
 def maps(scene, **changes):

@@ -10,6 +10,7 @@ from engine import Light, Settings
 from tests.analytic import scenes
 from tests.analytic.drive import drive
 from tests.analytic.rooms import Atlas, block, lamp, room, scene_of
+from tests.rows import long
 
 
 def flux(scene):
@@ -66,10 +67,10 @@ def test_lamp_of_a_closed_room_is_absorbed():
     ("way", "tolerance"),
     [
         ({"method": "stream"}, 4e-3),
-        ({"visibility": "raster"}, 4e-3),
+        long({"visibility": "raster"}, 4e-3),
         ({"patch_groups": 2}, 1e-2),
-        ({"accelerate": False}, 4e-3),
-        ({"sample_emission": False}, 4e-3),
+        long({"accelerate": False}, 4e-3),
+        long({"sample_emission": False}, 4e-3),
     ],
 )
 def test_balance_holds_however_light_is_gathered(way, tolerance):
@@ -79,6 +80,7 @@ def test_balance_holds_however_light_is_gathered(way, tolerance):
     assert abs(found.missing) < tolerance and abs(found.escaped) < 1e-3 * found.emitted
 
 
+@pytest.mark.long
 def test_what_is_missing_shrinks_with_the_texels():
     missing = [abs(energy(cornell_box(width), resolution=width).missing) for width in (31, 127)]
     assert missing[1] < 2e-3 and missing[1] < missing[0]

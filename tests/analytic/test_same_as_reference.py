@@ -24,6 +24,7 @@ from engine.visibility.views.hemicube import matrices, multiplier_map
 from engine.visibility.views.viewpoints import viewpoints
 from tests.analytic import scenes
 from tests.analytic.drive import Prepared, drive, irradiance, prepare
+from tests.rows import long
 
 N = 32
 SETTINGS = Settings(resolution=128, hemicube=N, sample_emission=False, visibility="raster", accelerate=False)
@@ -190,7 +191,7 @@ def difference_to_gauss_seidel(room: Prepared, settings: Settings) -> tuple[floa
     return float(np.abs(baked - expected).mean() / expected.mean()), np.abs(factors).sum(axis=1)
 
 
-@pytest.mark.parametrize("visibility", ["raster", "rays"])
+@pytest.mark.parametrize("visibility", ["rays", long("raster")])
 def test_the_same_input_gives_the_same_bits(visibility):
     settings = Settings(resolution=64, hemicube=16, iterations=3, tolerance=0, visibility=visibility)
     first, second = (drive(scenes.sphere(), settings) for _ in range(2))
@@ -198,6 +199,7 @@ def test_the_same_input_gives_the_same_bits(visibility):
     assert np.array_equal(first.display, second.display)
 
 
+@pytest.mark.long
 def test_the_layout_of_the_texture_array_does_not_matter():
     settings = Settings(resolution=64, hemicube=16, iterations=2, tolerance=0, visibility="raster")
     tiled = dataclasses.replace(settings, array_size=(256, 192, 4))

@@ -16,6 +16,7 @@ from engine.visibility.rays.ray_scene import RayScene
 from engine.visibility.rays.receivers import RECEIVER
 from tests.analytic.drive import drive, prepare
 from tests.analytic.scenes import quads, rectangle
+from tests.rows import long
 
 BLACK = Material("Black", np.zeros(3, np.float32), np.zeros(3, np.float32))
 SETTINGS = Settings(
@@ -64,7 +65,7 @@ def point(where, strength):
     return Light("Point", "point", np.array(where, float), np.eye(3), np.full(3, strength, np.float32))
 
 
-@pytest.mark.parametrize("origin", [0.0, 3000.0])
+@pytest.mark.parametrize("origin", [3000.0, long(0.0)])
 @pytest.mark.parametrize("kind", ["sun", "point"])
 def test_light_ends_where_the_smooth_surface_turns_away(kind, origin):
     """The default UV sphere: E/pi is that of the smooth normals, without the steps of facets."""

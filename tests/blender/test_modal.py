@@ -11,6 +11,7 @@ import pytest
 
 from tests.blender.test_panels import Layout
 from tests.blender.things import furnace, part, pixels, report, snapshot, square
+from tests.rows import long
 from tools.headless import disable, enable
 
 TIMER = SimpleNamespace(type="TIMER", value="NOTHING")
@@ -264,7 +265,7 @@ def test_disabling_the_extension_in_mid_bake_leaves_nothing_behind(operator, con
     assert bpy.ops.hemibake.bake.poll()
 
 
-@pytest.mark.parametrize("copied", [False, True])
+@pytest.mark.parametrize("copied", [False, long(True)])
 def test_object_whose_uvs_were_undone_in_mid_bake_is_named_and_not_written(operator, context, window, copied):
     import bpy
 
@@ -388,7 +389,7 @@ def test_escape_while_unwrapping_leaves_nothing_behind(unwrap_operator, context,
 
 
 @pytest.mark.parametrize("name", ["repack", "unwrap"])
-@pytest.mark.parametrize("events", [0, 2, 8])
+@pytest.mark.parametrize("events", [2, long(0), long(8)])
 def test_packing_again_is_modal_and_escape_leaves_everything(name, events, context, window):
     import bpy
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.blender.things import SQUARE_UVS, bpy_link, mesh_object, part, pixels, snapshot, square
+from tests.rows import long
 
 #: Pixels of a render, and of the blocks whose means are compared.
 _WIDTH, _BLOCK = 48, 8
@@ -297,7 +298,7 @@ def by_nodes(source, places):
     source.location = (0.3, 0.92, 0)
 
 
-@pytest.mark.parametrize("show", [by_collections, by_vertices, by_nodes])
+@pytest.mark.parametrize("show", [by_nodes, long(by_collections), long(by_vertices)])
 def test_preview_of_instances_looks_like_the_original(stage, tmp_path, show):
     """Some are in a shadow, some are not."""
     import bpy

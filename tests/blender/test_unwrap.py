@@ -307,6 +307,7 @@ def arch(name, steps=9):
     return mesh_object(name, rims, quads)
 
 
+@pytest.mark.long
 def test_mesh_that_xatlas_cannot_cut_is_named_and_the_others_go_on(monkeypatch):
     from pathlib import Path
 

@@ -20,6 +20,7 @@ from tests.blender.things import (
     snapshot,
     square,
 )
+from tests.rows import long
 
 NAME = "Lightmap UVs"
 
@@ -64,7 +65,9 @@ def coverage(*objects, size=256) -> np.ndarray:
     return count
 
 
-@pytest.mark.parametrize("kind", ["ARRAY", "MIRROR", "SOLIDIFY", "SCREW", "WIREFRAME", "REMESH"])
+@pytest.mark.parametrize(
+    "kind", ["ARRAY", "MIRROR", long("SOLIDIFY"), long("SCREW"), long("WIREFRAME"), long("REMESH")]
+)
 def test_what_a_modifier_makes_is_baked_beside_others(kind):
     import bpy
 

@@ -21,6 +21,7 @@ from tests.blender.things import (
     square,
     unwrap_missing,
 )
+from tests.rows import long
 
 RESOLUTION = 257
 
@@ -152,7 +153,7 @@ def names():
 
 
 @pytest.mark.parametrize(
-    ("kind", "settings"), [("ARRAY", {"count": 3}), ("MIRROR", {}), ("BEVEL", {"width": 0.1})]
+    ("kind", "settings"), [("ARRAY", {"count": 3}), long("MIRROR", {}), long("BEVEL", {"width": 0.1})]
 )
 def test_modifiers_that_make_faces_get_uvs_of_these(kind, settings):
     import bpy

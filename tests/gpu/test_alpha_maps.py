@@ -11,6 +11,7 @@ from engine.scene.cutouts import read_cutouts
 from engine.visibility.raster import table
 from tests.analytic.drive import drive
 from tests.analytic.scenes import quads, rectangle
+from tests.rows import long
 
 BLACK = np.zeros(3, np.float32)
 SETTINGS = Settings(resolution=64, hemicube=8, iterations=1, sample_emission=False)
@@ -46,7 +47,7 @@ def lights(materials, **changes):
 
 
 WAYS = pytest.mark.parametrize(
-    "changes", [{"visibility": "raster"}, {"visibility": "rays"}, {"method": "paper"}], ids=str
+    "changes", [{"visibility": "rays"}, long({"visibility": "raster"}), long({"method": "paper"})], ids=str
 )
 
 

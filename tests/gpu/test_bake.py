@@ -149,6 +149,7 @@ def test_a_missing_driver_is_a_clear_error(variable, message, tmp_path):
     assert re.search(message, result.stdout)
 
 
+@pytest.mark.long
 def test_what_a_bake_keeps_between_sessions_lies_in_the_folder_of_the_settings(tmp_path):
     """PyOpenCL opens no database: it would outlive the add-on, and bakes would fail once it is cleared."""
     code = (

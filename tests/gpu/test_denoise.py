@@ -9,6 +9,7 @@ from engine import Settings
 from tests.analytic.drive import drive, drive_with_progress
 from tests.analytic.scenes import nine_quad_room
 from tests.gpu.test_hide_seams import tiles
+from tests.rows import long
 from tests.tools.real_denoiser import LIBRARY, needs_library
 
 #: 16 rays a patch are noisy.
@@ -49,7 +50,7 @@ def off_identity(lightmap) -> np.ndarray:
 
 
 @needs_library
-@pytest.mark.parametrize("output", ["directional", "spherical_harmonics", "dominant_direction"])
+@pytest.mark.parametrize("output", ["dominant_direction", long("directional"), long("spherical_harmonics")])
 def test_denoised_directional_maps_are_nearer_to_the_exact_ones(output):
     """And L0 + L1 . n is still the light of walls, whose normals are axes of the world."""
     changes = {"outputs": ("combined", output), "resolution": 128, "texel_samples": 1, "hide_seams": False}

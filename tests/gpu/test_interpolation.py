@@ -14,6 +14,7 @@ from engine.solve.patch_groups import PatchGroups, leaders
 from engine.visibility.rays.ray_scene import RayScene
 from tests.analytic.drive import drive
 from tests.analytic.scenes import nine_quad_room
+from tests.rows import long
 
 WIDTH = 4
 
@@ -87,7 +88,7 @@ def test_other_light_of_a_patch_hides_what_is_left_over(room):
     assert fits[beside > 0].mean() > 0.8 and fits[beside == 0].mean() < 0.1
 
 
-@pytest.mark.parametrize("outputs", [("combined",), ("combined", "direct", "indirect")])
+@pytest.mark.parametrize("outputs", [("combined", "direct", "indirect"), long(("combined",))])
 def test_adaptive_bakes_show_the_same_light(outputs):
     """A ceiling behind a panel, which sees backs, is not taken for what is around it."""
     if not Compute().processor:

@@ -25,6 +25,7 @@ from engine.visibility.rays.ray_scene import RayScene
 from tests.analytic.drive import drive
 from tests.analytic.scenes import furnace, material, nine_quad_room, quads, rectangle, room_walls
 from tests.analytic.test_sky_and_cutouts import sky
+from tests.rows import long
 
 SETTINGS = Settings(
     resolution=67, hemicube=8, iterations=4, tolerance=0, sample_emission=False,
@@ -97,7 +98,7 @@ def test_rays_that_follow_the_cosine_find_the_same_light(paper):
     assert np.median(np.abs(baked.image - paper[1].image)) < 0.1 * paper[1].image.mean()
 
 
-@pytest.mark.parametrize("visibility", ["raster", "rays"])
+@pytest.mark.parametrize("visibility", ["rays", long("raster")])
 def test_what_does_not_fit_the_memory_is_streamed(paper, visibility):
     settings = dataclasses.replace(SETTINGS, method="cached", visibility=visibility, memory_budget=1 << 18)
     report = drive(paper[0], settings).report
@@ -127,14 +128,14 @@ def test_drawing_is_not_tried_where_rays_take_a_moment(paper, monkeypatch):
     assert report.visibility == "rays" and "Nothing else was tried" in " ".join(report.reasons)
 
 
-@pytest.mark.parametrize("visibility", ["raster", "rays"])
+@pytest.mark.parametrize("visibility", ["rays", long("raster")])
 def test_cached_bakes_are_repeatable(visibility):
     world, settings = np.float32([1, 2, 3]), dataclasses.replace(SETTINGS, visibility=visibility)
     first, second = (drive(scene(world), settings).image for _ in range(2))
     assert (first == second).all()
 
 
-@pytest.mark.parametrize("visibility", ["raster", "rays"])
+@pytest.mark.parametrize("visibility", ["rays", long("raster")])
 def test_ten_accelerated_sweeps_light_a_closed_room(visibility):
     """Reflectance 0.9, to 0.1 %: the paper's iteration takes about 65 sweeps."""
     room = nine_quad_room()
@@ -208,7 +209,7 @@ def find(compute, identity, first, last, count):
     return seen
 
 
-@pytest.mark.parametrize("visibility", ["raster", "rays"])
+@pytest.mark.parametrize("visibility", ["rays", long("raster")])
 def test_patch_groups_bring_the_same_light(visibility):
     """A square of 2 x 2 patches is 0.2 m wide in this room; direct and indirect light add up."""
     outputs = ("combined", "direct", "indirect")
@@ -267,6 +268,7 @@ def test_opengl_and_opencl_sum_alike(paper, monkeypatch):
     assert paper[1].display == pytest.approx(in_cl.display, rel=2e-5, abs=1e-6)
 
 
+@pytest.mark.long
 def test_half_floats_are_for_opengl_alone(paper, monkeypatch):
     half = dataclasses.replace(SETTINGS, method="paper", half_radiance=True)
     rough = drive(paper[0], half).image

@@ -8,6 +8,7 @@ from engine.patches.occluders import place_occluders
 from engine.scene.model import OCCLUDER
 from tests.analytic.drive import drive
 from tests.analytic.scenes import furnace, material, quads, room_walls
+from tests.rows import long
 
 #: Width of lightmaps, cubes along each axis of a room, cubes in an atlas, and what they emit by turns.
 SIDE, CUBES, IN_ATLAS = 17, 4, 10
@@ -26,7 +27,7 @@ def cubes(baked: bool) -> list[Mesh]:
     return made
 
 
-@pytest.mark.parametrize("visibility", ["raster", "rays"])
+@pytest.mark.parametrize("visibility", ["rays", long("raster")])
 def test_occluders_in_several_atlases_show_what_they_emit(visibility):
     """More clusters than one atlas has room for: a room looks the same as with charts for all of them."""
     room = furnace(0.0, 0.0)

@@ -7,11 +7,12 @@ from engine import Settings, SettingsError, bake, finished
 from engine.device.graphics import Graphics
 from engine.session import Session
 from tests.analytic.scenes import furnace, sphere
+from tests.rows import long
 
 QUICK = Settings(resolution=37, hemicube=8, iterations=3, tolerance=0)
 
 
-@pytest.mark.parametrize("visibility", ["raster", "rays"])
+@pytest.mark.parametrize("visibility", ["rays", long("raster")])
 def test_later_bakes_on_the_same_devices_give_the_same_bits(visibility):
     settings = dataclasses.replace(QUICK, visibility=visibility)
     expected = [finished(bake(scene, settings)).image for scene in (furnace(0.5, 1.0), sphere())]
@@ -48,7 +49,7 @@ def test_after_an_error_and_after_a_cancel_the_next_bake_works():
     session.close()
 
 
-@pytest.mark.parametrize("method", ["paper", "cached"])
+@pytest.mark.parametrize("method", ["cached", long("paper")])
 def test_other_contexts_of_the_process_do_no_harm(method):
     """Between bakes and between slices someone else draws in a context of theirs."""
     settings = dataclasses.replace(QUICK, method=method, visibility="raster")

@@ -14,12 +14,12 @@ def summing_up(maps: dict[str, np.ndarray], combined: np.ndarray) -> dict[str, n
 
     Each texel and channel is divided in the proportions of the groups' maps.
     """
-    means = {name: images.mean(axis=(0, 1, 2), dtype=np.float64) for name, images in maps.items()}
-    total = np.zeros(combined.shape, np.float64)
-    for name, images in maps.items():
-        total += np.maximum(images, 0) + _FAINT * means[name]
-    share = np.divide(combined, total, out=np.zeros_like(total), where=total > 0)
-    return {
-        name: ((np.maximum(images, 0) + _FAINT * means[name]) * share).astype(np.float32)
-        for name, images in maps.items()
-    }
+    parts = {name: np.maximum(images, 0) for name, images in maps.items()}
+    total = np.zeros_like(combined)
+    for part in parts.values():
+        part += (_FAINT * part.mean(axis=(0, 1, 2), dtype=np.float64)).astype(np.float32)
+        total += part
+    factor = np.divide(combined, total, out=np.zeros_like(total), where=total > 0)
+    for part in parts.values():
+        part *= factor
+    return parts

@@ -15,8 +15,8 @@ from .kept_samples import Backs, KeptSamples, Rows
 from .static_light import StaticLight
 from .sweep import Light
 
-#: Light groups whose radiances are read at a time: they lie in one or two cache lines.
-TOGETHER = 4
+#: Light groups whose radiances are read at a time: two fill the 32 bytes that a graphics card reads anyway.
+TOGETHER = 2
 
 
 class _Gather:

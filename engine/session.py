@@ -21,6 +21,7 @@ from .lightmap import Lightmap
 from .live import Live
 from .plan.stages import BakeStages, Extent
 from .progress import Progress, finished
+from .resume.checkpoint import Checkpoints
 from .scene.changes import Changes
 from .scene.checks import check_scene
 from .scene.model import Scene
@@ -98,6 +99,7 @@ class Session:
         stages = BakeStages(Extent.of(scene), settings, self._paces)
         devices = self._take(settings)
         kept, self._kept = self._kept or Kept(), None
+        kept.checkpoints = _checkpoints(settings)
         stages.opened(devices.on_card)
         try:
             with _workers(settings) as workers:
@@ -112,9 +114,11 @@ class Session:
         except BaseException:
             devices.release()
             raise
+        kept.checkpoints.finish()
         stages.learn()
         warnings = (*lightmap.report.warnings, *(workers.warnings if workers else ()))
-        report = replace(lightmap.report, paces=dict(self._paces), warnings=warnings)
+        reasons = (*lightmap.report.reasons, *kept.checkpoints.reasons)
+        report = replace(lightmap.report, paces=dict(self._paces), warnings=warnings, reasons=reasons)
         lightmap = replace(lightmap, report=report)
         self._keep(devices, kept, settings)
         return lightmap
@@ -137,6 +141,13 @@ class Session:
         from .device.devices import Devices
 
         return Devices(*wanted)
+
+
+def _checkpoints(settings: Settings) -> Checkpoints:
+    """Return the checkpoints of a bake: none on a warm start, which goes on from what the devices keep."""
+    if settings.warm_start:
+        return Checkpoints()
+    return Checkpoints(settings.cache_dir, settings.checkpoint_space, settings.checkpoint_interval)
 
 
 @contextmanager

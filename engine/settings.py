@@ -258,6 +258,22 @@ class Settings:
         _BYTES,
         PREFERENCES,
     )
+    checkpoint_space: int = described(
+        4 << 30,
+        "Checkpoint Space",
+        "Disk space in the cache folder for what bakes have found that were cancelled or killed, and that go "
+        "on from there when started again; the oldest gives way, and a bake that ends well removes its own. "
+        "0 for none",
+        Span(0, 1 << 50, "bytes", ("MiB", 1 << 20)),
+        PREFERENCES,
+    )
+    checkpoint_interval: float = described(
+        5.0,
+        "Checkpoint Interval",
+        "Time between two checkpoints, and before the first: shorter bakes write none",
+        Span(0, 86400, "s"),
+        PREFERENCES,
+    )
     patch_groups: int = described(
         0,
         "Patch Groups",
@@ -322,7 +338,7 @@ class Settings:
         None,
     )
     cache_dir: str | None = described(
-        None, "Kernel Cache", "Folder for compiled kernels; None keeps none", FilePath(), None
+        None, "Cache", "Folder for compiled kernels and checkpoints; None keeps none", FilePath(), None
     )
 
     @property

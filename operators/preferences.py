@@ -70,10 +70,10 @@ class HEMIBAKE_OT_find_devices(bpy.types.Operator):
 
 
 class HEMIBAKE_OT_clear_cache(bpy.types.Operator):
-    """Remove all compiled kernels; the next bake compiles what it needs"""
+    """Remove all compiled kernels and what interrupted bakes have found; the next bake makes what it needs"""
 
     bl_idname = "hemibake.clear_cache"
-    bl_label = "Clear Kernel Cache"
+    bl_label = "Clear Cache"
     bl_options = {"INTERNAL"}
 
     @classmethod
@@ -84,7 +84,7 @@ class HEMIBAKE_OT_clear_cache(bpy.types.Operator):
         try:
             clear_cache()
         except OSError as error:
-            tell(self, "ERROR", f"Some kernels stay: {error}. Close other Blenders, then try again.")
+            tell(self, "ERROR", f"Some files stay: {error}. Close other Blenders, then try again.")
             return {"CANCELLED"}
         return {"FINISHED"}
 

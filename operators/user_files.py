@@ -1,6 +1,6 @@
 """What Hemibake writes into Blender's user folder; uninstalling removes it.
 
-That is compiled kernels, a log, and how fast this machine is.
+That is compiled kernels, checkpoints of interrupted bakes, a log, and how fast this machine is.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ _LOG_LIMIT = 1 << 20
 
 
 def cache_folder() -> Path | None:
-    """Return the folder for compiled kernels, None if it cannot be made."""
+    """Return the folder for compiled kernels and checkpoints, None if it cannot be made."""
     return _folder("cl_cache")
 
 
 def cache_size() -> int:
-    """Return the size of all compiled kernels, bytes."""
+    """Return the size of the cache, bytes."""
     folder = cache_folder()
     files = folder.rglob("*") if folder else ()
     size = 0
@@ -37,7 +37,7 @@ def cache_size() -> int:
 
 
 def clear_cache() -> None:
-    """Remove all compiled kernels; raises OSError for one that cannot be."""
+    """Empty the cache; raises OSError for a file that cannot be removed."""
     folder = cache_folder()
     for path in folder.iterdir() if folder else ():
         if path.is_dir() and not path.is_symlink():

@@ -69,9 +69,9 @@ def _draw_test(layout: bpy.types.UILayout, width: float) -> None:
 
 
 def _draw_files(layout: bpy.types.UILayout) -> None:
-    """Show where compiled kernels and the log are, and where Hemibake is explained."""
+    """Show where the cache and the log are, and where Hemibake is explained."""
     row = layout.split(factor=_BESIDE)
-    row.label(text=f"Kernel cache: {cache_size() / 2**20:.1f} MiB in {cache_folder() or 'no folder'}")
+    row.label(text=f"Cache: {cache_size() / 2**20:.1f} MiB in {cache_folder() or 'no folder'}")
     row.operator("hemibake.clear_cache", text="Clear", icon="TRASH")
     _draw_path(layout, "Log", log_file())
     _draw_path(layout, "Guide", guide())

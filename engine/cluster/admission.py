@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
-from functools import cache
-from pathlib import Path
 
 from distributed import Worker
 from distributed.diagnostics.plugin import WorkerPlugin
 
 from ..device.compute import Compute
+from ..device.source import source_digest
 from ..errors import DeviceError
 from .prepared_scene import DEVICE
 
@@ -19,22 +17,6 @@ REFUSED = "hemibake-refused"
 
 #: Seconds that a refused worker has to tell why.
 _FAREWELL = 0.1
-
-#: Folders whose files decide the bits of a bake.
-_PARTS = ("engine", "kernels", "shaders")
-_ROOT = Path(__file__).resolve().parents[2]
-
-
-@cache
-def source_digest() -> str:
-    """Return a digest of all source files that decide what a bake computes, hexadecimal."""
-    digest = hashlib.sha256()
-    for part in _PARTS:
-        for path in sorted((_ROOT / part).rglob("*.*")):
-            if "__pycache__" not in path.parts:
-                digest.update(path.relative_to(_ROOT).as_posix().encode())
-                digest.update(path.read_bytes())
-    return digest.hexdigest()
 
 
 class Admission(WorkerPlugin):

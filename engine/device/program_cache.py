@@ -31,7 +31,7 @@ class ProgramCache:
 
     def __init__(self, context: cl.Context, folder: str | None) -> None:
         self._context, (self._device,) = context, context.devices
-        self._folder = None if folder is None else Path(folder) / _device_digest(self._device)
+        self._folder = None if folder is None else Path(folder) / device_digest(self._device)
         self._loading: dict[str, Future[cl.Program]] = {}
         files = _newest(self._folder)
         if files:
@@ -102,7 +102,7 @@ def _newest(folder: Path | None) -> list[Path]:
     return []
 
 
-def _device_digest(device: cl.Device) -> str:
+def device_digest(device: cl.Device) -> str:
     """Return a name for all that binaries of a device depend on beside their source."""
     platform = device.platform
     facts = (

@@ -1,14 +1,19 @@
-"""Reads shader and kernel sources from the folders beside the engine."""
+"""Reads shader and kernel sources from the folders beside the engine, and digests all of them."""
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 
 from .record import Record
 
 _ROOT = Path(__file__).resolve().parents[2]
+
+#: Folders whose files decide the bits of a bake.
+_PARTS = ("engine", "kernels", "shaders")
 
 
 def shader_source(name: str, features: Sequence[str] = ()) -> str:
@@ -35,3 +40,15 @@ def kernel_source(part: str | Record) -> str:
     if isinstance(part, Record):
         return part.declaration
     return (_ROOT / "kernels" / part).read_text(encoding="utf-8")
+
+
+@cache
+def source_digest() -> str:
+    """Return a digest of all source files that decide what a bake computes, hexadecimal."""
+    digest = hashlib.sha256()
+    for part in _PARTS:
+        for path in sorted((_ROOT / part).rglob("*.*")):
+            if "__pycache__" not in path.parts:
+                digest.update(path.relative_to(_ROOT).as_posix().encode())
+                digest.update(path.read_bytes())
+    return digest.hexdigest()

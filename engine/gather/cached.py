@@ -9,6 +9,7 @@ import pyopencl as cl
 
 from ..device.buffers import upload
 from ..device.compute import Compute
+from ..resume.checkpoint import Checkpoint
 from ..visibility.identity import Identity, Sampling, identity_options
 from ..visibility.rays.identity import GatheredBuffers, RayIdentity
 from .kept_samples import Backs, KeptSamples, Rows
@@ -47,8 +48,9 @@ class _Gather:
 class CachedSweep:
     """What a sweep costs is memory speed: what patches see is kept, found by the first sweep at the latest.
 
-    identity  finds it; None if that is done
-    l1        gathers L1 once the light has settled
+    identity    finds it; None if that is done
+    l1          gathers L1 once the light has settled
+    checkpoint  holds a part of it, or will
     """
 
     def __init__(
@@ -58,8 +60,9 @@ class CachedSweep:
         identity: Identity | None,
         static: StaticLight,
         l1: L1Gather | NoL1,
+        checkpoint: Checkpoint,
     ) -> None:
-        self._compute, self._kept, self._identity = compute, kept, identity
+        self._compute, self._kept, self._identity, self._checkpoint = compute, kept, identity, checkpoint
         self._kernels = _Gather(compute, kept.sampling)
         self._static, self._l1, self._begun = static, l1, False
 
@@ -82,7 +85,7 @@ class CachedSweep:
     def _begin(self, light: Light) -> Generator[float, None, None]:
         """Find what patches see, and the light there that no bounce changes."""
         if self._identity is not None:
-            yield from self._kept.find(self._identity)
+            yield from self._kept.find(self._identity, self._checkpoint)
             self._identity = None
         for rows in self._kept.pieces:
             self._static.sum_up(rows, self._kept.backs)

@@ -11,7 +11,9 @@ import pyopencl as cl
 from ..device.buffers import zeros
 from ..device.compute import Compute
 from ..patches.subdivision import Subdivision
+from ..resume.checkpoint import Checkpoint
 from ..visibility.identity import Identity, Sampling, SeenBuffers
+from .saved_rows import SavedRows, Table
 
 #: The largest piece of a cache, bytes.
 _PIECE = 1 << 30
@@ -40,6 +42,12 @@ class Backs:
     def found_with(self, cache: cl.Buffer, first: int) -> SeenBuffers:
         """Return where an identity writes what patches from `first` on see."""
         return SeenBuffers(cache, first, self.light, self.patches_seen, self.seen, self.l1)
+
+    def tables(self) -> dict[str, Table]:
+        """Return all of it by name."""
+        tables = {"light": Table(self.light, 16), "patches_seen": Table(self.patches_seen, 4)}
+        l1 = {} if self.l1 is None else {"l1": Table(self.l1, 48)}
+        return {**tables, **l1, "seen": Table(self.seen, 0)}
 
 
 class KeptSamples:
@@ -78,14 +86,35 @@ class KeptSamples:
         """Memory of the device that it takes."""
         return sum(rows.cache.size for rows in self.pieces) + self.backs.light.size
 
-    def find(self, identity: Identity) -> Generator[float, None, None]:
-        """Find what all patches see, from where a cancelled bake has come to on; yield the fraction done."""
+    def find(self, identity: Identity, checkpoint: Checkpoint) -> Generator[float, None, None]:
+        """Find what all patches see, from where a cancelled bake has come to on.
+
+        Yields the fraction done of what no checkpoint holds.
+        """
+        known = 0
         while not self.complete:
-            rows, first = self._unfinished_piece(), self._found
+            rows = self._unfinished_piece()
+            saved = self._saved_rows(rows, checkpoint)
+            read = yield from saved.read()
+            known += read - rows.first
+            first = self._found = max(self._found, read)
             for done in identity.find(first, rows.last, self.backs.found_with(rows.cache, rows.first)):
-                self._found = first + int(done * (rows.last - first))
-                yield self._found / self.count
+                found = int(done * (rows.last - first))
+                self._found = first + _finished(identity, found)
+                yield (first + found - known) / (self.count - known)
+                saved.write(self._found)
             self._found = rows.last
+            saved.complete()
+        if known:
+            checkpoint.tell(
+                f"What {known:,} of {self.count:,} patches see went on from a bake that was interrupted."
+            )
+
+    def _saved_rows(self, rows: Rows, checkpoint: Checkpoint) -> SavedRows:
+        """Return what reads and writes the rows of a piece."""
+        tables = {"samples": Table(rows.cache, self.sampling.row_bytes, rows.first), **self.backs.tables()}
+        patches = (rows.first, rows.last)
+        return SavedRows(self._compute, checkpoint, self.sampling.name, patches, tables)
 
     def _unfinished_piece(self) -> Rows:
         """Return the piece of the first patch that is not found; a new one if no piece has it."""
@@ -127,3 +156,11 @@ class KeptSamples:
         cl.enqueue_copy(self._compute.queue, marks, self.backs.seen)
         seen: np.ndarray = marks[1 : len(self._emission) + 1] > 0
         return seen
+
+
+def _finished(identity: Identity, found: int) -> int:
+    """Return how many rows are surely in the cache, of `found` that an identity has told of.
+
+    A batch is in the cache once the identity goes on to the next.
+    """
+    return max(found - 1, 0) // identity.batch * identity.batch

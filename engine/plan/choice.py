@@ -18,7 +18,8 @@ class Choice:
     patches     that are solved for
     pace        seconds that a sample takes to be found, as tried; NaN if it was not
     final_samples  of all patches together, found after the light has settled
-    found       True if an earlier bake has found what patches see
+    found       True if an earlier bake of the session has found what patches see
+    resumed     fraction of the patches of which an interrupted bake has found it
     """
 
     method: str
@@ -30,3 +31,4 @@ class Choice:
     pace: float = math.nan
     final_samples: int = 0
     found: bool = False
+    resumed: float = 0.0

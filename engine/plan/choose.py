@@ -17,6 +17,7 @@ from ..gather.remote import RemoteFinal, RemoteSweep
 from ..gather.static_light import StaticLight
 from ..gather.sweep import Sweep
 from ..patches.subdivision import Subdivision
+from ..scene.digests import digest_of
 from ..settings import Settings
 from ..solve.darkness import Darkness
 from ..solve.device_radiosity import DeviceRadiosity
@@ -26,6 +27,7 @@ from ..solve.interpolated_gather import InterpolatedGather
 from ..solve.interpolation import Interpolation
 from ..solve.last_gather import LastGather
 from ..solve.patch_groups import PatchGroups, leaders
+from ..solve.resumed_solver import ResumedSolver
 from ..solve.solver import Radiosity, Solution, Solver
 from ..visibility.identity import Identity, Sampling
 from ..visibility.raster.tiles import IDENTITY_BYTES, plan_tiles
@@ -35,7 +37,7 @@ from ..visibility.samples import expected_samples, ray_count
 from .choice import Choice
 from .memory import MORE_RAYS, group_width, is_adaptive, is_kept, memory_budget, memory_clause
 from .solve_job import SolveJob
-from .trial import choose_identity, make_identity, untried_visibility
+from .trial import IDENTITIES, choose_identity, make_identity, untried_visibility
 
 #: Why nothing is looked for.
 _KEPT = "Visibility was kept from the last bake: no geometry, UVs, transparency or setting of it has changed."
@@ -76,8 +78,11 @@ def solver_like(job: SolveJob, choice: Choice) -> Solver:
 def _solver(job: SolveJob) -> tuple[Solver, Choice]:
     """Return what solves for every patch on its own."""
     radiosity, choice = _host_radiosity(job) if _by_hemicubes(job) else _device_radiosity(job)
-    warm = job.indirect is not None
-    solver = Solver(radiosity, job.sampled_light, job.settings, job.gathers_direct, warm)
+    gathered_by = (choice.method, choice.visibility, choice.samples, choice.integrator)
+    solver = ResumedSolver(
+        radiosity, job.sampled_light, job.settings, job.gathers_direct, job.indirect is not None,
+        job.checkpoint, lambda: digest_of((*job.light_key, *gathered_by)),
+    )  # fmt: skip
     return solver, replace(choice, patches=job.count)
 
 
@@ -246,9 +251,19 @@ def _kept_sweep(job: SolveJob) -> tuple[Sweep, Choice] | None:
 def _new_sweep(job: SolveJob) -> tuple[Sweep, Choice]:
     """Return how identities become light."""
     job.kept.samples = None
-    identity, reasons, pace = choose_identity(job)
+    identity, reasons, pace = _resumed_identity(job) or choose_identity(job)
     sweep, method, reason = _choose_sweep(job, identity)
-    return sweep, Choice(method, identity.name, identity.samples, (*reasons, reason), pace=pace)
+    resumed = job.checkpoint.rows_from_the_first(identity.name) / job.count if method == "cached" else 0.0
+    facts = (method, identity.name, identity.samples, (*reasons, reason))
+    return sweep, Choice(*facts, pace=pace, resumed=resumed)
+
+
+def _resumed_identity(job: SolveJob) -> tuple[Identity, list[str], float] | None:
+    """Return the way in which an interrupted bake has begun to find what patches see, None if none has."""
+    begun = sorted(name for name in IDENTITIES if job.checkpoint.rows_from_the_first(name))
+    if not begun:
+        return None
+    return make_identity(job, begun[0]), [f"A bake that was interrupted has begun with {begun[0]}."], math.nan
 
 
 def _host_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
@@ -309,7 +324,8 @@ def _stream(job: SolveJob, identity: Identity) -> Sweep:
 def _cached(job: SolveJob, kept: KeptSamples, identity: Identity | None) -> Sweep:
     """Return how what is kept, or is to be found by an identity first, becomes light."""
     sampling = kept.sampling
-    return CachedSweep(job.opencl, kept, identity, static_light(job, sampling), _l1_gather(job, sampling))
+    l1 = _l1_gather(job, sampling)
+    return CachedSweep(job.opencl, kept, identity, static_light(job, sampling), l1, job.checkpoint)
 
 
 def static_light(job: SolveJob, sampling: Sampling) -> StaticLight:

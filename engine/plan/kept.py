@@ -11,6 +11,7 @@ from ..gather.kept_samples import KeptSamples
 from ..patches.patch_list import PatchList
 from ..patches.subdivision import Subdivision, subdivide
 from ..patches.surfaces import patch_surfaces
+from ..resume.checkpoint import Checkpoints
 from ..scene.digests import geometry_digest, surfaces_digest
 from ..scene.model import Scene
 from ..settings import Settings
@@ -20,9 +21,9 @@ from .last_light import LastLight
 
 #: Settings that change nothing of what patches are and see. Whether light bounces and has directions does.
 _LEAVING_VISIBILITY = frozenset({
-    "accelerate", "ao_distance", "ao_samples", "denoise", "denoise_device", "denoise_library", "dilation",
-    "hide_seams", "intermediates", "iterations", "kept_budget", "light_samples", "outputs", "sample_emission",
-    "texel_samples", "tolerance", "warm_start",
+    "accelerate", "ao_distance", "ao_samples", "checkpoint_interval", "checkpoint_space", "denoise",
+    "denoise_device", "denoise_library", "dilation", "hide_seams", "intermediates", "iterations",
+    "kept_budget", "light_samples", "outputs", "sample_emission", "texel_samples", "tolerance", "warm_start",
 })  # fmt: skip
 
 #: What is kept takes this part of the device's memory by default.
@@ -35,17 +36,22 @@ class Kept:
     It serves any bake of the same geometry, lightmap UVs and transparency by the same settings, as far as
     these change what patches see.
 
-    samples  what patches see; None if that is not kept
-    light    of the last bake that left it for a warm start, whatever its geometry; None if none did
+    samples      what patches see; None if that is not kept
+    light        of the last bake that left it for a warm start, whatever its geometry; None if none did
+    key          of the scene and settings that it serves
+    checkpoints  what a bake that was interrupted has left in files, and what the current one writes
     """
 
     samples: KeptSamples | None
     light: LastLight | None = None
+    key: tuple | None
+    checkpoints: Checkpoints
     _parts: Subdivision | None
     _rays: RayScene | None
 
     def __init__(self) -> None:
-        self._key: tuple | None = None
+        self.key = None
+        self.checkpoints = Checkpoints()
         self._surfaces_key = b""
         self.clear()
 
@@ -60,15 +66,15 @@ class Kept:
 
         All that is kept of other geometry, or by other settings, is dropped.
         """
-        key, surfaces = (geometry_digest(scene), *_visibility_settings(settings)), surfaces_digest(scene)
-        if key != self._key:
+        key, surfaces = (geometry_digest(scene), *visibility_settings(settings)), surfaces_digest(scene)
+        if key != self.key:
             self.clear()
         if self._parts is None:
             self._parts = subdivide(graphics, compute, scene, settings)
         elif surfaces != self._surfaces_key:
             made = patch_surfaces(compute, scene, self._parts.geometry, settings.resolution)
             self._parts = replace(self._parts, surfaces=made)
-        self._key, self._surfaces_key = key, surfaces
+        self.key, self._surfaces_key = key, surfaces
         return self._parts
 
     def ray_scene(self, compute: Compute | None, parts: Subdivision) -> RayScene:
@@ -92,7 +98,7 @@ class Kept:
             self.samples = None
 
 
-def _visibility_settings(settings: Settings) -> tuple:
+def visibility_settings(settings: Settings) -> tuple:
     """Return all of the settings that may change what patches are and what they see."""
     names = [entry.name for entry in fields(settings) if entry.name not in _LEAVING_VISIBILITY]
     values = (getattr(settings, name) for name in names)

@@ -9,14 +9,18 @@ import numpy as np
 
 from ..device.compute import Compute
 from ..device.graphics import Graphics
+from ..device.program_cache import device_digest
+from ..device.source import source_digest
 from ..errors import DeviceError
 from ..patches.subdivision import Subdivision
+from ..resume.checkpoint import Checkpoint
+from ..scene.digests import digest_of
 from ..settings import Settings
 from ..solve.anderson import COLUMNS
 from ..solve.solver import PLAIN_COLUMNS
 from ..visibility.identity import Surroundings, surroundings
 from ..visibility.rays.ray_scene import RayScene
-from .kept import Kept
+from .kept import Kept, visibility_settings
 from .remote_devices import RemoteDevices
 
 
@@ -64,6 +68,28 @@ class SolveJob:
     def surroundings(self) -> Surroundings:
         """What patches see beside each other's fronts, on the OpenCL device."""
         return surroundings(self.opencl, self.emission, self.sky)
+
+    @cached_property
+    def checkpoint(self) -> Checkpoint:
+        """What is in files of what these patches see, and of their light."""
+        return self.kept.checkpoints.of(self._visibility_key)
+
+    @property
+    def light_key(self) -> tuple:
+        """All that decides the light of the patches, where it is known what they see and how they gather."""
+        settings = self.settings
+        arrays = (self.emission, self.sky, self.sampled_light, self.parts.surfaces.reflectance, self.area)
+        return (*arrays, settings.accelerate, settings.tolerance, self.columns, self.remote is not None)
+
+    def _visibility_key(self) -> str:
+        """Return a digest of all that decides what the patches see of each other."""
+        parts, devices = self.parts, [self.graphics.name]
+        if self.compute is not None:
+            devices.append(device_digest(self.compute.device))
+        where = (parts.patches.texel, parts.patches.atlas, parts.texel_to_patch)
+        points = (parts.geometry.triangle, parts.geometry.barycentric, self.emission)
+        made_by = (source_digest(), *devices, self.kept.key, visibility_settings(self.settings))
+        return digest_of((*where, *points, *made_by))
 
     @property
     def columns(self) -> int:

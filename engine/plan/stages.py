@@ -173,7 +173,7 @@ class BakeStages(Schedule):
         self._foresee(self.visibility, finding, self.visibility.pace, choice.pace)
         self._foresee(self.final, finding, self.visibility.pace, choice.pace)
         self._foresee(self.bounces, looking, self.visibility.pace * (_LOOK_UP if self._kept else 1))
-        self.visibility.amount = self._samples_of_sweep if self._finds_first else 0
+        self.visibility.amount = self._samples_of_sweep * (1 - choice.resumed) if self._finds_first else 0
         self.final.amount = choice.final_samples
         self._expect_sweeps()
         return self.end()

@@ -17,6 +17,9 @@ from .memory import finding_sweeps, memory_budget
 from .rates import DrawingRates
 from .solve_job import SolveJob
 
+#: The ways to find what patches see.
+IDENTITIES = ("rays", "raster")
+
 #: Patches that are tried first, how many times more the next try takes, and when a try is long enough, s.
 _TRIED, _MORE, _LONG_ENOUGH = 32, 8, 0.01
 

@@ -13,6 +13,9 @@ from .model import Material, Mesh, Scene, Texture
 #: Arrays of a mesh that decide where its patches are and what they see.
 _GEOMETRY = ("positions", "normals", "uvs", "face", "subface", "material")
 
+#: Bytes of a digest that names something.
+_SHORT = 20
+
 #: What both kinds of maps share: how pixels lie on the surface.
 _MAPPING = ("uv_map", "extension", "smooth")
 
@@ -62,6 +65,13 @@ def same_values(one: object, other: object) -> bool:
     if is_dataclass(one):
         return all(same_values(getattr(one, entry.name), getattr(other, entry.name)) for entry in fields(one))
     return one == other
+
+
+def digest_of(values: Iterable[object]) -> str:
+    """Return a digest of arrays, numbers and names, hexadecimal."""
+    digest = hashlib.blake2b(digest_size=_SHORT)
+    _feed(digest, values)
+    return digest.hexdigest()
 
 
 def _maps(material: Material) -> tuple[Texture | None, Texture | None]:

@@ -46,6 +46,14 @@ class Anderson:
         self._valid = [*older, newest][-(COLUMNS - 1) :]
         return weights
 
+    def state(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the columns that are mixed, the oldest first, and the size of the last defect, squared."""
+        return np.array(self._valid, np.int64), np.array([self._last_size])
+
+    def restore(self, columns: np.ndarray, size: np.ndarray) -> None:
+        """Go on from what `state` has returned."""
+        self._valid, self._last_size = columns.tolist(), float(size[0])
+
 
 def _least_squares(gram: np.ndarray, moment: np.ndarray) -> np.ndarray:
     """Return t with gram t = -moment of each channel, columns scaled alike; zero where they vanish.

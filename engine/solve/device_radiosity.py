@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from dataclasses import fields
 
 import numpy as np
@@ -124,9 +124,31 @@ class DeviceRadiosity:
         """Return the L1 of the last sweep; see `solve.Radiosity.gather_l1`."""
         return (yield from self._sweep.gather_l1())
 
+    def state(self) -> dict[str, np.ndarray]:
+        """Return all that sweeps have made of the light; see `solve.Radiosity.state`."""
+        return {
+            name: download(self._compute, buffer, (buffer.size // 4,))
+            for name, buffer in self._state_buffers().items()
+        }
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Go on from what `state` has returned."""
+        for name, buffer in self._state_buffers().items():
+            cl.enqueue_copy(self._queue, buffer, state[name])
+
     def iterate(self, column: int) -> np.ndarray:
         """Return E/pi and the fraction that is no back, (n, 4) float32, of a column."""
         return download(self._compute, self._gathered, (self.count, 4), 16 * self.count * column)
+
+    def _state_buffers(self) -> dict[str, cl.Buffer]:
+        """Return the buffers that sweeps change and later ones read."""
+        return {
+            "gathered": self._gathered,
+            "defects": self._defects,
+            "irradiance": self._irradiance,
+            "radiance": self.radiance,
+            "patches_seen": self.patches_seen,
+        }
 
     def _read_sums(self, numbers: int) -> np.ndarray:
         """Return the sums of all work items together, (numbers, 3) float64."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 
 import numpy as np
 
@@ -91,6 +91,16 @@ class HostRadiosity:
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
         """Raise DeviceError: hemicubes that are summed at once tell no directions."""
         raise DeviceError("Directional maps need OpenCL, and method auto, cached or stream.")
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Return all that sweeps have made of the light; see `solve.Radiosity.state`."""
+        arrays = {"gathered": self._gathered, "defects": self._defects, "irradiance": self._irradiance}
+        return {name: array.copy() for name, array in arrays.items()}
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Go on from what `state` has returned."""
+        self._gathered, self._defects = state["gathered"].copy(), state["defects"].copy()
+        self._irradiance = state["irradiance"].copy()
 
     def iterate(self, column: int) -> np.ndarray:
         """Return E/pi and the fraction that is no back, (n, 4) float32, of a column: a copy."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -124,6 +124,12 @@ class Radiosity(Protocol):
 
         Raises DeviceError where no directions are known.
         """
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Return all that sweeps have made of the light, by name: a copy."""
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Go on from what `state` has returned."""
 
 
 class Solution(Protocol):

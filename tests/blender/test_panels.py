@@ -141,10 +141,10 @@ def test_preferences_show_where_files_are(devices):
     shown = preferences()
     (cache / "folder").mkdir(exist_ok=True)
     (cache / "folder" / "kernel").write_bytes(bytes(3 << 20))
-    assert f"Kernel cache: 0.0 MiB in {cache}" in shown and f"Log: {log}" in shown
-    assert f"Kernel cache: 3.0 MiB in {cache}" in preferences()
+    assert f"Cache: 0.0 MiB in {cache}" in shown and f"Log: {log}" in shown
+    assert f"Cache: 3.0 MiB in {cache}" in preferences()
     files.clear_cache()
-    assert f"Kernel cache: 0.0 MiB in {cache}" in preferences() and not any(cache.iterdir())
+    assert f"Cache: 0.0 MiB in {cache}" in preferences() and not any(cache.iterdir())
 
 
 def test_preferences_look_for_devices_by_themselves_without_waiting(monkeypatch):

@@ -52,7 +52,16 @@ def preferences():
         group.property_unset(name)
 
 
-MACHINE = {"memory_budget", "batch_bytes", "opencl_device", "denoise_device", "scheduler", "kept_budget"}
+MACHINE = {
+    "memory_budget",
+    "batch_bytes",
+    "opencl_device",
+    "denoise_device",
+    "scheduler",
+    "kept_budget",
+    "checkpoint_space",
+    "checkpoint_interval",
+}
 
 
 @pytest.mark.parametrize(

@@ -14,8 +14,8 @@ ORDERS = {
     "engine": [
         "worker", "__init__", "warm_up", "self_test", "session", "live", "cluster", "algorithm", "plan",
         "finish", "solve", "gather", "direct", "reference", "visibility", "patches", "denoise", "device",
-        "unwrap", "encoding", "scene", "settings", "setting", "quality", "lightmap", "naming", "progress",
-        "errors",
+        "unwrap", "encoding", "scene", "resume", "settings", "setting", "quality", "lightmap", "naming",
+        "progress", "errors",
     ],
     "operators/scene": [
         "__init__", "overlaps", "targets", "density", "read", "read_stages", "fingerprints", "faults",

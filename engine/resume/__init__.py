@@ -1,0 +1,1 @@
+"""What bakes have found, in files: an interrupted bake goes on from there."""

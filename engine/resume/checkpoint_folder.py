@@ -1,0 +1,100 @@
+"""The checkpoints of all interrupted bakes: a folder of each, the oldest of which give way."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+
+from .array_file import write_arrays
+
+#: Of the cache folder.
+_NAME = "resume"
+
+
+class CheckpointFolder:
+    """Keeps checkpoints within a limit.
+
+    cache_dir  folder that holds it; None keeps nothing
+    limit      bytes of all checkpoints together
+    """
+
+    def __init__(self, cache_dir: str | None, limit: int) -> None:
+        self._path = None if cache_dir is None or limit == 0 else Path(cache_dir) / _NAME
+        self._limit = limit
+
+    @property
+    def keeps(self) -> bool:
+        """True if checkpoints are kept."""
+        return self._path is not None
+
+    @property
+    def empty(self) -> bool:
+        """True if there is no checkpoint."""
+        return not self._entries()
+
+    def files(self, key: str) -> list[Path]:
+        """Return the files of a checkpoint, those that are being written left out."""
+        if self._path is None:
+            return []
+        with suppress(OSError):
+            return [path for path in (self._path / key).iterdir() if not path.name.startswith(".")]
+        return []
+
+    def write(self, key: str, name: str, arrays: Mapping[str, np.ndarray]) -> bool:
+        """Write a file of a checkpoint; return whether there was space."""
+        if self._path is None:
+            return False
+        folder = self._path / key
+        try:
+            if not self._make_room(key, sum(array.nbytes for array in arrays.values())):
+                return False
+            folder.mkdir(parents=True, exist_ok=True)
+            write_arrays(folder / name, arrays)
+        except OSError:
+            return False
+        return True
+
+    def remove(self, key: str) -> None:
+        """Remove a checkpoint."""
+        if self._path is not None:
+            shutil.rmtree(self._path / key, ignore_errors=True)
+
+    def _make_room(self, key: str, size: int) -> bool:
+        """Remove the oldest checkpoints but one until `size` bytes more are within the limit."""
+        entries = sorted(self._entries(), key=_age)
+        sizes = {entry: _size(entry) for entry in entries}
+        while sizes and sum(sizes.values()) + size > self._limit:
+            others = [entry for entry in sizes if entry.name != key]
+            if not others:
+                return False
+            self.remove(others[0].name)
+            del sizes[others[0]]
+        return size <= self._limit
+
+    def _entries(self) -> list[Path]:
+        """Return the folders of checkpoints."""
+        if self._path is None:
+            return []
+        with suppress(OSError):
+            return [entry for entry in self._path.iterdir() if entry.is_dir()]
+        return []
+
+
+def _age(entry: Path) -> float:
+    """Return when something was last written to a folder; 0 if it is gone."""
+    with suppress(OSError):
+        return entry.stat().st_mtime
+    return 0.0
+
+
+def _size(entry: Path) -> int:
+    """Return the bytes of the files of a folder."""
+    size = 0
+    with suppress(OSError):
+        for path in entry.iterdir():
+            size += path.stat().st_size
+    return size

@@ -1,0 +1,67 @@
+"""A solver that goes on from the light of an interrupted bake, and writes down its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+
+import numpy as np
+
+from ..resume.checkpoint import Arrays, Checkpoint
+from ..settings import Settings
+from .solver import Radiosity, Solver, Step
+
+
+class ResumedSolver(Solver):
+    """See `Solver`: it begins with the state that a checkpoint holds, and gives it its own between sweeps.
+
+    The last sweep is always made: what it leaves on the device is read after it.
+
+    key  makes that of the light, in the checkpoint
+    """
+
+    def __init__(
+        self,
+        radiosity: Radiosity,
+        sampled_light: np.ndarray,
+        settings: Settings,
+        gathers_direct: bool,
+        warm: bool,
+        checkpoint: Checkpoint,
+        key: Callable[[], str],
+    ) -> None:
+        super().__init__(radiosity, sampled_light, settings, gathers_direct, warm)
+        self._checkpoint, self._key = checkpoint, key
+        state = checkpoint.light(key)
+        if state is not None and len(state["steps"]) < self._limit:
+            self._restore(state)
+            checkpoint.tell(
+                f"The light went on from iteration {self.iterations} of a bake that was interrupted."
+            )
+
+    def iteration(self) -> Generator[float, None, None]:
+        """Sweep once; yield the fraction done."""
+        yield from super().iteration()
+        if self._checkpoint.due and not self.done:
+            self._checkpoint.write_light(self._key, self._state())
+
+    def _state(self) -> Arrays:
+        """Return all that later iterations depend on."""
+        state = self._radiosity.state()
+        state["ring"] = np.array([self._newest])
+        state["total"] = np.array([self._total])
+        state["direct"] = self._direct
+        state["steps"] = np.array([(step.change, step.relative, step.flux) for step in self._steps])
+        state["factors"] = np.array(self._factors)
+        if self._anderson is not None:
+            state["mixed"], state["size"] = self._anderson.state()
+        return state
+
+    def _restore(self, state: Arrays) -> None:
+        """Go on from what `_state` has returned."""
+        self._radiosity.restore(state)
+        self._newest, self._total = int(state["ring"][0]), float(state["total"][0])
+        self._direct = state["direct"]
+        self._steps = [Step(*step) for step in state["steps"].tolist()]
+        self._factors = state["factors"].tolist()
+        if self._anderson is not None:
+            self._anderson.restore(state["mixed"], state["size"])

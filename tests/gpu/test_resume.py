@@ -1,0 +1,196 @@
+"""A bake that was interrupted goes on from its checkpoint, and gives the bits of one that was not."""
+
+import dataclasses
+import itertools
+import os
+import signal
+
+import numpy as np
+import pytest
+
+from engine import Lightmap, Settings, bake, finished
+from engine.errors import WorkerError
+from engine.gather import kept_samples
+from engine.plan import solve_job
+from engine.worker.worker import Worker
+from tests.gpu.test_kept import ROOM, assert_same, coloured, lamp
+
+#: Every slice of work is written.
+SETTINGS = Settings(
+    resolution=37, hemicube=8, samples=132, iterations=7, tolerance=0, visibility="rays", light_samples=3,
+    texel_samples=1, intermediates=False, checkpoint_interval=0,
+)  # fmt: skip
+
+#: Settings of bakes that are interrupted.
+KINDS = {
+    "rays": {},
+    "drawn": {"visibility": "raster", "batch_bytes": 1 << 20},
+    "plain iterations": {"accelerate": False, "directions": "hemicube"},
+    "directional maps": {"outputs": ("combined", "direct", "directional")},
+    "groups": {"patch_groups": 2},
+    "stream": {"method": "stream"},
+    "paper": {"method": "paper", "iterations": 3},
+}
+
+
+def interrupted(settings: Settings, enough, scene=ROOM) -> bool:
+    """Bake until `enough` of a progress is true; return whether that came before the end."""
+    work = bake(scene, settings)
+    for progress in work:
+        if enough(progress):
+            work.close()
+            return True
+    return False
+
+
+def went_on(lightmap: Lightmap) -> list[str]:
+    """Return the sentences of what a bake went on from."""
+    return [reason for reason in lightmap.report.reasons if "went on from" in reason]
+
+
+def files(folder) -> list:
+    """Return the files of all checkpoints in a cache folder."""
+    return [path for path in (folder / "resume").rglob("*") if path.is_file()]
+
+
+@pytest.fixture
+def pieces(monkeypatch):
+    """Let caches have several pieces, of which no length divides the other."""
+    monkeypatch.setattr(kept_samples, "_PIECE", 311 * 264)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_bake_cancelled_in_its_bounces_goes_on(tmp_path, kind, pieces):
+    settings = dataclasses.replace(SETTINGS, **KINDS[kind])
+    cached = dataclasses.replace(settings, cache_dir=str(tmp_path))
+    assert interrupted(cached, lambda progress: progress.iteration == settings.iterations - 1)
+    resumed = finished(bake(ROOM, cached))
+    assert any("The light went on from iteration" in reason for reason in went_on(resumed))
+    assert_same(resumed, finished(bake(ROOM, settings)))
+    assert files(tmp_path) == []
+
+
+@pytest.mark.parametrize("kind", ["rays", "drawn", "directional maps"])
+def test_a_bake_cancelled_while_looking_goes_on(tmp_path, kind, pieces):
+    settings = dataclasses.replace(SETTINGS, **KINDS[kind])
+    cached = dataclasses.replace(settings, cache_dir=str(tmp_path))
+    slices = itertools.count()
+    looked = lambda progress: bool(files(tmp_path)) and next(slices) == 1  # noqa: E731
+    assert interrupted(cached, looked)
+    resumed = finished(bake(ROOM, cached))
+    (sentence,) = went_on(resumed)
+    assert "patches see went on from a bake that was interrupted" in sentence
+    assert_same(resumed, finished(bake(ROOM, settings)))
+
+
+def test_other_lamps_take_what_patches_see_but_not_the_light(tmp_path):
+    cached = dataclasses.replace(SETTINGS, cache_dir=str(tmp_path))
+    assert interrupted(cached, lambda progress: progress.iteration == 3)
+    relit = dataclasses.replace(ROOM, lights=(lamp(3, 1, 2), lamp(2, 2, 2)))
+    resumed = finished(bake(relit, cached))
+    (sentence,) = went_on(resumed)
+    assert "patches see" in sentence
+    assert_same(resumed, finished(bake(relit, SETTINGS)))
+
+
+@pytest.mark.parametrize(
+    ("scene", "changes"),
+    [
+        (coloured(ROOM, 3, alpha=0.4), {}),
+        (ROOM, {"seed": 3}),
+        (ROOM, {"samples": 136}),
+        (ROOM, {"resolution": 31}),
+        (ROOM, {"visibility": "raster"}),
+        (ROOM, {"checkpoint_space": 0}),
+    ],
+)
+def test_what_decides_what_patches_see_starts_anew(tmp_path, scene, changes):
+    cached = dataclasses.replace(SETTINGS, cache_dir=str(tmp_path))
+    assert interrupted(cached, lambda progress: progress.iteration == 3)
+    fresh = finished(bake(scene, dataclasses.replace(cached, **changes)))
+    assert went_on(fresh) == []
+
+
+def test_another_version_starts_anew(tmp_path, monkeypatch):
+    cached = dataclasses.replace(SETTINGS, cache_dir=str(tmp_path))
+    assert interrupted(cached, lambda progress: progress.iteration == 3)
+    monkeypatch.setattr(solve_job, "source_digest", lambda: "of tomorrow")
+    assert went_on(finished(bake(ROOM, cached))) == []
+
+
+def test_more_iterations_go_on_and_fewer_start_anew(tmp_path):
+    cached = dataclasses.replace(SETTINGS, cache_dir=str(tmp_path))
+    for iterations, sentences in ((11, 2), (2, 1)):
+        settings = dataclasses.replace(cached, iterations=iterations)
+        assert interrupted(cached, lambda progress: progress.iteration == 5)
+        resumed = finished(bake(ROOM, settings))
+        assert len(went_on(resumed)) == sentences
+        assert resumed.report.iterations == iterations
+
+
+def truncate(path):
+    os.truncate(path, path.stat().st_size // 2)
+
+
+def damage(path):
+    content = bytearray(path.read_bytes())
+    content[len(content) // 3] ^= 1
+    path.write_bytes(content)
+
+
+def empty(path):
+    path.write_bytes(b"")
+
+
+def replace_by_folder(path):
+    path.unlink()
+    path.mkdir()
+
+
+@pytest.mark.parametrize("harm", [truncate, damage, empty, replace_by_folder, os.remove])
+def test_harmed_files_are_as_good_as_none(tmp_path, harm, pieces):
+    cached = dataclasses.replace(SETTINGS, cache_dir=str(tmp_path))
+    assert interrupted(cached, lambda progress: progress.iteration == 4)
+    expected = finished(bake(ROOM, SETTINGS))
+    for path in sorted(files(tmp_path))[::2]:
+        harm(path)
+    assert_same(finished(bake(ROOM, cached)), expected)
+    assert files(tmp_path) == []
+
+
+def test_space_that_is_too_small_keeps_some_rows(tmp_path, pieces):
+    small = dataclasses.replace(SETTINGS, cache_dir=str(tmp_path), checkpoint_space=200_000)
+    assert interrupted(small, lambda progress: progress.iteration == 4)
+    assert 0 < sum(path.stat().st_size for path in files(tmp_path)) <= 200_000
+    resumed = finished(bake(ROOM, small))
+    assert went_on(resumed)
+    assert_same(resumed, finished(bake(ROOM, SETTINGS)))
+
+
+def test_bakes_shorter_than_the_interval_write_nothing(tmp_path):
+    settings = dataclasses.replace(SETTINGS, cache_dir=str(tmp_path), checkpoint_interval=600)
+    assert interrupted(settings, lambda progress: progress.iteration == 4)
+    assert files(tmp_path) == []
+
+
+def bake_until_killed(worker, settings, share, folder):
+    """Bake, and kill the worker once a share of the work is done and something is written."""
+    for progress in worker.bake(ROOM, settings):
+        if progress is not None and progress.overall > share and files(folder):
+            os.kill(worker.process.pid, signal.SIGKILL)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.8])
+def test_a_killed_worker_leaves_what_it_has_found(tmp_path, share):
+    settings = dataclasses.replace(SETTINGS, cache_dir=str(tmp_path), samples=516, texel_samples=4)
+    worker = Worker()
+    try:
+        with pytest.raises(WorkerError):
+            bake_until_killed(worker, settings, share, tmp_path)
+        resumed = finished(worker.bake(ROOM, settings))
+    finally:
+        worker.stop()
+    assert went_on(resumed)
+    assert files(tmp_path) == []
+    assert_same(resumed, finished(bake(ROOM, dataclasses.replace(settings, cache_dir=None))))
+    assert np.isfinite(resumed.image).all()

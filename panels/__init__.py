@@ -8,7 +8,7 @@ from . import (
     bake,
     check,
     last_bake,
-    light_mixer,
+    light_groups,
     lightmaps,
     menus,
     outputs,
@@ -17,7 +17,7 @@ from . import (
 )  # fmt: skip
 
 #: In the order of the sidebar.
-_PANELS = (bake, light_mixer, check, lightmaps, active_object, outputs, advanced, last_bake)
+_PANELS = (bake, light_groups, check, lightmaps, active_object, outputs, advanced, last_bake)
 
 #: Every class that Blender has to know.
 CLASSES = tuple(cls for module in (preferences, presets, menus, *_PANELS) for cls in module.CLASSES)

@@ -326,3 +326,21 @@ def test_preset_is_custom_once_a_value_differs():
     assert draw("HEMIBAKE_PT_bake")[0] == "Draft"
     settings.iterations = 3
     assert draw("HEMIBAKE_PT_bake")[0] == "Custom"
+
+
+def test_light_groups_are_assigned_and_mixed_in_their_panel():
+    import bpy
+
+    assert draw("HEMIBAKE_PT_light_groups") is None
+    scene = bpy.context.scene
+    scene.hemibake.outputs = {"combined", "light_groups"}
+    bpy.context.view_layer.lightgroups.add(name="Day")
+    bpy.context.view_layer.objects.active = square()
+    scene.world = bpy.data.worlds.new("Sky")
+    shown = draw("HEMIBAKE_PT_light_groups")
+    assert shown.count("name") == 1 and shown.count("lightgroup") == 2 and "Mixer" not in shown
+    part("operators.result.light_mixer").light_mixer(scene, ["Day", "Ungrouped"])
+    scene.world, scene.hemibake.outputs = None, {"combined"}
+    shown = draw("HEMIBAKE_PT_light_groups")
+    assert shown.count("lightgroup") == 1 and shown.count("default_value") == 4
+    assert shown[-6:] == ["Day", "default_value", "default_value", "Ungrouped", *["default_value"] * 2]

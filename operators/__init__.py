@@ -45,6 +45,7 @@ def _classes() -> tuple[type, ...]:
         export,
         last_bake,
         lightmaps,
+        live,
         preferences,
         presets,
         preview,
@@ -56,7 +57,7 @@ def _classes() -> tuple[type, ...]:
     )
 
     modules = (
-        properties, presets, bake, cancel, checks, unwrap, uv_modifiers, lightmaps, preview, export,
+        properties, presets, bake, live, cancel, checks, unwrap, uv_modifiers, lightmaps, preview, export,
         select, last_bake, preferences, self_test,
     )  # fmt: skip
     return tuple(cls for module in modules for cls in module.CLASSES)

@@ -39,12 +39,12 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
         last_failure.forget()
         run = Run(context, owner.bake(), watched=False)
         try:
-            self._tell(run.finish(run.drain(Console().show)), run.failure)
+            tell_report(self, run.finish(run.drain(Console().show)), run.failure)
             if not bpy.app.background:
-                _push_undo()
+                push_undo()
         except (EngineError, KeyboardInterrupt) as error:
             run.cancel()
-            self._refuse(error)
+            refuse(self, error)
             return {"CANCELLED"}
         except BaseException:
             log(traceback.format_exc())
@@ -56,7 +56,7 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
         """Start a run that bakes in the worker process; `modal` follows it."""
         last_failure.forget()
         warm_up()
-        run = Run(context, owner.bake_in_worker(), made_uvs=lambda: _push_undo("Make Lightmap UVs"))
+        run = Run(context, owner.bake_in_worker(), made_uvs=lambda: push_undo("Make Lightmap UVs"))
         self._bake = WindowBake(context, run)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
@@ -72,8 +72,8 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
             return self._follow(context)
         except EngineError as error:
             if self._bake.cancel(keep_images=True):
-                _push_undo()
-            self._refuse(error)
+                push_undo()
+            refuse(self, error)
             return {"CANCELLED"}
         except BaseException:
             log(traceback.format_exc())
@@ -95,37 +95,39 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
                 report = self._bake.run.finish(end.value)
                 self._bake.leave()
                 restart_renders(context.window_manager)
-                self._tell(report, self._bake.run.failure)
+                tell_report(self, report, self._bake.run.failure)
                 return {"FINISHED"}
             if progress is None:
                 break
             self._bake.show(context, progress)
         return {"PASS_THROUGH"}
 
-    def _refuse(self, error: EngineError | KeyboardInterrupt) -> None:
-        """Report an error; a dead worker's last words, which follow its first line, go to the console."""
-        text = str(error).strip() or "The bake was interrupted."
-        log(text)
-        last_failure.keep(bpy.context.scene, text)
-        first, _, details = text.partition("\n")
-        if isinstance(error, WorkerError) and details:
-            print(text, file=sys.stderr)  # noqa: T201
-            text = f"{first} (They are in the system console.)"
-        tell(self, "ERROR", text)
 
-    def _tell(self, report: dict, failure: str | None) -> None:
-        """Report warnings, then what was done, and last what could not be."""
-        for warning in report["warnings"]:
-            tell(self, "WARNING", warning)
-        where = ", ".join(report["files"]) or "packed into the .blend"
-        done = f"Baked {summary(report)}: {where}"
-        log("\n".join([done, *map(str, report["devices"].values()), *report["warnings"], failure or ""]))
-        self.report({"INFO"}, done)
-        if failure:
-            self.report({"ERROR"}, failure)
+def refuse(operator: bpy.types.Operator, error: EngineError | KeyboardInterrupt) -> None:
+    """Report an error; a dead worker's last words, which follow its first line, go to the console."""
+    text = str(error).strip() or "The bake was interrupted."
+    log(text)
+    last_failure.keep(bpy.context.scene, text)
+    first, _, details = text.partition("\n")
+    if isinstance(error, WorkerError) and details:
+        print(text, file=sys.stderr)  # noqa: T201
+        text = f"{first} (They are in the system console.)"
+    tell(operator, "ERROR", text)
 
 
-def _push_undo(message: str = HEMIBAKE_OT_bake.bl_label) -> None:
+def tell_report(operator: bpy.types.Operator, report: dict, failure: str | None) -> None:
+    """Report warnings, then what was done, and last what could not be."""
+    for warning in report["warnings"]:
+        tell(operator, "WARNING", warning)
+    where = ", ".join(report["files"]) or "packed into the .blend"
+    done = f"Baked {summary(report)}: {where}"
+    log("\n".join([done, *map(str, report["devices"].values()), *report["warnings"], failure or ""]))
+    operator.report({"INFO"}, done)
+    if failure:
+        operator.report({"ERROR"}, failure)
+
+
+def push_undo(message: str = HEMIBAKE_OT_bake.bl_label) -> None:
     """Add an undo step where Blender does not: in mid-bake, after a script's call, after a failure.
 
     An undo frees datablocks that no step knows, even those that something else still refers to.

@@ -43,7 +43,7 @@ from .user_files import keep_paces
 from .worker_owner import owner
 
 #: Readings of a scene that changes meanwhile, before it is read in one piece.
-_ATTEMPTS = 3
+ATTEMPTS = 3
 
 #: What a bake of changed objects leaves as it was.
 _OTHERS_STAY = (
@@ -115,12 +115,12 @@ class Run:
         scene = self._context.scene
         self._settings = replace(read_settings(scene.hemibake), intermediates=self._watched)
         self._uv_layer = scene.hemibake.uv_layer
-        self._target = scene.hemibake.target
+        self._target = self._chosen_target()
         targets = target_uids(self._context, self._target)
         wanted = {
             obj.session_uid: obj.name for obj in visible_meshes(self._context) if obj.session_uid in targets
         }
-        for _ in range(_ATTEMPTS):
+        for _ in range(ATTEMPTS):
             try:
                 yield from self._unwrap_and_read(wanted)
                 break
@@ -130,6 +130,10 @@ class Run:
             finished(self._unwrap_and_read(wanted, hurried=True))
         self._seconds = {"read": time.perf_counter() - self._start}
         self._choose_destination()
+
+    def _chosen_target(self) -> str:
+        """Return which objects are baked, as the scene's settings have it."""
+        return self._context.scene.hemibake.target
 
     def _unwrap_and_read(self, wanted: dict[int, str], hurried: bool = False) -> Steps:
         """Read the visible objects, with lightmap UVs made where they are missing.
@@ -188,7 +192,7 @@ class Run:
         scene = self._context.scene
         properties, resolution = scene.hemibake, self._settings.resolution
         atlases, outputs = self._read.scene.atlases, output_names(self._read.scene, self._settings)
-        self._names = _image_names(atlases, outputs)
+        self._names = image_names(atlases, outputs)
         chosen = chosen_names(properties.file_name, scene, atlases, outputs, resolution)
         formats = [chosen_format(properties).of(output) for output in outputs for _ in atlases]
         self._destination = choose_destination(
@@ -264,8 +268,7 @@ class Run:
         `failure` says so, and the lightmaps are packed into the .blend.
         """
         start = time.perf_counter()
-        pixels = self._kept.merge(np.concatenate(list(lightmap.passes.values())))
-        self._show(pixels)
+        pixels = self._show_finished(lightmap)
         targets = [find(bpy.data.images, uid) for uid in self._images]
         files, clipped = self._store(targets, pixels, lightmap)
         self._keep_images()
@@ -282,6 +285,12 @@ class Run:
         if scene is not None:
             scene.hemibake.report = json.dumps(report)
         return report
+
+    def _show_finished(self, lightmap: Lightmap) -> np.ndarray:
+        """Put finished lightmaps into all images; return their pixels, (images, h, w, 3)."""
+        pixels = self._kept.merge(np.concatenate(list(lightmap.passes.values())))
+        self._show(pixels)
+        return pixels
 
     def _store(
         self, targets: list[bpy.types.Image], pixels: np.ndarray, lightmap: Lightmap
@@ -429,7 +438,7 @@ def _energy(energy: Energy | None) -> dict[str, float | None] | None:
     return {name: _number(value) for name, value in {**asdict(energy), "missing": energy.missing}.items()}
 
 
-def _image_names(atlases: Sequence[str], outputs: Sequence[str]) -> list[str]:
+def image_names(atlases: Sequence[str], outputs: Sequence[str]) -> list[str]:
     """Return the name of every image: the atlas, and for outputs after the first what it shows, too."""
     labels = [name.replace("_", " ", 1) for name in outputs[1:]]
     return [*atlases, *(f"{atlas} {label}" for label in labels for atlas in atlases)]

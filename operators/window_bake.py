@@ -12,8 +12,8 @@ from .run import Run
 from .telling import progress_line
 from .worker_owner import owner
 
-#: Time between two events, s.
-_INTERVAL = 0.05
+#: Time between two events, s: of a bake that somebody waits for, and of one that follows somebody's hand.
+INTERVAL, QUICK = 0.05, 0.02
 
 #: Least and longest time between two redraws, s, and how many times as long as the last one it is: in a large
 #: window, without a graphics card, a redraw takes longer than all else that happens there.
@@ -31,11 +31,11 @@ class WindowBake:
     unwanted  True once somebody has asked to cancel it
     """
 
-    def __init__(self, context: bpy.types.Context, run: Run) -> None:
-        self.run = run
+    def __init__(self, context: bpy.types.Context, run: Run, interval: float = INTERVAL) -> None:
+        self.run, self._interval = run, interval
         self.progress, self.unwanted = Progress("Starting", 0.0), False
         self._manager = context.window_manager
-        self._timer = self._manager.event_timer_add(_INTERVAL, window=context.window)
+        self._timer = self._manager.event_timer_add(interval, window=context.window)
         self._manager.progress_begin(0, 100)
         self._told: set[int] = set()
         self._shown, self._redrawn = "", time.perf_counter()
@@ -54,7 +54,7 @@ class WindowBake:
     def wake(self) -> None:
         """Begin to work on an event: the time since the last one tells how long a redraw took."""
         if self._is_drawing:
-            cost = time.perf_counter() - self._redrawn - _INTERVAL
+            cost = time.perf_counter() - self._redrawn - self._interval
             self._period = min(max(_PERIODS[0], _RARITY * cost), _PERIODS[1])
             self._is_drawing = False
 

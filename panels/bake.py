@@ -6,6 +6,7 @@ import bpy
 
 from ..engine.settings import shown_in
 from ..operators.denoise_library import denoise_library
+from ..operators.live import is_live
 from ..operators.result.preview import shows_preview
 from ..operators.warm_up import warm_up_soon
 from .presets import draw_presets
@@ -31,9 +32,10 @@ class HEMIBAKE_PT_bake(Sidebar, bpy.types.Panel):
         button = layout.row()
         button.scale_y = 1.6
         draw_bake_button(button)
-        shown = shows_preview(context.scene)
+        shown, row = shows_preview(context.scene), layout.row(align=True)
         text = "Hide Preview" if shown else "Preview"
-        layout.operator("hemibake.preview", text=text, depress=shown, icon="SHADING_TEXTURE")
+        row.operator("hemibake.preview", text=text, depress=shown, icon="SHADING_TEXTURE")
+        row.operator("hemibake.live", depress=is_live(), icon="PLAY")
 
 
 def _draw_size(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:

@@ -19,7 +19,7 @@ class HEMIBAKE_MT_lightmaps(bpy.types.Menu):
 
 #: Operators of the menu, with a line between two groups.
 _GROUPS = (
-    ("hemibake.check", "hemibake.bake", "hemibake.cancel", "hemibake.preview"),
+    ("hemibake.check", "hemibake.bake", "hemibake.cancel", "hemibake.preview", "hemibake.live"),
     ("hemibake.export_for_engine",),
     ("hemibake.unwrap", "hemibake.lightmap_repack", "hemibake.lightmap_unwrap"),
     ("hemibake.apply_on_copy", "hemibake.remove_uv_modifiers"),

@@ -72,7 +72,7 @@ def choose_solver(job: SolveJob) -> tuple[Solution, Choice, SolveJob]:
 def solver_like(job: SolveJob, choice: Choice) -> Solver:
     """Return what solves for a part of the light, with samples as were chosen for all of it."""
     settings = replace(job.settings, method=choice.method, visibility=choice.visibility)
-    return _solver(replace(job, settings=settings))[0]
+    return _solver(replace(job, settings=settings, indirect=None))[0]
 
 
 def _solver(job: SolveJob) -> tuple[Solver, Choice]:

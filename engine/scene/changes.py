@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import TypeVar
 
 import numpy as np
@@ -13,6 +13,9 @@ from .digests import same_values
 from .model import Light, Material, Mesh, Scene
 
 Part = TypeVar("Part", Material, Mesh)
+
+#: Fields of a scene that `Changes` may change.
+_CHANGING = ("lights", "world", "materials", "meshes")
 
 
 @dataclass(frozen=True)
@@ -56,12 +59,12 @@ class Changes:
 
 
 def changes_between(before: Scene, after: Scene) -> Changes | None:
-    """Return what makes one scene the other; None if they have other numbers of parts or other lightmaps."""
-    if (before.atlases, len(before.meshes), len(before.materials)) != (
-        after.atlases,
-        len(after.meshes),
-        len(after.materials),
-    ) or not np.array_equal(before.origin, after.origin):
+    """Return what makes one scene the other; None if no changes do: of numbers of parts, or lightmaps."""
+    counts = [(len(scene.meshes), len(scene.materials)) for scene in (before, after)]
+    others = [entry.name for entry in fields(Scene) if entry.name not in _CHANGING]
+    if counts[0] != counts[1] or not all(
+        same_values(getattr(before, name), getattr(after, name)) for name in others
+    ):
         return None
     return Changes(
         lights=None if same_values(before.lights, after.lights) else after.lights,

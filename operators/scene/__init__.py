@@ -2,7 +2,8 @@
 
 from .objects.visible import visible_meshes
 from .read import ReadScene, read_scene
+from .read_lamps import read_lamps
 from .scene_context import SceneContext
 from .scene_watch import SceneChangedError
 
-__all__ = ["ReadScene", "SceneChangedError", "SceneContext", "read_scene", "visible_meshes"]
+__all__ = ["ReadScene", "SceneChangedError", "SceneContext", "read_lamps", "read_scene", "visible_meshes"]

@@ -71,5 +71,6 @@ def test_the_difference_of_two_scenes_makes_one_of_the_other():
 
 
 def test_scenes_with_other_parts_have_no_difference():
-    assert changes_between(ROOM, dataclasses.replace(ROOM, atlases=("Other",))) is None
+    for name, value in {"atlases": ("Other",), "origin": np.ones(3), "light_groups": ("Key",)}.items():
+        assert changes_between(ROOM, dataclasses.replace(ROOM, **{name: value})) is None
     assert changes_between(ROOM, dataclasses.replace(ROOM, meshes=ROOM.meshes * 2)) is None

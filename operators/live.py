@@ -1,0 +1,139 @@
+"""The Live operator: lightmaps that follow the scene while somebody works on it."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from contextlib import suppress
+
+import bpy
+
+from ..engine.errors import EngineError
+from .bake import push_undo, refuse, tell_report
+from .last_bake import last_failure
+from .live_run import RESTING, LiveRun
+from .log import log
+from .result.preview import show_preview, shows_preview
+from .viewports import restart_renders, show_materials
+from .warm_up import warm_up
+from .window_bake import QUICK, WindowBake
+from .worker_owner import owner
+
+#: Longest time one timer event may take from the window, s.
+_SLICE = 0.03
+
+
+class WindowLive(WindowBake):
+    """Live in a window; once the first bake has come to its end, it goes on until the light has settled."""
+
+    run: LiveRun
+
+    @property
+    def following(self) -> bool:
+        """True once the first bake has come to its end."""
+        return self.run.lightmap is not None
+
+    def cancel(self, keep_images: bool = False) -> bool:
+        """Give the window back; the lightmaps that were finished last are stored, if there are any."""
+        self.leave()
+        if self.following:
+            with suppress(EngineError):
+                self.run.keep()
+            return True
+        return self.run.cancel(keep_images)
+
+
+class HEMIBAKE_OT_live(bpy.types.Operator):
+    """Bake, show the lightmaps, and let them follow lights, materials, objects and the world until it ends"""
+
+    bl_idname = "hemibake.live"
+    bl_label = "Live"
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if bpy.app.background:
+            cls.poll_message_set("Live needs a window")
+        elif owner.busy and not is_live():
+            cls.poll_message_set("A bake is running: cancel it first")
+        return not bpy.app.background and (not owner.busy or is_live())
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Start, or ask the one that runs to end; `modal` follows it."""
+        if is_live():
+            owner.running.unwanted = True
+            return {"CANCELLED"}
+        last_failure.forget()
+        warm_up()
+        run = LiveRun(context, made_uvs=lambda: push_undo("Make Lightmap UVs"))
+        self._live = WindowLive(context, run, QUICK)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if not self._live.following and self._live.wants_to_cancel(context, event):
+            self._live.cancel()
+            self.report({"INFO"}, "Live cancelled")
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        try:
+            return self._follow(context)
+        except EngineError as error:
+            if self._live.run.cancel(keep_images=True):
+                push_undo(self.bl_label)
+            self._live.leave()
+            refuse(self, error)
+            return {"CANCELLED"}
+        except BaseException:
+            log(traceback.format_exc())
+            self.cancel(context)
+            raise
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """End; Blender calls this when a window closes or another file is opened."""
+        self._live.cancel()
+
+    def _follow(self, context: bpy.types.Context) -> set[str]:
+        """Work, or take what the worker has to say, for a short time."""
+        live, limit = self._live, time.perf_counter() + _SLICE
+        live.wake()
+        live.run.ending = live.unwanted
+        if live.unwanted and live.following and live.run.settled:
+            return self._end(context)
+        while time.perf_counter() < limit:
+            try:
+                progress = live.run.step()
+            except StopIteration as end:
+                self._begin_to_follow(context, live.run.begin_following(end.value))
+                return {"PASS_THROUGH"}
+            if progress is None:
+                break
+            live.show(context, progress)
+        return {"PASS_THROUGH"}
+
+    def _begin_to_follow(self, context: bpy.types.Context, report: dict) -> None:
+        """Show the lightmaps of the first bake; an undo step knows all that was made for them."""
+        tell_report(self, report, self._live.run.failure)
+        if not shows_preview(context.scene):
+            show_preview(context.scene, context.evaluated_depsgraph_get())
+            show_materials(context)
+        push_undo(self.bl_label)
+        restart_renders(context.window_manager)
+        self._live.show(context, RESTING)
+
+    def _end(self, context: bpy.types.Context) -> set[str]:
+        """Store the lightmaps, and leave the scene as after a bake."""
+        report = self._live.run.keep()
+        self._live.leave()
+        restart_renders(context.window_manager)
+        tell_report(self, report, self._live.run.failure)
+        return {"FINISHED"}
+
+
+def is_live() -> bool:
+    """Return whether what a window follows is Live."""
+    return isinstance(owner.running, WindowLive)
+
+
+CLASSES = (HEMIBAKE_OT_live,)

@@ -1,0 +1,155 @@
+"""A bake that goes on: its lightmaps follow the scene until it is ended."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from dataclasses import replace
+
+import bpy
+
+from ..engine.errors import SceneError
+from ..engine.finish.outputs import output_names
+from ..engine.lightmap import Lightmap
+from ..engine.progress import Progress, finished
+from ..engine.scene.changes import changes_between
+from ..engine.scene.model import Scene
+from ..engine.settings import Settings
+from .live_watch import LiveWatch
+from .run import ATTEMPTS, Bake, Run, Steps, image_names
+from .scene import SceneChangedError, read_lamps, read_scene, visible_meshes
+from .scene.uvs.uv_modifier import has_uvs
+from .worker_owner import owner
+
+#: What is shown while the worker has nothing to do.
+RESTING = Progress("Live", 1.0, 1.0)
+
+#: Does what the engine does for a scene that is followed.
+_LIVE = "engine.session:live"
+
+
+class LiveRun(Run):
+    """A `Run` whose lightmaps are finished again and again: `finish` stores those of the last time.
+
+    lightmap  what was finished last; None before the first bake has come to its end
+    resting   True while the worker has nothing to do
+    ending    True once changes are not taken over any more
+    """
+
+    def __init__(self, context: bpy.types.Context, made_uvs: Callable[[], None] = lambda: None) -> None:
+        super().__init__(context, self._first_bake, made_uvs=made_uvs)
+        self._watch = LiveWatch(self._context)
+        self._followed: Generator[Progress | Lightmap | None, None, None] | None = None
+        self.lightmap: Lightmap | None = None
+        self.resting = self.ending = self._guessed = False
+
+    def _chosen_target(self) -> str:
+        """Return "ALL": a change may alter the light of everything."""
+        return "ALL"
+
+    def _first_bake(self, scene: Scene, settings: Settings) -> Bake:
+        """Bake until the light has settled for the first time, and leave the worker at it."""
+        self._stop_following()
+        self._sent = scene
+        self._followed = owner.worker().follow(_LIVE, scene, settings, dict(owner.paces))
+        while True:
+            step = next(self._followed)
+            if isinstance(step, Lightmap):
+                return step
+            yield step
+
+    def begin_following(self, lightmap: Lightmap) -> dict:
+        """Store the lightmaps of the first bake, watch the scene, and return the report; see `finish`."""
+        self.lightmap, self.resting = lightmap, True
+        report = self.finish(lightmap)
+        self._watch.begin()
+        self._work = self._following()
+        return report
+
+    def _following(self) -> Bake:
+        """Take over what changes, and show what the worker makes of it."""
+        while True:
+            if self._watch.changed and not self.ending:
+                yield from self._send(self._watch.objects)
+            elif self.resting and self._guessed:
+                yield from self._send(True)
+            step = next(self._followed)
+            if isinstance(step, Lightmap):
+                self.lightmap, self.resting = step, True
+                self._show_finished(step)
+                yield RESTING
+            elif step is not None:
+                if step.intermediate is not None:
+                    self._show(step.intermediate)
+                yield step
+            else:
+                yield None
+
+    def _send(self, everything: bool) -> Steps:
+        """Read the scene, or its lamps alone, and send the worker what is other than it was.
+
+        What lamps change is read at once; all else is read again when the light has settled.
+        """
+        self._watch.clear()
+        yield from self._settled_reading(self._reading if everything else self._reading_lamps)
+        self._guessed = not everything
+        scene = self._read.scene
+        if image_names(scene.atlases, output_names(scene, self._settings)) != self._names:
+            raise SceneError("Lightmaps, or maps of them, were added or taken away. Start Live again.")
+        changes = changes_between(self._sent, scene)
+        if changes is None or not changes.empty:
+            owner.worker().update(scene if changes is None else changes)
+            self.resting = False
+        self._sent = scene
+
+    def _settled_reading(self, read: Callable[[bool], Steps]) -> Steps:
+        """Read; again if somebody changes the scene meanwhile, and in the end in one piece."""
+        for _ in range(ATTEMPTS):
+            try:
+                for step in read(False):
+                    yield None if step is None else RESTING
+            except SceneChangedError:
+                yield None
+            else:
+                return
+        finished(read(True))
+
+    def _reading(self, hurried: bool) -> Steps:
+        """Read the scene, with lightmaps for the objects that have lightmap UVs."""
+        context, layer = self._context, self._uv_layer
+        objects = [obj for obj in visible_meshes(context) if has_uvs(obj, layer)]
+        resolution = self._settings.resolution
+        self._read = yield from read_scene(context, objects, layer, resolution, (), owner.paces, hurried)
+
+    def _reading_lamps(self, hurried: bool) -> Steps:
+        """Read the lamps, and take all else as it was."""
+        scene = yield from read_lamps(self._context, self._read.scene, hurried)
+        self._read = replace(self._read, scene=scene)
+
+    @property
+    def settled(self) -> bool:
+        """True while there is nothing to do, or nothing but changes that are not taken over any more."""
+        return self.resting and not self._guessed and (self.ending or not self._watch.changed)
+
+    def keep(self) -> dict:
+        """End, store the lightmaps that were finished last, and return the report."""
+        self._end()
+        return self.finish(self.lightmap)
+
+    def cancel(self, keep_images: bool = False) -> bool:
+        """End; before the first bake has come to its end take everything back, see `Run.cancel`.
+
+        Afterwards everything stays: it is as after a bake.
+        """
+        self._end()
+        return super().cancel(keep_images) if self.lightmap is None else True
+
+    def _end(self) -> None:
+        """Watch and follow no more."""
+        self._watch.end()
+        self._work.close()
+        self._stop_following()
+
+    def _stop_following(self) -> None:
+        if self._followed is not None:
+            self._followed.close()
+            self._followed = None

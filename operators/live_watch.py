@@ -1,0 +1,80 @@
+"""Notices what changes in a scene while its lightmaps follow it."""
+
+from __future__ import annotations
+
+import bpy
+
+from .result.images import MARK as LIGHTMAP
+from .result.preview_material import MARK as PREVIEW
+from .scene import SceneContext
+
+#: What decides how objects look.
+_LOOKS = (bpy.types.Material, bpy.types.Image, bpy.types.Texture)
+
+#: Changes of their members: objects that are added, deleted, shown or hidden.
+_HOLDERS = (bpy.types.Scene, bpy.types.Collection)
+
+
+class LiveWatch:
+    """Watches a scene from `begin` to `end`; whoever reads what has changed clears it.
+
+    lamps    True once lamps have changed, or were moved
+    objects  True once anything else has that the light may depend on
+    """
+
+    def __init__(self, context: SceneContext) -> None:
+        self._context = context
+        self.lamps = self.objects = False
+        self._handlers = {
+            "depsgraph_update_post": self._note_update,
+            "undo_post": self._note_undo,
+            "redo_post": self._note_undo,
+        }
+
+    @property
+    def changed(self) -> bool:
+        """True once something has changed that the light may depend on."""
+        return self.lamps or self.objects
+
+    def begin(self) -> None:
+        """Listen to what changes from now on."""
+        self._context.evaluated_depsgraph_get()
+        for name, handler in self._handlers.items():
+            getattr(bpy.app.handlers, name).append(handler)
+
+    def end(self) -> None:
+        """Listen no more; another file takes all handlers along."""
+        for name, handler in self._handlers.items():
+            handlers = getattr(bpy.app.handlers, name)
+            if handler in handlers:
+                handlers.remove(handler)
+
+    def clear(self) -> None:
+        """Take the scene as it is."""
+        self.lamps = self.objects = False
+
+    def _note_update(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+        if scene.session_uid != self._context.scene_uid:
+            return
+        for update in depsgraph.updates:
+            if _is_lamp(update.id):
+                self.lamps = True
+            elif _matters(update):
+                self.objects = True
+
+    def _note_undo(self, *_: object) -> None:
+        self.objects = True
+
+
+def _is_lamp(item: bpy.types.ID) -> bool:
+    return isinstance(item, bpy.types.Light) or getattr(item, "type", None) == "LIGHT"
+
+
+def _matters(update: bpy.types.DepsgraphUpdate) -> bool:
+    """Return whether the light may depend on what was updated; new pixels of lightmaps are none of it."""
+    if isinstance(update.id, _HOLDERS) or update.is_updated_geometry or update.is_updated_transform:
+        return True
+    if isinstance(update.id, bpy.types.World):
+        return True
+    own = update.id.get(LIGHTMAP) is not None or update.id.get(PREVIEW) is not None
+    return update.is_updated_shading and isinstance(update.id, _LOOKS) and not own

@@ -1,0 +1,234 @@
+"""Live, driven by events in a stand-in for a window; see test_modal.py. The worker process is real."""
+
+import numpy as np
+import pytest
+
+from tests.blender.test_modal import (  # noqa: F401
+    ESCAPE,
+    TIMER,
+    Window,
+    bake_button,
+    context,
+    drive,
+    image_shown,
+    stand_in_for,
+    window,
+)
+from tests.blender.things import CUBE, INWARD, furnace, material, mesh_object, part, pixels, snapshot
+
+
+@pytest.fixture(autouse=True)
+def quick(empty_scene):
+    """Bake what takes no time."""
+    import bpy
+
+    bpy.context.scene.hemibake.resolution = 24
+
+
+@pytest.fixture
+def operator(monkeypatch):
+    live = stand_in_for(part("operators.live").HEMIBAKE_OT_live)
+    live.bl_label = "Live"
+    monkeypatch.setattr(part("operators.live"), "push_undo", lambda message: undo_steps.append(message))
+    undo_steps.clear()
+    yield live
+    running = part("operators.worker_owner").owner.running
+    if running is not None:
+        running.cancel()
+
+
+undo_steps: list[str] = []
+
+
+@pytest.fixture(autouse=True)
+def no_view(monkeypatch, quick):
+    """There is no 3D view to switch."""
+    for name in ("show_materials", "restart_renders"):
+        monkeypatch.setattr(part("operators.live"), name, lambda *_: None)
+
+
+def lit_room():
+    """Return a closed grey cube with a lamp in it, and the lamp."""
+    import bpy
+
+    room = mesh_object("Room", CUBE, INWARD, surface=material())
+    lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT"))
+    lamp.data.energy, lamp.location = 10, (0.5, 0.5, 0.5)
+    bpy.context.scene.collection.objects.link(lamp)
+    bpy.context.view_layer.update()
+    return room, lamp
+
+
+def start(operator, context) -> None:  # noqa: F811
+    """Start Live, and wait until the first bake has come to its end."""
+    assert operator.invoke(context, None) == {"RUNNING_MODAL"}
+    running = part("operators.worker_owner").owner.running
+    assert drive(operator, context, until=lambda: running.following) == {"PASS_THROUGH"}
+
+
+def settle(operator, context) -> np.ndarray:  # noqa: F811
+    """Wait until what has changed shows, and return the lightmap."""
+    import bpy
+
+    bpy.context.view_layer.update()
+    run = part("operators.worker_owner").owner.running.run
+    for _ in range(3):
+        operator.modal(context, TIMER)
+    drive(operator, context, until=lambda: run.settled)
+    return pixels(bpy.data.images["Lightmap"])[..., :3]
+
+
+def baked_anew(scene) -> np.ndarray:
+    """Return the lightmap of a bake of its own."""
+    import bpy
+
+    bpy.ops.hemibake.bake()
+    return pixels(scene.hemibake.lightmaps["Lightmap"].image)[..., :3].copy()
+
+
+def test_edits_show_and_the_light_is_that_of_a_bake(operator, context, window):  # noqa: F811
+    import bpy
+
+    room, lamp = lit_room()
+    start(operator, context)
+    assert operator.reports[-1][1].startswith("Baked 1 object") and undo_steps[-1] == "Live"
+    assert room.material_slots[0].material.name.endswith("(lightmap)")
+    first = settle(operator, context)
+
+    # Light, colour, emission, world, and an object that is new.
+    lamp.data.energy = 40
+    assert settle(operator, context) == pytest.approx(4 * first, rel=0.02)
+    lamp.location = (0.2, 0.7, 0.8)
+    grey = bpy.data.materials["Grey"]
+    grey.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.8, 0.1, 0.3, 1)
+    grey.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"].default_value = 0.2
+    settle(operator, context)
+    pillar = mesh_object(
+        "Pillar", np.array(CUBE) * [0.2, 0.2, 0.5] + [0.3, 0.3, 0.2], [f[::-1] for f in INWARD]
+    )
+    settle(operator, context)
+    pillar.location.x = 0.15
+    last = settle(operator, context).copy()
+
+    assert bpy.ops.hemibake.bake.poll() is False
+    operator.invoke(context, None)
+    assert drive(operator, context) == {"FINISHED"} and window.is_as_before()
+    assert np.array_equal(pixels(bpy.data.images["Lightmap"])[..., :3], last)
+    pillar.hemibake.role = "OCCLUDER"
+    again = baked_anew(bpy.context.scene)
+    known = again.sum(axis=2) > 0.01 * again.sum(axis=2).max()
+    assert np.abs(last - again)[known].mean() < 0.01 * again[known].mean()
+
+
+def test_escape_before_the_first_bake_is_done_leaves_nothing_behind(operator, context, window):  # noqa: F811
+    furnace()
+    before = snapshot()
+    operator.invoke(context, None)
+    drive(operator, context, until=image_shown)
+    assert operator.modal(context, ESCAPE) == {"CANCELLED"}
+    assert window.is_as_before() and snapshot() == before and "Live" not in undo_steps
+
+
+def test_escape_later_is_for_whatever_else_happens_and_cancel_ends_live(operator, context, window):  # noqa: F811
+    import bpy
+
+    lit_room()
+    start(operator, context)
+    assert operator.modal(context, ESCAPE) == {"PASS_THROUGH"}
+    assert bake_button()[-1] == "hemibake.cancel"
+    bpy.ops.hemibake.cancel()
+    assert drive(operator, context) == {"FINISHED"} and window.is_as_before()
+    assert not part("operators.worker_owner").owner.busy
+
+
+def test_nothing_happens_while_nothing_changes(operator, context, window, monkeypatch):  # noqa: F811
+    """Pixels of lightmaps, and what is of no concern to light, are no changes."""
+    import bpy
+
+    room, _ = lit_room()
+    start(operator, context)
+    settle(operator, context)
+    sent = []
+    owner = part("operators.worker_owner").owner
+    monkeypatch.setattr(owner.worker(), "update", sent.append)
+    room.select_set(True)
+    bpy.context.scene.cursor.location.x = 3
+    settle(operator, context)
+    run = owner.running.run
+    run._show(pixels(bpy.data.images["Lightmap"])[None, ..., :3])
+    bpy.context.view_layer.update()
+    assert sent == [] and not run._watch.changed
+
+
+def test_only_what_has_changed_is_sent(operator, context, window, monkeypatch):  # noqa: F811
+    _, lamp = lit_room()
+    start(operator, context)
+    settle(operator, context)
+    sent = []
+    monkeypatch.setattr(part("operators.worker_owner").owner.worker(), "update", sent.append)
+    lamp.data.energy = 20
+    for _ in range(6):
+        import bpy
+
+        bpy.context.view_layer.update()
+        operator.modal(context, TIMER)
+    (changes,) = sent
+    assert len(changes.lights) == 1 and changes.world is None
+    assert not changes.materials and not changes.meshes
+
+
+def test_a_dead_worker_ends_live_and_leaves_the_lightmap(operator, context, window):  # noqa: F811
+    import bpy
+
+    lit_room()
+    start(operator, context)
+    shown = settle(operator, context).copy()
+    part("operators.worker_owner").owner.worker().process.kill()
+    assert drive(operator, context) == {"CANCELLED"} and window.is_as_before()
+    assert operator.reports[-1][0] == {"ERROR"} and "process" in operator.reports[-1][1]
+    assert np.array_equal(pixels(bpy.data.images["Lightmap"])[..., :3], shown)
+
+    # The next one starts a new worker.
+    start(operator, context)
+
+
+def test_undo_in_between_is_followed(operator, context, window):  # noqa: F811
+    """The lamp's datablock is another one after an undo; its handlers tell of it."""
+    import bpy
+
+    _, lamp = lit_room()
+    start(operator, context)
+    before = settle(operator, context).copy()
+    lamp.data.energy = 40
+    brighter = settle(operator, context).copy()
+    lamp.data.energy = 10
+    for handler in list(bpy.app.handlers.undo_post):
+        handler(bpy.context.scene)
+    assert settle(operator, context) == pytest.approx(before, rel=0.01, abs=1e-4)
+    assert brighter.sum() > 3 * before.sum()
+
+
+def test_disabling_the_extension_ends_live_and_stores_the_lightmap(operator, context, window):  # noqa: F811
+    import bpy
+
+    lit_room()
+    start(operator, context)
+    settle(operator, context)
+    part("operators.worker_owner").owner.stop()
+    assert window.is_as_before() and not part("operators.worker_owner").owner.busy
+    assert bpy.data.images["Lightmap"].packed_file is not None
+    handlers = [*bpy.app.handlers.depsgraph_update_post, *bpy.app.handlers.undo_post]
+    assert not any("live_watch" in handler.__module__ for handler in handlers)
+
+
+def test_lightmaps_that_are_added_end_live_with_a_remedy(operator, context, window):  # noqa: F811
+    import bpy
+
+    room, _ = lit_room()
+    start(operator, context)
+    settle(operator, context)
+    room.hemibake.atlas = "Another"
+    room.location.x = 0.01
+    bpy.context.view_layer.update()
+    assert drive(operator, context) == {"CANCELLED"} and window.is_as_before()
+    assert "Start Live again" in operator.reports[-1][1]

@@ -34,7 +34,7 @@ from ..solve.solver import Solution
 from ..visibility.samples import ray_count
 from .choice import Choice
 from .choose import Receivers, last_gather
-from .light_group_gather import gather_light_groups
+from .light_group_gather import gather_light_groups, of_all_light
 from .light_group_solver import SettledGroup
 from .lit_samples import LitSamples
 from .solve_job import SolveJob
@@ -152,7 +152,7 @@ def light_groups_in_texels(
     """
     if not len(lit.samples):
         return []
-    settings = _settings_of_samples(what.job.settings, lit.count)
+    settings = of_all_light(_settings_of_samples(what.job.settings, lit.count))
     side_by_side = np.concatenate([group.settled for group in groups], axis=1)
     seen = _as_seen(what, side_by_side, lit.hidden).reshape(len(side_by_side), len(groups), 3)
     light: list[np.ndarray] = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +15,11 @@ from .choice import Choice
 from .choose import Receivers, last_gather, looking, static_light
 from .solve_job import SolveJob
 from .trial import make_identity
+
+
+def of_all_light(settings: Settings) -> Settings:
+    """Return settings that ask for nothing but all light: a light group has no other maps."""
+    return replace(settings, outputs=("combined",))
 
 
 def gather_light_groups(

@@ -18,7 +18,7 @@ from ..solve.solver import Solution, Solver, Sums
 from .choice import Choice
 from .choose import Receivers, solver_like, static_light
 from .kept import Kept
-from .light_group_gather import gather_light_groups
+from .light_group_gather import gather_light_groups, of_all_light
 from .solve_job import SolveJob
 
 #: Light below this is not made brighter: float32 would not hold the factor.
@@ -62,6 +62,7 @@ def settled_groups(
     solved    what was solved for: the job, or groups of its patches
     solution  of all light
     """
+    job, solved = (replace(one, settings=of_all_light(one.settings)) for one in (job, solved))
     parts = [_part_of(job, solved, solution, sources) for sources in groups]
     gathered = yield from part_of(0.0, 0.5, _gathered(solved, choice, parts))
     settled = [light[:, :3] for light in gathered]

@@ -143,8 +143,9 @@ def test_a_group_is_a_bake_of_its_light_alone():
         long({"method": "paper", "accelerate": False}),
         {"adaptive": True, "resolution": 113, "accelerate": True, "texel_samples": 4},
         long({"resolution": 31, "samples": 16, "patch_groups": 4}),
+        {"outputs": ("combined", "direct", "directional", "light_groups"), "texel_samples": 4},
     ],
-    ids=["accelerated", "fitted", "paper", "adaptive", "coarse"],
+    ids=["accelerated", "fitted", "paper", "adaptive", "coarse", "beside other maps"],
 )
 def test_maps_of_groups_sum_up_to_all_light(changes):
     assert_sums(drive(room(), dataclasses.replace(SETTINGS, **changes)))

@@ -32,9 +32,14 @@ class HemibakeLightmapProperties(bpy.types.PropertyGroup):
 
     name: StringProperty(name="Atlas")
     image: PointerProperty(type=bpy.types.Image, name="Image")
-    directional: BoolProperty(
+    directional: EnumProperty(
         name="Directional",
-        description="The last bake of the lightmap wrote its directional maps, too",
+        description="Which directional maps the last bake of the lightmap wrote, too",
+        items=[
+            ("NONE", "None", "No maps that shade normal maps"),
+            ("DIRECTIONAL", "Directional", "L0 and L1"),
+            ("SPHERICAL_HARMONICS", "Spherical Harmonics", "SH L0 and SH L1"),
+        ],
         options={"HIDDEN"},
     )
     light_groups: StringProperty(

@@ -31,6 +31,7 @@ from .result import images
 from .result.clipping import clipping_notes
 from .result.contents import chosen_names, lightmap_contents
 from .result.destination import choose_destination
+from .result.directional_images import directional_kind
 from .result.kept_texels import KeptTexels
 from .run_stages import RunStages
 from .scene import SceneChangedError, SceneContext, read_scene, visible_meshes
@@ -334,7 +335,7 @@ class Run:
         kept = {atlas for atlas, _ in self._kept.objects()}
         for atlas, has_patch in zip(lightmap.atlases, lightmap.has_patch, strict=True):
             if atlas in known:
-                known[atlas].directional = "directional" in self._settings.outputs
+                known[atlas].directional = directional_kind(self._settings.outputs)
                 known[atlas].light_groups = json.dumps(groups)
             if atlas in known and atlas not in kept:
                 known[atlas].used = 100 * float(has_patch.mean())

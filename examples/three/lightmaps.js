@@ -48,7 +48,8 @@ export async function useFiles(gltf, file, folder) {
     if (!maps) return;
     material.lightMap = maps.light;
     material.lightMapIntensity = Math.PI;
-    if (material.normalMap && maps['L1 x']) shadeNormalMap(material, ['L1 x', 'L1 y', 'L1 z'].map(name => maps[name]));
+    const kind = KINDS.find(({ names }) => names.every(name => maps[name]));
+    if (material.normalMap && kind) shadeNormalMap(material, kind, kind.names.map(name => maps[name]));
   });
 }
 
@@ -65,20 +66,32 @@ async function loadTexture(path) {
 const EVEN_TANGENTS = ShaderChunk.normalmap_pars_fragment
   .replace('mat3( T * scale, B * scale, N )', 'mat3( normalize( T ), normalize( B ), N )');
 
-// Lets a material show E(n')/π = E(n)/π + L1 · (n' - n) of the normal n' that its normal map makes of n. The three
-// maps of L1 are of Blender's axes, whose z is up: (x, -z, y) of three.js.
-function shadeNormalMap(material, maps) {
+// Directional maps, L0 first, and the light E(n')/π of the normal n' that a normal map makes of n: of Directional
+// E(n)/π + L1 · (n' - n), of Spherical Harmonics SH L0 max(0, 1 + 2 SH L1 · n').
+const KINDS = [{
+  names: ['L0', 'L1 x', 'L1 y', 'L1 z'],
+  light: 'max(lightMapTexel.rgb + alongL1(normal - nonPerturbedNormal), 0.0)',
+}, {
+  names: ['SH L0', 'SH L1 x', 'SH L1 y', 'SH L1 z'],
+  light: 'texture2D(l0Map, vLightMapUv).rgb * max(1.0 + 2.0 * alongL1(normal), 0.0)',
+}];
+
+// Lets a material show the light of its normal map. The maps of L1 are of Blender's axes, whose z is up: (x, -z, y)
+// of three.js.
+function shadeNormalMap(material, kind, maps) {
   material.onBeforeCompile = shader => {
-    maps.forEach((map, axis) => { shader.uniforms[`l1Map${'XYZ'[axis]}`] = { value: map }; });
+    ['l0Map', 'l1MapX', 'l1MapY', 'l1MapZ'].forEach((name, i) => { shader.uniforms[name] = { value: maps[i] }; });
     shader.fragmentShader = shader.fragmentShader
       .replace('#include <normalmap_pars_fragment>', EVEN_TANGENTS)
       .replace('#include <lightmap_pars_fragment>', `#include <lightmap_pars_fragment>
-        uniform sampler2D l1MapX, l1MapY, l1MapZ;`)
+        uniform sampler2D l0Map, l1MapX, l1MapY, l1MapZ;
+        vec3 alongL1(const in vec3 direction) {
+          vec3 n = direction * mat3(viewMatrix);  // transposed: view to world
+          return n.x * texture2D(l1MapX, vLightMapUv).rgb - n.z * texture2D(l1MapY, vLightMapUv).rgb
+            + n.y * texture2D(l1MapZ, vLightMapUv).rgb;
+        }`)
       .replace('#include <lights_fragment_maps>', `#include <lights_fragment_maps>
-        vec3 tilt = ((normal - nonPerturbedNormal) * mat3(viewMatrix));  // transposed: view to world
-        irradiance += lightMapIntensity * (tilt.x * texture2D(l1MapX, vLightMapUv).rgb
-          - tilt.z * texture2D(l1MapY, vLightMapUv).rgb + tilt.y * texture2D(l1MapZ, vLightMapUv).rgb);
-        irradiance = max(irradiance, 0.0);`);
+        irradiance += lightMapIntensity * (${kind.light} - lightMapTexel.rgb);`);
   };
-  material.customProgramCacheKey = () => 'l1';
+  material.customProgramCacheKey = () => kind.names[0];
 }

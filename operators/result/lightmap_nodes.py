@@ -7,6 +7,7 @@ from functools import cached_property
 
 import bpy
 
+from .directional_images import DirectionalImages
 from .nodes import Feed, make_node
 
 #: Where the nodes are: above those of the material.
@@ -17,16 +18,16 @@ _TOP, _COLUMN = 600, 180
 class ShownLightmap:
     """Where the light of an object is: lightmap uv = uv of the layer * scale + offset.
 
-    images   of which an object without instances has one
-    l1       of each axis of the world the L1 maps beside the images; empty if some have none
-    groups   of each light group its maps beside the images; empty if some have none
-    mixer    node group that adds their light up, one input a group; None without groups
-    table    places of the object's instances instead of scale and offset, see `instance_places`
-    buckets  of the table
+    images       of which an object without instances has one
+    directional  maps beside the images; None if some have none
+    groups       of each light group its maps beside the images; empty if some have none
+    mixer        node group that adds their light up, one input a group; None without groups
+    table        places of the object's instances instead of scale and offset, see `instance_places`
+    buckets      of the table
     """
 
     images: tuple[bpy.types.Image, ...]
-    l1: tuple[tuple[bpy.types.Image, ...], ...]
+    directional: DirectionalImages | None
     uv_layer: str
     scale: float = 1.0
     offset: tuple[float, float] = (0.0, 0.0)
@@ -52,26 +53,51 @@ class LightmapNodes:
     @property
     def has_directions(self) -> bool:
         """Whether there are maps to shade tilted normals with."""
-        return bool(self._lightmap.l1)
+        return self._lightmap.directional is not None
 
     def shaded(self, normal: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-        """Return E/pi of a normal n' in world space: E(n)/pi + L1 . (n' - n), not below 0."""
+        """Return E/pi of a normal n' in world space, not below 0, as the manifest tells it (`DECODING`).
+
+        Of Directional E(n)/pi + L1 . (n' - n), of Spherical Harmonics SH L0 (1 + 2 SH L1 . n').
+        """
         nodes = self._nodes
+        if self._lightmap.directional.kind == "SPHERICAL_HARMONICS":
+            doubled = nodes.vector("MULTIPLY", normal, (2.0, 2.0, 2.0))
+            return nodes.vector("MULTIPLY", self._l0, self._tilted((1.0, 1.0, 1.0), doubled))
         surface = nodes.make("ShaderNodeNewGeometry").node.outputs["Normal"]
-        tilt = nodes.make("ShaderNodeSeparateXYZ", nodes.vector("SUBTRACT", normal, surface)).node.outputs
-        light = self.colour
-        for l1, along in zip(self._l1, tilt, strict=True):
+        return self._tilted(self.colour, nodes.vector("SUBTRACT", normal, surface))
+
+    def _tilted(self, light: Feed, direction: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+        """Return light + L1 . direction, not below 0."""
+        nodes = self._nodes
+        axes = nodes.make("ShaderNodeSeparateXYZ", direction).node.outputs
+        for l1, along in zip(self._l1, axes, strict=True):
             light = nodes.vector("MULTIPLY_ADD", l1, along, light)
         return nodes.vector("MAXIMUM", light, (0.0, 0.0, 0.0))
 
     @cached_property
+    def _l0(self) -> bpy.types.NodeSocket:
+        """The L0 of the light."""
+        return self._in_proportion(self._light(self._lightmap.directional.l0))
+
+    @cached_property
     def _l1(self) -> list[bpy.types.NodeSocket]:
-        """The L1 of the light, axis after axis; mixed light has that of all light, in its proportion."""
-        l1 = [self._light(images) for images in self._lightmap.l1]
-        if self._lightmap.mixer is None:
+        """The L1 of the light, axis after axis; that of Spherical Harmonics is in parts of L0."""
+        l1 = [self._light(images) for images in self._lightmap.directional.l1]
+        if self._lightmap.directional.kind == "SPHERICAL_HARMONICS":
             return l1
-        part = self._nodes.vector("DIVIDE", self.colour, self._light(self._lightmap.images))
-        return [self._nodes.vector("MULTIPLY", light, part) for light in l1]
+        return [self._in_proportion(light) for light in l1]
+
+    def _in_proportion(self, light: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+        """Return a part of all light in the proportion that mixed light has to it."""
+        if self._lightmap.mixer is None:
+            return light
+        return self._nodes.vector("MULTIPLY", light, self._proportion)
+
+    @cached_property
+    def _proportion(self) -> bpy.types.NodeSocket:
+        """Mixed light in parts of all light."""
+        return self._nodes.vector("DIVIDE", self.colour, self._light(self._lightmap.images))
 
     def _mixed(self, mixer: bpy.types.NodeTree) -> bpy.types.NodeSocket:
         """Return the light of all groups as a node group adds it up."""

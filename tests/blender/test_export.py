@@ -293,6 +293,31 @@ def test_files_beside_it(tmp_path):
         assert entry["object"] == obj.name and entry["uv_layer"] == "TEXCOORD_1" and entry["scale"] == 1
 
 
+@pytest.mark.parametrize(
+    ("output", "maps"),
+    [
+        ("directional", ("L0", "L1 x", "L1 y", "L1 z")),
+        ("spherical_harmonics", ("SH L0", "SH L1 x", "SH L1 y", "SH L1 z")),
+    ],
+)
+def test_directional_maps_of_the_last_bake_are_beside_it(tmp_path, output, maps):
+    """With how they are decoded; those of a bake before are not."""
+    import bpy
+
+    square("Square", SQUARE_UVS, material("Glow", emission=1))
+    for outputs in ({"combined", "directional"}, {"combined", "spherical_harmonics"}, {"combined", output}):
+        bpy.context.scene.hemibake.outputs = outputs
+        bake()
+    export(tmp_path / "room.glb")
+    files = {f"room.Lightmap {name}.exr": name for name in maps}
+    assert sorted(files_below(tmp_path)) == sorted(["hemibake.json", "room.Lightmap.exr", "room.glb", *files])
+    known = json.loads((tmp_path / "hemibake.json").read_text())["lightmaps"]
+    for file, name in files.items():
+        loaded = bpy.data.images.load(str(tmp_path / file))
+        assert pixels(loaded).tobytes() == pixels(bpy.data.images[f"Lightmap {name}"]).tobytes()
+        assert "n'.x" in known[file]["decode"] and "(x, -z, y)" in known[file]["decode"]
+
+
 def test_everything_is_as_before(tmp_path):
     """Also while the preview is shown: the file has the objects' own materials."""
     import bpy

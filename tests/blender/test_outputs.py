@@ -45,7 +45,7 @@ def test_directional_maps_are_images_with_a_formula_in_the_manifest(tmp_path):
         *(f"Lightmap {name}" for name in ("L0", "L1 x", "L1 y", "L1 z", "dominant direction")),
     ]
     assert report()["images"] == names
-    assert bpy.context.scene.hemibake.lightmaps["Lightmap"].directional
+    assert bpy.context.scene.hemibake.lightmaps["Lightmap"].directional == "DIRECTIONAL"
     lit = pixels(bpy.data.images["Lightmap"])[..., 0] > 0
     l0, *l1 = (pixels(bpy.data.images[name])[..., :3] for name in names[1:5])
     length = np.sqrt(sum(axis**2 for axis in l1))
@@ -56,7 +56,7 @@ def test_directional_maps_are_images_with_a_formula_in_the_manifest(tmp_path):
     decoded = {entry["output"]: entry.get("decode", "") for entry in entries.values()}
     assert decoded["combined"] == "" and decoded["L1 y"].startswith("max(0, L0 + L1x n'.x")
     bake("combined")
-    assert not bpy.context.scene.hemibake.lightmaps["Lightmap"].directional
+    assert bpy.context.scene.hemibake.lightmaps["Lightmap"].directional == "NONE"
 
 
 def test_directional_maps_alone_are_refused():

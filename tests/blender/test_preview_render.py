@@ -245,6 +245,51 @@ def test_directional_maps_shade_normal_maps(stage, tmp_path, turn, scale, locati
     assert shaded < 0.02 and shaded < 0.4 * flat
 
 
+@pytest.mark.parametrize(
+    ("output", "names", "light"),
+    [
+        ("directional", ("L0", "L1 x", "L1 y", "L1 z"), lambda e, l0, tilt, n: e + tilt @ (n - (0, 0, 1))),
+        (
+            "spherical_harmonics",
+            ("SH L0", "SH L1 x", "SH L1 y", "SH L1 z"),
+            lambda e, l0, tilt, n: l0 * (1 + 2 * tilt @ n),
+        ),
+    ],
+)
+@pytest.mark.parametrize("normal", [(0.48, -0.36, 0.8), (-0.6, 0.0, 0.8), (0.28, 0.96, 0.0)])
+def test_the_preview_decodes_directional_maps_as_the_manifest_tells(
+    stage, tmp_path, output, names, light, normal
+):
+    """Maps of one colour each, and one tilted normal; what would be negative is black."""
+    import bpy
+
+    nodes = Nodes()
+    tilted = nodes.add("CombineXYZ", X=normal[0], Y=normal[1], Z=normal[2])
+    obj = shown_square(nodes.done(nodes.principled(Base_Color=(0.8, 0.6, 0.3, 1), Normal=tilted)))
+    obj.location = (0.2, 0.2, 0)
+    stage.hemibake.outputs = {"combined", output}
+    bpy.ops.hemibake.bake()
+    l0 = np.array([0.5, 0.7, 0.9])
+    tilt = np.array([[0.4, -0.9, 0.1], [0.3, -0.4, 0.2], [0.5, -0.5, 0.3]])
+    for name, colour in zip(names, (l0, *tilt.T), strict=True):
+        fill(bpy.data.images[f"Lightmap {name}"], colour)
+    flat = np.array([0.4, 0.5, 0.6])
+    fill(bpy.data.images["Lightmap"], flat)
+    assert bpy.ops.hemibake.preview() == {"FINISHED"}
+    bpy.data.objects["Sun"].hide_render, stage.world = True, None
+    shown = render(stage, tmp_path, 4)[3, 3]
+    expected = (0.8, 0.6, 0.3) * np.maximum(light(flat, l0, tilt, np.array(normal)), 0)
+    assert shown == pytest.approx(expected, rel=1e-3, abs=1e-4)
+
+
+def fill(image, colour):
+    """Give all texels of an image one colour."""
+    values = np.ones((image.size[1], image.size[0], 4), np.float32)
+    values[..., :3] = colour
+    image.pixels.foreach_set(values.reshape(-1))
+    image.update()
+
+
 def errors_of_shading(scene, folder) -> list[float]:
     """Return how far previews with and without directional maps are from the original: RMS, of the mean."""
     import bpy
@@ -257,7 +302,7 @@ def errors_of_shading(scene, folder) -> list[float]:
     pictures = [render(scene, folder, 16)]
     bpy.ops.hemibake.preview()
     for entry in scene.hemibake.lightmaps:
-        entry.directional = False
+        entry.directional = "NONE"
     bpy.ops.hemibake.preview()
     pictures.append(render(scene, folder, 16))
     return [float(np.sqrt(((shown - original) ** 2).mean()) / original.mean()) for shown in pictures]

@@ -35,9 +35,10 @@ def test_three_shows_the_preview(wanted, engine, tmp_path, ending, kind, files):
     assert np.percentile(off, 99) < (0.02 if kind == "HDR" else 0.5)
 
 
-def test_three_shades_a_normal_map_with_directional_maps(hemibake, engine, tmp_path):
+@pytest.mark.parametrize("output", ["directional", "spherical_harmonics"])
+def test_three_shades_a_normal_map_with_directional_maps(hemibake, engine, tmp_path, output):
     """As the preview does; without the directional maps the picture is another one."""
-    cornell.bake(embossed=True)
+    cornell.bake(directional=output)
     wanted = cornell.preview(_WIDTH, tmp_path)
     pictures = [shown(engine, tmp_path, files=files) for files in (True, False)]
     shaded, flat = (cornell.differences(picture, wanted) for picture in pictures)

@@ -20,10 +20,10 @@ HIDDEN = ("Front Wall",)
 _BUMPS = 5
 
 
-def bake(resolution: int = 192, quality: str = "high", embossed: bool = False) -> None:
+def bake(resolution: int = 192, quality: str = "high", directional: str | None = None) -> None:
     """Build the box in an empty file and bake it.
 
-    embossed  its surfaces have a normal map, and the bake gives directional maps
+    directional  output that tells where light comes from; its surfaces then have a normal map
     """
     import bpy
 
@@ -34,9 +34,9 @@ def bake(resolution: int = 192, quality: str = "high", embossed: bool = False) -
     cornell_box.build()
     settings = bpy.context.scene.hemibake
     settings.quality, settings.resolution = quality, resolution
-    if embossed:
+    if directional:
         _emboss()
-        settings.outputs = {"combined", "directional"}
+        settings.outputs = {"combined", directional}
     bpy.ops.hemibake.bake()
 
 

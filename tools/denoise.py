@@ -30,8 +30,8 @@ _RAYS = {64: 16, 32: 16, 16: 16}
 
 _TITLES = ("scene", "texels", *(f"{rays} rays" for rays in _RAYS), "s for bounces", "s to denoise")
 
-#: Bakes whose mean is the truth, and the settings of each.
-_BAKES, _TRUTH = 8, {"samples": 1024, "light_samples": 256}
+#: Settings of the bakes whose mean is the truth.
+_TRUTH = {"samples": 1024, "light_samples": 256}
 
 #: Names of the scenes: of a tool's or of a folder's.
 _SCENES = ("cornell", "sphere", "house", "living_room")
@@ -58,6 +58,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--scenes", type=Path, required=True, help="folder with scenes")
     parser.add_argument("--only", nargs="+", choices=_SCENES, help="names of scenes")
     parser.add_argument("--resolution", type=int, default=256, help="of the lightmaps, texels")
+    parser.add_argument("--bakes", type=int, default=8, help="whose mean is the truth")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "denoise", help="folder of the picture")
     parser.add_argument("--page", type=Path, help="page whose table is replaced")
     options = parser.parse_args()
@@ -90,7 +91,7 @@ def _line(name: str, options: argparse.Namespace) -> str:
         bpy.context.scene.hemibake.resolution = options.resolution
         read, settings = read_for_bake(bpy.context)
     settings = replace(settings, visibility="rays", intermediates=False)
-    truth = _truth(read.scene, settings)
+    truth = _truth(read.scene, settings, options.bakes)
     figures, pairs = [], []
     for rays, light_rays in _RAYS.items():
         noisy = replace(settings, samples=rays, light_samples=light_rays, seed=4711)
@@ -103,10 +104,10 @@ def _line(name: str, options: argparse.Namespace) -> str:
     return table_row(name, f"{plain.known.sum():,}", *figures, *(f"{seconds:.2f}" for seconds in times))
 
 
-def _truth(scene, settings) -> np.ndarray:
-    """Return the light without noise, as lightmaps show it."""
-    bakes = (_baked(scene, replace(settings, seed=seed, **_TRUTH)) for seed in range(_BAKES))
-    return sum(lightmap.display.astype(np.float64) for lightmap in bakes) / _BAKES
+def _truth(scene, settings, count: int) -> np.ndarray:
+    """Return the light without noise, as lightmaps show it: the mean of `count` bakes."""
+    bakes = (_baked(scene, replace(settings, seed=seed, **_TRUTH)) for seed in range(count))
+    return sum(lightmap.display.astype(np.float64) for lightmap in bakes) / count
 
 
 def _baked(scene, settings):

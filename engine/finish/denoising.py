@@ -1,8 +1,10 @@
 """Removes noise from lightmaps with Open Image Denoise, before seams are hidden and gutters filled.
 
-The filter is made for pictures, in which things reach up to each other. So charts are grown by a texel, and
-what is left between them filled from all sides: the filter finds no edges but those of the light. Large
-lightmaps are filtered in windows, which bounds the memory that this takes.
+The filter is made for pictures, in which things reach up to each other. So light is seen in parts of its
+chart's level, charts are grown by a texel, and what is left between them is filled from all sides: the filter
+finds no edges but those of the light within charts. Among many small charts of different brightness it would
+take noise for more of their edges, and keep it. What it changes by far more than noise is detail, and stays.
+Large lightmaps are filtered in windows, which bounds the memory that this takes.
 """
 
 from __future__ import annotations
@@ -20,7 +22,9 @@ from ..denoise.library import DenoiseDevice, DenoiseLibrary
 from ..errors import DenoiseError
 from ..settings import Settings
 from .dilation import Dilation, grown
+from .noise_limit import share_of_noise
 from .smooth_fill import SmoothFill
+from .texel_charts import TexelCharts
 
 #: Texels at the sides of a window that the filter reads and does not write: how far it looks.
 _MARGIN = 128
@@ -85,20 +89,44 @@ class Denoising:
     ) -> Generator[float, None, dict[str, np.ndarray]]:
         """Filter every window of every image; black ones stay black."""
         windows = [window for window in _windows(self._known.shape) if self._known[window.core].any()]
-        filtered = {name: image.copy() for name, image in images.items()}
         lit = {name: image for name, image in images.items() if image[self._known].any()}
-        scales = {name: _scale(image[self._known]) for name, image in lit.items()}
-        wide = np.stack([_wide(known) for known in self._known])
+        if not lit:
+            return images
+        charts = TexelCharts(self._known)
+        levels = {name: charts.levels(image) for name, image in lit.items()}
+        parts = {name: self._product(image, 1 / levels[name]) for name, image in lit.items()}
+        scales = {name: _scale(image[self._known]) for name, image in parts.items()}
+        filtered = {name: image.copy() for name, image in parts.items()}
         for number, window in enumerate(windows):
+            known = self._known[window.core]
             gutters = _Gutters(self._known[window.whole])
-            for name, image in lit.items():
+            for name, image in parts.items():
                 yield number / len(windows)
                 noisy = image[window.whole] * scales[name]
                 gutters.fill(noisy)
                 quiet = device.filtered(noisy) / scales[name]
-                written = wide[window.core]
-                filtered[name][window.core][written] = quiet[window.inner][written]
-        return filtered
+                filtered[name][window.core][known] = quiet[window.inner][known]
+        filtered = {name: self._product(image, levels[name]) for name, image in filtered.items()}
+        self._keep_details(lit, filtered, charts)
+        return images | filtered
+
+    def _keep_details(
+        self, images: dict[str, np.ndarray], filtered: dict[str, np.ndarray], charts: TexelCharts
+    ) -> None:
+        """Give filtered images back what is no noise: the same part of all, which belong together."""
+        noisy, quiet = (
+            sum(image[self._known] for image in maps.values()) @ _LUMINANCE for maps in (images, filtered)
+        )
+        share = share_of_noise(noisy, quiet, charts)[:, None]
+        for name, image in images.items():
+            before, after = image[self._known], filtered[name][self._known]
+            filtered[name][self._known] = before + share * (after - before)
+
+    def _product(self, image: np.ndarray, factors: np.ndarray) -> np.ndarray:
+        """Return an image whose known texels are multiplied by factors, (k, 3); others keep their bits."""
+        product = image.copy()
+        product[self._known] *= factors
+        return product
 
 
 class _Gutters:
@@ -128,15 +156,6 @@ class _Window(NamedTuple):
     whole: tuple[int, slice, slice]
     core: tuple[int, slice, slice]
     inner: tuple[slice, slice]
-
-
-def _wide(known: np.ndarray) -> np.ndarray:
-    """Return the texels, (h, w) bool, that lie in some square of 3 x 3 known ones (morphological opening).
-
-    Of narrower charts the filter sees but single pixels, whose light it takes for noise.
-    """
-    wide: np.ndarray = grown(~grown(~known)) & known
-    return wide
 
 
 def _windows(shape: tuple[int, ...]) -> Iterator[_Window]:

@@ -1,0 +1,55 @@
+"""What of a filter's changes is taken for noise."""
+
+import numpy as np
+import pytest
+
+from engine.finish.noise_limit import share_of_noise
+from engine.finish.texel_charts import TexelCharts
+
+
+def charts():
+    """Return two large charts and a narrow one, of 900, 900 and 40 texels."""
+    known = np.zeros((1, 64, 70), bool)
+    known[0, 1:31, 1:31] = known[0, 1:31, 34:64] = known[0, 40, 10:50] = True
+    return TexelCharts(known)
+
+
+def changed(noise, light=1.0):
+    """Return light before and after a filter that takes normal noise out, (1840,) each."""
+    after = np.full(1840, light, np.float32)
+    before = after * (1 + noise * np.random.default_rng(3).normal(size=1840))
+    return before.astype(np.float32), after
+
+
+@pytest.mark.parametrize("light", [1e-6, 1.0, 1e6])
+def test_noise_is_taken_and_a_detail_of_a_narrow_chart_stays(light):
+    before, after = changed(0.02, light)
+    before[[7, 1803]] = 1.3 * light
+    share = share_of_noise(before, after, charts())
+    assert share[1803] == 0 and np.delete(share, 1803).min() == 1
+
+
+def test_among_narrow_charts_alone_what_is_far_above_the_median_is_detail():
+    known = np.zeros((1, 64, 70), bool)
+    known[0, 1:63:3, 5:65] = True
+    before, after = (values[:1260] for values in changed(0.02))
+    before[100:103] = 0.6, 0.9, 1.5
+    share = share_of_noise(before, after, TexelCharts(known))
+    assert share[100] == share[102] == 0 and 0 < share[101] <= 1 and share.mean() > 0.99
+
+
+def test_no_change_and_black_are_no_noise_to_take():
+    same = np.ones(1840, np.float32)
+    assert (share_of_noise(same, same, charts()) == 1).all()
+    assert (share_of_noise(0 * same, 0 * same, charts()) == 1).all()
+
+
+def test_nothing_is_known():
+    assert (
+        len(
+            share_of_noise(
+                np.zeros(0, np.float32), np.zeros(0, np.float32), TexelCharts(np.zeros((1, 3, 3), bool))
+            )
+        )
+        == 0
+    )

@@ -256,7 +256,7 @@ def test_directional_maps_shade_normal_maps(stage, tmp_path, turn, scale, locati
         ),
     ],
 )
-@pytest.mark.parametrize("normal", [(0.48, -0.36, 0.8), (-0.6, 0.0, 0.8), (0.28, 0.96, 0.0)])
+@pytest.mark.parametrize("normal", [(0.48, -0.36, 0.8), long((-0.6, 0.0, 0.8)), long((0.28, 0.96, 0.0))])
 def test_the_preview_decodes_directional_maps_as_the_manifest_tells(
     stage, tmp_path, output, names, light, normal
 ):

@@ -16,7 +16,7 @@ from engine.errors import DeviceError, SettingsError
 from engine.progress import finished
 from engine.session import Session
 from tests.analytic.scenes import nine_quad_room
-from tests.gpu.schedulers import ONE_THREAD
+from tests.gpu.schedulers import ONE_THREAD, running_scheduler
 
 #: Odd, so that the last block is a short one.
 SETTINGS = Settings(resolution=45, samples=100, visibility="rays", texel_samples=1, intermediates=False)
@@ -138,6 +138,16 @@ def test_a_worker_that_is_lost_in_a_stage_changes_no_bit(by_two_in_texels, stage
 @pytest.fixture(scope="module")
 def by_two_in_texels(two):
     return baked(two, IN_TEXELS)
+
+
+def test_a_scheduler_that_is_gone_is_an_error_with_the_remedy(tmp_path):
+    with running_scheduler(tmp_path) as (address, process):
+        work = Session().bake(nine_quad_room(), replace(SETTINGS, scheduler=address))
+        while next(work).stage != "Bounce 2":
+            pass
+        process.kill()
+        with pytest.raises(DeviceError, match="cannot be reached any more.*Start it again"):
+            finished(work)
 
 
 @pytest.mark.long

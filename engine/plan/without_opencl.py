@@ -32,6 +32,8 @@ def without_opencl(devices: Devices, scene: Scene, settings: Settings) -> tuple[
         needs.insert(0, "the light of lamps")
     if settings.visibility == "rays":
         needs.append("rays")
+    if settings.scheduler:
+        needs.append("a bake by workers")
     if needs:
         raise DeviceError(f"OpenCL is needed for {' and '.join(needs)}. {error}")
     if not graphics.computes:

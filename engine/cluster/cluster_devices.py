@@ -11,6 +11,7 @@ from typing import Any
 import dask
 import numpy as np
 from distributed import Client, Future, wait
+from distributed.client import ClosedClientError
 from distributed.comm import CommClosedError
 from distributed.scheduler import KilledWorker
 
@@ -146,7 +147,8 @@ class ClusterDevices:
         return self._task(_given, value)
 
     def _task(self, function: Callable, *arguments: object) -> Future:
-        return _submit(self._client, function, *arguments)
+        with _losses_told(self._address):
+            return _submit(self._client, function, *arguments)
 
     def _of_patches(self, function: Callable, *arguments: object) -> Generator[float, None, np.ndarray]:
         """Do a task for each block of patches, on any worker; return the rows of all patches."""
@@ -174,6 +176,14 @@ class ClusterDevices:
             results = self._client.gather(list(tasks), direct=True)
         return dict(zip(tasks.values(), results, strict=True))
 
+    def _has_workers(self) -> bool:
+        """Return whether any worker is there; raises OSError if the scheduler is gone."""
+        if self._client.status == "connecting":
+            return False
+        if self._client.status != "running":
+            raise OSError("the connection is lost")
+        return bool(self._client.scheduler_info(n_workers=1)["workers"])
+
     def _until_all_end(self, tasks: list[Future]) -> Generator[float, None, None]:
         """Wait for tasks to end; yield the fraction of them that have. Raises DeviceError without workers."""
         lost = 0.0
@@ -181,7 +191,7 @@ class ClusterDevices:
             try:
                 wait(tasks, timeout=_PAUSE)
             except TimeoutError:
-                lost = 0.0 if self._client.scheduler_info(n_workers=1)["workers"] else lost + _PAUSE
+                lost = 0.0 if self._has_workers() else lost + _PAUSE
                 if lost > _PATIENCE:
                     raise DeviceError(
                         f"The scheduler at {self._address} has had no workers for {_PATIENCE:.0f} s. "
@@ -214,7 +224,7 @@ def _losses_told(address: str) -> Iterator[None]:
             f"Workers died again and again while they found what a block of patches sees ({error}). "
             "Their logs tell why; less memory is needed with Patch Groups or fewer samples."
         ) from error
-    except (CommClosedError, CancelledError, TimeoutError, OSError) as error:
+    except (ClosedClientError, CommClosedError, CancelledError, TimeoutError, OSError) as error:
         raise DeviceError(
             f"The Dask scheduler at {address} cannot be reached any more ({error}). Start it again, "
             "then bake again."

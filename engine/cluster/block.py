@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pyopencl as cl
 
 from ..device.buffers import download
 from ..gather.final_gather import FinalGather
+from ..gather.half_light import HalfLight
 from ..plan.choose import keeping_sweep
 from ..plan.trial import make_identity, untried_visibility
 from ..progress import finished
-from .half_light import HalfLight
 from .prepared_scene import prepared
 from .shipment import Shipment, Squares
 
@@ -33,23 +34,23 @@ class Block:
             self._gather = FinalGather(compute, sweep, np.zeros((lookers.count, 3), np.float32))
 
             # The first gather finds what is seen.
-            gathered = self._gathered(HalfLight.of(np.zeros((self._sources.job.count, 3), np.float32)))
+            gathered = self._gathered(self._sources.darkness)
             seen = download(compute, self._gather.patches_seen, (lookers.count,))
             self.views = np.stack([gathered[:, 3], seen], axis=1)
 
     def gather(self, light: HalfLight) -> np.ndarray:
         """Gather from the light of all patches; return E/pi, (last - first, 3) float32."""
         with self._sources.working():
-            return np.ascontiguousarray(self._gathered(light)[:, :3])
+            return np.ascontiguousarray(self._gathered(self._sources.table(light))[:, :3])
 
     def gather_l1(self, light: HalfLight) -> np.ndarray:
         """Return the L1 of the same light, (last - first, 3, 3) float32."""
         with self._sources.working():
-            self._gathered(light)
+            self._gathered(self._sources.table(light))
             return finished(self._gather.gather_l1())
 
-    def _gathered(self, light: HalfLight) -> np.ndarray:
-        return finished(self._gather.gather_from(self._sources.table(light)))
+    def _gathered(self, radiance: cl.Buffer) -> np.ndarray:
+        return finished(self._gather.gather_from(radiance))
 
     def __reduce__(self) -> tuple:
         return find, self._made_of

@@ -17,12 +17,12 @@ from distributed.scheduler import KilledWorker
 
 from ..errors import DeviceError
 from ..finish.display_samples import DisplaySamples
+from ..gather.half_light import HalfLight
 from ..plan.choice import Choice
 from ..plan.lit_samples import LitSamples
 from ..settings import Settings
 from . import block, final_tasks, shadow_tasks
 from .blocks import cut
-from .half_light import HalfLight
 from .prepared_scene import prepare
 from .shipment import Shipment, Squares
 
@@ -100,31 +100,31 @@ class ClusterDevices:
         self._blocks = {span: self._block(*span) for span in cut(count)}
         return (yield from self._of_blocks(block.views))
 
-    def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
+    def gather(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
         """Gather once; see `RemoteGather.gather`."""
-        return (yield from self._of_blocks(block.gather, self._light(radiance)))
+        return (yield from self._of_blocks(block.gather, self._sent(light)))
 
-    def gather_l1(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
+    def gather_l1(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
         """Gather L1; see `RemoteGather.gather_l1`."""
-        return (yield from self._of_blocks(block.gather_l1, self._light(radiance)))
+        return (yield from self._of_blocks(block.gather_l1, self._sent(light)))
 
     def of_groups(self, leader: np.ndarray, width: int) -> None:
         """Let the workers solve groups of patches; see `RemoteGather.of_groups`."""
         self._squares = self._sent(Squares.of(leader, width))
 
-    def final(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
+    def final(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
         """Gather for every patch; see `RemoteGather.final`."""
-        return (yield from self._of_patches(final_tasks.final, self._squares, self._light(radiance)))
+        return (yield from self._of_patches(final_tasks.final, self._squares, self._sent(light)))
 
-    def final_l1(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
+    def final_l1(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
         """Gather L1 for every patch; see `RemoteGather.final_l1`."""
-        return (yield from self._of_patches(final_tasks.final_l1, self._squares, self._light(radiance)))
+        return (yield from self._of_patches(final_tasks.final_l1, self._squares, self._sent(light)))
 
     def light_at(
-        self, samples: DisplaySamples, settled: np.ndarray, choice: Choice, settings: Settings
+        self, samples: DisplaySamples, light: HalfLight, choice: Choice, settings: Settings
     ) -> Generator[float, None, list[LitSamples]]:
         """Return the light at points of texels; see `RemoteDevices.light_at`."""
-        seen, tasks = (self._squares, self._sent(settled)), {}
+        seen, tasks = (self._squares, self._sent(light)), {}
         for first, last in cut(len(samples)):
             part = samples.part(slice(first, last))
             task = self._task(
@@ -137,10 +137,6 @@ class ClusterDevices:
     def _block(self, first: int, last: int) -> Future:
         """Have what a block of patches sees found, by a task that any worker can do again."""
         return self._task(block.find, self._shipped.shipment, first, last, self._squares)
-
-    def _light(self, radiance: np.ndarray) -> Future:
-        """Return radiance as workers take it."""
-        return self._sent(HalfLight.of(radiance))
 
     def _sent(self, value: object) -> Future:
         """Return a value as the result of a task, which workers fetch from each other."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..finish.display_samples import DisplaySamples
 from ..gather.final_gather import FinalGather
+from ..gather.half_light import HalfLight
 from ..plan.choice import Choice
 from ..plan.choose import Receivers, final_gather
 from ..plan.display_light import light_at
@@ -13,7 +14,6 @@ from ..plan.lit_samples import LitSamples
 from ..plan.trial import untried_visibility
 from ..progress import finished
 from ..settings import Settings
-from .half_light import HalfLight
 from .prepared_scene import PreparedScene, prepared
 from .shipment import Shipment, Squares
 
@@ -48,11 +48,12 @@ def light_at_samples(
     shipment: Shipment,
     samples: DisplaySamples,
     squares: Squares | None,
-    settled: np.ndarray,
+    light: HalfLight,
     choice: Choice,
     settings: Settings,
 ) -> LitSamples:
-    """Return the light at samples, from sources of E/pi (m, 3) float32; see `display_light.light_at`."""
+    """Return what samples gather from the light of all sources; see `display_light.light_at`."""
     scene = prepared(shipment)
     with scene.working():
-        return finished(light_at(scene.display(squares, choice), settled, samples, settings))
+        radiance = scene.sources(squares).table(light)
+        return finished(light_at(scene.display(squares, choice), radiance, samples, settings))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -23,7 +24,7 @@ _NVIDIA = "NVIDIA"
 _HOME = Path(__file__).resolve().parents[2]
 
 #: Seconds that workers have to start, and to end.
-_START, _FAREWELL = 60.0, 5.0
+_START, _FAREWELL = 60.0, 3.0
 
 
 class LocalWorkers:
@@ -58,14 +59,15 @@ class LocalWorkers:
             worker.terminate()
         self.client.close()
         self._cluster.close()
+        deadline = time.monotonic() + _FAREWELL
         for worker in self._workers:
-            _end(worker)
+            _end(worker, deadline)
 
 
-def _end(worker: subprocess.Popen[bytes]) -> None:
-    """Wait for a worker that was asked to end; one whose driver does not is killed."""
+def _end(worker: subprocess.Popen[bytes], deadline: float) -> None:
+    """Wait for a worker that was asked to end; one whose driver does not in time is killed."""
     try:
-        worker.wait(_FAREWELL)
+        worker.wait(max(deadline - time.monotonic(), 0))
     except subprocess.TimeoutExpired:
         worker.kill()
         worker.wait()

@@ -6,15 +6,16 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import upload_float4
+from ..device.buffers import zeros
 from ..device.devices import Devices
 from ..direct.contact import patches_in_contact
 from ..direct.lighting import DirectLighting
+from ..gather.half_light import HalfLight
 from ..patches.subdivision import subdivide
 from ..plan.choice import Choice
 from ..plan.choose import light_alone
@@ -24,7 +25,6 @@ from ..plan.solve_job import SolveJob
 from ..plan.trial import untried_visibility
 from ..solve.patch_groups import PatchGroups
 from ..visibility.rays.ray_scene import RayScene
-from .half_light import HalfLight
 from .shipment import Shipment, Squares
 
 #: Environment variable that names the OpenCL device of a worker.
@@ -60,11 +60,15 @@ class Sources:
         return replace(self.job, parts=parts, rays=self.job.rays.of(parts), kept=Kept())
 
     def table(self, light: HalfLight) -> cl.Buffer:
-        """Return the radiance of all on the device, float4: once for all blocks of a sweep."""
+        """Return the light of all on the device: once for all blocks of a sweep."""
         if light is not self._light:
-            self._light, radiance = light, light.radiance
-            self._table = upload_float4(self.job.opencl, radiance, first=1, last=1)
+            self._light, self._table = light, light.table(self.job.opencl)
         return self._table
+
+    @cached_property
+    def darkness(self) -> cl.Buffer:
+        """No light of all on the device."""
+        return zeros(self.job.opencl, 16 * (self.job.count + 2))
 
 
 class PreparedScene(Sources):

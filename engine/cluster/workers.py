@@ -26,7 +26,7 @@ LOCAL = "all"
 _ANSWER, _JOIN = 10, 30
 
 #: Seconds after which refused workers have told why, and left; and those to wait for others then.
-_REFUSAL, _OTHERS = 0.5, 2
+_REFUSAL, _OTHERS = 0.25, 2
 
 _UNSAFE = (
     "The scene travels unencrypted to the scheduler at {}: use tls:// and certificates (docs/scale.md), or a "

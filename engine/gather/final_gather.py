@@ -20,6 +20,10 @@ class LightGather(Protocol):
         """Gather from radiance; see `FinalGather.gather`."""
         ...
 
+    def gather_from(self, radiance: cl.Buffer) -> Generator[float, None, np.ndarray]:
+        """Gather from radiance on the device; see `FinalGather.gather_from`."""
+        ...
+
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
         """Return the L1 of what was gathered last; see `Sweep.gather_l1`."""
         ...

@@ -8,9 +8,10 @@ from typing import Protocol
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import download, upload, zeros
+from ..device.buffers import upload, upload_float4
 from ..device.compute import Compute
 from ..visibility.identity import identity_options
+from .half_light import HalfLight
 from .sweep import Light
 
 
@@ -27,11 +28,11 @@ class RemoteGather(Protocol):
         """
         ...
 
-    def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Return E/pi of all that patches see of radiance (n, 3) of the patches, (n, 3)."""
+    def gather(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
+        """Return E/pi of all that patches see of the light of all, (n, 3)."""
         ...
 
-    def gather_l1(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
+    def gather_l1(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
         """Return the L1 of the same light, (n, 3, 3); see `Sweep.gather_l1`."""
         ...
 
@@ -39,14 +40,14 @@ class RemoteGather(Protocol):
         """Let the devices solve groups of the patches; see `solve.patch_groups.PatchGroups`."""
         ...
 
-    def final(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Return what every patch gathers once from radiance (m, 3) of groups, (n, 4).
+    def final(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
+        """Return what every patch gathers once from the light of groups, (n, 4).
 
         That is E/pi, and the fraction of the view that no back takes.
         """
         ...
 
-    def final_l1(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
+    def final_l1(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
         """Return the L1 of the same light, (n, 3, 3)."""
         ...
 
@@ -58,46 +59,47 @@ class RemoteSweep:
         self._compute, self._remote, self._count = compute, remote, count
         files = ("hemicube.cl", "tilt.cl", "identity.cl", "gather.cl")
         (self._take,) = compute.kernels(files, "take", options=identity_options(4))
-        self._gathered: np.ndarray | None = None
-        self._patches_seen = zeros(compute, 4 * count)
+        (self._join,) = compute.kernels("half_light.cl", "join")
+        self._gathered = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count)
+        self._views: list[cl.Buffer] = []
 
     def gather(self, light: Light, column: int) -> Generator[float, None, None]:
         """Gather; see `sweep.Sweep.gather`. The first time waits for what patches see to be found."""
-        if self._gathered is None:
-            self._gathered = yield from self._begin()
-        table = download(self._compute, light.radiance, (self._count + 2, 4))
-        self._radiance = np.ascontiguousarray(table[1:-1, :3])
-        self._gathered[:, :3] = yield from self._remote.gather(self._radiance)
-        cl.enqueue_copy(self._compute.queue, light.patches_seen, self._patches_seen)
-        gathered = upload(self._compute, self._gathered)
-        self._compute.run(self._take, light.count, gathered, *light.outputs(column))
+        if not self._views:
+            views = yield from self._remote.views(self._count)
+            self._views = [upload(self._compute, fraction) for fraction in views.T]
+        front, patches_seen = self._views
+        self._light = HalfLight.of(self._compute, light.radiance, self._count)
+        gathered = upload(self._compute, (yield from self._remote.gather(self._light)))
+        self._compute.run(self._join, self._count, gathered, front, self._gathered, np.int32(self._count))
+        self._compute.run(self._take, self._count, self._gathered, *light.outputs(column))
+        cl.enqueue_copy(self._compute.queue, light.patches_seen, patches_seen)
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
         """Gather L1; see `sweep.Sweep.gather_l1`."""
-        return (yield from self._remote.gather_l1(self._radiance))
-
-    def _begin(self) -> Generator[float, None, np.ndarray]:
-        """Find what patches see; return (n, 4) float32: nothing, and the fraction that is no back."""
-        views = yield from self._remote.views(self._count)
-        self._patches_seen = upload(self._compute, views[:, 1])
-        gathered = np.zeros((self._count, 4), np.float32)
-        gathered[:, 3] = views[:, 0]
-        return gathered
+        return (yield from self._remote.gather_l1(self._light))
 
 
 class RemoteFinal:
     """One more gather by every patch, from groups of them; see `final_gather.LightGather`."""
 
-    def __init__(self, remote: RemoteGather, sampled_light: np.ndarray) -> None:
-        self._remote, self._sampled_light = remote, sampled_light
+    def __init__(
+        self, compute: Compute, remote: RemoteGather, sampled_light: np.ndarray, groups: int
+    ) -> None:
+        self._compute, self._remote, self._groups = compute, remote, groups
+        self._sampled_light = sampled_light
 
     def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
         """Gather; see `LightGather.gather`."""
-        self._radiance = radiance
-        gathered = yield from self._remote.final(radiance)
+        return (yield from self.gather_from(upload_float4(self._compute, radiance, first=1, last=1)))
+
+    def gather_from(self, radiance: cl.Buffer) -> Generator[float, None, np.ndarray]:
+        """Gather from radiance on this device; see `LightGather.gather_from`."""
+        self._light = HalfLight.of(self._compute, radiance, self._groups)
+        gathered = yield from self._remote.final(self._light)
         gathered[:, :3] += self._sampled_light
         return gathered
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
         """Gather L1; see `LightGather.gather_l1`."""
-        return (yield from self._remote.final_l1(self._radiance))
+        return (yield from self._remote.final_l1(self._light))

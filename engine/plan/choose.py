@@ -169,7 +169,8 @@ def last_gather(
     """
     final: LightGather
     if solved.remote is not None:
-        final, samples = RemoteFinal(solved.remote, receivers.sampled_light), choice.samples
+        lit = receivers.sampled_light
+        final, samples = RemoteFinal(solved.opencl, solved.remote, lit, solved.count), choice.samples
     else:
         final, samples = final_gather(solved, choice.visibility, receivers, settings)
     reflectance = solved.parts.surfaces.reflectance

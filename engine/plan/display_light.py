@@ -7,7 +7,9 @@ from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import pyopencl as cl
 
+from ..device.buffers import upload_float4
 from ..direct.contact import NearFaces
 from ..direct.lighting import DirectLighting
 from ..finish.display_samples import (
@@ -24,6 +26,7 @@ from ..finish.store import is_hidden
 from ..finish.texel_means import TexelMeans
 from ..finish.thin_walls import in_thin_walls, note_thin_walls
 from ..finish.wall_fit import WallFit
+from ..gather.half_light import HalfLight
 from ..patches.geometry import PatchGeometry, TexelSteps, texel_steps
 from ..patches.patch_list import PatchList
 from ..patches.subdivision import Subdivision
@@ -133,13 +136,15 @@ def light_in_texels(
     if not len(samples):
         return _nothing("No texel shows more than its centre.")
     settings = _settings_of_samples(what.job.settings, count)
-    settled, remote = _as_seen(what, solution.settled, known.hidden), what.job.remote
+    settled = _as_seen(what, solution.settled, known.hidden)
+    radiance, remote = _radiance(what.solved, settled), what.job.remote
     if remote is not None:
-        lit = yield from remote.light_at(samples, settled, what.choice, settings)
+        sent = HalfLight.of(compute, radiance, what.solved.count)
+        lit = yield from remote.light_at(samples, sent, what.choice, settings)
     else:
         lit = []
         for batch, done in _batches(samples):
-            lit.append((yield from part_of(*done, light_at(what, settled, batch, settings))))
+            lit.append((yield from part_of(*done, light_at(what, radiance, batch, settings))))
     return _joined(what, lit, known.hidden, count)
 
 
@@ -202,10 +207,19 @@ def _as_seen(what: DisplayJob, settled: np.ndarray, hidden: np.ndarray) -> np.nd
     return _seen_beside_hidden(what.job.parts, settled, hidden)
 
 
+def _radiance(solved: SolveJob, settled: np.ndarray) -> cl.Buffer:
+    """Return the radiance of patches of E/pi, (m, 3) float32, on the device; see `FinalGather.gather_from`."""
+    reflected = solved.parts.surfaces.reflectance * settled if solved.settings.bounces else 0
+    return upload_float4(solved.opencl, solved.emission + reflected, first=1, last=1)
+
+
 def light_at(
-    what: DisplayJob, settled: np.ndarray, samples: DisplaySamples, settings: Settings
+    what: DisplayJob, radiance: cl.Buffer, samples: DisplaySamples, settings: Settings
 ) -> Generator[float, None, LitSamples]:
-    """Return the light at points of texels, from patches of E/pi (m, 3) float32; yield the fraction done."""
+    """Return the light at points of texels; yield the fraction done.
+
+    radiance: on the device, float4 of each patch that sends light out, between two black entries
+    """
     points = _Points(what, samples, settings)
     ways = points.push_out(what.lighting.lit_by_backs(points.rays))
     yield 0.1
@@ -215,7 +229,7 @@ def light_at(
     sampled = yield from part_of(0.1, 0.3, lighting.gather())
     receivers = Receivers(points.parts, points.rays, sampled)
     last, _ = last_gather(what.solved, what.choice, receivers, settings)
-    yield from part_of(0.3, 0.8, last.gather(settled))
+    yield from part_of(0.3, 0.8, last.gather_from(radiance))
     outputs, geometry = Outputs(what.scene, settings, lighting), points.parts.geometry
     values = yield from part_of(0.8, 1.0, outputs.make(last, geometry))
     normals = geometry.normal if settings.denoise else np.zeros((0, 3), np.float32)

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import Protocol
 
-import numpy as np
-
 from ..direct.shadow_rays import Casting
 from ..finish.display_samples import DisplaySamples
+from ..gather.half_light import HalfLight
 from ..gather.remote import RemoteGather
 from ..settings import Settings
 from .choice import Choice
@@ -22,7 +21,7 @@ class RemoteDevices(Casting, RemoteGather, Protocol):
         """Return a sentence for the report: who works."""
 
     def light_at(
-        self, samples: DisplaySamples, settled: np.ndarray, choice: Choice, settings: Settings
+        self, samples: DisplaySamples, light: HalfLight, choice: Choice, settings: Settings
     ) -> Generator[float, None, list[LitSamples]]:
-        """Return the light at points of texels, some at a time; see `display_light.light_at`."""
+        """Return what points of texels gather from the light of all; see `display_light.light_at`."""
         ...

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator
 
 import numpy as np
+import pyopencl as cl
 
 from ..gather.final_gather import LightGather
 
@@ -36,10 +37,18 @@ class LastGather:
 
     def gather(self, irradiance: np.ndarray) -> Generator[float, None, None]:
         """Gather from sources of E/pi, (m, 3) float32; yield the fraction done."""
+        radiance = self._emission + self._reflectance * irradiance if self._bounces else self._emission
+        yield from self._all_light(self._final.gather(radiance))
+
+    def gather_from(self, radiance: cl.Buffer) -> Generator[float, None, None]:
+        """Gather from sources whose radiance is on the device, see `FinalGather.gather_from`."""
+        yield from self._all_light(self._final.gather_from(radiance))
+
+    def _all_light(self, gather: Generator[float, None, np.ndarray]) -> Generator[float, None, None]:
+        """Gather all light, and before it what was not reflected if that is told apart."""
         if self.separate_direct:
             self.direct = (yield from _part(self._final.gather(self._emission), 0, 2))[:, :3]
-        radiance = self._emission + self._reflectance * irradiance if self._bounces else self._emission
-        self.gathered = yield from _part(self._final.gather(radiance), self.gathers - 1, self.gathers)
+        self.gathered = yield from _part(gather, self.gathers - 1, self.gathers)
         if not self._bounces:
             self.direct = self.gathered[:, :3]
         self.done = True

@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
-import resource
+import re
 import shutil
 import subprocess
 import sys
@@ -116,10 +116,17 @@ def _bake(lightmap: Lightmap, seconds: float) -> dict[str, Any]:
         "patches": report.patches,
         "samples": report.samples,
         "sweeps": report.iterations,
+        "points": sum(map(_points, report.reasons)),
         "seconds": round(seconds, 3),
         "stages": {name: round(value, 3) for name, value in report.seconds.items()},
         "digest": hashlib.sha256(lightmap.image.tobytes()).hexdigest()[:16],
     }
+
+
+def _points(reason: str) -> int:
+    """Return at how many points of texels light was gathered if a reason of a report tells it, else 0."""
+    told = re.search(r"gathered at ([\d,]+) more points", reason)
+    return int(told[1].replace(",", "")) if told else 0
 
 
 def _tasks(client: Client, started: float) -> dict[str, dict[str, float]]:
@@ -147,7 +154,8 @@ def _tasks(client: Client, started: float) -> dict[str, dict[str, float]]:
 
 def _host_bytes() -> int:
     """Return the most memory that this process has had so far, bytes."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    told = Path("/proc/self/status").read_text()
+    return int(re.search(r"VmHWM:\s+(\d+) kB", told)[1]) * 1024
 
 
 class _Held:

@@ -22,6 +22,9 @@ import numpy as np
 #: Patches of a block at most, and blocks at least; see engine/cluster/blocks.py.
 _LARGEST, _FEWEST = 1 << 18, 16
 
+#: Points of texels at most; see engine/finish/display_samples.py.
+_MOST_POINTS = 1 << 22
+
 #: Bytes of a patch: its radiance on the way to a worker, its light on the way back, a kept sample.
 SENT, RETURNED, SAMPLE = 6, 12, 4
 
@@ -34,10 +37,12 @@ class Size:
 
     patches  that show light
     solved   patches, or groups of them, that bounces are solved for
+    points   of texels that show more than their centre
     """
 
     patches: float
     solved: float
+    points: float
     triangles: float
     samples: float
     sweeps: float
@@ -46,7 +51,7 @@ class Size:
     @classmethod
     def of(cls, record: Record) -> Size:
         """Return the size of a bake that was measured."""
-        names, patches = ("triangles", "samples", "sweeps", "workers"), record["patches"]
+        names, patches = ("points", "triangles", "samples", "sweeps", "workers"), record["patches"]
         return cls(patches, patches / record["groups"] ** 2, *(record[name] for name in names))
 
     def share(self, blocks: float) -> float:
@@ -62,6 +67,11 @@ def _blocks(size: Size) -> float:
 def _final_blocks(size: Size) -> float:
     """Return the blocks of the patches."""
     return float(max(_FEWEST, np.ceil(size.patches / _LARGEST)))
+
+
+def _point_blocks(size: Size) -> float:
+    """Return the blocks of points of texels."""
+    return float(max(_FEWEST, np.ceil(size.points / _LARGEST)))
 
 
 @dataclass(frozen=True)
@@ -106,9 +116,9 @@ PARTS = (
          {"patch and sweep": lambda size: size.solved * size.sweeps,
           "block and sweep": lambda size: _blocks(size) * (size.sweeps + 1)}),
     Part("points of texels", _task("light_at_samples"),
-         {"patch": lambda size: size.patches, "block": _final_blocks}, _final_blocks),
+         {"ray": lambda size: size.points * size.samples, "block": _point_blocks}, _point_blocks),
     Part("points of texels, client and way", _rest("texels", "light_at_samples"),
-         {"patch": lambda size: size.patches, "block": _final_blocks}),
+         {"patch": lambda size: size.patches, "point": lambda size: size.points}),
     Part("images", lambda record: record["stages"]["outputs"], {"patch": lambda size: size.patches}),
 )  # fmt: skip
 
@@ -200,30 +210,32 @@ def main() -> None:
     records = [
         record for record in json.loads(options.results.read_text()) if record["devices"] == options.devices
     ]
-    by_workers = [record for record in records if record["workers"] and record["groups"] == 1]
-    kept = [record for number, record in enumerate(by_workers) if number not in options.left_out]
-    model = CostModel(kept)
+    by_workers = [record for record in records if record["workers"]]
+    left_out = {number for number, record in enumerate(by_workers) if record["groups"] > 1}
+    left_out |= set(options.left_out)
+    model = CostModel([record for number, record in enumerate(by_workers) if number not in left_out])
     for part in PARTS:
         told = zip(part.terms, model.constants[part.name], strict=True)
         print(f"{part.name}: " + ", ".join(f"{constant:.3g} s a {term}" for term, constant in told))
     print(f"\nhost memory of a worker: {host_bytes(by_workers):,.0f} bytes a patch")
-    print("\n| patches | rays | workers | measured s | model s | |\n|---|---|---|---|---|---|")
+    print("\n| patches | solved | rays | workers | measured s | model s | |\n|---|---|---|---|---|---|---|")
     for number, record in enumerate(by_workers):
         size = Size.of(record)
-        told = sum(model.seconds(size).values())
-        part = "left out" if number in options.left_out else "fitted"
+        told = sum(model.seconds(size).values()) + final_seconds(model, size)
         measured = sum(record["stages"].values()) - record["stages"]["devices"]
-        print(
-            f"| {size.patches:,} | {size.samples:,} | {size.workers} | {measured:.2f} | {told:.2f} | {part} |"
-        )
+        sizes = f"{size.patches:,} | {size.solved:,.0f} | {size.samples:,} | {size.workers}"
+        kept = "left out" if number in left_out else "fitted"
+        print(f"| {sizes} | {measured:.2f} | {told:.2f} | {kept} |")
     if options.patches:
         _foretell(model, options, host_bytes(by_workers))
 
 
 def _foretell(model: CostModel, options: argparse.Namespace, host: float) -> None:
     """Print what a bake costs that was not made."""
-    solved = options.patches / options.groups**2
-    size = Size(options.patches, solved, options.triangles, options.samples, options.sweeps, options.workers)
+    solved, points = options.patches / options.groups**2, min(options.patches, _MOST_POINTS)
+    size = Size(
+        options.patches, solved, points, options.triangles, options.samples, options.sweeps, options.workers
+    )
     print(f"\n{size.patches:,.0f} patches, {solved:,.0f} solved, {options.workers} workers:\n")
     print("| | s |\n|---|---|")
     seconds = model.seconds(size) | {"last gather": final_seconds(model, size)}
@@ -240,9 +252,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("results", type=Path, help="what benchmarks/cluster.py has stored")
     parser.add_argument("--devices", default="processor", help="of which records")
-    parser.add_argument(
-        "--left-out", type=int, nargs="*", default=[], help="numbers of bakes that are not fitted"
-    )
+    parser.add_argument("--left-out", type=int, nargs="*", default=[], help="not fitted, as those by groups")
     parser.add_argument("--patches", type=float, default=0, help="of a bake to foretell")
     parser.add_argument("--triangles", type=float, default=1e7)
     parser.add_argument("--samples", type=float, default=2048)

@@ -13,7 +13,7 @@ TRUE = {part.name: np.linspace(0, 1e-9, len(part.terms) + 1)[1:] * (part.name !=
 
 def record(patches, samples, workers):
     """Return a bake by workers whose times are those of the true constants."""
-    size = Size(patches, patches, 1000, samples, 5, workers)
+    size = Size(patches, patches, patches / 8, 1000, samples, 5, workers)
     seconds = {
         part.name: sum(c * term(size) for c, term in zip(TRUE[part.name], part.terms.values(), strict=True))
         for part in PARTS
@@ -34,6 +34,7 @@ def record(patches, samples, workers):
         "outputs": seconds["images"],
     }
     facts = {"groups": 1, "workers": workers, "triangles": 1000, "patches": patches, "samples": samples}
+    facts["points"] = patches / 8
     return facts | {"sweeps": 5, "tasks": tasks, "stages": stages}
 
 
@@ -56,11 +57,11 @@ def test_no_constant_is_negative():
 
 def test_samples_of_a_device_fall_with_their_number_until_there_are_no_more_blocks():
     held = [
-        traffic(Size(1e9, 1e9 / 16, 1e6, 2048, 6, workers))["samples on each device"]
+        traffic(Size(1e9, 1e9 / 16, 4e6, 1e6, 2048, 6, workers))["samples on each device"]
         for workers in (1, 10, 100)
     ]
     assert held[0] / 11 < held[1] < held[0] / 9
-    size = Size(1e9, 1e9 / 16, 1e6, 2048, 6, 239)
-    more = Size(1e9, 1e9 / 16, 1e6, 2048, 6, 1000)
+    size = Size(1e9, 1e9 / 16, 4e6, 1e6, 2048, 6, 239)
+    more = Size(1e9, 1e9 / 16, 4e6, 1e6, 2048, 6, 1000)
     assert traffic(size) == traffic(more)
     assert network_seconds(more, 1e9) > network_seconds(size, 1e9)

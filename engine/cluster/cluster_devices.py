@@ -221,7 +221,8 @@ def _losses_told(address: str) -> Iterator[None]:
             "Their logs tell why; less memory is needed with Patch Groups or fewer samples."
         ) from error
     except (ClosedClientError, CommClosedError, CancelledError, TimeoutError, OSError) as error:
+        why = "the connection was lost" if isinstance(error, CancelledError) else error
         raise DeviceError(
-            f"The Dask scheduler at {address} cannot be reached any more ({error}). Start it again, "
+            f"The Dask scheduler at {address} cannot be reached any more ({why}). Start it again, "
             "then bake again."
         ) from error

@@ -208,7 +208,7 @@ def _as_seen(what: DisplayJob, settled: np.ndarray, hidden: np.ndarray) -> np.nd
 
 
 def _radiance(solved: SolveJob, settled: np.ndarray) -> cl.Buffer:
-    """Return the radiance of patches of E/pi, (m, 3) float32, on the device; see `FinalGather.gather_from`."""
+    """Return the radiance of patches of E/pi (m, 3) on the device; see `FinalGather.gather_from`."""
     reflected = solved.parts.surfaces.reflectance * settled if solved.settings.bounces else 0
     return upload_float4(solved.opencl, solved.emission + reflected, first=1, last=1)
 

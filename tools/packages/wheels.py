@@ -58,9 +58,11 @@ class Wheel:
 
     @property
     def licence(self) -> str:
-        """The name of its licence; some wheels have the whole text where the name belongs."""
+        """The name of its licence; some wheels have the whole text there, or a classifier alone."""
         metadata = self.metadata
-        return (metadata["License-Expression"] or metadata["License"]).splitlines()[0]
+        classifiers = [told for told in metadata.get_all("Classifier", []) if told.startswith("License ::")]
+        named = metadata["License-Expression"] or metadata["License"] or classifiers[0].rpartition(":: ")[2]
+        return named.splitlines()[0]
 
     @property
     def licence_files(self) -> list[str]:

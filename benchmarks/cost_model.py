@@ -28,6 +28,10 @@ _MOST_POINTS = 1 << 22
 #: Bytes of a patch: its radiance on the way to a worker, its light on the way back, a kept sample.
 SENT, RETURNED, SAMPLE = 6, 12, 4
 
+#: Bytes of a patch in the process of each worker: of 0.2 and 3.4 M patches on a processor, whose memory holds
+#: the device's buffers, too.
+HOST = 86
+
 Record = dict[str, Any]
 
 
@@ -37,7 +41,7 @@ class Size:
 
     patches  that show light
     solved   patches, or groups of them, that bounces are solved for
-    points   of texels that show more than their centre
+    points   of texels that show more than their centre; 0 where that was not recorded
     """
 
     patches: float
@@ -51,8 +55,9 @@ class Size:
     @classmethod
     def of(cls, record: Record) -> Size:
         """Return the size of a bake that was measured."""
-        names, patches = ("points", "triangles", "samples", "sweeps", "workers"), record["patches"]
-        return cls(patches, patches / record["groups"] ** 2, *(record[name] for name in names))
+        patches, points = record["patches"], record.get("points", 0)
+        others = (record[name] for name in ("triangles", "samples", "sweeps", "workers"))
+        return cls(patches, patches / record["groups"] ** 2, points, *others)
 
     def share(self, blocks: float) -> float:
         """Return the part of some blocks that the worker with most of them has."""
@@ -187,21 +192,13 @@ def network_seconds(size: Size, bandwidth: float) -> float:
 
 
 def traffic(size: Size) -> dict[str, float]:
-    """Return bytes: what travels in a sweep, and what each device keeps of what patches see."""
+    """Return bytes: what travels in a sweep, and what each worker has of patches and of what they see."""
     return {
         "to each worker in a sweep": SENT * size.solved,
         "to the client in a sweep": RETURNED * size.solved,
+        "memory of each process": HOST * size.patches,
         "samples on each device": SAMPLE * size.solved * size.samples * size.share(_blocks(size)),
     }
-
-
-def host_bytes(records: Sequence[Record]) -> float:
-    """Return what each patch takes of the memory of a worker's process, by two bakes of different size."""
-    told = sorted(
-        (record["patches"], max(record["host_bytes"][1:])) for record in records if record["workers"]
-    )
-    (few, less), (many, more) = told[0], told[-1]
-    return (more - less) / (many - few)
 
 
 def main() -> None:
@@ -217,7 +214,6 @@ def main() -> None:
     for part in PARTS:
         told = zip(part.terms, model.constants[part.name], strict=True)
         print(f"{part.name}: " + ", ".join(f"{constant:.3g} s a {term}" for term, constant in told))
-    print(f"\nhost memory of a worker: {host_bytes(by_workers):,.0f} bytes a patch")
     print("\n| patches | solved | rays | workers | measured s | model s | |\n|---|---|---|---|---|---|---|")
     for number, record in enumerate(by_workers):
         size = Size.of(record)
@@ -227,10 +223,10 @@ def main() -> None:
         kept = "left out" if number in left_out else "fitted"
         print(f"| {sizes} | {measured:.2f} | {told:.2f} | {kept} |")
     if options.patches:
-        _foretell(model, options, host_bytes(by_workers))
+        _foretell(model, options)
 
 
-def _foretell(model: CostModel, options: argparse.Namespace, host: float) -> None:
+def _foretell(model: CostModel, options: argparse.Namespace) -> None:
     """Print what a bake costs that was not made."""
     solved, points = options.patches / options.groups**2, min(options.patches, _MOST_POINTS)
     size = Size(
@@ -244,7 +240,7 @@ def _foretell(model: CostModel, options: argparse.Namespace, host: float) -> Non
         print(f"| {name} | {value:,.1f} |")
     print(f"| all | {sum(seconds.values()):,.1f} |")
     print("\n| | GB |\n|---|---|")
-    for name, value in (traffic(size) | {"memory of each process": host * size.patches}).items():
+    for name, value in traffic(size).items():
         print(f"| {name} | {value / 1e9:,.2f} |")
 
 

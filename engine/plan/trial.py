@@ -102,15 +102,17 @@ def _makers(job: SolveJob) -> dict[str, Callable[[], Identity]]:
 def _patches_per_second(job: SolveJob, identity: Identity) -> float:
     """Return how many patches' views an identity finds in a second, timed on more and more of them.
 
-    Fixed overhead, as the copy of a whole batch of hemicubes, is subtracted.
+    Fixed overhead, as the copy of a whole batch of hemicubes, is subtracted. Once it shows that all of them
+    are found in a moment, nothing longer is tried.
     """
     tried, before = min(_TRIED, job.count), (0, 0.0)
     largest = min(job.opencl.device.max_mem_alloc_size, memory_budget(job)) // identity.row_bytes
     largest = min(job.count, max(tried, largest))
+    views = job.count * finding_sweeps(job, identity)
     _time(job, identity, tried)
     while True:
         seconds = _time(job, identity, tried)
-        if seconds > _LONG_ENOUGH or tried == largest:
+        if seconds > _LONG_ENOUGH or tried == largest or seconds * views < _SHORT * (tried - before[0]):
             return (tried - before[0]) / max(seconds - before[1], seconds / 4)
         before = tried, seconds
         tried = min(tried * _MORE, largest)

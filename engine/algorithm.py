@@ -133,7 +133,7 @@ def _bake(
     made, lit = yield from _made(stages, outputs, texels, len(atlases), near, solution)
 
     # Images without noise and seams, and with dilated charts (VI.B).
-    _refine(store, lit, solution.irradiance.sum(axis=1))
+    _refine(store, lit, solution.irradiance @ np.ones(3, np.float32))
     denoising = Denoising(store.known, settings)
     passes = yield from _finished(stages, store, denoising, settings, parts, made, lit)
     warnings = (*notes, *parts.warnings, *lighting.warnings, *lit.warnings, *denoising.warnings)

@@ -96,7 +96,7 @@ class SolveJob:
         """Iterates that the solver keeps: more if sweeps are accelerated."""
         return COLUMNS if self.settings.accelerated else PLAIN_COLUMNS
 
-    @property
+    @cached_property
     def gathers_direct(self) -> bool:
         """True if patches gather light before any is reflected."""
         all_light = self.part_of or self

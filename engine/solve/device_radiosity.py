@@ -14,8 +14,8 @@ from ..gather.sweep import Sweep
 from .solver import Balance, Step, Sums
 
 #: Work items of the kernels that sum over patches, and of a group that adds their sums up: on a graphics
-#: card, and on a processor. Many items keep float32 sums exact.
-_ITEMS, _ADDING = (2048, 512), (256, 1)
+#: card, where many items hide how long loads take, and on a processor. Many items keep float32 sums exact.
+_ITEMS, _ADDING = (16384, 512), (256, 1)
 
 #: Least sum of areas, m^2: slivers may have none.
 _LEAST_AREA = 1e-30

@@ -15,9 +15,9 @@ _FIRST = 256
 
 
 class SliceSize:
-    """How many items a slice has: as many as take about 0.04 s."""
+    """How many items a slice has: as many as take about 0.04 s, as slices before have told."""
 
-    def __init__(self, least: int) -> None:
+    def __init__(self, least: int = _FIRST) -> None:
         """least: items of the first slice, and the fewest of any."""
         self._least = self._items = least
 
@@ -43,12 +43,19 @@ class SliceSize:
 
 
 def sliced(
-    queue: cl.CommandQueue, first: int, last: int, launch: Callable[[int, int], object]
+    queue: cl.CommandQueue,
+    first: int,
+    last: int,
+    launch: Callable[[int, int], object],
+    size: SliceSize | None = None,
 ) -> Generator[int, None, None]:
-    """Call launch(start, end) for slices of first ... last; yield the end of each once it is done."""
+    """Call launch(start, end) for slices of first ... last; yield the end of each once it is done.
+
+    size: of slices of the same work before, None for the first ones
+    """
 
     def work(start: int, end: int) -> None:
         launch(start, end)
         queue.finish()
 
-    return SliceSize(_FIRST).run(first, last, work)
+    return (size or SliceSize()).run(first, last, work)

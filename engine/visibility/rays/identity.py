@@ -11,7 +11,7 @@ import pyopencl as cl
 from ...device.buffers import upload, upload_once
 from ...device.compute import Compute
 from ...device.kernel import Kernel
-from ...device.slices import sliced
+from ...device.slices import SliceSize, sliced
 from ...patches.subdivision import Subdivision
 from ...settings import Settings
 from ..identity import SeenBuffers, Surroundings, directional_options, identity_options
@@ -77,6 +77,7 @@ class RayIdentity:
             np.uint32(rotation_salt(settings.seed)), np.int32(settings.rotate),
         )  # fmt: skip
         self._sky = (surroundings.sky, surroundings.width, surroundings.height)
+        self._slice = SliceSize()
 
     def find(self, first: int, last: int, seen: SeenBuffers) -> Generator[float, None, None]:
         """Find what the patches first ... last see; yield the fraction done."""
@@ -100,5 +101,5 @@ class RayIdentity:
                 *self._arguments, np.int32(start), *outputs, partial,
             )  # fmt: skip
 
-        for end in sliced(self._queue, first, last, launch):
+        for end in sliced(self._queue, first, last, launch, self._slice):
             yield (end - first) / (last - first)

@@ -288,17 +288,20 @@ bool go_back(const int *stack, const float *begins, int *depth, const float reac
 }
 #endif
 
-// Visit what a ray may meet, near before far.
+// Visit what a ray may meet, near before far. Work items that run in step go down until each of them is at a leaf:
+// then all test triangles together (Aila and Laine 2009, while-while).
 void descend(const Rays *rays, Search *search)
 {
     int stack[STACK], depth = 0, node = 0;
     float begins[WIDTH == 2 ? 1 : STACK];
     for (;;) {
-        if (node >= 0) {
+        while (node >= 0) {
             __global const Node *wide = rays->nodes + node;
-            if (go_down(stack, begins, &depth, entries(wide, search), wide->children, &node))
-                continue;
-        } else if (!take_leaf(rays, ~node, search)) {
+            if (!go_down(stack, begins, &depth, entries(wide, search), wide->children, &node)
+                && !go_back(stack, begins, &depth, search->reach, &node))
+                return;
+        }
+        if (!take_leaf(rays, ~node, search)) {
             search->through = 0.0f;
             return;
         }

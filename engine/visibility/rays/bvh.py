@@ -61,7 +61,7 @@ class Shape:
 
 #: A processor tests as many boxes and triangles at a time as its vectors hold; a graphics card's items one.
 _PROCESSOR = Shape(8, 8, 8, 0.5)
-_GRAPHICS = Shape(2, 1, 4, 0.35)
+_GRAPHICS = Shape(2, 1, 2, 0.5)
 
 
 @dataclass(frozen=True)

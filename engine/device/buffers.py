@@ -30,6 +30,14 @@ def upload_float4(compute: Compute, values: np.ndarray, first: int = 0, last: in
     return wide
 
 
+def download_colors(compute: Compute, wide: cl.Buffer, count: int, planes: int = 1) -> np.ndarray:
+    """Return the first three numbers of float4, (planes, count, 3) float32; a buffer has (count, planes)."""
+    narrow = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, max(12 * planes * count, 4))
+    (kernel,) = compute.kernels("widen.cl", "narrow")
+    compute.run(kernel, planes * count, wide, np.int32(planes), np.int32(count), narrow)
+    return download(compute, narrow, (planes, count, 3))
+
+
 def zeros(compute: Compute, size: int) -> cl.Buffer:
     """Return a buffer of `size` bytes, a multiple of 4, all 0."""
     buffer = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import download, upload, upload_float4, upload_once, zeros
+from ..device.buffers import download, download_colors, upload, upload_float4, upload_once, zeros
 from ..device.kernel import Kernel
 from ..device.slices import sliced
 from ..patches.subdivision import Subdivision
@@ -144,7 +144,7 @@ class ShadowRays:
         """Return the L1 of the light that was computed last, (n, 3, 3) float32; (0, 3, 3) without one."""
         if self._l1 is None:
             return np.zeros((0, 3, 3), np.float32)
-        return download(self._compute, self._l1, (self._count, 3, 4))[..., :3].copy()
+        return download_colors(self._compute, self._l1, self._count, 3).transpose(1, 0, 2)
 
     def _sliced(
         self, kernel: Kernel, arguments: tuple, results: int = 1

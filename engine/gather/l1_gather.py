@@ -7,7 +7,7 @@ from collections.abc import Generator
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import download, upload, zeros
+from ..device.buffers import download_colors, upload, zeros
 from ..device.compute import Compute
 from ..device.slices import sliced
 from ..settings import Settings
@@ -82,8 +82,11 @@ class L1Gather:
             yield (end - rows.first) / (rows.last - rows.first)
 
     def values(self) -> np.ndarray:
-        """Return the L1 of all patches, (n, 3, 3) float32: of each axis of the world its rgb."""
-        return download(self._compute, self.result, (self._count, 3, 4))[..., :3].copy()
+        """Return the L1 of all patches, (n, 3, 3) float32: of each axis of the world its rgb.
+
+        In memory one axis follows the other.
+        """
+        return download_colors(self._compute, self.result, self._count, 3).transpose(1, 0, 2)
 
 
 def _disk(count: int) -> np.ndarray:

@@ -75,7 +75,7 @@ class PatchGeometry:
     @cached_property
     def normal(self) -> np.ndarray:
         """Unit shading normal, (n, 3) float32 (paper, III.A)."""
-        return _unit(self._interpolated(self.triangles.normals), self.geometric)
+        return _unit(self._interpolated(self.triangles.normals), self.steps.geometric, self.triangle)
 
     @cached_property
     def geometric(self) -> np.ndarray:
@@ -164,10 +164,10 @@ def _length(vectors: np.ndarray) -> np.ndarray:
     return length
 
 
-def _unit(vectors: np.ndarray, fallback: np.ndarray) -> np.ndarray:
-    """Scale vectors to length 1; the fallback stands in for those without a direction."""
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    unit: np.ndarray = np.where(length > 1e-20, vectors / np.maximum(length, 1e-20), fallback).astype(
-        np.float32
-    )
-    return unit
+def _unit(vectors: np.ndarray, geometric: np.ndarray, triangle: np.ndarray) -> np.ndarray:
+    """Scale vectors of patches to length 1, in place; their triangles' normals replace those without one."""
+    length = np.sqrt(np.einsum("nd,nd->n", vectors, vectors))
+    vectors /= np.maximum(length, 1e-20)[:, None]
+    undirected = np.flatnonzero(~(length > 1e-20))
+    vectors[undirected] = geometric[triangle[undirected]]
+    return vectors

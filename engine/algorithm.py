@@ -216,7 +216,7 @@ def _quiet(
 def _refine(store: LightmapStore, lit: DisplayLight, light: np.ndarray) -> None:
     """Let texels show their samples; light: (n,) float32, E/pi of the patches, sum of the channels."""
     store.refine(lit.means(store.has_patch.shape[1]))
-    if lit.values:
+    if len(lit.inside):
         store.part(lit.beside_walls(store.texels(light, lit.light), store.known))
 
 
@@ -234,14 +234,18 @@ def _finished(
     made  of each output the values of the patches
     lit   of the samples of texels
     """
-    shown = {name: store.texels(values, lit.values.get(name)) for name, values in made.items()}
+    shown: dict[str, np.ndarray] = {}
     if settings.denoise:
+        shown = {name: store.texels(values, lit.values.get(name)) for name, values in made.items()}
         normals = store.texels(parts.geometry.normal, lit.normals)
         shown |= yield from stages.run(stages.denoising, _quiet(denoising, shown, normals))
     yield stages.begin(stages.images)
     if settings.hide_seams:
         store.hide_seams(parts.triangles)
-    passes = {name: store.final(images) for name, images in shown.items()}
+    passes = {
+        name: store.final(shown[name]) if name in shown else store.finished(values, lit.values.get(name))
+        for name, values in made.items()
+    }
     groups = {name: images for name, images in passes.items() if is_of_light_group(name)}
     if groups:
         passes |= summing_up(groups, passes["combined"])

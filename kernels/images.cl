@@ -28,3 +28,20 @@ __kernel void pick_patches(__global const float *values, const int stride, const
     const int patch = patches[i / channels];
     texels[i] = patch < 0 ? 0.0f : values[(size_t)patch * stride + i % channels];
 }
+
+// Other values in some texels, and what some show. One work item for each channel of a texel.
+__kernel void put_texels(__global const float *values, __global const uint *chosen, const int channels,
+                         __global float *texels, const uint count)
+{
+    const uint i = get_global_id(0);
+    if (i < count)
+        texels[(size_t)chosen[i / channels] * channels + i % channels] = values[i];
+}
+
+__kernel void take_texels(__global const float *texels, __global const uint *chosen, const int channels,
+                          __global float *values, const uint count)
+{
+    const uint i = get_global_id(0);
+    if (i < count)
+        values[i] = texels[(size_t)chosen[i / channels] * channels + i % channels];
+}

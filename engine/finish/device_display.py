@@ -10,7 +10,7 @@ from ..patches.seams import Seams
 from .device_equations import DeviceEquations
 from .device_fill import DeviceFill
 from .device_fit import DeviceFit
-from .device_images import DeviceImages
+from .device_images import DeviceImages, DeviceTexels, largest_of
 from .display_fit import RINGS
 from .lightmap_points import LightmapPoints
 
@@ -47,14 +47,14 @@ class DeviceDisplay:
         texels  (atlases, r, r, 3) or (atlases, r, r, 1) float32, light of those whose centre counts
         values  (s, 3) or (s, 1) float32, light of the points beside centres
         """
-        self._images.load(upload(self._compute, texels), texels.shape[-1])
+        uploaded = upload(self._compute, texels), texels.shape[-1], largest_of(texels)
+        return self.images_of(DeviceTexels(self._compute, *uploaded), values)
+
+    def images_of(self, texels: DeviceTexels, values: np.ndarray) -> np.ndarray:
+        """Return the same of texels on the device."""
+        self._images.load(texels.buffer, texels.channels)
         if self._fit is not None:
             some = values if len(values) else np.zeros((1, 3), np.float32)
             light = upload_float4(self._compute, np.broadcast_to(some, (len(some), 3)))
-            self._fit.fit(self._images.buffer, light, max(_largest(texels), _largest(values)))
+            self._fit.fit(self._images.buffer, light, max(texels.largest, largest_of(values)))
         return self._images.filled()
-
-
-def _largest(values: np.ndarray) -> float:
-    """Return the largest absolute value."""
-    return float(max(values.max(initial=0), -values.min(initial=0)))

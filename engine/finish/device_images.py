@@ -42,6 +42,46 @@ class DeviceImages:
         return download(self._compute, packed, (*self._shape, 3))
 
 
+class DeviceTexels:
+    """What texels show for themselves, on the device.
+
+    buffer    float of each texel and channel
+    channels  of each texel
+    largest   no value is larger, nor a negative one
+    """
+
+    def __init__(self, compute: Compute, buffer: cl.Buffer, channels: int, largest: float) -> None:
+        self._compute, self.buffer, self.channels, self.largest = compute, buffer, channels, largest
+        self._put, self._take = compute.kernels(_SOURCE, "put_texels", "take_texels")
+
+    def put(self, chosen: np.ndarray, values: np.ndarray) -> None:
+        """Let some texels, (k,) flat indices, show other values, (k, c) float32."""
+        if not len(chosen):
+            return
+        arrays = (np.ascontiguousarray(values), chosen.astype(np.uint32))
+        buffers = [upload(self._compute, array) for array in arrays]
+        channels, count = np.int32(self.channels), np.uint32(values.size)
+        self._compute.run(self._put, values.size, *buffers, channels, self.buffer, count)
+        self.largest = max(self.largest, largest_of(values))
+
+    def take(self, chosen: np.ndarray) -> np.ndarray:
+        """Return what some texels, (k,) flat indices, show, (k, c) float32."""
+        shape = (len(chosen), self.channels)
+        if not len(chosen):
+            return np.zeros(shape, np.float32)
+        count = len(chosen) * self.channels
+        values = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, 4 * count)
+        buffers = (self.buffer, upload(self._compute, chosen.astype(np.uint32)))
+        sizes = np.int32(self.channels), values, np.uint32(count)
+        self._compute.run(self._take, count, *buffers, *sizes)
+        return download(self._compute, values, shape)
+
+
+def largest_of(values: np.ndarray) -> float:
+    """Return the largest absolute value."""
+    return float(max(values.max(initial=0), -values.min(initial=0)))
+
+
 class DevicePatches:
     """Where patches are on the lightmaps.
 

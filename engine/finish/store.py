@@ -12,7 +12,7 @@ from ..patches.patch_list import PatchList
 from ..scene.triangles import Triangles
 from .device_display import DeviceDisplay
 from .device_fill import DeviceFill
-from .device_images import DeviceImages, DevicePatches
+from .device_images import DeviceImages, DevicePatches, DeviceTexels, largest_of
 from .dilation import Dilation
 from .display_fit import DisplayFit
 from .display_samples import no_samples
@@ -116,6 +116,19 @@ class LightmapStore:
         if self._fit is None:
             return _coloured(self._dilated(texels))
         return self._fit.images(texels, texels.reshape(-1, texels.shape[-1])[self._thin_texels])
+
+    def finished(self, values: np.ndarray, samples: np.ndarray | None) -> np.ndarray:
+        """Return the images to keep, as `final` does of `texels`: these need not leave the device for it."""
+        if self._compute is None or (samples is not None and self._walls is not None):
+            return self.final(self.texels(values, samples))
+        channels = values.reshape(len(values), -1)
+        buffer = self._on_device(self._compute).texels(channels)
+        texels = DeviceTexels(self._compute, buffer, channels.shape[1], largest_of(channels))
+        if samples is not None:
+            texels.put(self._means.texels, self._means.of(samples)[:, : texels.channels])
+        if isinstance(self._fit, DeviceDisplay):
+            return self._fit.images_of(texels, texels.take(self._thin_texels))
+        return _coloured(self._filled(self._compute, buffer, texels.channels))
 
     @property
     def known(self) -> np.ndarray:

@@ -11,8 +11,10 @@ from engine.direct.contact import NearFaces
 from engine.finish.bilinear import footprints
 from engine.finish.device_display import DeviceDisplay
 from engine.finish.display_fit import DisplayFit
+from engine.finish.display_samples import DisplaySamples
 from engine.finish.lightmap_points import LightmapPoints, thin_patches
 from engine.finish.store import LightmapStore
+from engine.finish.texel_means import TexelMeans
 from engine.patches.patch_list import PatchList
 from engine.patches.seams import Seams, find_seams
 from tests.gpu.test_texel_pieces import triangles_of
@@ -180,3 +182,24 @@ def test_store_makes_the_same_images_with_and_without_opencl(compute: Compute, c
     texels = expected.texels(values, None)
     assert (made.texels(values, None) == texels).all() and texels.shape[-1] == channels
     np.testing.assert_allclose(made.final(texels), expected.final(texels), rtol=1e-6)
+    assert (made.finished(values, None) == made.final(texels)).all()
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_means_of_samples_are_put_in_texels_on_the_device(compute: Compute, channels: int) -> None:
+    """Texels of two atlases, some without a patch, some with samples, some of which nobody sees."""
+    random = np.random.default_rng(channels)
+    resolution = 19
+    texel = np.flatnonzero(random.random(resolution**2) < 0.5).astype(np.int32)
+    count = len(texel)
+    middle, none = np.full((count, 3), 1 / 3, np.float32), np.zeros(count, np.int32)
+    patches = PatchList(resolution, none, texel, none, middle)
+    store = LightmapStore(patches, 2, 2, compute)
+    chosen = np.sort(random.integers(2 * resolution**2, size=131))
+    atlas, shows = (part.astype(np.int32) for part in np.divmod(chosen, resolution**2))
+    weight = random.random(131).astype(np.float32)
+    position, corners = np.zeros((131, 2), np.float32), np.zeros((131, 3), np.float32)
+    samples = DisplaySamples(atlas, shows, position, weight, np.zeros(131, np.int32), corners)
+    store.refine(TexelMeans(samples, random.random(131) < 0.8, resolution))
+    values, light = (random.normal(size=(n, channels)).astype(np.float32) for n in (count, 131))
+    assert (store.finished(values, light) == store.final(store.texels(values, light))).all()

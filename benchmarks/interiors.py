@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from benchmarks.rooms import charted, packed, standing_box
-from engine import Material, Mesh, Scene
-from tests.analytic.scenes import Chart, material, rectangle, room_walls
+from benchmarks.rooms import charted, standing_box
+from benchmarks.surfaces import Surface, charted_surfaces, quad, turned
+from engine import Material, Scene
+from tests.analytic.scenes import material, rectangle, room_walls
 
 _WHITE, _RED, _WOOD, _LIGHT = range(4)
 
@@ -34,24 +33,10 @@ def sealed_rooms(resolution: int) -> Scene:
     return Scene((charted(pieces, materials, resolution, "Rooms"),), _materials(12.0))
 
 
-@dataclass(frozen=True)
-class _Surface:
-    """A grid of quads with a chart of its own: (rows + 1, columns + 1, 3) float64, m."""
-
-    points: np.ndarray
-    material: int
-
-    @property
-    def size(self) -> tuple[float, float]:
-        """The largest length along u and v, m."""
-        along = [np.linalg.norm(np.diff(self.points, axis=axis), axis=2).sum(axis=axis) for axis in (1, 0)]
-        return float(along[0].max()), float(along[1].max())
-
-
 def furnished_room(resolution: int) -> Scene:
     """Return a closed room with a table, chairs, a cupboard, a couch, and vases, balls and rings on them."""
-    surfaces = [_quad(wall, _WHITE) for wall in room_walls(5.0, 6.0, 2.7)]
-    surfaces += [_quad(_panel((3.0, y, 2.65), 0.8), _LIGHT) for y in (1.5, 3.5)]
+    surfaces = [quad(wall, _WHITE) for wall in room_walls(5.0, 6.0, 2.7)]
+    surfaces += [quad(_panel((3.0, y, 2.65), 0.8), _LIGHT) for y in (1.5, 3.5)]
     surfaces += _block((2.5, 3.0, 0.72), (1.8, 1.0, 0.04), _WOOD)
     for x in (-0.8, 0.8):
         for y in (-0.4, 0.4):
@@ -66,8 +51,7 @@ def furnished_room(resolution: int) -> Scene:
         (3.3, 5.4, 0.002), (0.7, 2.3, 0.002), (4.4, 3.6, 0.002),
     )  # fmt: skip
     surfaces += [_turned(number % 3, np.array(place)) for number, place in enumerate(places)]
-    charts = packed([surface.size for surface in surfaces], resolution, (0, resolution))
-    return Scene((_mesh(surfaces, charts, resolution),), _materials(14.0))
+    return Scene((charted_surfaces(surfaces, resolution, "Furnished"),), _materials(14.0))
 
 
 def _panel(corner: tuple[float, float, float], width: float) -> np.ndarray:
@@ -75,7 +59,7 @@ def _panel(corner: tuple[float, float, float], width: float) -> np.ndarray:
     return rectangle(corner, (-width, 0, 0), (0, 0.6, 0))
 
 
-def _chair(x: float, y: float) -> list[_Surface]:
+def _chair(x: float, y: float) -> list[Surface]:
     surfaces = _block((x, y, 0.44), (0.42, 0.42, 0.04), _WOOD)
     for leg_x in (-0.18, 0.18):
         for leg_y in (-0.18, 0.18):
@@ -86,7 +70,7 @@ def _chair(x: float, y: float) -> list[_Surface]:
 
 def _block(
     foot: tuple[float, float, float], size: tuple[float, float, float], material: int
-) -> list[_Surface]:
+) -> list[Surface]:
     """Return the six sides of a block that stands on the middle of its lower side."""
     x, y, z = np.diag(size)
     c = np.array(foot) - (x + y) / 2
@@ -94,14 +78,10 @@ def _block(
         rectangle(c, x, z), rectangle(c + x, y, z), rectangle(c + x + y, -x, z), rectangle(c + y, -y, z),
         rectangle(c + z, x, y), rectangle(c + y, x, -y),
     )  # fmt: skip
-    return [_quad(side, material) for side in sides]
+    return [quad(side, material) for side in sides]
 
 
-def _quad(corners: np.ndarray, material: int) -> _Surface:
-    return _Surface(np.stack([corners[:2], corners[[3, 2]]]), material)
-
-
-def _turned(kind: int, foot: np.ndarray) -> _Surface:
+def _turned(kind: int, foot: np.ndarray) -> Surface:
     """Return a vase, a ball or a ring, a profile turned about a vertical axis."""
     t = np.linspace(0, 1, _FINE + 1)
     if kind == 0:
@@ -113,36 +93,8 @@ def _turned(kind: int, foot: np.ndarray) -> _Surface:
         profile = 0.14 * np.stack([np.maximum(np.cos(angle), 1e-3), 1 + np.sin(angle)])
     else:
         profile = np.stack([0.15 + 0.06 * np.cos(2 * np.pi * t), 0.06 + 0.06 * np.sin(2 * np.pi * t)])
-    radius, height = profile[:, :, None]
-    turn = 2 * np.pi * t
-    points = [radius * np.cos(turn), radius * np.sin(turn), np.broadcast_to(height, (_FINE + 1, _FINE + 1))]
-    return _Surface(np.stack(points, axis=-1) + foot, kind)
-
-
-def _mesh(surfaces: list[_Surface], charts: list[Chart], resolution: int) -> Mesh:
-    """Return the triangles of all surfaces, smooth over each."""
-    parts = [_triangles(surface, chart, resolution) for surface, chart in zip(surfaces, charts, strict=True)]
-    counts = [len(part[0]) for part in parts]
-    positions, normals, uvs = (
-        np.concatenate(arrays).astype(np.float32) for arrays in zip(*parts, strict=True)
-    )
-    face, subface = np.divmod(np.arange(len(positions), dtype=np.int32), 2)
-    materials = np.repeat(np.array([surface.material for surface in surfaces], np.int32), counts)
-    return Mesh("Furnished", positions, normals, uvs, face, subface, materials)
-
-
-def _triangles(surface: _Surface, chart: Chart, resolution: int) -> tuple[np.ndarray, ...]:
-    """Return positions, normals and UVs, (t, 3, 3 or 2) float64, of a surface's triangles, two a quad."""
-    points, (left, low, across, up) = surface.points, chart
-    rows, columns = points.shape[0] - 1, points.shape[1] - 1
-    normals = np.cross(np.gradient(points, axis=1), np.gradient(points, axis=0))
-    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
-    u, v = np.meshgrid(np.linspace(left, left + across, columns + 1), np.linspace(low, low + up, rows + 1))
-    corner = np.array([[[0, 0], [0, 1], [1, 1]], [[0, 0], [1, 1], [1, 0]]])
-    row, column = np.divmod(np.arange(rows * columns), columns)
-    i, j = row[:, None, None] + corner[..., 0], column[:, None, None] + corner[..., 1]
-    grids = (points, normals, np.stack([u, v], axis=-1) / resolution)
-    return tuple(grid[i, j].reshape(-1, 3, grid.shape[-1]) for grid in grids)
+    radius, height = profile
+    return turned(radius[:, None], height, foot, _FINE, kind)
 
 
 def _materials(radiance: float) -> tuple[Material, ...]:

@@ -30,6 +30,7 @@ SUITES = {
     "bandwidth": "the gather kernel against a copy",
     "endtoend": "Cornell box, arrays to arrays, to 2 %",
     "lights": "direct light of 1 to 1,000 lamps",
+    "waiting": "first, warm and relit bakes: stages, device, page faults",
 }
 
 

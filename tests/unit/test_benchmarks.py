@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from benchmarks.curves import Point, envelope, reach, reach_by_sampling
+from benchmarks.halls import hall
 from benchmarks.rooms import cornell_box, dark_box, hilly_room
 from engine.scene.checks import check_scene
 
@@ -56,3 +57,18 @@ def test_rooms_have_the_triangles_and_lamps_asked_for():
     floor = scene.meshes[1]
     assert (floor.normals[..., 2] > 0).all() and floor.uvs.min() >= 0 and floor.uvs.max() <= 1
     assert len(dark_box(64, 10).lights) == 10
+
+
+def test_the_hall_has_windows_smooth_columns_and_a_chart_for_each_surface():
+    scene = hall(256, 4000)
+    check_scene(scene)
+    (mesh,) = scene.meshes
+    assert len(mesh.positions) == pytest.approx(4000, rel=0.1)
+    assert [light.kind for light in scene.lights] == ["sun", *["point"] * 4] and scene.world.min() > 0
+    facing = np.cross(
+        mesh.positions[:, 1] - mesh.positions[:, 0], mesh.positions[:, 2] - mesh.positions[:, 0]
+    )
+    assert (np.einsum("td,tkd->tk", facing, mesh.normals) > 0).all()
+    (u1, v1), (u2, v2) = ((mesh.uvs[:, corner] - mesh.uvs[:, 0]).T for corner in (1, 2))
+    area = (u1 * v2 - u2 * v1) / 2
+    assert (area > 0).all() and 0.5 < area.sum() < 1

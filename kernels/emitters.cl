@@ -251,6 +251,9 @@ Sample sample_sky(const Bright *sky, const float2 u)
     return s;
 }
 
+// As `open_light` and `weight_of`, a function of its own: calls in several places make kernels large, which takes
+// seconds to build and is no faster.
+__attribute__((noinline))
 Sample sample_emitter(__global const Emitter *e, const Glow *glow, const Bright *sky, const Modulations *modulations,
                       const Receiver *r, const float3 p, const float2 u)
 {
@@ -290,6 +293,7 @@ int clip(const float3 *corners, const int count, const float3 normal, float3 *cl
 
 // E/pi at a point from all of a triangle of one radiance, if nothing is in between: the form factor of its
 // part above both horizons, the smooth one and the patch's (Lambert 1760; Arvo 1995).
+__attribute__((noinline))
 float3 open_light(__global const Emitter *e, const float3 p, const Receiver *r)
 {
     const float3 a = vload3(0, e->position) - p, edge1 = vload3(0, e->edge1), edge2 = vload3(0, e->edge2);

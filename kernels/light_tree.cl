@@ -42,6 +42,7 @@ float node_weight(__global const LightNode *node, const Receiver *r, bool *open)
 }
 
 // The weight of an inner node or an emitter.
+__attribute__((noinline))
 float weight_of(const Lights *lights, const int code, const Receiver *r, bool *open)
 {
     *open = false;

@@ -23,8 +23,8 @@ class ProfiledCompute(Compute):
     events  (name, event) of every kernel that was started
     """
 
-    def __init__(self) -> None:
-        super().__init__()
+    def __init__(self, cache_dir: str | None = None) -> None:
+        super().__init__(cache_dir)
         self.queue = cl.CommandQueue(self.context, properties=cl.command_queue_properties.PROFILING_ENABLE)
         self.events: list[tuple[str, cl.Event]] = []
 
@@ -62,7 +62,7 @@ class _Noted:
 
 def busy_seconds(scene: Scene, settings: Settings) -> dict[str, float]:
     """Return the time, s, of each kernel of a bake that finds everything built, by name."""
-    devices, compute = Devices(), ProfiledCompute()
+    devices, compute = Devices(settings.cache_dir), ProfiledCompute(settings.cache_dir)
     devices.compute = compute
     try:
         _bake(devices, scene, settings)

@@ -33,6 +33,11 @@ class WindowLive(WindowBake):
         """True once the first bake has come to its end."""
         return self.run.lightmap is not None
 
+    @property
+    def how_to_end(self) -> str:
+        """What the status bar says of it."""
+        return "The Live button ends it" if self.following else super().how_to_end
+
     def cancel(self, keep_images: bool = False) -> bool:
         """Give the window back; the lightmaps that were finished last are stored, if there are any."""
         self.leave()

@@ -20,8 +20,6 @@ INTERVAL, QUICK = 0.05, 0.02
 _PERIODS = 0.2, 2.0
 _RARITY = 10
 
-_HOW_TO_CANCEL = "Esc over the 3D view cancels"
-
 
 class WindowBake:
     """A run, and what it does to the window: the operator drives it, but the add-on may end it, too.
@@ -85,10 +83,15 @@ class WindowBake:
         self.leave()
         return self.run.cancel(keep_images)
 
+    @property
+    def how_to_end(self) -> str:
+        """What the status bar says of it."""
+        return "Esc over the 3D view cancels"
+
     def _tell_status(self, context: bpy.types.Context) -> None:
         """Show the progress in the status bar, which each workspace has for itself."""
         if context.workspace is not None:
-            context.workspace.status_text_set(f"{progress_line(self.progress)}    {_HOW_TO_CANCEL}")
+            context.workspace.status_text_set(f"{progress_line(self.progress)}    {self.how_to_end}")
             self._told.add(context.workspace.session_uid)
 
 

@@ -135,6 +135,7 @@ def test_escape_later_is_for_whatever_else_happens_and_cancel_ends_live(operator
     lit_room()
     start(operator, context)
     assert operator.modal(context, ESCAPE) == {"PASS_THROUGH"}
+    assert "The Live button ends it" in window.workspaces[0].texts[-1]
     assert bake_button()[-1] == "hemibake.cancel"
     bpy.ops.hemibake.cancel()
     assert drive(operator, context) == {"FINISHED"} and window.is_as_before()

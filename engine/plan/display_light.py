@@ -330,7 +330,8 @@ def _seen_beside_hidden(parts: Subdivision, light: np.ndarray, hidden: np.ndarra
     side, is bright or dark together.
     """
     filled, known, left = light.copy(), ~hidden, np.flatnonzero(hidden)
-    total = filled @ _CHANNELS
+    channels = np.ones(light.shape[1], np.float32)
+    total = filled @ channels
     for _ in range(_FILLED):
         beside = _patches_beside(parts, left)
         counts = (beside > 0) & known[beside - 1]
@@ -338,7 +339,7 @@ def _seen_beside_hidden(parts: Subdivision, light: np.ndarray, hidden: np.ndarra
         mine, beside, counts = left[reached], beside[reached], counts[reached].astype(np.float32)
         sums = np.einsum("hk,hkc->hc", counts, filled[beside - 1])
         filled[mine] = sums * _darkened(total, beside, counts)[:, None]
-        total[mine] = filled[mine] @ _CHANNELS
+        total[mine] = filled[mine] @ channels
         known[mine] = True
         left = left[~reached]
     filled[left] = 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -142,8 +143,9 @@ def prepared(shipment: Shipment) -> PreparedScene:
         if _prepared is not None:
             _prepared.clear()
 
-        # The memory of the last scene is free for this one.
+        # The memory of the last scene and its blocks is free for this one, also where they refer in circles.
         _prepared = None
+        gc.collect()
         _prepared = PreparedScene(shipment)
     return _prepared
 

@@ -33,6 +33,9 @@ class Block:
             sweep, compute = keeping_sweep(lookers, identity), lookers.opencl
             self._gather = FinalGather(compute, sweep, np.zeros((lookers.count, 3), np.float32))
 
+            # The samples go with the block, not with the job that they were found for.
+            lookers.kept.clear()
+
             # The first gather finds what is seen.
             gathered = self._gathered(self._sources.darkness)
             seen = download(compute, self._gather.patches_seen, (lookers.count,))

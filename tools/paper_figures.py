@@ -28,7 +28,7 @@ class Times:
         self._paper = {row["hemicube"]: row for row in paper["iterations"]}
         self._ours: dict[str, list[dict[str, Any]]] = {}
         self.devices: dict[str, str] = {}
-        for path in sorted((ROOT / "benchmarks/results").glob("*.json")):
+        for path in sorted((ROOT / "benchmarks/results").glob("*-[cg]pu-*.json")):
             stored = json.loads(path.read_text(encoding="utf-8"))
             records = stored["suites"].get("fig5", {}).get("records", [])
             if records:

@@ -122,7 +122,7 @@ def _paper() -> dict[str, Any]:
 
 def _stored(options: Options, records: list[dict]) -> dict[str, Any] | None:
     """Return the newest stored records of the other kind of device, and where they are from."""
-    for path in sorted(Path(options.results).glob("*.json"), reverse=True):
+    for path in sorted(Path(options.results).glob("*-[cg]pu-*.json"), reverse=True):
         stored = json.loads(path.read_text(encoding="utf-8"))
         opencl, suite = stored["machine"]["opencl"], stored["suites"].get("fig5", {})
         if opencl["gpu"] != records[0]["gpu"] and suite.get("records"):

@@ -99,9 +99,9 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
             (
                 "CHANGED",
                 "Changed",
-                "Objects that are new, or whose shape, place or materials have changed since they were "
-                "baked, and all of them once lamps, world or shining materials have. Shadows and reflected "
-                "light of changed objects on others stay as they were",
+                "Objects that are new, whose shape, place or materials have changed since they were baked, "
+                "or whose light can have changed by more than the tolerance: quick bakes, of the scene "
+                "of the last bake and of now, tell. All others keep the texels of their lightmaps",
             ),
         ],
     )
@@ -121,6 +121,9 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
         name="Light Mixer",
         description="Node group with color and strength of each light group, which the preview shows",
         options={"HIDDEN"},
+    )
+    baked_scene: StringProperty(
+        description="Name of the scene as it was last baked, while Blender remembers it", options={"HIDDEN"}
     )
     active_lightmap: IntProperty(
         name="Active Lightmap", description="Lightmap that is chosen in the list", options={"HIDDEN"}
@@ -249,6 +252,13 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
     fingerprint: StringProperty(
         name="Fingerprint",
         description="Digest of what the last bake saw of the object",
+        options={"HIDDEN"},
+        override=_OVERRIDABLE,
+    )
+    light_change: FloatProperty(
+        name="Light Change",
+        description="How much the light of the object may have changed since it was baked, as a fraction, at "
+        "bakes that left it as it was",
         options={"HIDDEN"},
         override=_OVERRIDABLE,
     )

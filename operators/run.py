@@ -22,6 +22,7 @@ from ..engine.scene.light_groups import light_group_names
 from ..engine.scene.model import Scene
 from ..engine.settings import Settings
 from .bake_settings import read_settings
+from .changed_light import ChangedLight, find_changed_light, forget_light, remember_light
 from .changes import Changes
 from .checks import IdleCheck
 from .file_format import chosen_format
@@ -36,7 +37,7 @@ from .result.kept_texels import KeptTexels
 from .run_stages import RunStages
 from .scene import SceneChangedError, SceneContext, read_scene, visible_meshes
 from .scene.overlaps import without_overlaps
-from .scene.targets import changed_uids, only_targets, target_uids
+from .scene.targets import only_targets, target_uids
 from .scene.uvs.lightmap_layer import lightmap_layer
 from .scene.uvs.unwrap import unwrap_missing
 from .scene.uvs.uv_modifier import has_uvs, uv_source
@@ -45,12 +46,6 @@ from .worker_owner import owner
 
 #: Readings of a scene that changes meanwhile, before it is read in one piece.
 ATTEMPTS = 3
-
-#: What a bake of changed objects leaves as it was.
-_OTHERS_STAY = (
-    "Only what has changed was baked: its shadows and its reflected light on all else are as before. "
-    "Bake All in the end."
-)
 
 Bake = Generator[Progress | None, None, Lightmap]
 Steps = Generator[Progress | None, None, None]
@@ -80,6 +75,7 @@ class Run:
         self._images: list[int] = []
         self._check: IdleCheck | None = None
         self._unwraps = False
+        self._changed: ChangedLight | None = None
         self.failure: str | None = None
         self._start = time.perf_counter()
         self._stages = RunStages(owner.paces)
@@ -130,6 +126,7 @@ class Run:
         else:
             finished(self._unwrap_and_read(wanted, hurried=True))
         self._seconds = {"read": time.perf_counter() - self._start}
+        yield from self._choose_targets(set(wanted))
         self._choose_destination()
 
     def _chosen_target(self) -> str:
@@ -167,8 +164,6 @@ class Run:
         )
         width = width_for(self._read.scene, context.scene.hemibake, resolution, self._unwraps)
         self._settings = replace(self._settings, resolution=width)
-        targets = self._targets(set(wanted))
-        self._read = only_targets(self._read, targets, context.scene)
 
     def _foresee(self, objects: Sequence[bpy.types.Object], resolution: int) -> None:
         """Let the progress know about how much there is to do, before it can be told exactly."""
@@ -179,14 +174,17 @@ class Run:
         settings = replace(self._settings, resolution=resolution)
         self._stages.foresee(Extent(atlases, triangles, lamps), faces, settings)
 
-    def _targets(self, wanted: set[int]) -> set[int]:
-        """Return which of the objects that may be baked are; raises SceneError if none is."""
-        if self._target != "CHANGED":
-            return wanted
-        changed = changed_uids(self._read, wanted)
-        if len(changed) < len(self._read.fingerprints):
-            self._read = replace(self._read, notes=(*self._read.notes, _OTHERS_STAY))
-        return changed
+    def _choose_targets(self, wanted: set[int]) -> Steps:
+        """Decide which of the objects that may be baked are; raises SceneError if none is."""
+        self._whole, self._changed = self._read, None
+        if self._target == "CHANGED":
+            known = self._context.scene.hemibake.baked_scene
+            self._changed = yield from find_changed_light(
+                self._read, wanted, self._settings, self._bake, self._stages, known
+            )
+            wanted = self._changed.uids
+            self._read = replace(self._read, notes=(*self._read.notes, *self._changed.notes))
+        self._read = only_targets(self._read, wanted, self._context.scene)
 
     def _choose_destination(self) -> None:
         """Decide where the lightmaps go, and see whether they can."""
@@ -276,6 +274,7 @@ class Run:
         self._remember_use(lightmap)
         lost = self._lost_uvs()
         self._remember_images(targets, lost)
+        self._remember_light(lost)
         self._seconds["store"] = time.perf_counter() - start
         self._stages.has_saved()
         owner.paces.update(lightmap.report.paces)
@@ -376,6 +375,17 @@ class Run:
         for uid, fingerprint in self._read.fingerprints.items():
             if uid in editable and uid not in lost:
                 editable[uid].hemibake.fingerprint = fingerprint
+
+    def _remember_light(self, lost: dict[int, str]) -> None:
+        """Write down what the next bake of changed objects compares with."""
+        scene, baked = (
+            find(bpy.data.scenes, self._context.scene_uid),
+            set(self._read.fingerprints) - set(lost),
+        )
+        if self._target == "SELECTED":
+            forget_light(baked)
+        elif scene is not None:
+            remember_light(scene, self._whole, baked, self._changed)
 
     def _report(
         self,

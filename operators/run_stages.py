@@ -26,9 +26,13 @@ class RunStages(Schedule):
         self._paces = paces
         self.unwrapping = Stage("Unwrapping", pace=_UNWRAPPING)
         self.reading = Stage("Reading the scene", pace=_READING)
+        names = ("Light before", "Lamps before", "Light now")
+        self.before, self.lamps, self.now = (Stage(name) for name in names)
         self.baking = Stage("Starting")
         self.saving = Stage("Saving", 0, paces.get("Saving", _TEXEL), "Saving" in paces)
-        super().__init__([self.unwrapping, self.reading, self.baking, self.saving])
+        super().__init__(
+            [self.unwrapping, self.reading, self.before, self.lamps, self.now, self.baking, self.saving]
+        )
 
     def foresee(self, extent: Extent, faces: int, settings: Settings) -> None:
         """Learn before the scene is read how large it is about, and how many faces are to be unwrapped."""

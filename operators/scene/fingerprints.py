@@ -26,9 +26,10 @@ def find_fingerprints(
     materials: Sequence[Material],
     surroundings: Sequence[object],
 ) -> Slices[list[str | None]]:
-    """Return a digest of each reading, None for occluders.
+    """Return two digests of each reading, one after the other; None for occluders.
 
-    It changes with its faces, its place in world and atlas, its materials, and with all that shines.
+    The first changes with its faces, its place in world and atlas, and its materials; the second with all
+    that shines.
 
     surroundings  lamps in world space and the world's light
     """
@@ -45,10 +46,9 @@ def find_fingerprints(
         own.append((yield from _digest_of(parts)))
         if any(materials[index].emission.any() for index in used):
             shining.append(own[-1] + reading.light_group.encode())
-    light = b"".join(shining)
+    light = _digest(b"".join(shining))
     return [
-        None if place is None else hashlib.blake2b(digest + light, digest_size=_SIZE).hexdigest()
-        for digest, place in zip(own, places, strict=True)
+        None if place is None else digest.hex() + light for digest, place in zip(own, places, strict=True)
     ]
 
 
@@ -60,8 +60,18 @@ def in_the_world(lights: Sequence[Light], origin: np.ndarray) -> tuple[Light, ..
 
 
 def combined(fingerprints: Sequence[str]) -> str:
-    """Return one digest of several, in any order."""
-    return hashlib.blake2b("".join(sorted(fingerprints)).encode(), digest_size=_SIZE).hexdigest()
+    """Return the fingerprint of an object from those of its instances, in any order."""
+    light = fingerprints[0][2 * _SIZE :]
+    return _digest("".join(sorted(map(own_part, fingerprints))).encode()) + light
+
+
+def own_part(fingerprint: str) -> str:
+    """Return the part of a fingerprint that is of the object alone."""
+    return fingerprint[: 2 * _SIZE]
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.blake2b(content, digest_size=_SIZE).hexdigest()
 
 
 def _digest_of(value: object) -> Slices[bytes]:

@@ -6,6 +6,7 @@ what is not to be baked becomes an occluder.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import bpy
@@ -14,6 +15,7 @@ import numpy as np
 from ...engine.errors import SceneError
 from ...engine.scene.model import OCCLUDER
 from ..lookup import find
+from .fingerprints import own_part
 from .objects.visible import visible_meshes
 from .place import Place
 from .read import Entry, ReadScene
@@ -26,7 +28,7 @@ NOTHING_CHANGED = "Nothing has changed since it was baked. To bake all the same,
 def target_uids(context: SceneContext, target: str) -> set[int]:
     """Return the session uids of the mesh objects that may be baked: "SELECTED" ones, or all.
 
-    Which are "CHANGED" is known once they have been read: see `changed_uids`. An instance belongs to what it
+    Which are "CHANGED" is known once they have been read: see `ChangedLight`. An instance belongs to what it
     shows. Raises SceneError if none is selected.
     """
     meshes = {obj.session_uid for obj in visible_meshes(context)}
@@ -47,15 +49,26 @@ def target_uids(context: SceneContext, target: str) -> set[int]:
 def changed_uids(read: ReadScene, uids: set[int]) -> set[int]:
     """Return which objects, by session uid, are other than when they were baked, or have never been.
 
-    Raises SceneError if none is.
+    They are, too, once anything else shines in another way.
     """
+    return _differing(read, uids, lambda fingerprint: fingerprint)
+
+
+def changed_themselves(read: ReadScene, uids: set[int]) -> set[int]:
+    """Return which objects, by session uid, have changed themselves, or have never been baked."""
+    return _differing(read, uids, own_part)
+
+
+def _differing(read: ReadScene, uids: set[int], part: Callable[[str], str]) -> set[int]:
+    """Return the objects of which a part of the fingerprint is not that of their last bake."""
     known = {
         obj.session_uid: obj.hemibake.fingerprint for obj in bpy.data.objects if obj.hemibake.fingerprint
     }
-    changed = {uid for uid, digest in read.fingerprints.items() if uid in uids and known.get(uid) != digest}
-    if not changed:
-        raise SceneError(NOTHING_CHANGED)
-    return changed
+    return {
+        uid
+        for uid, digest in read.fingerprints.items()
+        if uid in uids and part(known.get(uid, "")) != part(digest)
+    }
 
 
 def only_targets(read: ReadScene, uids: set[int], scene: bpy.types.Scene) -> ReadScene:
@@ -64,17 +77,17 @@ def only_targets(read: ReadScene, uids: set[int], scene: bpy.types.Scene) -> Rea
     Objects that would have another place in such a lightmap than the last bake gave them are baked, too, and
     so are all instances that it shows. Raises SceneError if nothing is left.
     """
-    atlases = {entry[-1].atlas for entry in read.entries if entry is not None and _source(entry) in uids}
+    atlases = {entry[-1].atlas for entry in read.entries if entry is not None and source_of(entry) in uids}
     if not atlases:
         raise SceneError(NOTHING_SELECTED)
     baked = [
         entry is not None
-        and (_source(entry) in uids or (entry[-1].atlas in atlases and not _is_kept(entry, scene)))
+        and (source_of(entry) in uids or (entry[-1].atlas in atlases and not _is_kept(entry, scene)))
         for entry in read.entries
     ]
     names = tuple(name for name in read.scene.atlases if name in atlases)
     left = {
-        _source(entry)
+        source_of(entry)
         for entry, stays in zip(read.entries, baked, strict=True)
         if entry is not None and not stays
     }
@@ -90,7 +103,7 @@ def only_targets(read: ReadScene, uids: set[int], scene: bpy.types.Scene) -> Rea
     )
 
 
-def _source(entry: Entry) -> int:
+def source_of(entry: Entry) -> int:
     """Return the session uid of the object that an entry shows."""
     if len(entry) == 2:
         return entry[0]

@@ -18,9 +18,9 @@ ORDERS = {
         "progress", "errors",
     ],
     "operators/scene": [
-        "__init__", "overlaps", "targets", "density", "read", "read_lamps", "read_stages", "fingerprints",
-        "faults", "world_mesh", "places", "crowds", "place", "tiles", "scene_objects", "light", "materials",
-        "uvs", "scene_watch", "objects", "messages", "scene_context", "slices",
+        "__init__", "overlaps", "light_changes", "targets", "density", "read", "read_lamps", "read_stages",
+        "fingerprints", "faults", "world_mesh", "places", "crowds", "place", "tiles", "scene_objects",
+        "light", "materials", "uvs", "scene_watch", "objects", "messages", "scene_context", "slices",
     ],
 }  # fmt: skip
 

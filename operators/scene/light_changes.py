@@ -1,0 +1,136 @@
+"""How much the light of objects has changed: quick bakes, of a scene before and now, are compared."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...engine.lightmap import Lightmap
+from ...engine.scene.digests import same_values
+from ...engine.scene.model import OCCLUDER, Scene
+from ...engine.settings import Settings
+from .read import ReadScene
+from .targets import source_of
+from .uvs.uv_faults import covered_texels
+
+#: Rays of each patch, and to each light, of a quick bake.
+_RAYS, _LIGHT_RAYS = 64, 16
+
+#: What is left of the mean error of a bake in a quick one: that of the worst texel is some times as large.
+_CLOSER = 64
+
+#: More than any change.
+ALL_LIGHT = 1e30
+
+
+def quick_settings(settings: Settings) -> Settings:
+    """Return settings for the same patches as those of a bake, but few rays of each.
+
+    A change that many texels see by a few rays each is met by some of these.
+    """
+    return replace(
+        settings,
+        outputs=settings.light_outputs,
+        visibility="rays" if settings.method != "paper" else settings.visibility,
+        samples=_RAYS,
+        light_samples=min(_LIGHT_RAYS, settings.light_samples),
+        texel_samples=1,
+        tolerance=settings.tolerance / _CLOSER,
+        adaptive=False,
+        denoise=False,
+        hide_seams=False,
+        dilation=0,
+        intermediates=False,
+        checkpoint_space=0,
+    )
+
+
+def tells_light(settings: Settings) -> bool:
+    """Return whether quick bakes tell all that a bake shows: light alone, without directions and groups."""
+    return settings.outputs == settings.light_outputs
+
+
+def differing_lights(before: Scene, now: Scene) -> tuple[Scene, Scene] | None:
+    """Return both scenes with nothing that shines but the lamps that differ; None if not only lamps differ.
+
+    Light adds up, so that these tell all change of it, and other lamps none of their noise.
+    """
+    if not same_values(replace(before, lights=()), replace(now, lights=())):
+        return None
+    return _lit_by_others(before, now), _lit_by_others(now, before)
+
+
+def _lit_by_others(scene: Scene, other: Scene) -> Scene:
+    """Return a scene with no other light than of lamps that another scene does not have."""
+    lamps = (lamp for lamp in scene.lights if not any(same_values(lamp, known) for known in other.lights))
+    dark = (
+        replace(material, emission=np.zeros_like(material.emission), emission_map=None)
+        for material in scene.materials
+    )
+    world = np.zeros_like(scene.world)
+    return replace(scene, lights=tuple(lamps), materials=tuple(dark), world=world)
+
+
+@dataclass(frozen=True)
+class QuickBakes:
+    """Lightmaps that tell how light has changed.
+
+    whole        of the scene as it was
+    before, now  of the light that may differ, as it was and as it is
+    """
+
+    whole: Lightmap
+    before: Lightmap
+    now: Lightmap
+
+
+def light_changes(read: ReadScene, quick: QuickBakes) -> dict[int, float]:
+    """Return how much the light of each object may have changed, by session uid.
+
+    The largest change of a texel, as a fraction of its light before, or of the object's mean where that is
+    more. ALL_LIGHT where a texel was no patch before, or no texel is one.
+    """
+    before, now = quick.before, quick.now
+    changes: dict[int, float] = {}
+    resolution = now.has_patch.shape[1]
+    for mesh, entry in zip(read.scene.meshes, read.entries, strict=True):
+        if mesh.atlas == OCCLUDER or entry is None:
+            continue
+        name = now.atlases[mesh.atlas]
+        texels, _ = covered_texels(mesh.uvs, resolution)
+        row, column = np.divmod(texels, resolution + 1)
+        here = (now.atlases.index(name), row, column)
+        there = (before.atlases.index(name), row, column) if name in before.atlases else None
+        change = ALL_LIGHT if there is None else _largest_change(quick, there, here)
+        uid = source_of(entry)
+        changes[uid] = max(changes.get(uid, 0.0), change)
+    return changes
+
+
+def _largest_change(quick: QuickBakes, there: tuple, here: tuple) -> float:
+    """Return the largest change of some texels, in any output, relative to their light or the mean of all."""
+    patches = quick.now.has_patch[here]
+    if not patches.any() or not np.array_equal(patches, quick.before.has_patch[there]):
+        return ALL_LIGHT
+    return max(
+        _largest_step(
+            quick.whole.passes[name][there][patches],
+            quick.before.passes[name][there][patches],
+            quick.now.passes[name][here][patches],
+        )
+        for name in quick.whole.passes
+    )
+
+
+def _largest_step(whole: np.ndarray, before: np.ndarray, now: np.ndarray) -> float:
+    """Return the largest change of light, relative to the whole of a texel or the mean of all.
+
+    whole, before, now  (n, 3) float32
+    """
+    change = np.abs(now.sum(axis=1, dtype=np.float64) - before.sum(axis=1, dtype=np.float64))
+    if not change.any():
+        return 0.0
+    light = whole.sum(axis=1, dtype=np.float64)
+    light = np.maximum(light, light.mean())
+    return float((change / light).max()) if light.min() > 0 else ALL_LIGHT

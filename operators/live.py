@@ -107,11 +107,14 @@ class HEMIBAKE_OT_live(bpy.types.Operator):
         if live.unwanted and live.following and live.run.settled:
             return self._end(context)
         while time.perf_counter() < limit:
+            before = live.run.lightmap
             try:
                 progress = live.run.step()
             except StopIteration as end:
                 self._begin_to_follow(context, live.run.begin_following(end.value))
                 return {"PASS_THROUGH"}
+            if live.run.lightmap is not before:
+                restart_renders(context.window_manager)
             if progress is None:
                 break
             live.show(context, progress)

@@ -44,7 +44,7 @@ class Rgbd:
 
     def encode(self, light: np.ndarray) -> np.ndarray:
         """Return light as texels."""
-        values = np.clip(light.astype(np.float64), 0, self.range) / self.intensity
+        values = np.clip(light.astype(np.float64) / self.intensity, 0, 255)
         divisor = np.floor(255 / np.maximum(brightest_channel(values), 1))
         colours = 255 * np.minimum(values * divisor / 255, 1) ** (1 / self.gamma)
         return np.concatenate([rounded(colours), divisor.astype(np.uint8)], axis=-1)

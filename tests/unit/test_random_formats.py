@@ -45,6 +45,12 @@ _FUZZ = settings(
 _MOST, _MOST_SIGNED = float(np.float32(3e38)), float(np.float32(1e30))
 
 
+def dimmest(encoding):
+    """Return the light above which half a step of an 8-bit colour changes it by at most a twentieth."""
+    gamma = getattr(encoding, "gamma", 1)
+    return max(400, (20 * gamma) ** gamma) * encoding.smallest
+
+
 def lights(low=0.0, high=_MOST):
     """Return light of any shape and brightness."""
     values = st.floats(low, high, width=32) | st.sampled_from([0.0, 1.0, float(np.float32(1e-45))])
@@ -63,7 +69,7 @@ def test_any_light_in_any_format(encoding, light):
     clipping = find_clipping(light, encoding, np.ones(light.shape[:2], bool))
     brightest = light.max(axis=-1).astype(np.float64)
     assert not decoded[brightest == 0].any()
-    enough = ~clipping.bright & (brightest > 400 * encoding.smallest)
+    enough = ~clipping.bright & (brightest > dimmest(encoding))
     error = np.abs(decoded - light).max(axis=-1)[enough]
     assert (error <= _ERRORS[type(encoding)] * brightest[enough]).all()
     if not isinstance(encoding, LogLuv):
@@ -112,3 +118,11 @@ def test_any_texels_in_a_radiance_picture_are_no_longer_than_plain_ones(width, h
 @pytest.mark.parametrize("encoding", [Biased(), Srgb(0.0, 16)])
 def test_largest_level_is_the_largest_value(encoding):
     assert encoding.encode(np.full((1, 1, 3), encoding.largest, np.float32)).max() == 65535
+
+
+@pytest.mark.parametrize("range", [140679925523175.0, 0.1, 3.0, 255 / 7])
+def test_brightest_light_of_rgbd_has_a_divisor(range):
+    """Divided by the intensity, it can be a rounding more than 255."""
+    encoding = Rgbd(range, 1.0)
+    light = np.full((1, 1, 3), np.nextafter(np.float32(range), np.float32(np.inf)), np.float32)
+    assert encoding.encode(light)[0, 0].tolist() == [255, 255, 255, 1]

@@ -416,7 +416,7 @@ def test_bake_of_changed_objects_keeps_the_others_in_full(settings, tmp_path):
     settings.file_format = "png"
     square("First", [(0, 0), (0.5, 0), (0.5, 1), (0, 1)], material("Clay"))
     second = square("Second", [(0.5, 0), (1, 0), (1, 1), (0.5, 1)], material("Slate"))
-    second.location = (3, 0, 0)
+    second.location = (40, 0, 0)
     bpy.data.worlds.new("Sky")
     bpy.context.scene.world = bpy.data.worlds["Sky"]
     part("operators.compat").new_node_tree(bpy.context.scene.world)
@@ -425,7 +425,7 @@ def test_bake_of_changed_objects_keeps_the_others_in_full(settings, tmp_path):
     bake()
     before = pixels(bpy.data.images["Lightmap"]).copy()
     assert before.max() > 5
-    second.location = (3, 0, 1)
+    second.location = (40, 0, 1)
     settings.target = "CHANGED"
     bake()
     after = pixels(bpy.data.images["Lightmap"])

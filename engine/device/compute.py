@@ -48,7 +48,7 @@ class Compute:
         self.shared = SharedBuffers()
         self.context = self._first_working_context(_chosen(found_devices(), opencl_device))
         self.device = self.context.devices[0]
-        self._programs = ProgramCache(self.context, cache_dir)
+        self._programs = ProgramCache(self.context, None if self._caches_programs else cache_dir)
         self.queue = cl.CommandQueue(self.context)
         self.name = self.device.name.strip()
 
@@ -56,6 +56,14 @@ class Compute:
     def processor(self) -> bool:
         """True for a CPU, which runs the items of a group one after the other."""
         return bool(self.device.type & cl.device_type.CPU)
+
+    @property
+    def _caches_programs(self) -> bool:
+        """True for PoCL, which keeps its kernels in files itself, built for the sizes of groups they ran in.
+
+        Asked for the binary of a program it builds all kernels a second time, for groups of any size.
+        """
+        return bool(self.device.platform.name == "Portable Computing Language")
 
     @property
     def group(self) -> int:

@@ -1,6 +1,6 @@
 """Built OpenCL programs, kept in files: a device builds each source once, whichever process asks for it.
 
-PyOpenCL leaves that to NVIDIA's driver and to PoCL, which do it as their own settings say.
+PyOpenCL leaves that to NVIDIA's driver, which does it as its own settings say.
 """
 
 from __future__ import annotations

@@ -85,9 +85,8 @@ class HEMIBAKE_OT_live(bpy.types.Operator):
         try:
             return self._follow(context)
         except EngineError as error:
-            if self._live.run.cancel(keep_images=True):
+            if self._live.cancel(keep_images=True):
                 push_undo(self.bl_label)
-            self._live.leave()
             refuse(self, error)
             return {"CANCELLED"}
         except BaseException:

@@ -59,7 +59,7 @@ class LiveRun(Run):
 
     def begin_following(self, lightmap: Lightmap) -> dict:
         """Store the lightmaps of the first bake, watch the scene, and return the report; see `finish`."""
-        self.lightmap, self.resting = lightmap, True
+        self._take(lightmap)
         report = self.finish(lightmap)
         self._watch.begin()
         self._work = self._following()
@@ -74,7 +74,7 @@ class LiveRun(Run):
                 yield from self._send(True)
             step = next(self._followed)
             if isinstance(step, Lightmap):
-                self.lightmap, self.resting = step, True
+                self._take(step)
                 self._show_finished(step)
                 yield RESTING
             elif step is not None:
@@ -83,6 +83,11 @@ class LiveRun(Run):
                 yield step
             else:
                 yield None
+
+    def _take(self, lightmap: Lightmap) -> None:
+        """Take the finished lightmap of the scene that was sent last."""
+        self.lightmap, self.resting = lightmap, True
+        self._of_lightmap = self._read
 
     def _send(self, everything: bool) -> Steps:
         """Read the scene, or its lamps alone, and send the worker what is other than it was.
@@ -99,6 +104,8 @@ class LiveRun(Run):
         if changes is None or not changes.empty:
             owner.worker().update(scene if changes is None else changes)
             self.resting = False
+        elif self.resting:
+            self._of_lightmap = self._read
         self._sent = scene
 
     def _settled_reading(self, read: Callable[[bool], Steps]) -> Steps:
@@ -131,8 +138,12 @@ class LiveRun(Run):
         return self.resting and not self._guessed and (self.ending or not self._watch.changed)
 
     def keep(self) -> dict:
-        """End, store the lightmaps that were finished last, and return the report."""
+        """End, store the lightmaps that were finished last, and return the report.
+
+        What is remembered of the scene is as it was when they were: it may have been read again since.
+        """
         self._end()
+        self._read = self._whole = self._of_lightmap
         return self.finish(self.lightmap)
 
     def cancel(self, keep_images: bool = False) -> bool:

@@ -14,7 +14,7 @@ take turns in using it:
     cancel                        ->
                                   <-  cancelled; the bake is over
     follow BLOCK MODULE:FUNCTION  ->                              as bake, but goes on until cancelled
-                                  <-  settled (a lightmap in the block)
+                                  <-  settled COUNT (a lightmap in the block, of so many changes)
     update BLOCK (changes)        ->                              while it goes on; a block for each
                                   <-  read BLOCK                  it is not needed any more
     call MODULE:FUNCTION (builtins) ->                            between bakes; nothing is answered
@@ -60,27 +60,31 @@ class _CancelError(Exception):
 
 
 class _Outbox:
-    """The worker's end of the protocol above, from the moment a bake has begun."""
+    """The worker's end of the protocol above, from the moment a bake has begun.
+
+    taken  number of changes that the bake has taken
+    """
 
     def __init__(self, connection: Connection[Any, Any], block: str) -> None:
         self._connection = connection
         self._block: str | None = block
         self._changes: list[Any] = []
+        self.taken = 0
 
-    def offer(self, kind: str, value: object) -> bool:
+    def offer(self, kind: str, value: object, *facts: int) -> bool:
         """Send an object if it is our turn and the block is large enough; return whether it went."""
         if self._block is None:
             return False
         parcel = messages.Parcel(value)
         with BorrowedBlock(self._block) as block:
             fits = block.write(parcel)
-        self._connection.send((kind,) if fits else ("grow", parcel.size))
+        self._connection.send((kind, *facts) if fits else ("grow", parcel.size))
         self._block = None
         return fits
 
-    def send(self, kind: str, value: object) -> None:
+    def send(self, kind: str, value: object, *facts: int) -> None:
         """Send an object, after waiting for our turn and for space."""
-        while not self.offer(kind, value):
+        while not self.offer(kind, value, *facts):
             self.listen(None)
 
     def listen(self, patience: float | None = 0) -> None:
@@ -103,6 +107,7 @@ class _Outbox:
         while patience is None and not self._changes:
             self.listen(None)
         changes, self._changes = self._changes, []
+        self.taken += len(changes)
         return changes or None
 
     def _read_changes(self, name: str) -> None:
@@ -166,7 +171,7 @@ def _report(job: Generator[Progress | Lightmap, list[Any] | None, Any], outbox: 
     newest = next(job)
     while True:
         if isinstance(newest, Lightmap):
-            outbox.send("settled", newest)
+            outbox.send("settled", newest, outbox.taken)
             newest = job.send(outbox.changes(None))
             continue
         changes = outbox.changes()

@@ -81,7 +81,8 @@ class Worker:
     def follow(self, function: str, *arguments: object) -> Generator[Progress | Lightmap | None, None, None]:
         """Let "module:function", as `engine.session:live`, work in the child until the generator is closed.
 
-        Yields as `run`, and each Lightmap that is finished; raises the same errors. `update` sends changes.
+        Yields as `run`, and each Lightmap that is finished, of all changes so far; raises the same errors.
+        `update` sends changes.
         """
         yield from self._run(arguments, ("follow", function))
 
@@ -167,7 +168,8 @@ class Worker:
     ) -> Generator[Progress | Lightmap | None, None, str]:
         """Yield the child's progress until the bake is over; return what the block then holds.
 
-        Lightmaps that are finished are yielded, too, where the bake goes on; changes are sent meanwhile.
+        Where the bake goes on, changes are sent meanwhile, and each lightmap that is finished is yielded,
+        too, unless changes are on their way: it is of the scene before them.
         """
         with _Changes(child) as changes:
             while True:
@@ -175,7 +177,8 @@ class Worker:
                 kind, *facts = child.receive() or ("nothing",)
                 if kind in ("lightmap", "error"):
                     return str(kind)
-                arrived = block.read() if kind in ("progress", "settled") else None
+                outdated = kind == "settled" and facts[0] < changes.sent
+                arrived = block.read() if kind in ("progress", "settled") and not outdated else None
                 if kind == "read":
                     changes.drop(*facts)
                 elif kind == "grow":
@@ -186,10 +189,13 @@ class Worker:
 
 
 class _Changes:
-    """Changes on their way to the child, in a block each until they are read; used inside `with`."""
+    """Changes on their way to the child, in a block each until they are read; used inside `with`.
+
+    sent  number of all so far
+    """
 
     def __init__(self, child: WorkerProcess) -> None:
-        self._child, self._blocks = child, dict[str, SharedBlock]()
+        self._child, self._blocks, self.sent = child, dict[str, SharedBlock](), 0
 
     def __enter__(self) -> Self:
         return self
@@ -204,6 +210,7 @@ class _Changes:
             block = SharedBlock(updates.pop(0))
             self._blocks[block.name] = block
             self._child.send("update", block.name)
+            self.sent += 1
 
     def drop(self, name: str) -> None:
         """Remove a block that is not needed any more."""

@@ -178,19 +178,54 @@ def test_only_what_has_changed_is_sent(operator, context, window, monkeypatch): 
     assert not changes.materials and not changes.meshes
 
 
-def test_a_dead_worker_ends_live_and_leaves_the_lightmap(operator, context, window):  # noqa: F811
+def test_a_dead_worker_ends_live_and_stores_the_lightmap(operator, context, window):  # noqa: F811
     import bpy
 
-    lit_room()
+    _, lamp = lit_room()
     start(operator, context)
+    lamp.data.energy = 40
     shown = settle(operator, context).copy()
     part("operators.worker_owner").owner.worker().process.kill()
     assert drive(operator, context) == {"CANCELLED"} and window.is_as_before()
     assert operator.reports[-1][0] == {"ERROR"} and "process" in operator.reports[-1][1]
-    assert np.array_equal(pixels(bpy.data.images["Lightmap"])[..., :3], shown)
+    image = bpy.data.images["Lightmap"]
+    image.reload()
+    assert np.array_equal(pixels(image)[..., :3], shown)
 
     # The next one starts a new worker.
     start(operator, context)
+
+
+def test_a_bake_of_changed_objects_begins_with_what_live_has_left(operator, context, window):  # noqa: F811
+    import bpy
+
+    _, lamp = lit_room()
+    start(operator, context)
+    lamp.data.energy = 40
+    settle(operator, context)
+    operator.invoke(context, None)
+    assert drive(operator, context) == {"FINISHED"}
+    bpy.context.scene.hemibake.target = "CHANGED"
+    with pytest.raises(RuntimeError, match="Nothing has changed"):
+        bpy.ops.hemibake.bake()
+
+
+def test_what_changes_while_live_ends_counts_as_changed(operator, context, window):  # noqa: F811
+    """The window closes after the scene was read, and before there is a lightmap of it."""
+    import bpy
+
+    room, _ = lit_room()
+    start(operator, context)
+    settle(operator, context)
+    running = part("operators.worker_owner").owner.running
+    before = running.run._read
+    room.location.x = 0.5
+    bpy.context.view_layer.update()
+    while running.run._read is before:
+        running.run.step()
+    operator.cancel(context)
+    bpy.context.scene.hemibake.target = "CHANGED"
+    assert bpy.ops.hemibake.bake() == {"FINISHED"}
 
 
 def test_undo_in_between_is_followed(operator, context, window):  # noqa: F811

@@ -113,3 +113,13 @@ def follow(scene, settings):
         known += (yield replace(lightmap, report=replace(lightmap.report, reasons=told))) or []
         if any(isinstance(change, str) and change == "end" for change in known):
             raise SceneError("The end.")
+
+
+def follow_slowly(scene, settings):
+    """As `follow`, but deaf while a lightmap is finished."""
+    known = []
+    while True:
+        known += (yield Progress("Images", 0.5)) or []
+        time.sleep(0.5)
+        lightmap = _lightmap(scene, settings)
+        known += (yield replace(lightmap, report=replace(lightmap.report, reasons=tuple(known)))) or []

@@ -1,14 +1,6 @@
 // Texels that a triangle touches without covering their centres: whose patch they show, and the middle of what
 // the triangle covers of them. WITHIN: see engine/patches/border_texels.py.
 
-// The corners of a triangle in texels from a point that float32 holds.
-void corners_from(const float2 point, __global const float2 *uvs, const int triangle, const float resolution,
-                  float2 *corners)
-{
-    for (int i = 0; i < 3; ++i)
-        corners[i] = fma(uvs[3 * triangle + i], (float2)(resolution), -point);
-}
-
 // The point of a triangle's border that is nearest to 0, as barycentrics; inside: it lies within the texel about 0.
 float3 nearest_point(const float2 *corners, bool *inside)
 {
@@ -39,7 +31,7 @@ float3 in_world(__global const float *positions, const int triangle, const float
 // centre that what it shows is more than a border. texels: of all atlases; sizes: metres of a texel of each
 // triangle, along the longer side; offsets: neighbours, nearest first.
 __kernel void nearest_patches(__global const long *texels, __global const int *triangles,
-                              __global const float2 *uvs, __global const float *positions,
+                              __global const float *uvs, __global const float *positions,
                               __global const int *meshes, __global const float *sizes,
                               __global const int2 *offsets, const int neighbours, const int resolution,
                               __global const uint *texel_to_patch, __global const int *patch_triangles,
@@ -52,7 +44,7 @@ __kernel void nearest_patches(__global const long *texels, __global const int *t
     const long texel = texels[i];
     const int x = texel % resolution, y = texel / resolution % resolution, triangle = triangles[i];
     float2 corners[3];
-    corners_from((float2)(x + 0.5f, y + 0.5f), uvs, triangle, resolution, corners);
+    corners_at(uvs, triangle, resolution, (float2)(x + 0.5f, y + 0.5f), corners);
     bool within = false;
     const float3 point = in_world(positions, triangle, nearest_point(corners, &within));
     inside[i] = within;
@@ -74,72 +66,32 @@ __kernel void nearest_patches(__global const long *texels, __global const int *t
     }
 }
 
-typedef struct {
-    float2 at;       // in the texel
-    float3 weights;  // barycentrics
-} Corner;
-
-// Corners of a triangle clipped at the four sides of a texel.
-#define CORNERS 7
-
-float inner_distance(const Corner corner, const int side)
-{
-    const float along = side < 2 ? corner.at.x : corner.at.y;
-    return side % 2 == 0 ? along : 1.0f - along;
-}
-
-// Clips a convex polygon at a side of the texel (Sutherland and Hodgman 1974); returns its corners, 1 at least.
-int clip_at_side(Corner *corners, const int count, const int side)
-{
-    Corner kept[CORNERS];
-    int left = 0;
-    for (int i = 0; i < count; ++i) {
-        const Corner here = corners[i], next = corners[(i + 1) % count];
-        const float before = inner_distance(here, side), after = inner_distance(next, side);
-        if (before >= 0.0f && left <= count)
-            kept[left++] = here;
-        if ((before >= 0.0f) != (after >= 0.0f) && left <= count) {
-            const float t = before / (before - after);
-            kept[left].at = here.at + t * (next.at - here.at);
-            kept[left++].weights = here.weights + t * (next.weights - here.weights);
-        }
-    }
-    for (int i = 0; i < left; ++i)
-        corners[i] = kept[i];
-    return max(left, 1);
-}
-
 // The centroids, as barycentrics, of what triangles cover of texels; without an area a point between the corners.
 __kernel void covered_middles(__global const long *texels, __global const int *triangles,
-                              __global const float2 *uvs, const int resolution, __global float *middles,
+                              __global const float *uvs, const int resolution, __global float *middles,
                               const int count)
 {
     const int i = get_global_id(0);
     if (i >= count)
         return;
-    float2 at[3];
+    float2 corners[3];
+    float4 polygon[MOST_CORNERS];
     const long texel = texels[i];
-    corners_from((float2)(texel % resolution, texel / resolution % resolution), uvs, triangles[i], resolution, at);
-    Corner corners[CORNERS] = {
-        {at[0], (float3)(1.0f, 0.0f, 0.0f)}, {at[1], (float3)(0.0f, 1.0f, 0.0f)}, {at[2], (float3)(0.0f, 0.0f, 1.0f)},
-    };
-    int left = 3;
-    for (int side = 0; side < 4; ++side)
-        left = clip_at_side(corners, left, side);
+    const float2 start = (float2)(texel % resolution, texel / resolution % resolution);
+    corners_at(uvs, triangles[i], resolution, start, corners);
 
-    // A fan of triangles from the first corner; corners that are not there repeat it.
-    for (int k = left; k < CORNERS; ++k)
-        corners[k] = corners[0];
+    // Corners that are not there repeat the first one.
+    for (int k = clip_at_texel(corners, polygon); k < MOST_CORNERS; ++k)
+        polygon[k] = polygon[0];
     float total = 0.0f;
-    float3 weighted = 0.0f, plain = 0.0f;
-    for (int k = 1; k + 1 < CORNERS; ++k) {
-        const float2 first = corners[k].at - corners[0].at, second = corners[k + 1].at - corners[0].at;
-        const float area = fabs(first.x * second.y - first.y * second.x) / 2.0f;
-        const float3 middle = (corners[0].weights + corners[k].weights + corners[k + 1].weights) / 3.0f;
+    float2 weighted = 0.0f, plain = 0.0f;
+    for (int k = 0; k + 2 < MOST_CORNERS; ++k) {
+        const float area = fan_area(polygon, k);
+        const float2 middle = (polygon[0].zw + polygon[k + 1].zw + polygon[k + 2].zw) / 3.0f;
         total += area;
         weighted += area * middle;
-        plain += middle;
+        plain += middle / (MOST_CORNERS - 2);
     }
-    const float3 centroid = total < 5e-10f ? plain : weighted;
-    vstore3(centroid / (centroid.x + centroid.y + centroid.z), i, middles);
+    const float2 part = total < 5e-10f ? plain : weighted / total;
+    vstore3((float3)(1.0f - part.x - part.y, part), i, middles);
 }

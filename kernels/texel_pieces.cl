@@ -1,58 +1,17 @@
 // What triangles cover of texels that they do not fill: conservative rasterisation of lightmap UVs, and points within
 // (engine/patches/texel_pieces.py). Positions are relative to a texel or row, so that large lightmaps stay exact.
 
-#define MOST_CORNERS 7  // of a triangle that is clipped at four lines
-
 // Multipliers of the R2 sequence (Roberts 2018), in parts of 2^32.
 #define R2 (uint2)(3242174889u, 2447445414u)
 
 // Rounding of a column's position, texels: spans of borders are wider by as much.
 #define ROUNDING 2e-3f
 
-float distance_to(const float4 corner, const int line)
-{
-    const float along = line & 1 ? corner.y : corner.x;
-    return line & 2 ? 1.0f - along : along;
-}
-
-// Clips a triangle at the four sides of a texel (Sutherland and Hodgman 1974). xy: position in the texel; zw:
-// barycentrics of the second and the third corner. Returns the number of corners.
-int clip_at_texel(const float2 *corners, float4 *polygon)
-{
-    float4 before[MOST_CORNERS];
-    int count = 3;
-    polygon[0] = (float4)(corners[0], 0.0f, 0.0f);
-    polygon[1] = (float4)(corners[1], 1.0f, 0.0f);
-    polygon[2] = (float4)(corners[2], 0.0f, 1.0f);
-    for (int line = 0; line < 4; ++line) {
-        const int corners_before = count;
-        for (int k = 0; k < corners_before; ++k)
-            before[k] = polygon[k];
-        count = 0;
-        for (int k = 0; k < corners_before; ++k) {
-            const float4 start = before[k], end = before[k + 1 < corners_before ? k + 1 : 0];
-            const float at_start = distance_to(start, line), at_end = distance_to(end, line);
-            if (at_start >= 0.0f)
-                polygon[count++] = start;
-            if ((at_start >= 0.0f) != (at_end >= 0.0f) && count < MOST_CORNERS)
-                polygon[count++] = start + at_start / (at_start - at_end) * (end - start);
-        }
-    }
-    return count;
-}
-
-// Area of a triangle of a polygon's fan around its first corner.
-float fan_area(const float4 *polygon, const int k)
-{
-    const float2 first = polygon[k + 1].xy - polygon[0].xy, second = polygon[k + 2].xy - polygon[0].xy;
-    return 0.5f * fabs(first.x * second.y - first.y * second.x);
-}
-
 float covered_area(__global const float *uvs, const int triangle, const int resolution, const int2 texel)
 {
     float2 corners[3];
     float4 polygon[MOST_CORNERS];
-    corners_at(uvs, triangle, resolution, texel, corners);
+    corners_at(uvs, triangle, resolution, convert_float2(texel), corners);
     const int count = clip_at_texel(corners, polygon);
     float area = 0.0f;
     for (int k = 0; k + 2 < count; ++k)
@@ -101,7 +60,7 @@ __kernel void border_texels(__global const float *uvs, __global const int *trian
         return;
     const int triangle = triangles[item], row = rows[item];
     float2 corners[3];
-    corners_at(uvs, triangle, resolution, (int2)(0, row), corners);
+    corners_at(uvs, triangle, resolution, (float2)(0.0f, row), corners);
     const int4 spans = spans_in_row(corners, resolution);
     __global const uchar *here = wanted + ((size_t)atlases[triangle] * resolution + row) * resolution;
     int number = lists ? starts[item] : 0;
@@ -145,7 +104,7 @@ __kernel void points_within(__global const float *uvs, __global const int *trian
     const int2 texel = (int2)(texels[piece] % resolution, texels[piece] / resolution);
     float2 corners[3];
     float4 polygon[MOST_CORNERS];
-    corners_at(uvs, triangle, resolution, texel, corners);
+    corners_at(uvs, triangle, resolution, convert_float2(texel), corners);
     const int last = clip_at_texel(corners, polygon) - 3;
     float left = 0.0f;
     for (int k = 0; k <= last; ++k)

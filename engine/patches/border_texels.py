@@ -18,6 +18,8 @@ OFFSETS = sorted(
     key=lambda offset: (offset[0] ** 2 + offset[1] ** 2, offset),
 )
 
+_SOURCE = ("texel_corners.cl", "texel_clip.cl", "border_texels.cl")
+
 #: A point this near to a texel's centre, in texels along u and v, lies within it and not on its border.
 WITHIN = 0.499
 
@@ -48,7 +50,7 @@ class DeviceBorder:
         self._compute, self._border = compute, border
         options = (f"-DWITHIN={WITHIN}f",)
         names = "nearest_patches", "covered_middles"
-        self._nearest, self._middles = compute.kernels("border_texels.cl", *names, options=options)
+        self._nearest, self._middles = compute.kernels(_SOURCE, *names, options=options)
         self._texels = upload(compute, border.texel), upload(compute, border.triangle)
         triangles, offsets = geometry.triangles, np.array(OFFSETS, np.int32)[:, ::-1]
         self._uvs = upload(compute, triangles.uvs)

@@ -14,7 +14,7 @@ from ..scene.triangles import Triangles
 #: Least area of a piece, of a texel: what is smaller comes from rounding.
 _LEAST_PIECE = 1e-6
 
-_SOURCE = ("texel_corners.cl", "texel_pieces.cl")
+_SOURCE = ("texel_corners.cl", "texel_clip.cl", "texel_pieces.cl")
 _NAMES = ("border_texels", "piece_areas", "points_within")
 
 

@@ -23,7 +23,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--device", metavar="NAME", help="OpenCL device as Hemibake's preferences name it")
     given, of_dask = parser.parse_known_args(arguments)
     environment = {local_workers.DEVICE: given.device} if given.device else {}
-    return local_workers.start_worker(given.scheduler, environment, *of_dask, told=True).wait()
+    return local_workers.start_worker(given.scheduler, environment, *of_dask, printed=True).wait()
 
 
 if __name__ == "__main__":

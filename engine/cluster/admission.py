@@ -15,12 +15,12 @@ from .prepared_scene import DEVICE
 #: What refused workers tell, as an event of the scheduler.
 REFUSED = "hemibake-refused"
 
-#: Seconds that a refused worker has to tell why.
+#: Seconds that a refused worker has to report why.
 _FAREWELL = 0.1
 
 
 class Admission(WorkerPlugin):
-    """Closes workers that join with another Hemibake, or without a device; each tells its name and why."""
+    """Closes workers that join with another Hemibake, or without a device; each reports name and reason."""
 
     name = "hemibake-admission"
 

@@ -31,16 +31,26 @@ class LocalWorkers:
     """A scheduler of this process and a worker process for each environment, which `close` ends."""
 
     def __init__(self, environments: Sequence[Mapping[str, str]]) -> None:
-        """Start workers, each with environment variables of its own."""
+        """Start workers, each with environment variables of its own.
+
+        Raises DeviceError if one does not come.
+        """
         self._cluster = LocalCluster(n_workers=0, processes=True, dashboard_address=":0")
         self._workers: list[subprocess.Popen[bytes]] = []
+        self.client = Client(self._cluster)
+        try:
+            self._start(environments)
+        except BaseException:
+            self.close()
+            raise
+
+    def _start(self, environments: Sequence[Mapping[str, str]]) -> None:
+        """Start workers and wait for them."""
         for environment in environments:
             self.add(environment)
-        self.client = Client(self._cluster)
         try:
             self.client.wait_for_workers(len(self._workers), timeout=_START)
         except TimeoutError as error:
-            self.close()
             raise DeviceError(
                 f"{len(self._workers)} workers did not start within {_START:.0f} s. Bake without a scheduler."
             ) from error
@@ -74,7 +84,9 @@ def _end(worker: subprocess.Popen[bytes], deadline: float) -> None:
 
 
 def local_environments() -> list[dict[str, str]]:
-    """Return what tells each worker of this machine its device: one for each graphics card, else one.
+    """Return the environment of each worker of this machine, which names its device.
+
+    There is one worker for each graphics card, or a single one without any.
 
     CUDA_VISIBLE_DEVICES hides the other cards of NVIDIA's driver from OpenCL, but not from OpenGL, which
     takes the device of EGL that GLCONTEXT_DEVICE_INDEX numbers. Other cards are told apart by their OpenCL
@@ -90,7 +102,7 @@ def local_environments() -> list[dict[str, str]]:
 
 
 def _nvidia_environment(number: int, drawing: Mapping[int, int]) -> dict[str, str]:
-    """Return what tells a worker to compute and draw on a card of NVIDIA's, by its number.
+    """Return the environment of a worker that computes and draws on a card of NVIDIA's, by its number.
 
     drawing: see `egl_devices`
     """
@@ -101,16 +113,16 @@ def _nvidia_environment(number: int, drawing: Mapping[int, int]) -> dict[str, st
 
 
 def start_worker(
-    address: str, environment: Mapping[str, str], *options: str, told: bool = False
+    address: str, environment: Mapping[str, str], *options: str, printed: bool = False
 ) -> subprocess.Popen[bytes]:
     """Start a worker of a scheduler: a process with one thread, and so one block at a time.
 
     options  further ones of `dask worker`
-    told     True to print what it tells
+    printed  True to leave its output to that of this process
     """
     command = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1"]
     command += ["--no-dashboard", "--no-nanny", "--memory-limit", "0", *options]
     folders = (str(_HOME), *(path for path in sys.path if path))
     variables = {**os.environ, "PYTHONPATH": os.pathsep.join(folders), **environment}
-    output = None if told else subprocess.DEVNULL
+    output = None if printed else subprocess.DEVNULL
     return subprocess.Popen(command, env=variables, stdout=output, stderr=output)

@@ -25,7 +25,7 @@ LOCAL = "all"
 #: Seconds in which a scheduler has to answer, and a first worker to be there.
 _ANSWER, _JOIN = 10, 30
 
-#: Seconds after which refused workers have told why, and left; and those to wait for others then.
+#: Seconds in which refused workers report why and leave; and those to wait for others then.
 _REFUSAL, _OTHERS = 0.25, 2
 
 _UNSAFE = (
@@ -56,7 +56,7 @@ class Workers:
             self.warnings.append(_UNSAFE.format(self.address))
 
     def wait(self) -> None:
-        """Wait for a first worker; raises DeviceError if none comes, and tells which were refused."""
+        """Wait for a first worker; raises DeviceError if none comes, which names refused ones."""
         time.sleep(_REFUSAL)
         try:
             self.client.wait_for_workers(1, timeout=_OTHERS if self.warnings else _JOIN)
@@ -67,7 +67,10 @@ class Workers:
             ) from error
 
     def ship(self, settings: Settings, scene: Scene) -> Callable[[int], ClusterDevices]:
-        """Send a scene that occluders have their places in; return what works for so many patches."""
+        """Send a scene in which occluders have their places.
+
+        Returns what makes the devices for a number of patches.
+        """
         shipment = Shipment.of(scene, settings, local=_is_of_this_machine(self.address))
         return partial(ClusterDevices, self.client, ship(self.client, shipment))
 

@@ -51,6 +51,10 @@ def parser(program: str, description: str) -> Parser:
     made.add_argument(
         "--quality", choices=[*QUALITIES], help="sets hemicube, samples, light samples and adaptive"
     )
+    made.add_argument(
+        "--devices", choices=["all"], dest="scheduler",
+        help="bake on all devices of this machine, by a worker on each, instead of one (needs Dask)",
+    )  # fmt: skip
     for name, (kind, word, text) in OWN.items():
         made.add_argument(f"--{name.replace('_', '-')}", type=kind, metavar=word, help=text)
     made.add_argument("--world", type=colour, metavar="R,G,B", help="replace the world by this radiance")

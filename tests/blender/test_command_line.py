@@ -124,6 +124,16 @@ def test_outputs_that_are_asked_for_are_written(tmp_path):
     assert len(facts["files"]) == 4
 
 
+def test_all_devices_of_the_machine_share_a_bake(tmp_path):
+    (tmp_path / "scene.obj").write_text(OBJ)
+    sizes = ("--resolution", 16, "--samples", 16, "--world", "1,1,1")
+    done = command(tmp_path / "scene.obj", "--out", tmp_path / "out", *sizes, "--devices", "all", "--json")
+    assert done.returncode == 0, done.stderr
+    assert any(
+        "Dask workers find what patches see" in reason for reason in json.loads(done.stdout)["reasons"]
+    )
+
+
 @pytest.mark.parametrize("option", ["method", "visibility"])
 def test_choice_is_taken_as_the_help_spells_it(option, capsys, monkeypatch):
     """Every value that the help of an option names is one that the setting takes, in any case."""

@@ -2,6 +2,7 @@
 
 import itertools
 import sys
+import time
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -10,7 +11,7 @@ import pytest
 
 import engine
 from engine import Light, Settings
-from engine.cluster import admission, local_workers
+from engine.cluster import admission, block, local_workers
 from engine.cluster.blocks import cut
 from engine.errors import DeviceError, SettingsError
 from engine.progress import finished
@@ -97,6 +98,14 @@ def test_any_number_of_workers_brings_the_same_bits(by_two):
         assert np.array_equal(baked(one).image, by_two.image)
 
 
+def test_all_devices_of_this_machine_work_for_a_bake(monkeypatch, by_two):
+    """Stands for two cards: two workers of one thread each."""
+    monkeypatch.setattr("engine.cluster.workers.local_environments", lambda: [ONE_THREAD] * 2)
+    alone = finished(Session().bake(nine_quad_room(), replace(SETTINGS, scheduler="all")))
+    assert any("2 Dask workers" in reason for reason in alone.report.reasons)
+    assert np.array_equal(alone.image, by_two.image)
+
+
 def test_squares_of_patches_bring_the_light_of_one_device(two):
     settings = replace(
         SETTINGS, samples=256, patch_groups=2, texel_samples=4, outputs=("combined", "indirect")
@@ -151,6 +160,31 @@ def test_a_scheduler_that_is_gone_is_an_error_with_the_remedy(tmp_path):
 
 
 @pytest.mark.long
+def test_a_slow_device_gets_fewer_blocks():
+    with cluster(2) as made:
+        slow_one, quick_one = made.client.scheduler_info(n_workers=-1)["workers"]
+        made.client.run(slow_down, workers=[slow_one])
+        work = bake(made)
+        while next(work).stage != "Bounce 2":
+            pass
+        held = made.client.has_what()
+        found = {worker: sum("find" in str(key) for key in held[worker]) for worker in held}
+        assert sum(found.values()) == len(cut(finished(work).report.patches))
+        assert 0 < found[slow_one] < found[quick_one] / 2
+
+
+def slow_down():
+    """Have this worker take a second longer for each block."""
+    find = block.Block.__init__
+
+    def find_slowly(self, *arguments):
+        time.sleep(1)
+        find(self, *arguments)
+
+    block.Block.__init__ = find_slowly
+
+
+@pytest.mark.long
 def test_a_worker_that_joins_is_used(by_two):
     with cluster(1) as made:
         work = bake(made)
@@ -164,6 +198,21 @@ def test_worker_of_another_version_is_refused_by_name(monkeypatch):
     monkeypatch.setattr(admission, "source_digest", lambda: "of tomorrow")
     with cluster(1) as made, pytest.raises(DeviceError, match="another version"):
         baked(made)
+
+
+def test_a_worker_that_cannot_be_started_leaves_none_of_the_others(monkeypatch):
+    start, started = local_workers.start_worker, []
+
+    def start_one(*arguments):
+        if started:
+            raise OSError("too many processes")
+        started.append(start(*arguments))
+        return started[0]
+
+    monkeypatch.setattr(local_workers, "start_worker", start_one)
+    with pytest.raises(OSError, match="too many processes"):
+        local_workers.LocalWorkers([ONE_THREAD] * 2)
+    assert started[0].poll() is not None
 
 
 def test_worker_without_its_device_is_refused_by_name():

@@ -2,7 +2,7 @@
 
 #define TREE_STACK 32  // the tree is balanced: enough for 2^31 emitters
 
-// A node is taken as one light if its radius is less than so many distances (Barnes and Hut 1986).
+// A node is taken as one light if its radius is less than this part of the distance (Barnes and Hut 1986).
 #define OPENING 0.4f
 
 typedef struct {

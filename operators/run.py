@@ -166,7 +166,7 @@ class Run:
         self._settings = replace(self._settings, resolution=width)
 
     def _foresee(self, objects: Sequence[bpy.types.Object], resolution: int) -> None:
-        """Let the progress know about how much there is to do, before it can be told exactly."""
+        """Let the progress know about how much there is to do, before that is known exactly."""
         atlases = len({obj.hemibake.atlas for obj in objects})
         lamps = sum(obj.type == "LIGHT" for obj in self._context.view_layer.objects)
         triangles = 2 * sum(len(obj.data.polygons) for obj in objects)

@@ -15,7 +15,7 @@ _FIRST = 256
 
 
 class SliceSize:
-    """How many items a slice has: as many as take about 0.04 s, as slices before have told."""
+    """How many items a slice has: as many as take about 0.04 s, by the times of earlier slices."""
 
     def __init__(self, least: int = _FIRST) -> None:
         """least: items of the first slice, and the fewest of any."""

@@ -15,7 +15,7 @@ from ..scene.triangles import Triangles
 from ..visibility.rays.receivers import RECEIVER_SOURCE
 from .modulation import MODULATION_SOURCE, is_modulated
 
-#: A triangle is sampled if it sends out so many times the mean radiance that surfaces emit.
+#: A triangle is sampled if its radiance is at least this multiple of the mean that surfaces emit.
 _BRIGHT = 10.0
 
 #: Sides of the polygon that stands for an ellipse; it has the ellipse's area.
@@ -57,7 +57,7 @@ EMITTER = Record(
     ("int", "one_sided", "1 for a surface's triangle whose back does not shine"),
     ("int", "atlas", "of a surface's triangle"),
     ("int", "soft", "of a point: 1 for a disk that faces the receiver, 0 for a sphere"),
-    ("int", "light_group", "number of its light group; 0 where light is not told apart"),
+    ("int", "light_group", "number of its light group; 0 where groups are not separated"),
 )
 
 #: What kernels on emitters are built from.

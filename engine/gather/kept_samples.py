@@ -159,7 +159,7 @@ class KeptSamples:
 
 
 def _finished(identity: Identity, found: int) -> int:
-    """Return how many rows are surely in the cache, of `found` that an identity has told of.
+    """Return how many rows are surely in the cache, of `found` that an identity has reported.
 
     A batch is in the cache once the identity goes on to the next.
     """

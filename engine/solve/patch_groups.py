@@ -18,7 +18,7 @@ from ..patches.surfaces import PatchSurfaces
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receivers import RECEIVER_SOURCE
 
-#: Squares of patches that a work group has along u and v, where the device can run so many.
+#: Squares of patches that a work group has along u and v, where the device allows that size.
 _SQUARES = 8
 
 

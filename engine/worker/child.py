@@ -14,7 +14,7 @@ take turns in using it:
     cancel                        ->
                                   <-  cancelled; the bake is over
     follow BLOCK MODULE:FUNCTION  ->                              as bake, but goes on until cancelled
-                                  <-  settled COUNT (a lightmap in the block, of so many changes)
+                                  <-  settled COUNT (a lightmap in the block, after COUNT changes)
     update BLOCK (changes)        ->                              while it goes on; a block for each
                                   <-  read BLOCK                  it is not needed any more
     call MODULE:FUNCTION (builtins) ->                            between bakes; nothing is answered

@@ -1,4 +1,4 @@
-"""The visible objects of a Blender scene, as the engine wants them."""
+"""Reads the visible objects of a Blender scene as an engine.Scene."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from .slices import Slices
 def read_lamps(
     context: SceneContext, scene: Scene, hurried: bool = False
 ) -> Generator[Progress | None, None, Scene]:
-    """Return a scene with its lamps as they are now; sentences about them are told when all is read.
+    """Return a scene with its lamps as they are now; sentences about them are left to `read_scene`.
 
     hurried: see `read_scene`. Raises SceneChangedError if the scene changes between two slices.
     """

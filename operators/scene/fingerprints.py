@@ -31,7 +31,7 @@ def find_fingerprints(
     The first changes with its faces, its place in world and atlas, and its materials; the second with all
     that shines.
 
-    surroundings  lamps in world space and the world's light
+    surroundings  lamps in world space, the world's light, and light groups
     """
     looks: list[bytes] = []
     for material in materials:

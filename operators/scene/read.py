@@ -189,7 +189,8 @@ class _SceneReading:
 
     def _fingerprints(self) -> Slices[dict[int, str]]:
         """Return the fingerprint of each object that gets a lightmap, its instances included."""
-        light = (*in_the_world(self._lights, self._origin), self._world)
+        groups = self._light_groups, self._world_group
+        light = (*in_the_world(self._lights, self._origin), self._world, *groups)
         found = yield from find_fingerprints(self._readings, self._places, self._materials, light)
         by_source: dict[int, list[str]] = {}
         for reading, fingerprint in zip(self._readings, found, strict=True):

@@ -54,6 +54,23 @@ def test_groups_of_the_view_layer_become_images_and_files(lit, tmp_path):
     assert all((tmp_path / "lightmaps" / name).exists() for name in entries)
 
 
+@pytest.mark.parametrize("what", ["world", "lamp", "object", "group"])
+def test_light_that_changes_its_group_is_baked_again(lit, what):
+    import bpy
+
+    assert bpy.ops.hemibake.bake() == {"FINISHED"}
+    lit.hemibake.target = "CHANGED"
+    with pytest.raises(RuntimeError, match="Nothing has changed"):
+        bpy.ops.hemibake.bake()
+    if what == "group":
+        layer = bpy.context.view_layer
+        layer.lightgroups["Nobody"].name = "Anybody"
+    else:
+        objects = bpy.data.objects
+        {"world": lit.world, "lamp": objects["Lamp"], "object": objects["Floor"]}[what].lightgroup = "Day"
+    assert bpy.ops.hemibake.bake() == {"FINISHED"}
+
+
 def test_the_mixer_shows_changed_lamps_at_once(lit, tmp_path):
     """As Cycles renders them, and as a new bake has them."""
     import bpy

@@ -61,7 +61,9 @@ def _bake(scene: Scene, settings: Settings) -> Lightmap:
 
 
 #: First words of what a bake's stages are called.
-_STAGES = {"Patches", "Direct", "Choosing", "Visibility", "Bounce", "Final", "Outputs", "Texels", "Images"}
+_STAGES = {
+    "Patches", "Direct", "Choosing", "Visibility", "Bounce", "Final", "Light", "Outputs", "Texels", "Images",
+}  # fmt: skip
 
 
 def _cancel(scene: Scene, settings: Settings, slices: int) -> None:

@@ -50,7 +50,7 @@ def shrink_in_slices(
         pieces = slice(rows.first[row], rows.first[row + 1])
         line = np.einsum("r,rwc->wc", rows.weight[pieces], pixels[rows.source[pieces]])
         parts = line[columns.source] * columns.weight[:, None]
-        np.add.reduceat(parts, columns.first[:-1], axis=0, out=image[row])
+        image[row] = np.add.reduceat(parts, columns.first[:-1], axis=0)
         yield (row + 1) / height
     return image
 

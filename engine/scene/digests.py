@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, is_dataclass
 
 import numpy as np
@@ -15,6 +16,9 @@ _GEOMETRY = ("positions", "normals", "uvs", "face", "subface", "material")
 
 #: Bytes of a digest that names something.
 _SHORT = 20
+
+#: Bytes of long arrays that a thread digests at a time.
+_PIECE = 1 << 20
 
 #: What both kinds of maps share: how pixels lie on the surface.
 _MAPPING = ("uv_map", "extension", "smooth")
@@ -99,6 +103,17 @@ def _feed(digest: hashlib.blake2b, values: Iterable[object]) -> None:
     for value in values:
         if isinstance(value, np.ndarray):
             digest.update(repr((value.shape, value.dtype.str)).encode())
-            digest.update(np.ascontiguousarray(value).view(np.uint8).data if value.size else b"")
+            _feed_bytes(digest, np.ascontiguousarray(value).reshape(-1).view(np.uint8).data)
         else:
             digest.update(repr(value).encode())
+
+
+def _feed_bytes(digest: hashlib.blake2b, values: memoryview) -> None:
+    """Feed bytes; of many the digests of pieces, which threads make (a hash tree, Merkle 1980)."""
+    if len(values) <= _PIECE:
+        digest.update(values)
+        return
+    pieces = [values[first : first + _PIECE] for first in range(0, len(values), _PIECE)]
+    with ThreadPoolExecutor() as threads:
+        for piece in threads.map(lambda piece: hashlib.blake2b(piece).digest(), pieces):
+            digest.update(piece)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from engine import Light, Material, Mesh, Scene, Texture
-from engine.scene.digests import geometry_digest, surfaces_digest
+from engine.scene.digests import digest_of, geometry_digest, surfaces_digest
 from engine.scene.model import OCCLUDER
 
 
@@ -133,3 +133,15 @@ def test_a_map_that_moves_to_another_material_is_a_change():
         ),
     )
     assert surfaces_digest(swapped) != surfaces_digest(SCENE)
+
+
+def test_every_part_of_a_long_array_counts_and_where_it_is():
+    long = np.random.default_rng(3).random((3, 200_003))
+    changed = [long.copy() for _ in range(4)]
+    changed[0][0, 0] += 1
+    changed[1][1, 131_072] += 1
+    changed[2][2, -1] += 1
+    changed[3].ravel()[: 1 << 18] = np.roll(long.ravel()[: 1 << 18], 1 << 17)
+    digests = {digest_of([array]) for array in (long, *changed, long.reshape(-1, 3), long[:, :-1])}
+    assert len(digests) == 7
+    assert digest_of([long]) == digest_of([np.asfortranarray(long)])

@@ -32,6 +32,7 @@ from .plan.solve_job import SolveJob
 from .plan.stages import BakeStages
 from .plan.without_opencl import without_opencl
 from .progress import Progress
+from .scene.color import channel_sum
 from .scene.model import Scene
 from .settings import Settings
 from .solve.solver import Solution
@@ -133,7 +134,7 @@ def _bake(
     made, lit = yield from _made(stages, outputs, texels, len(atlases), near, solution)
 
     # Images without noise and seams, and with dilated charts (VI.B).
-    _refine(store, lit, solution.irradiance @ np.ones(3, np.float32))
+    _refine(store, lit, channel_sum(solution.irradiance))
     denoising = Denoising(store.known, settings)
     passes = yield from _finished(stages, store, denoising, settings, parts, made, lit)
     warnings = (*notes, *parts.warnings, *lighting.warnings, *lit.warnings, *denoising.warnings)

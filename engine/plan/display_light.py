@@ -31,6 +31,7 @@ from ..patches.geometry import PatchGeometry, TexelSteps, texel_steps
 from ..patches.patch_list import PatchList
 from ..patches.subdivision import Subdivision
 from ..progress import part_of
+from ..scene.color import channel_sum
 from ..scene.model import Scene
 from ..settings import Settings
 from ..solve.solver import Solution
@@ -54,9 +55,6 @@ _BATCH = 1 << 18
 #: Texels from hidden ones that what is seen beside them is filled from, and the least part of the brightest
 #: light that counts there.
 _FILLED, _FAINTEST = 2, 1e-4
-
-#: Times this, light becomes the sum of its channels: NumPy multiplies long arrays faster than it sums rows.
-_CHANNELS = np.ones(3, np.float32)
 
 
 @dataclass(frozen=True)
@@ -132,7 +130,7 @@ def light_in_texels(
     if why or compute is None:
         return _nothing(why)
     front = solution.gathered[:, 3]
-    light = solution.irradiance @ _CHANNELS
+    light = channel_sum(solution.irradiance)
     known = PatchLight(light, front, is_hidden(front, near))
     asked = what.job.settings.texel_samples
     samples, count = display_samples(compute, what.job.parts, atlases, known, asked)
@@ -255,7 +253,7 @@ def _joined(what: DisplayJob, lit: list[LitSamples], hidden: np.ndarray, count: 
         f"Light was gathered at {len(keys):,} more points, of {len(np.unique(keys)):,} texels that show "
         "more than their centre."
     )
-    light = irradiance @ _CHANNELS
+    light = channel_sum(irradiance)
     inside = in_thin_walls(parts, samples, ways, visible, light)
     warnings = note_thin_walls(what.scene, parts, samples, ways, inside)
     found = samples, visible, normals, light, inside, values
@@ -330,8 +328,7 @@ def _seen_beside_hidden(parts: Subdivision, light: np.ndarray, hidden: np.ndarra
     side, is bright or dark together.
     """
     filled, known, left = light.copy(), ~hidden, np.flatnonzero(hidden)
-    channels = np.ones(light.shape[1], np.float32)
-    total = filled @ channels
+    total = channel_sum(filled)
     for _ in range(_FILLED):
         beside = _patches_beside(parts, left)
         counts = (beside > 0) & known[beside - 1]
@@ -339,7 +336,7 @@ def _seen_beside_hidden(parts: Subdivision, light: np.ndarray, hidden: np.ndarra
         mine, beside, counts = left[reached], beside[reached], counts[reached].astype(np.float32)
         sums = np.einsum("hk,hkc->hc", counts, filled[beside - 1])
         filled[mine] = sums * _darkened(total, beside, counts)[:, None]
-        total[mine] = filled[mine] @ channels
+        total[mine] = channel_sum(filled[mine])
         known[mine] = True
         left = left[~reached]
     filled[left] = 0
@@ -352,7 +349,7 @@ def _darkened(total: np.ndarray, beside: np.ndarray, counts: np.ndarray) -> np.n
     total (n,) of all channels together; beside (h, k) int64, patch + 1; counts (h, k) float32, 1 for
     those that are added up, else 0
     """
-    light, number = total[beside - 1], counts @ np.ones(counts.shape[1], np.float32)
+    light, number = total[beside - 1], channel_sum(counts)
     bright = np.maximum(light, max(_FAINTEST * float(total.max()), 1e-30))
     inverse, sums = np.einsum("hk,hk->h", counts, 1 / bright), np.einsum("hk,hk->h", counts, light)
     factor: np.ndarray = np.minimum(number / np.maximum(inverse, 1e-30) / np.maximum(sums, 1e-30), 1 / number)

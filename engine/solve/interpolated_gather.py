@@ -7,6 +7,7 @@ from collections.abc import Callable, Generator, Sequence
 import numpy as np
 
 from ..errors import DeviceError
+from ..scene.color import channel_sum
 from .interpolation import Interpolation
 from .last_gather import LastGather
 from .solver import Solver
@@ -45,7 +46,7 @@ class InterpolatedGather:
         """Gather from groups of E/pi, (m, 3) float32; yield the fraction done."""
         sampled = self.direct
         (self.gathered, *direct), fits = self._interpolation.fit(
-            self._layers(), sampled.sum(axis=1), self._tolerance
+            self._layers(), channel_sum(sampled), self._tolerance
         )
         self.gathered[:, :3] += sampled
         if self.separate_direct:

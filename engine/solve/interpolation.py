@@ -7,6 +7,7 @@ import pyopencl as cl
 
 from ..device.buffers import download, upload
 from ..patches.subdivision import Subdivision
+from ..scene.color import channel_sum
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receivers import RECEIVER_SOURCE
 from .patch_groups import PatchGroups
@@ -43,7 +44,7 @@ class Interpolation:
         write = cl.mem_flags.WRITE_ONLY
         values = cl.Buffer(compute.context, write, 16 * count * len(layers))
         fits = cl.Buffer(compute.context, write, 4 * count)
-        mean = layers[0][:, :3].sum(axis=1).mean() + beside.mean()
+        mean = channel_sum(layers[0][:, :3]).mean() + beside.mean()
         compute.run(
             self._interpolate, count, *self._where, self._receivers,
             upload(compute, np.stack(layers)), np.int32(len(layers)), np.int32(len(layers[0])),

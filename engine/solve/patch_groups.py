@@ -15,6 +15,7 @@ import pyopencl as cl
 from ..device.buffers import upload
 from ..patches.subdivision import Subdivision
 from ..patches.surfaces import PatchSurfaces
+from ..scene.color import channel_sum
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receivers import RECEIVER_SOURCE
 
@@ -70,7 +71,7 @@ def leaders(rays: RayScene, parts: Subdivision, radiance: np.ndarray, width: int
 
     radiance: (n, 3) float32, what each sends out before any bounce; width: of a square, texels
     """
-    compute, patches, radiance = rays.compute, parts.patches, radiance.sum(axis=1)
+    compute, patches, radiance = rays.compute, parts.patches, channel_sum(radiance)
     (group_patches,) = compute.kernels((*RECEIVER_SOURCE, "patch_groups.cl"), "group_patches")
     arrays = (parts.texel_to_patch, patches.texel, parts.geometry.material, radiance)
     lookup, texels, materials, light = (upload(compute, array) for array in arrays)

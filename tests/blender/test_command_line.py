@@ -125,6 +125,7 @@ def test_outputs_that_are_asked_for_are_written(tmp_path):
 
 
 def test_all_devices_of_the_machine_share_a_bake(tmp_path):
+    pytest.importorskip("distributed")
     (tmp_path / "scene.obj").write_text(OBJ)
     sizes = ("--resolution", 16, "--samples", 16, "--world", "1,1,1")
     done = command(tmp_path / "scene.obj", "--out", tmp_path / "out", *sizes, "--devices", "all", "--json")

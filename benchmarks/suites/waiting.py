@@ -21,7 +21,7 @@ from benchmarks.machine import has_bpy
 from benchmarks.options import ROOT, Options
 from benchmarks.profiled import busy_seconds
 from benchmarks.rooms import cornell_box
-from benchmarks.tables import table
+from benchmarks.tables import percent, table
 from engine import Light, Scene, Settings, finished
 from engine.quality import QUALITIES
 from engine.session import Session
@@ -75,7 +75,7 @@ def run(options: Options) -> list[dict[str, Any]]:
     """Measure first bakes of a process, bakes of arrays, and the demo through the operator."""
     records = _cold_records()
     with tempfile.TemporaryDirectory(prefix="hemibake-bench-") as kernels:
-        records += [_measured(case, kernels) for case in _cases(options)]
+        records += [_measured(case, kernels, against_truth=not options.gpu) for case in _cases(options)]
     return records + (_operator_records(options) if has_bpy() else [])
 
 
@@ -91,7 +91,8 @@ def tables(records: list[dict[str, Any]], options: Options) -> str:
              for record in cold],
         ),
         table(
-            ("scene", "texels", "settings", "warm, s", "relit, s", "kernels, s", "CPU, s", "page faults"),
+            ("scene", "texels", "settings", "warm, s", "relit, s", "kernels, s", "CPU, s", "page faults",
+             "error off edges"),
             [_row(record) for record in warm],
         ),
         _stages(warm),
@@ -145,10 +146,11 @@ def _cases(options: Options) -> tuple[_Case, ...]:
     return tuple(_Case(scene, resolution, "preview") for scene in scenes)
 
 
-def _measured(case: _Case, kernels: str) -> dict[str, Any]:
+def _measured(case: _Case, kernels: str, against_truth: bool) -> dict[str, Any]:
     """Bake a case until it is warm, then again, then with a lamp; return the slowest of each.
 
-    kernels: folder of those that other cases have built
+    kernels        folder of those that other cases have built
+    against_truth  True to measure the error, too, against a bake with many rays of every patch
     """
     scene, session = _SCENES[case.scene](case.resolution), Session()
     chosen = replace(case.settings, cache_dir=kernels)
@@ -160,14 +162,24 @@ def _measured(case: _Case, kernels: str) -> dict[str, Any]:
             session.forget()
             warm.append(_timed(session, scene, chosen))
         relit = [_timed(session, other, chosen) for other in (lit, scene, lit)][1:]
+        error = _error_off_edges(session, scene, chosen) if against_truth else None
     finally:
         session.close()
     return {
         "kind": "arrays", "scene": case.scene, "resolution": case.resolution, "quality": case.quality,
         "outputs": list(case.outputs), **max(warm, key=lambda record: record["seconds"]),
         "relit": max(relit, key=lambda record: record["seconds"]),
-        "kernels": busy_seconds(scene, chosen),
+        "kernels": busy_seconds(scene, chosen), "error_off_edges": error,
     }  # fmt: skip
+
+
+def _error_off_edges(session: Session, scene: Scene, chosen: Settings) -> float:
+    """Return the RMSE off edges of light, relative to the mean, against a bake with many rays."""
+    from tools.adaptive import TRUTH, errors
+
+    truth = finished(session.bake(scene, replace(chosen, adaptive=False, **TRUTH)))
+    lightmap = finished(session.bake(scene, chosen))
+    return errors(lightmap, truth.display.astype(float), truth.known)[0]
 
 
 def _timed(session: Session, scene: Scene, chosen: Settings) -> dict[str, Any]:
@@ -224,7 +236,7 @@ def _row(record: dict[str, Any]) -> tuple:
     return (
         record["scene"], record["resolution"] ** 2, _settings_text(record), record["seconds"],
         record["relit"]["seconds"], sum(record["kernels"].values()), record["processor_seconds"],
-        record["page_faults"],
+        record["page_faults"], percent(record["error_off_edges"]),
     )  # fmt: skip
 
 

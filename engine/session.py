@@ -124,7 +124,11 @@ class Session:
         return lightmap
 
     def _keep(self, devices: Devices, kept: Kept, settings: Settings) -> None:
-        """Leave the devices, and what is kept on them, to the next bake."""
+        """Leave the devices, and what is kept on them, to the next bake.
+
+        Checkpoints refer to all that a bake was solved with, which is freed.
+        """
+        kept.checkpoints = Checkpoints()
         kept.limit(devices.compute, settings.kept_budget)
         devices.clear()
         self._devices, self._kept = devices, kept

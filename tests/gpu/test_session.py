@@ -1,10 +1,12 @@
 import dataclasses
+import gc
 
 import numpy as np
 import pytest
 
 from engine import Settings, SettingsError, bake, finished
 from engine.device.graphics import Graphics
+from engine.plan.solve_job import SolveJob
 from engine.session import Session
 from tests.analytic.scenes import furnace, sphere
 from tests.rows import long
@@ -35,6 +37,16 @@ def test_methods_may_follow_each_other():
     session.close()
     assert np.array_equal(first.image, third.image)
     assert second.image == pytest.approx(first.image, rel=2e-5)
+
+
+def test_nothing_of_a_bake_outlives_it_but_what_is_kept():
+    """Its radiosity equation has arrays of all patches, on the device, too."""
+    session = Session()
+    finished(session.bake(furnace(0.5, 1.0), QUICK))
+    gc.collect()
+    left = [one for one in gc.get_objects() if isinstance(one, SolveJob)]
+    session.close()
+    assert left == []
 
 
 def test_after_an_error_and_after_a_cancel_the_next_bake_works():

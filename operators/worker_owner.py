@@ -64,11 +64,12 @@ class WorkerOwner:
         return self._bake_without_window if bpy.app.background else self.bake_in_worker()
 
     def _bake_without_window(self, scene: Scene, settings: Settings) -> Generator:
-        """Bake in this process; in the worker if the light is denoised.
+        """Bake in this process; in the worker if the light is denoised, or a scheduler shares the bake out.
 
         Blender has its own Open Image Denoise and TBB in its process: a package's may be of other versions.
+        What travels to workers of a scheduler names its modules: those of the package `engine` there.
         """
-        if settings.denoise:
+        if settings.denoise or settings.scheduler:
             return self.bake_in_worker()(scene, settings)
         return session.bake(scene, settings, self.paces)
 

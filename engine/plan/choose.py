@@ -26,7 +26,7 @@ from ..solve.host_radiosity import HostRadiosity
 from ..solve.interpolated_gather import InterpolatedGather
 from ..solve.interpolation import Interpolation
 from ..solve.last_gather import LastGather
-from ..solve.patch_groups import PatchGroups, leaders
+from ..solve.patch_groups import PatchGroups, leaders, numbered
 from ..solve.resumed_solver import ResumedSolver
 from ..solve.solver import Radiosity, Solution, Solver
 from ..visibility.identity import Identity, Sampling
@@ -47,7 +47,10 @@ _RESUMED = "Visibility that a bake before it was cancelled had found was kept; t
 
 #: What a plane through the light of groups may leave over, as a fraction of all light, times the root of the
 #: rays of a patch: about the error of these.
-_TOLERANCE = 0.4
+_TOLERANCE = 0.6
+
+#: Width of the smaller squares, texels, of which one patch gathers first where groups are too coarse.
+_SMALLER = 2
 
 #: Patches that gather for themselves, as a fraction, before it is known.
 _GATHERING = 0.25
@@ -88,9 +91,7 @@ def _solver(job: SolveJob) -> tuple[Solver, Choice]:
 
 def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Choice, SolveJob]:
     """Return what solves for squares of patches, then gathers for each patch."""
-    surfaces = job.parts.surfaces
-    radiance = surfaces.emission + surfaces.reflectance * job.sampled_light
-    leader = leaders(job.rays, job.parts, radiance, width)
+    leader = leaders(job.rays, job.parts, job.first_radiance, width)
     groups = PatchGroups(job.rays, job.parts, job.area, leader, width)
     if job.remote is not None:
         job.remote.of_groups(leader, width)
@@ -137,9 +138,11 @@ def _interpolated(
         receivers = Receivers(parts, job.rays.of(parts), job.sampled_light[chosen])
         return last_gather(squares, choice, receivers, job.settings)[0]
 
+    smaller = numbered(leaders(job.rays, job.parts, job.first_radiance, _SMALLER))
+    widths = ((groups.group, groups.leader, groups.width), (*smaller, _SMALLER))
     return InterpolatedGather(
         solver,
-        Interpolation(job.rays, job.parts, groups),
+        [Interpolation(job.rays, job.parts, *squares_of_width) for squares_of_width in widths],
         job.sampled_light,
         squares.sampled_light,
         _TOLERANCE / math.sqrt(ray_count(job.settings)),

@@ -75,6 +75,13 @@ class SolveJob:
         return self.kept.checkpoints.of(self._visibility_key)
 
     @property
+    def first_radiance(self) -> np.ndarray:
+        """What each patch sends out before light has gone from patch to patch, (n, 3) float32."""
+        surfaces = self.parts.surfaces
+        radiance: np.ndarray = surfaces.emission + surfaces.reflectance * self.sampled_light
+        return radiance
+
+    @property
     def light_key(self) -> tuple:
         """All that decides the light of the patches, where it is known what they see and how they gather."""
         settings = self.settings

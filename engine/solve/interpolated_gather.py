@@ -7,79 +7,131 @@ from collections.abc import Callable, Generator, Sequence
 import numpy as np
 
 from ..errors import DeviceError
+from ..progress import part_of
 from ..scene.color import channel_sum
 from .interpolation import Interpolation
 from .last_gather import LastGather
 from .solver import Solver
 
+#: What fits planes, and what gathers; see `InterpolatedGather._by_squares`.
+_Fit = Callable[[Interpolation, list[np.ndarray]], tuple[list[np.ndarray], np.ndarray]]
+_GatherFor = Callable[[list[np.ndarray], np.ndarray], Generator[float, None, None]]
+
 
 class InterpolatedGather:
     """What a `LastGather` is, for n patches whose m groups a solver solves for.
 
-    Where the light that the groups around a patch gather lies in a plane, the patch has it from there; all
-    others gather for themselves.
+    Where the light that the groups around a patch gather lies in a plane, the patch has it from there. Of
+    all others those gather first that lead smaller squares, and planes are fitted to the light of these;
+    then those that fit there neither.
 
+    squares          fit planes to the light of the groups that are solved for, then of smaller squares
     sampled_light    (n, 3) float32, E/pi of the light that shadow rays sample
     of_groups        (m, 3) float32, the same of the groups
     tolerance        what a plane may leave over, as a fraction of all light
     separate_direct  True if direct and indirect light are outputs of their own
-    last_of          makes the last gather of some patches, from their numbers
+    last_of          makes the last gather of patches, from their numbers
     """
 
     def __init__(
         self,
         solver: Solver,
-        interpolation: Interpolation,
+        squares: Sequence[Interpolation],
         sampled_light: np.ndarray,
         of_groups: np.ndarray,
         tolerance: float,
         separate_direct: bool,
         last_of: Callable[[np.ndarray], LastGather],
     ) -> None:
-        self._solver, self._interpolation, self._last_of = solver, interpolation, last_of
+        self._solver, self._last_of = solver, last_of
+        self._solved, *self._smaller = squares
         self._of_groups, self._tolerance, self.separate_direct = of_groups, tolerance, separate_direct
         self.direct, self.gathered = sampled_light, np.zeros((len(sampled_light), 4), np.float32)
-        self._rest = np.zeros(0, np.int64)
+        self._fitting: list[np.ndarray] = []
         self.done = False
 
     def gather(self, irradiance: np.ndarray) -> Generator[float, None, None]:
         """Gather from groups of E/pi, (m, 3) float32; yield the fraction done."""
-        sampled = self.direct
-        (self.gathered, *direct), fits = self._interpolation.fit(
-            self._layers(), channel_sum(sampled), self._tolerance
-        )
-        self.gathered[:, :3] += sampled
-        if self.separate_direct:
-            self.direct = direct[0][:, :3] + sampled
-        self._rest = rest = np.flatnonzero(~fits)
-        if len(rest):
-            last = self._last_of(rest)
+        sampled, beside = self.direct, channel_sum(self.direct)
+
+        def gather_for(layers: list[np.ndarray], patches: np.ndarray) -> Generator[float, None, None]:
+            last = self._last_of(patches)
             yield from last.gather(irradiance)
-            self.gathered[rest] = last.gathered
-            if self.separate_direct:
-                self.direct[rest] = last.direct
+            layers[0][patches] = last.gathered
+            layers[0][patches, :3] -= sampled[patches]
+            for layer in layers[1:]:
+                layer[patches, :3] = last.direct - sampled[patches]
+
+        def fit(squares: Interpolation, layers: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
+            values, fits = squares.fit(layers, beside, self._tolerance)
+            self._fitting.append(fits)
+            return values, fits
+
+        self.gathered, *direct = yield from self._by_squares(self._layers(), fit, gather_for)
+        self.gathered[:, :3] += sampled
+        if direct:
+            self.direct = direct[0][:, :3] + sampled
         self.done = True
 
     def gather_groups(
         self,
         gathered: Sequence[np.ndarray],
         sampled_light: np.ndarray,
-        gather_rest: Callable[[np.ndarray], Generator[float, None, np.ndarray]],
+        gather_patches: Callable[[np.ndarray], Generator[float, None, np.ndarray]],
     ) -> Generator[float, None, np.ndarray]:
         """Return E/pi of light groups, (g, n, 3) float32, once all light was gathered.
 
         Yields the fraction done.
 
-        gathered       (m, 4) float32 of each light group, by groups of patches, without the sampled light
-        sampled_light  (g, n, 3) float32
-        gather_rest    gathers for the patches, by their numbers, that have gathered all light for themselves
+        gathered        (m, 4) float32 of each light group, by groups of patches, without the sampled light
+        sampled_light   (g, n, 3) float32
+        gather_patches  gathers for patches, from their numbers
         """
-        nothing = np.zeros(sampled_light.shape[1], np.float32)
-        between, _ = self._interpolation.fit(list(gathered), nothing, 0.0)
-        light: np.ndarray = np.stack([layer[:, :3] for layer in between]) + sampled_light
-        if len(self._rest):
-            light[:, self._rest] = yield from gather_rest(self._rest)
+        nothing, fitting = np.zeros(sampled_light.shape[1], np.float32), iter(self._fitting)
+
+        def gather_for(layers: list[np.ndarray], patches: np.ndarray) -> Generator[float, None, None]:
+            light = yield from gather_patches(patches)
+            for layer, values, sampled in zip(layers, light, sampled_light, strict=True):
+                layer[patches, :3] = values - sampled[patches]
+                layer[patches, 3] = self.gathered[patches, 3]
+
+        def fit(squares: Interpolation, layers: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
+            values, _ = squares.fit(layers, nothing, 0.0)
+            return values, next(fitting)
+
+        layers = yield from self._by_squares(list(gathered), fit, gather_for)
+        light: np.ndarray = np.stack([layer[:, :3] for layer in layers]) + sampled_light
         return light
+
+    def _by_squares(
+        self, layers: list[np.ndarray], fit: _Fit, gather_for: _GatherFor
+    ) -> Generator[float, None, list[np.ndarray]]:
+        """Return the light of patches, (n, 4) float32 of each layer, from that of the groups, (m, 4).
+
+        Yields the fraction done.
+
+        fit         fits planes to the light of squares; see `Interpolation.fit`
+        gather_for  replaces the light of patches, by their numbers, in layers of all patches
+        """
+        values, fits = fit(self._solved, layers)
+        left = ~fits
+        steps = 1 + len(self._smaller)
+        for step, squares in enumerate(self._smaller):
+            leads = np.zeros_like(left)
+            leads[squares.leader] = True
+            leads &= left
+            if leads.any():
+                yield from part_of(
+                    step / steps, (step + 1) / steps, gather_for(values, np.flatnonzero(leads))
+                )
+            found, fits = fit(squares, [layer[squares.leader] for layer in values])
+            left &= ~leads
+            for layer, finer in zip(values, found, strict=True):
+                layer[left & fits] = finer[left & fits]
+            left &= ~fits
+        if left.any():
+            yield from part_of(1 - 1 / steps, 1, gather_for(values, np.flatnonzero(left)))
+        return values
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
         """Raise DeviceError: the directions that light comes from are not interpolated."""

@@ -10,23 +10,29 @@ from ..patches.subdivision import Subdivision
 from ..scene.color import channel_sum
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receivers import RECEIVER_SOURCE
-from .patch_groups import PatchGroups
 
 #: Light that is less or more than these parts of the mean counts as if it were that bright.
 _DARK, _BRIGHT = 0.05, 2.0
 
 
 class Interpolation:
-    """Planes fitted to the light of groups, around each of n patches; kernels/interpolate.cl."""
+    """Planes fitted to the light of groups, around each of n patches; kernels/interpolate.cl.
 
-    def __init__(self, rays: RayScene, parts: Subdivision, groups: PatchGroups) -> None:
+    leader  (m,) int64, the patch that leads each group
+    """
+
+    def __init__(
+        self, rays: RayScene, parts: Subdivision, group: np.ndarray, leader: np.ndarray, width: int
+    ) -> None:
+        """Take the group of each patch, (n,) int64, and the width of groups, texels; see `numbered`."""
+        self.leader = leader
         self._compute, self._receivers = rays.compute, rays.receivers
         (self._interpolate,) = self._compute.kernels((*RECEIVER_SOURCE, "interpolate.cl"), "interpolate")
         patches = parts.patches
-        arrays = (patches.atlas, patches.texel, groups.group.astype(np.int32), groups.leader.astype(np.int32))
+        arrays = (patches.atlas, patches.texel, group.astype(np.int32), leader.astype(np.int32))
         self._count = len(patches)
         self._where = (
-            upload(self._compute, parts.texel_to_patch), np.int32(patches.resolution), np.int32(groups.width),
+            upload(self._compute, parts.texel_to_patch), np.int32(patches.resolution), np.int32(width),
             *(upload(self._compute, array) for array in arrays),
         )  # fmt: skip
 

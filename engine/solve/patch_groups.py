@@ -41,10 +41,8 @@ class PatchGroups:
 
         area: (n,) float32, m^2; leader: (n,) uint32, see `leaders`
         """
-        self.width, self.leader = width, np.flatnonzero(leader == np.arange(len(leader)))
-        number = np.zeros(len(leader), np.int64)
-        number[self.leader] = np.arange(len(self.leader))
-        self.group = number[leader]
+        self.width = width
+        self.group, self.leader = numbered(leader)
         self._members = np.bincount(self.group, minlength=len(self.leader)).astype(np.float32)
         self.area = self.mean(area) * self._members
         surfaces = PatchSurfaces(self.mean(parts.surfaces.reflectance), self.mean(parts.surfaces.emission))
@@ -64,6 +62,17 @@ class PatchGroups:
         sums = [np.bincount(self.group, column, len(self._members)) for column in columns]
         means: np.ndarray = np.stack(sums, axis=1) / self._members[:, None]
         return means.reshape(len(self._members), *values.shape[1:]).astype(np.float32)
+
+
+def numbered(leader: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the group of each patch, (n,) int64, and the patch that leads each group, (m,) int64.
+
+    leader: (n,) uint32, the patch that each follows
+    """
+    leading = np.flatnonzero(leader == np.arange(len(leader)))
+    number = np.zeros(len(leader), np.int64)
+    number[leading] = np.arange(len(leading))
+    return number[leader], leading
 
 
 def leaders(rays: RayScene, parts: Subdivision, radiance: np.ndarray, width: int) -> np.ndarray:

@@ -26,7 +26,7 @@ def room(graphics, compute):
     rays = RayScene(compute, parts)
     dark = np.zeros((len(parts.patches), 3), np.float32)
     groups = PatchGroups(rays, parts, parts.geometry.area, leaders(rays, parts, dark, WIDTH), WIDTH)
-    return parts, groups, Interpolation(rays, parts, groups)
+    return parts, groups, Interpolation(rays, parts, groups.group, groups.leader, WIDTH)
 
 
 def light_of(groups, values, front=1.0):

@@ -43,6 +43,7 @@ def quick_settings(settings: Settings) -> Settings:
         dilation=0,
         intermediates=False,
         checkpoint_space=0,
+        patch_file=None,
     )
 
 

@@ -124,6 +124,14 @@ def test_an_occluder_that_moves_has_those_baked_that_it_shades(rooms):
     nothing_has_changed()
 
 
+def test_quick_bakes_leave_the_patch_list_to_the_bake_itself(rooms, settings, tmp_path):
+    _, (_, _, lamp) = rooms
+    settings.patch_file = str(tmp_path / "patches")
+    lamp.data.energy *= 2
+    bake("CHANGED")
+    assert baked() == ["Floor B", "Shell B"]
+
+
 def test_what_was_baked_alone_since_is_baked_again(rooms):
     import bpy
 

@@ -22,10 +22,10 @@ float3 tilt_of_sample(PATTERN, const int i, const int samples, const int n, cons
 #endif
 
 // One patch a group, of the rows of patches from `cached_from` on.
-__kernel void gather_l1(__global const Front *cache, const int cached_from, __global const float4 *radiance,
+__kernel void gather_l1(__global const Front *cache, const int cached_from,
                         __global const ReceiverRecord *receivers, PATTERN, const int samples, const int n,
-                        const uint salt, const int rotate, const int start, __global const float4 *static_l1,
-                        __global float4 *l1, __local float4 *partial)
+                        const uint salt, const int rotate, const int start, __global const float4 *radiance,
+                        __global const float4 *static_l1, __global float4 *l1, __local float4 *partial)
 {
     const int patch = start + get_group_id(0);
     __global const Front *row = cache + (size_t)(patch - cached_from) * samples;

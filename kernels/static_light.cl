@@ -1,12 +1,12 @@
 // The static light, which no bounce changes: that of the surroundings where kept samples meet them, and that of
 // the backs, which is known. One patch a group, of the rows of patches from `cached_from` on.
 
-__kernel void add_surroundings(__global const Front *cache, const int cached_from, const uint outside,
+__kernel void add_surroundings(__global const Front *cache, const int cached_from,
                                __global const ReceiverRecord *receivers, SAMPLES, const int samples, const int n,
-                               const uint salt, const int rotate, __global const float4 *sky, const int sky_width,
-                               const int sky_height, const int start, __global const float4 *back_light,
-                               __global const float4 *back_l1, __global float4 *static_light,
-                               __global float4 *static_l1, __local float4 *partial)
+                               const uint salt, const int rotate, const int start, const uint outside,
+                               __global const float4 *sky, const int sky_width, const int sky_height,
+                               __global const float4 *back_light, __global const float4 *back_l1,
+                               __global float4 *static_light, __global float4 *static_l1, __local float4 *partial)
 {
     const int patch = start + get_group_id(0);
     __global const Front *row = cache + (size_t)(patch - cached_from) * samples;

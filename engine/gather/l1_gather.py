@@ -7,15 +7,13 @@ from collections.abc import Generator
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import download_colors, upload, zeros
+from ..device.buffers import download_colors, zeros
 from ..device.compute import Compute
-from ..device.slices import sliced
 from ..settings import Settings
-from ..visibility.identity import Sampling, directional_options, identity_options
-from ..visibility.rays.receivers import RECEIVER_SOURCE
+from ..visibility.identity import Sampling
 from ..visibility.views.directions import r2_sequence
-from ..visibility.views.hemicube import rotation_salt
 from .kept_samples import Rows
+from .row_kernel import RowKernel
 
 
 class NoL1:
@@ -45,16 +43,9 @@ class L1Gather:
     def __init__(
         self, compute: Compute, sampling: Sampling, receivers: cl.Buffer, settings: Settings, count: int
     ) -> None:
-        self._compute, self._receivers, self._count = compute, receivers, count
-        options = (*identity_options(sampling.sample_bytes), *directional_options(settings))
-        options += ("-DCOSINE",) if sampling.even else ()
-        source = (*RECEIVER_SOURCE, "hemicube.cl", "tilt.cl", "identity.cl", "views.cl", "gather_l1.cl")
-        (self._gather,) = compute.kernels(source, "gather_l1", options=options)
-        pattern = _disk(sampling.samples) if sampling.multiplier is None else sampling.multiplier
-        self._samples = (
-            upload(compute, pattern), np.int32(sampling.samples), np.int32(settings.hemicube),
-            np.uint32(rotation_salt(settings.seed)), np.int32(settings.rotate),
-        )  # fmt: skip
+        self._compute, self._count = compute, count
+        pattern = _disk(sampling.samples)
+        self._gather = RowKernel(compute, sampling, receivers, settings, pattern, "gather_l1.cl", "gather_l1")
         self.result = zeros(compute, 48 * count)
         self._radiance = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16)
 
@@ -69,17 +60,7 @@ class L1Gather:
 
         static_l1: see `StaticLight.l1`
         """
-        (group,) = self._gather.group(self._compute.group)
-
-        def launch(start: int, end: int) -> None:
-            self._gather(
-                self._compute.queue, (group * (end - start),), (group,),
-                rows.cache, np.int32(rows.first), self._radiance, self._receivers, *self._samples,
-                np.int32(start), static_l1, self.result, cl.LocalMemory(16 * group),
-            )  # fmt: skip
-
-        for end in sliced(self._compute.queue, rows.first, rows.last, launch):
-            yield (end - rows.first) / (rows.last - rows.first)
+        yield from self._gather.run(rows, self._radiance, static_l1, self.result)
 
     def values(self) -> np.ndarray:
         """Return the L1 of all patches, (n, 3, 3) float32: of each axis of the world its rgb.

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import upload, zeros
+from ..device.buffers import zeros
 from ..device.compute import Compute
-from ..device.slices import sliced
+from ..progress import finished
 from ..settings import Settings
-from ..visibility.identity import Sampling, Surroundings, directional_options, identity_options
-from ..visibility.rays.receivers import RECEIVER_SOURCE
+from ..visibility.identity import Sampling, Surroundings
 from ..visibility.views.directions import r2_sequence
-from ..visibility.views.hemicube import rotation_salt
 from .kept_samples import Backs, Rows
+from .row_kernel import RowKernel
 
 
 class StaticLight:
@@ -33,15 +31,10 @@ class StaticLight:
         settings: Settings,
         count: int,
     ) -> None:
-        self._compute, self._surroundings, self._receivers = compute, surroundings, receivers
-        options = (*identity_options(sampling.sample_bytes), *directional_options(settings))
-        options += ("-DCOSINE",) if sampling.even else ()
-        source = (*RECEIVER_SOURCE, "hemicube.cl", "tilt.cl", "identity.cl", "views.cl", "static_light.cl")
-        (self._add,) = compute.kernels(source, "add_surroundings", options=options)
-        pattern = r2_sequence(sampling.samples) if sampling.multiplier is None else sampling.multiplier
-        self._samples = (
-            upload(compute, pattern), np.int32(sampling.samples), np.int32(settings.hemicube),
-            np.uint32(rotation_salt(settings.seed)), np.int32(settings.rotate),
+        self._compute, self._surroundings = compute, surroundings
+        self._add = RowKernel(
+            compute, sampling, receivers, settings, r2_sequence(sampling.samples),
+            "static_light.cl", "add_surroundings",
         )  # fmt: skip
         self.light = zeros(compute, 16 * count)
         self.l1 = zeros(compute, 48 * count) if settings.directional else None
@@ -51,19 +44,9 @@ class StaticLight:
         if self._surroundings.dark:
             self._take(rows, backs)
             return
-        sky = self._surroundings
-        (group,) = self._add.group(self._compute.group)
-
-        def launch(start: int, end: int) -> None:
-            self._add(
-                self._compute.queue, (group * (end - start),), (group,),
-                rows.cache, np.int32(rows.first), sky.outside, self._receivers, *self._samples,
-                sky.sky, sky.width, sky.height, np.int32(start),
-                backs.light, backs.l1, self.light, self.l1, cl.LocalMemory(16 * group),
-            )  # fmt: skip
-
-        for _ in sliced(self._compute.queue, rows.first, rows.last, launch):
-            pass
+        sky, results = self._surroundings, (self.light, self.l1)
+        seen = sky.outside, sky.sky, sky.width, sky.height
+        finished(self._add.run(rows, *seen, backs.light, backs.l1, *results))
 
     def _take(self, rows: Rows, backs: Backs) -> None:
         """Take the light of backs: the surroundings are black."""

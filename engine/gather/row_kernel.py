@@ -1,0 +1,69 @@
+"""A kernel that sums over rows of kept samples, whose directions follow from their place in the row."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import numpy as np
+import pyopencl as cl
+
+from ..device.buffers import upload
+from ..device.compute import Compute
+from ..device.slices import sliced
+from ..settings import Settings
+from ..visibility.identity import Sampling, directional_options, identity_options
+from ..visibility.rays.receivers import RECEIVER_SOURCE
+from ..visibility.views.hemicube import rotation_salt
+from .kept_samples import Rows
+
+#: What such kernels need beside their own file.
+_SOURCE = (*RECEIVER_SOURCE, "hemicube.cl", "tilt.cl", "identity.cl", "views.cl")
+
+
+class RowKernel:
+    """A kernel with a work group for each patch.
+
+    Its parameters are
+
+        rows, first patch of the rows | receivers | pattern, samples, hemicube, salt, rotate | first patch
+        | those of `run` | local memory
+    """
+
+    def __init__(
+        self,
+        compute: Compute,
+        sampling: Sampling,
+        receivers: cl.Buffer,
+        settings: Settings,
+        pattern: np.ndarray,
+        file: str,
+        name: str,
+    ) -> None:
+        """Build a kernel of a file.
+
+        receivers  records of the patches, see `RayScene.receivers`
+        pattern    of samples that all weigh the same; others have their multipliers in its place
+        """
+        self._compute, self._receivers = compute, receivers
+        options = (*identity_options(sampling.sample_bytes), *directional_options(settings))
+        options += ("-DCOSINE",) if sampling.even else ()
+        (self._kernel,) = compute.kernels((*_SOURCE, file), name, options=options)
+        self._samples = (
+            upload(compute, pattern if sampling.multiplier is None else sampling.multiplier),
+            np.int32(sampling.samples), np.int32(settings.hemicube),
+            np.uint32(rotation_salt(settings.seed)), np.int32(settings.rotate),
+        )  # fmt: skip
+
+    def run(self, rows: Rows, *arguments: object) -> Generator[float, None, None]:
+        """Sum over rows, with the kernel's other arguments; yield the fraction done."""
+        queue, (group,) = self._compute.queue, self._kernel.group(self._compute.group)
+
+        def launch(start: int, end: int) -> None:
+            self._kernel(
+                queue, (group * (end - start),), (group,),
+                rows.cache, np.int32(rows.first), self._receivers, *self._samples, np.int32(start),
+                *arguments, cl.LocalMemory(16 * group),
+            )  # fmt: skip
+
+        for end in sliced(queue, rows.first, rows.last, launch):
+            yield (end - rows.first) / (rows.last - rows.first)

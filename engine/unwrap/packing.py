@@ -171,6 +171,7 @@ class _Laid:
 
     def __init__(self, loose: Loose, boxes: np.ndarray, align: bool) -> None:
         self._loose, self._boxes = loose, boxes
+        self._known: dict[tuple, Shape] = {}
         self._stretch = boxes / np.where(loose.size > 0, loose.size, np.inf)
         loops, which = np.unique(loose.borders, return_inverse=True)
         borders, chart = which.reshape(-1, 2), loose.chart[loops]
@@ -212,11 +213,18 @@ class _Laid:
         starts = np.searchsorted(number, np.arange(len(charts) + 1)).tolist()
         spans = list(zip(row.tolist(), begin.tolist(), (end - begin).tolist(), strict=True))
         return {
-            chart: Shape(columns, rows, tuple(spans[start:stop]))
+            chart: self._shape(columns, rows, tuple(spans[start:stop]))
             for chart, (columns, rows), start, stop in zip(
                 charts.tolist(), boxes.tolist(), starts[:-1], starts[1:], strict=True
             )
         }
+
+    def _shape(self, columns: int, rows: int, spans: tuple[tuple[int, int, int], ...]) -> Shape:
+        """Return a shape; charts with the same texels share one."""
+        key = columns, rows, spans
+        if key not in self._known:
+            self._known[key] = Shape(*key)
+        return self._known[key]
 
 
 def _lowest(page: Page, shapes: Sequence[Shape]) -> tuple[Shape, tuple[int, int], int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -10,10 +11,13 @@ import numpy as np
 #: Spans of a shape, at most, for which rows are looked for that have such long runs at all.
 _LOOKED_FOR = 6
 
+#: Rows that are looked at first for such runs; then twice as many, and so on.
+_FIRST_ROWS = 256
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Shape:
-    """The texels of a chart, in a box of its size.
+    """The texels of a chart, in a box of its size. Charts with the same texels should share theirs.
 
     spans  row, first column and length of its runs of texels; the first column of all is 0
     """
@@ -78,6 +82,7 @@ class Page:
     _levels: list[list[int]] = field(default_factory=list, repr=False)
     _runs: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32), repr=False)
     _starts: dict[Shape, int] = field(default_factory=dict, repr=False)
+    _near: dict[Shape, list[int]] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         free, self._fresh = (1 << self.width) - 1, []
@@ -99,12 +104,17 @@ class Page:
             start = max(start, len(self._levels[0]) - shape.height + 1)
             self._grow(start + shape.height)
 
-    def _rows_with_room(self, shape: Shape, start: int) -> list[int]:
-        """Return the rows from `start` on at which a shape may begin: free runs are as long as its spans."""
-        count = len(self._levels[0]) - shape.height - start + 1
-        if count <= 0:
-            return []
-        runs = self._runs[start:]
+    def _rows_with_room(self, shape: Shape, start: int) -> Iterator[int]:
+        """Yield the rows from `start` on at which a shape may begin: free runs are as long as its spans."""
+        end, count = len(self._levels[0]) - shape.height + 1, _FIRST_ROWS
+        while start < end:
+            count = min(count, end - start)
+            yield from self._rows_among(shape, start, count)
+            start, count = start + count, 2 * count
+
+    def _rows_among(self, shape: Shape, start: int, count: int) -> list[int]:
+        """Return which of `count` rows have room for a shape."""
+        runs = self._runs[start : start + count + shape.height]
         room = np.ones(count, bool)
         for row, length in shape.longest:
             room &= runs[row : row + count] >= length
@@ -129,19 +139,33 @@ class Page:
     def put(self, shape: Shape, column: int, row: int) -> None:
         """Take the texels of a shape, and those that are too near to it."""
         self.height = max(self.height, row + shape.height)
-        margin = self.padding
-        self._grow(row + shape.height + margin)
+        self._grow(row + shape.height + self.padding)
+        if shape not in self._near:
+            self._near[shape] = self._near_texels(shape)
+        for place, near in enumerate(self._near[shape], row - self.padding):
+            if place >= 0:
+                self._take(place, near << column >> self.padding)
+
+    def _near_texels(self, shape: Shape) -> list[int]:
+        """Return the texels that are too near to a shape, of its rows and `padding` more on both sides.
+
+        Bit k is column k - `padding`.
+        """
+        margin, rows = self.padding, []
         taken = [_widened(texels, 2 * margin) for texels in shape.rows]
-        for offset in range(max(-margin, -row), shape.height + margin):
+        for offset in range(-margin, shape.height + margin):
             near = 0
             for texels in taken[max(0, offset - margin) : offset + margin + 1]:
                 near |= texels
-            self._take(row + offset, near << column >> margin)
+            rows.append(near)
+        return rows
 
     def _take(self, row: int, texels: int) -> None:
         """Take texels of a row."""
         free, top = self._levels[0][row] & ~texels, 0
         for level, rows in enumerate(self._levels):
+            if not (free or rows[row]):
+                break
             rows[row] = free
             if free:
                 top = level

@@ -104,14 +104,7 @@ def _figures(steps: np.ndarray) -> tuple[float, ...]:
 
 def _changed(plain, fitted, border) -> float:
     """Return the part of texels that no seam reads and that differ by more than 0.5 % of their light."""
-    resolution = plain.has_patch.shape[1]
-    beside = np.zeros_like(plain.has_patch)
-    for side in (0, 1):
-        column, row = np.floor(border.uv[:, side] * resolution - 0.5).astype(int).T
-        for right in (0, 1):
-            for up in (0, 1):
-                place = (np.clip(row + up, 0, resolution - 1), np.clip(column + right, 0, resolution - 1))
-                beside[(border.atlas[:, side], *place)] = True
+    beside = border.read(plain.has_patch.shape[1], len(plain.has_patch))
     seen = plain.has_patch & plain.known & ~beside
     off = np.abs(fitted.display - plain.display).max(axis=3) > 0.005 * plain.display.max(axis=3)
     return float(off[seen].mean())

@@ -16,12 +16,27 @@ class Border:
 
     atlas   (p, 2) int
     uv      (p, 2, 2) float64
-    length  (p,) float64, m, of the border that a pair stands for
+    run     (p, 2, 2) float64, UV along the part of the border that a pair stands for, in whose middle it is
+    length  (p,) float64, m, of that part
     """
 
     atlas: np.ndarray
     uv: np.ndarray
+    run: np.ndarray
     length: np.ndarray
+
+    def read(self, resolution: int, atlases: int) -> np.ndarray:
+        """Return the texels, (atlases, r, r) bool, that bilinear look-ups along borders read."""
+        found = np.zeros((atlases, resolution, resolution), bool)
+        pieces = int(np.ceil(np.abs(self.run).max(initial=0) * resolution)) * 2 + 1
+        for part in np.linspace(-0.5, 0.5, pieces):
+            for side in (0, 1):
+                place = (self.uv[:, side] + part * self.run[:, side]) * resolution - 0.5
+                column, row = np.floor(place).astype(int).T
+                for right, up in ((0, 0), (1, 0), (0, 1), (1, 1)):
+                    texel = (np.clip(line, 0, resolution - 1) for line in (row + up, column + right))
+                    found[(self.atlas[:, side], *texel)] = True
+        return found
 
     def steps(self, images: np.ndarray) -> np.ndarray:
         """Return the difference of the light on both sides, (p,), relative to the mean light of all borders.
@@ -67,8 +82,11 @@ def find_border(scene) -> Border:
     pair = np.stack([np.concatenate(first), np.concatenate(other)], axis=1)
     place = np.stack([np.concatenate(where), np.concatenate(there)], axis=1)[..., None]
     uv = uvs[pair, 0] + place * (uvs[pair, 1] - uvs[pair, 0])
+    own, met = (ends[pair[:, side], 1] - ends[pair[:, side], 0] for side in (0, 1))
+    pace = np.stack([np.ones(len(pair)), (own * met).sum(axis=1) / length[pair[:, 1]] ** 2], axis=1)
+    run = pace[..., None] * (uvs[pair, 1] - uvs[pair, 0]) / _POINTS
     apart = (np.abs(uv[:, 0] - uv[:, 1]).max(axis=1) > 1e-4) | (atlas[pair[:, 0]] != atlas[pair[:, 1]])
-    return Border(atlas[pair][apart], uv[apart], length[pair[apart, 0]] / _POINTS)
+    return Border(atlas[pair][apart], uv[apart], run[apart], length[pair[apart, 0]] / _POINTS)
 
 
 def _outlines(scene) -> tuple[np.ndarray, ...]:

@@ -53,6 +53,7 @@ class RealisedScene:
         self._anchor = bpy.data.objects.new("Anchor", None)
         self._scene.collection.objects.link(self._anchor)
         self._members: list[list[bpy.types.Object]] = [[] for _ in self._atlases]
+        self._copies: dict[str, tuple[bpy.types.Object, int]] = {}
         self._materials: dict[tuple, bpy.types.Material] = {}
         self._made: list = []
         self.seconds = 0.0
@@ -86,6 +87,26 @@ class RealisedScene:
                 for image, objects in zip(self._images, self._members, strict=True)
             ]
         )
+
+    def bake_strip(
+        self, name: str, corner: np.ndarray, along: np.ndarray, away: np.ndarray, samples: int, seed: int
+    ) -> np.ndarray:
+        """Return E/pi on a rectangle of an object's flat surface, (h, w, 3) float32: rows go along `away`.
+
+        corner, along, away  (3,) float64, m, one corner of the rectangle and its sides
+        """
+        _set_up(self._scene, samples, seed)
+        obj, atlas = self._copies[name]
+        mesh, normal = obj.data, np.cross(along, away)
+        positions = np.array([tuple(obj.matrix_world @ vertex.co) for vertex in mesh.vertices])
+        uvs = np.stack([(positions - corner) @ side / (side @ side) for side in (along, away)], axis=1)
+        off = np.abs((positions - corner) @ normal) > 1e-4 * np.linalg.norm(normal)
+        layer = mesh.uv_layers[self._evaluation.LIGHTMAP_UVS]
+        for polygon in mesh.polygons:
+            beside = off[list(polygon.vertices)].any()
+            for loop, vertex in zip(polygon.loop_indices, polygon.vertices, strict=True):
+                layer.uv[loop].vector = (-9, -9) if beside else uvs[vertex]
+        return self._bake_atlas(self._images[atlas], [obj])[..., :3]
 
     def colour(self) -> np.ndarray:
         """Return what the surfaces reflect, (atlases, h, w, 3); Cycles tells no light where it is 0."""
@@ -130,6 +151,7 @@ class RealisedScene:
         layer = self._layers.lightmap_layer(item.source, self._uv_layer)
         self._evaluation.lay_lightmap_uvs(mesh, layer, place.apply)
         self._members[atlas].append(obj)
+        self._copies[item.source.name] = obj, atlas
 
     def _material(self, material: bpy.types.Material | None, atlas: int | None) -> bpy.types.Material:
         """Return a diffuse copy of a material that bakes into the image of an atlas."""

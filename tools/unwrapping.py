@@ -1,0 +1,136 @@
+"""Measures Unwrap: how much of lightmaps it uses, how long it takes and stands, how soon it can be cancelled.
+
+    python tools/unwrapping.py [--only NAME ...] [--scenes FOLDER] [--cancel SECONDS]
+
+Times have meaning on an idle machine only; processor time is that of all processes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import resource
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+
+from engine.unwrap.polygon_mesh import signed_areas  # noqa: E402
+from tools.headless import MODULE, blender, quiet_stdout  # noqa: E402
+from tools.page_table import table_row  # noqa: E402
+
+_TITLES = (
+    "scene",
+    "objects",
+    "faces",
+    "width",
+    "lightmaps",
+    "texels used",
+    "s",
+    "s of processors",
+    "longest slice",
+)
+
+
+def main() -> None:
+    """Unwrap every scene."""
+    options = parse()
+    with blender():
+        import bpy
+
+        from tools.verification import unwrap_scenes
+
+        unwrap_scenes.register_files(options.scenes)
+        print(table_row(*_TITLES))
+        for name in options.only or unwrap_scenes.SCENES:
+            build = unwrap_scenes.SCENES[name]
+            with quiet_stdout():
+                bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+                width = build()
+                bpy.context.scene.hemibake.resolution = options.resolution or width
+            if options.cancel:
+                print(f"{name}: cancelled in {_cancelled(options.cancel):.3f} s", flush=True)
+            print(_line(build.__doc__.rstrip(".")), flush=True)
+
+
+def parse() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--only", nargs="+", help="names of scenes")
+    parser.add_argument("--resolution", type=int, help="of the lightmaps; of each scene its own without it")
+    parser.add_argument("--cancel", type=float, help="seconds after which a first unwrapping is cancelled")
+    parser.add_argument(
+        "--scenes", type=Path, default=ROOT.parent / "shared" / "scenes", help="folder of files"
+    )
+    return parser.parse_args()
+
+
+def _line(title: str) -> str:
+    """Unwrap the scene that is open; return its line of the table."""
+    import bpy
+
+    work = _unwrapping()
+    began, before, longest = time.perf_counter(), _processor_time(), 0.0
+    while True:
+        sliced = time.perf_counter()
+        try:
+            work.step()
+        except StopIteration:
+            break
+        longest = max(longest, time.perf_counter() - sliced)
+    wall, busy = time.perf_counter() - began, _processor_time() - before
+    objects = [obj for obj in bpy.context.scene.objects if obj.type == "MESH"]
+    faces = sum(len(obj.data.polygons) for obj in objects)
+    used = _used(objects)
+    return table_row(
+        title, str(len(objects)), f"{faces:,}", str(bpy.context.scene.hemibake.resolution), str(len(used)),
+        f"{np.mean(list(used.values())):.1%}", f"{wall:.1f}", f"{busy:.1f}", f"{longest:.2f} s",
+    )  # fmt: skip
+
+
+def _cancelled(after: float) -> float:
+    """Return the seconds that cancelling takes in the midst of unwrapping."""
+    work, began = _unwrapping(), time.perf_counter()
+    while time.perf_counter() - began < after:
+        work.step()
+    began = time.perf_counter()
+    work.cancel()
+    return time.perf_counter() - began
+
+
+def _unwrapping():
+    """Return the work of the Unwrap operator for all objects, as a window does it slice by slice."""
+    import bpy
+
+    unwrap = importlib.import_module(f"{MODULE}.operators.unwrap")
+    return unwrap.Unwrapping(bpy.context, [obj for obj in bpy.context.scene.objects if obj.type == "MESH"])
+
+
+def _processor_time() -> float:
+    """Return the seconds that processors have worked for this process and those it has waited for."""
+    usages = (resource.getrusage(whose) for whose in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(usage.ru_utime + usage.ru_stime for usage in usages)
+
+
+def _used(objects) -> dict[str, float]:
+    """Return the part of each lightmap that surfaces cover."""
+    import bpy
+
+    layer, used = bpy.context.scene.hemibake.uv_layer, {}
+    for obj in objects:
+        mesh, atlas = obj.data, obj.hemibake.atlas
+        uvs = np.empty((len(mesh.loops), 2), np.float32)
+        mesh.uv_layers[layer].uv.foreach_get("vector", uvs.reshape(-1))
+        mesh.calc_loop_triangles()
+        triangles = np.empty((len(mesh.loop_triangles), 3), np.int32)
+        mesh.loop_triangles.foreach_get("loops", triangles.reshape(-1))
+        area = np.abs(signed_areas(uvs[triangles].astype(np.float64))).sum()
+        used[atlas] = used.get(atlas, 0.0) + float(area)
+    return used
+
+
+if __name__ == "__main__":
+    main()

@@ -12,6 +12,7 @@ from ..operators.warm_up import warm_up_soon
 from .presets import draw_presets
 from .progress import draw_bake_button
 from .sidebar import Sidebar, split_properties
+from .wrapped_text import draw_text, line_width
 
 
 class HEMIBAKE_PT_bake(Sidebar, bpy.types.Panel):
@@ -28,7 +29,7 @@ class HEMIBAKE_PT_bake(Sidebar, bpy.types.Panel):
         split_properties(layout)
         _draw_size(layout.column(), settings)
         layout.prop(settings, "quality")
-        _draw_denoise(layout, settings)
+        _draw_denoise(layout, settings, line_width(context))
         button = layout.row()
         button.scale_y = 1.6
         draw_bake_button(button)
@@ -50,14 +51,14 @@ def _draw_size(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) ->
     layout.label(text=f"About {settings.planned_width:,} x {settings.planned_width:,} texels", icon="BLANK1")
 
 
-def _draw_denoise(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
+def _draw_denoise(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, width: float) -> None:
     """Show what is done about noise, greyed with the reason where there is no Open Image Denoise."""
     column = layout.column()
     column.active = denoise_library() is not None
     for name in shown_in("quality"):
         column.prop(settings, name)
     if not column.active:
-        column.label(text="No Open Image Denoise in this Blender", icon="INFO")
+        draw_text(column, "No Open Image Denoise in this Blender", width, "INFO")
 
 
 CLASSES = (HEMIBAKE_PT_bake,)

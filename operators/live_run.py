@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
+from contextlib import suppress
 from dataclasses import replace
 
 import bpy
 
-from ..engine.errors import SceneError
+from ..engine.errors import EngineError, SceneError
 from ..engine.finish.outputs import output_names
 from ..engine.lightmap import Lightmap
 from ..engine.progress import Progress, finished
@@ -15,6 +16,8 @@ from ..engine.scene.changes import changes_between
 from ..engine.scene.model import Scene
 from ..engine.settings import Settings
 from .live_watch import LiveWatch
+from .lookup import find_all
+from .result.preview import refresh_preview
 from .run import ATTEMPTS, Bake, Run, Steps, image_names
 from .scene import SceneChangedError, read_lamps, read_scene, visible_meshes
 from .scene.uvs.uv_modifier import has_uvs
@@ -37,7 +40,7 @@ class LiveRun(Run):
 
     def __init__(self, context: bpy.types.Context, made_uvs: Callable[[], None] = lambda: None) -> None:
         super().__init__(context, self._first_bake, made_uvs=made_uvs)
-        self._watch = LiveWatch(self._context)
+        self._watch = LiveWatch(self._context, self._store_shown, self._hold_pixels)
         self._followed: Generator[Progress | Lightmap | None, None, None] | None = None
         self.lightmap: Lightmap | None = None
         self.resting = self.ending = self._guessed = False
@@ -61,9 +64,23 @@ class LiveRun(Run):
         """Store the lightmaps of the first bake, watch the scene, and return the report; see `finish`."""
         self._take(lightmap)
         report = self.finish(lightmap)
+        self._hold_pixels()
         self._watch.begin()
         self._work = self._following()
         return report
+
+    def _hold_pixels(self, *_: object) -> None:
+        """Pack the images: of those in files Cycles shows the files, not the pixels that follow the scene."""
+        for image in find_all(bpy.data.images, self._images):
+            if image.packed_file is None:
+                image.pack()
+
+    def _store_shown(self, *_: object) -> None:
+        """Store what was finished last, for a file that is about to be saved; see `_hold_pixels`."""
+        targets = find_all(bpy.data.images, self._images)
+        if len(targets) == len(self._names):
+            with suppress(EngineError):
+                self._store(targets, self._show_finished(self.lightmap), self.lightmap)
 
     def _following(self) -> Bake:
         """Take over what changes, and show what the worker makes of it."""
@@ -94,6 +111,11 @@ class LiveRun(Run):
 
         What lamps change is read at once; all else is read again when the light has settled.
         """
+        if everything:
+            refresh_preview(
+                self._context.scene, self._context.evaluated_depsgraph_get(), self._watch.materials
+            )
+            self._context.evaluated_depsgraph_get()
         self._watch.clear()
         yield from self._settled_reading(self._reading if everything else self._reading_lamps)
         self._guessed = not everything
@@ -105,7 +127,9 @@ class LiveRun(Run):
             owner.worker().update(scene if changes is None else changes)
             self.resting = False
         elif self.resting:
+            # An undo may have brought older pixels.
             self._of_lightmap = self._read
+            self._show_finished(self.lightmap)
         self._sent = scene
 
     def _settled_reading(self, read: Callable[[bool], Steps]) -> Steps:

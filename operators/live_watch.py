@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import bpy
 
+from .lookup import find
 from .result.images import MARK as LIGHTMAP
+from .result.preview import set_preview_aside
 from .result.preview_material import MARK as PREVIEW
 from .scene import SceneContext
 
@@ -18,17 +22,26 @@ _HOLDERS = (bpy.types.Scene, bpy.types.Collection)
 class LiveWatch:
     """Watches a scene from `begin` to `end`; whoever reads what has changed clears it.
 
-    lamps    True once lamps have changed, or were moved
-    objects  True once anything else has that the light may depend on
+    Beside that it has files saved with what is shown: `saving` is called before, `saved` after that.
+
+    lamps      True once lamps have changed, or were moved
+    objects    True once anything else has that the light may depend on
+    materials  session uids of the materials that have
     """
 
-    def __init__(self, context: SceneContext) -> None:
+    def __init__(
+        self, context: SceneContext, saving: Callable[..., None], saved: Callable[..., None]
+    ) -> None:
         self._context = context
-        self.lamps = self.objects = False
+        self.clear()
         self._handlers = {
             "depsgraph_update_post": self._note_update,
+            "undo_pre": self._expect_undo,
             "undo_post": self._note_undo,
+            "redo_pre": self._expect_undo,
             "redo_post": self._note_undo,
+            "save_pre": saving,
+            "save_post": saved,
         }
 
     @property
@@ -52,6 +65,7 @@ class LiveWatch:
     def clear(self) -> None:
         """Take the scene as it is."""
         self.lamps = self.objects = False
+        self.materials: set[int] = set()
 
     def _note_update(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         if scene.session_uid != self._context.scene_uid:
@@ -61,9 +75,17 @@ class LiveWatch:
                 self.lamps = True
             elif _matters(update):
                 self.objects = True
+            if isinstance(update.id, bpy.types.Material):
+                self.materials.add(update.id.original.session_uid)
+
+    def _expect_undo(self, *_: object) -> None:
+        """No step knows the preview materials that were made since the last one."""
+        scene = find(bpy.data.scenes, self._context.scene_uid)
+        if scene is not None:
+            set_preview_aside(scene)
 
     def _note_undo(self, *_: object) -> None:
-        self.objects = True
+        self.objects, self.materials = True, {material.session_uid for material in bpy.data.materials}
 
 
 def _is_lamp(item: bpy.types.ID) -> bool:

@@ -12,12 +12,13 @@ from . import (
     lightmaps,
     menus,
     outputs,
+    own_materials,
     preferences,
     presets,
 )  # fmt: skip
 
 #: In the order of the sidebar.
-_PANELS = (bake, light_groups, check, lightmaps, active_object, outputs, advanced, last_bake)
+_PANELS = (bake, own_materials, light_groups, check, lightmaps, active_object, outputs, advanced, last_bake)
 
 #: Every class that Blender has to know.
 CLASSES = tuple(cls for module in (preferences, presets, menus, *_PANELS) for cls in module.CLASSES)

@@ -6,12 +6,13 @@ The preview materials sit in slots linked to the object; what was there is remem
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import replace
 
 import bpy
 import numpy as np
 
+from ..own_slots import is_filled, own_slots
 from ..scene.objects.meshes import read_array
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from .directional_images import images_beside
@@ -19,6 +20,9 @@ from .instance_places import InstancePlace, instance_places, place_table
 from .light_mixer import group_images, light_mixer
 from .lightmap_nodes import ShownLightmap
 from .preview_material import MARK, preview_material, remove_unused_previews
+
+#: The indices of all material slots of an object.
+ALL_SLOTS = range(1 << 15)
 
 
 def has_preview(obj: bpy.types.Object) -> bool:
@@ -64,16 +68,60 @@ def show_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> tupl
 def hide_preview(objects: Sequence[bpy.types.Object]) -> None:
     """Give objects their own materials back and remove preview materials that nobody uses."""
     for obj in objects:
-        for slot, before in zip(obj.material_slots, obj.hemibake.slots, strict=False):
-            slot.link = "OBJECT"
-            slot.material = before.material
-            slot.link = before.link
+        _give_back(obj)
     for obj in objects:
         if obj.hemibake.slot_added and len(obj.data.materials) == 1:
             _remove_slot(obj.data)
         obj.hemibake.slot_added = False
         obj.hemibake.slots.clear()
     remove_unused_previews()
+
+
+def set_preview_aside(scene: bpy.types.Scene) -> None:
+    """Give the objects of a scene their own materials until `refresh_preview`, as before an undo.
+
+    An undo frees preview materials that no step knows, even those that an object still refers to.
+    """
+    for obj in previewed(scene):
+        _give_back(obj)
+    remove_unused_previews()
+
+
+def refresh_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, changed: Container[int]) -> None:
+    """Let objects that show their lightmaps show their materials as these are now.
+
+    changed: session uids of materials; slots that were filled or added since are refreshed anyhow
+    """
+    stale = {obj: slots for obj in previewed(scene) if (slots := _stale_slots(obj, changed))}
+    instances = instance_places(scene, depsgraph) if stale else {}
+    made: dict[tuple[bpy.types.Material | None, ShownLightmap], bpy.types.Material] = {}
+    for obj, slots in stale.items():
+        _give_back(obj, slots)
+        _remember(obj, slots)
+        lightmap = _shown_lightmap(obj, instances.get(obj), scene)
+        for index in slots:
+            _show_slot(obj.material_slots[index], lightmap, made)
+    if stale:
+        remove_unused_previews()
+
+
+def _stale_slots(obj: bpy.types.Object, changed: Container[int]) -> list[int]:
+    """Return the indices of slots that do not show their own material as it is now."""
+    stale = []
+    for index, (slot, own) in enumerate(zip(obj.material_slots, own_slots(obj), strict=True)):
+        material = own.material if own.link == "OBJECT" else obj.data.materials[index]
+        is_shown = slot.material is not None and MARK in slot.material
+        if not is_shown or (material is not None and material.session_uid in changed):
+            stale.append(index)
+    return stale
+
+
+def _give_back(obj: bpy.types.Object, slots: Container[int] = ALL_SLOTS) -> None:
+    """Put an object's own materials back into slots where there are none of its own."""
+    for index, (slot, own) in enumerate(zip(obj.material_slots, own_slots(obj), strict=True)):
+        if index in slots and not is_filled(slot):
+            link, slot.link = own.link, "OBJECT"
+            slot.material, slot.link = own.material, link
 
 
 def _remove_slot(mesh: bpy.types.Mesh) -> None:
@@ -85,13 +133,16 @@ def _remove_slot(mesh: bpy.types.Mesh) -> None:
         mesh.polygons.foreach_set("material_index", before)
 
 
-def _remember(obj: bpy.types.Object) -> None:
-    """Store what the slots of an object hold; one without slots gets one."""
+def _remember(obj: bpy.types.Object, slots: Container[int] = ALL_SLOTS) -> None:
+    """Store what slots of an object hold; one without slots gets one."""
     if not obj.material_slots:
         obj.data.materials.append(None)
         obj.hemibake.slot_added = True
-    for slot in obj.material_slots:
-        before = obj.hemibake.slots.add()
+    kept = obj.hemibake.slots
+    for index, slot in enumerate(obj.material_slots):
+        before = kept[index] if index < len(kept) else kept.add()
+        if index not in slots:
+            continue
         before.link = slot.link
         slot.link = "OBJECT"
         before.material = slot.material

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 
 from ...engine.naming import naming
+from ..own_slots import own_slots
 from .materials.material_table import MaterialTable
 from .messages import NO_FACES, NO_UVS, NORMALS_NOT_FINITE, NOT_FINITE, NOT_FINITE_UVS, Troubles
 from .objects.extent import middle_of, trouble_with
@@ -244,12 +245,10 @@ def _objects(names: Sequence[str]) -> str:
 def _slot_materials(item: SceneItem) -> list[bpy.types.Material | None]:
     """Return the material of each slot: the object's own where the slot is linked to the object.
 
-    While the object shows its lightmap, the slots as they were before the preview count.
+    While the object shows its lightmap, what the preview has put there does not count.
     """
-    obj = item.source
     materials = [material and material.original for material in item.object.data.materials]
-    slots = obj.hemibake.slots or obj.material_slots
-    for index, slot in enumerate(slots):
+    for index, slot in enumerate(own_slots(item.source)):
         if slot.link == "OBJECT" and index < len(materials):
             materials[index] = slot.material
     return materials or [None]

@@ -268,3 +268,83 @@ def test_lightmaps_that_are_added_end_live_with_a_remedy(operator, context, wind
     bpy.context.view_layer.update()
     assert drive(operator, context) == {"CANCELLED"} and window.is_as_before()
     assert "Start Live again" in operator.reports[-1][1]
+
+
+def shown_colours(obj) -> list[tuple[float, ...]]:
+    """Return what the preview material of an object's first slot multiplies its lightmap by, or emits."""
+    nodes = obj.material_slots[0].material.node_tree.nodes
+    return [
+        tuple(round(value, 4) for value in node.inputs[0].default_value[:3])
+        for node in nodes
+        if node.inputs
+        and not node.inputs[0].is_linked
+        and (node.label.startswith("Reflectance") or node.type == "EMISSION")
+    ]
+
+
+def test_a_material_that_is_edited_shows_in_the_preview_and_undo_does_not_harm(operator, context, window):  # noqa: F811
+    import bpy
+
+    room, lamp = lit_room()
+    start(operator, context)
+    settle(operator, context)
+    bpy.ops.ed.undo_push(message="Before")
+    shader = bpy.data.materials["Grey"].node_tree.nodes["Principled BSDF"]
+    shader.inputs["Base Color"].default_value = (0.8, 0.1, 0.3, 1)
+    shader.inputs["Emission Color"].default_value = (0.25, 0.5, 1, 1)
+    shader.inputs["Emission Strength"].default_value = 0.2
+    bpy.ops.ed.undo_push(message="Recoloured")
+    settle(operator, context)
+    assert shown_colours(room) == [(0.8, 0.1, 0.3), (0.25, 0.5, 1)]
+    lamp.location.x = 0.4
+    bpy.ops.ed.undo_push(message="Moved")
+    settle(operator, context)
+
+    # Preview materials that were made since the last step are not there while it is undone.
+    for _ in range(2):
+        bpy.ops.ed.undo()
+    settle(operator, context)
+    room = bpy.data.objects["Room"]
+    assert shown_colours(room) == [(0.5, 0.5, 0.5)]
+    for _ in range(2):
+        bpy.ops.ed.redo()
+    settle(operator, context)
+    assert shown_colours(bpy.data.objects["Room"]) == [(0.8, 0.1, 0.3), (0.25, 0.5, 1)]
+    assert sum(PREVIEW_END in material.name for material in bpy.data.materials) == 1
+
+
+PREVIEW_END = "(lightmap)"
+
+
+def test_a_slot_that_is_filled_meanwhile_shows_its_light_and_is_kept(operator, context, window):  # noqa: F811
+    import bpy
+
+    room, _ = lit_room()
+    start(operator, context)
+    before = settle(operator, context).copy()
+    room.material_slots[0].material = material("Black", (0, 0, 0))
+    assert settle(operator, context).sum() < 0.7 * before.sum()
+    assert shown_colours(room) == [(0, 0, 0)]
+    bpy.ops.hemibake.preview()
+    assert room.material_slots[0].material.name == "Black"
+
+
+def test_a_file_that_is_saved_has_the_light_that_is_shown(operator, context, window, tmp_path):  # noqa: F811
+    """Meanwhile the pixels are packed: of images in files Cycles shows the files."""
+    import bpy
+
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "room.blend"))
+    _, lamp = lit_room()
+    start(operator, context)
+    image = bpy.data.images["Lightmap"]
+    assert image.source == "FILE" and image.packed_file is not None
+    lamp.data.energy = 40
+    shown = settle(operator, context).copy()
+    bpy.ops.wm.save_mainfile()
+    assert image.packed_file is not None and np.array_equal(pixels(image)[..., :3], shown)
+    stored = bpy.data.images.load(bpy.path.abspath(image.filepath))
+    stored.colorspace_settings.name = image.colorspace_settings.name
+    assert np.array_equal(pixels(stored)[..., :3], shown)
+
+    bpy.ops.hemibake.cancel()
+    assert drive(operator, context) == {"FINISHED"} and image.packed_file is None

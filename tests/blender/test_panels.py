@@ -50,6 +50,10 @@ class Layout:
         assert hasattr(bpy.types, name)
         self.shown.append(options.get("text", name))
 
+    def template_node_view(self, tree, node, socket):
+        assert socket in node.inputs.values()
+        self.shown.append(f"{tree.name} of {tree.id_data.name}")
+
     def separator(self):
         pass
 
@@ -344,3 +348,18 @@ def test_light_groups_are_assigned_and_mixed_in_their_panel():
     shown = draw("HEMIBAKE_PT_light_groups")
     assert shown.count("lightgroup") == 1 and shown.count("default_value") == 4
     assert shown[-6:] == ["Day", "default_value", "default_value", "Ungrouped", *["default_value"] * 2]
+
+
+def test_own_materials_are_shown_while_the_preview_is_in_their_place():
+    import bpy
+
+    room = furnace()
+    bpy.context.view_layer.objects.active = room
+    assert draw("HEMIBAKE_PT_own_materials") is None
+    bpy.ops.hemibake.bake()
+    bpy.ops.hemibake.preview()
+    shown = draw("HEMIBAKE_PT_own_materials")
+    assert shown[0] == "name" and len(shown) == 2 and "lightmap" not in shown[1]
+    room.data.materials.append(None)
+    room.active_material_index = 1
+    assert draw("HEMIBAKE_PT_own_materials") == ["active_material_index", "No material"]

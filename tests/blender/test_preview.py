@@ -225,3 +225,21 @@ def test_every_number_of_an_instance_has_its_place(count):
         head = texels[int(number)]
         found = texels[int(np.floor(number % one * head[1]) + head[0])]
         assert tuple(found) == (*place.offset, place.scale, place.image)
+
+
+def test_slots_that_are_filled_or_added_meanwhile_stay_and_are_baked(baked):
+    """Whoever gives an object another material while the preview is shown wants that one."""
+    import bpy
+
+    room, bare, own = baked
+    bpy.ops.hemibake.preview()
+    black = material("Black", (0, 0, 0))
+    room.material_slots[0].material = black
+    own.data.materials.append(black)
+    bpy.ops.hemibake.bake()
+    assert room.hemibake.image is not None
+    assert np.asarray(room.hemibake.image.pixels)[::4].max() < 1
+    bpy.ops.hemibake.preview()
+    assert room.material_slots[0].material == black
+    assert [slot.material.name for slot in own.material_slots] == ["Object's", "Black"]
+    assert len(bare.material_slots) == 0

@@ -1,0 +1,26 @@
+"""Material slots as a person has filled them, while their object may show its lightmap."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from .result.preview_material import MARK
+
+
+def is_filled(slot: bpy.types.MaterialSlot) -> bool:
+    """Return whether a slot holds a material of a person's."""
+    return slot.material is not None and MARK not in slot.material
+
+
+def own_slots(obj: bpy.types.Object) -> list[Any]:
+    """Return what holds each slot's own material and link: the slot, or what was remembered of it.
+
+    A slot that was filled, or added, while the preview is shown counts as it is.
+    """
+    before = obj.hemibake.slots
+    return [
+        before[index] if index < len(before) and not is_filled(slot) else slot
+        for index, slot in enumerate(obj.material_slots)
+    ]

@@ -61,8 +61,9 @@ test-gui: setup $(WHEELS) ## bake, cancel, preview, undo and save in a real wind
 test-export: setup ## show exported files with three.js in headless Chromium, pixel by pixel against the preview
 	.venv/bin/python -m pytest tests/export
 
-gui-picture: package ## take the picture of Blender in README.md anew
+gui-picture: package ## take the pictures of Blender in README.md anew
 	.venv/bin/python -m tools.gui.docs_picture out/package/hemibake-*-linux_x64.zip docs/blender.png
+	.venv/bin/python -m tools.gui.live_picture out/package/hemibake-*-linux_x64.zip docs/live.png
 
 verify: $(READY50) ## bake a suite of scenes with Hemibake and Cycles; the table goes to docs/accuracy.md
 	@tools/system_packages.sh .venv/bin/python

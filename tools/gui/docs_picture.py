@@ -8,13 +8,12 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-import numpy as np
-
 from .machines import find_machine
 from .pictures import write_picture
 from .window import Window
 
-_ROOM = Path(__file__).parents[2] / "examples" / "cornell_box.py"
+#: Builds the room of the pictures.
+ROOM = Path(__file__).parents[2] / "examples" / "cornell_box.py"
 
 #: Builds the room in place of the default scene.
 _BUILD = """
@@ -56,20 +55,10 @@ def main() -> None:
     parser.add_argument("picture", type=Path, help="PNG file to write")
     options = parser.parse_args()
     with Window(find_machine(), options.package) as window:
-        window.run(f"SOURCE = {_ROOM.read_text(encoding='utf-8')!r}\n{_BUILD}")
+        window.run(f"SOURCE = {ROOM.read_text(encoding='utf-8')!r}\n{_BUILD}")
         window.wait_for("bpy.context.scene.hemibake.report")
         window.run(_SHOW)
-        write_picture(_settled(window), options.picture)
-
-
-def _settled(window: Window) -> np.ndarray:
-    """Return what the window shows once nothing changes any more: renders are done."""
-    before, same = window.picture(), 0
-    while same < 5:
-        now = window.picture()
-        same = same + 1 if (now == before).all() else 0
-        before = now
-    return before
+        write_picture(window.still_picture(), options.picture)
 
 
 if __name__ == "__main__":

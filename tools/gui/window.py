@@ -115,6 +115,15 @@ class Window:
         self._settle()
         return read_screen(self._outside / "Xvfb_screen0")
 
+    def still_picture(self) -> np.ndarray:
+        """Return what the screen shows once nothing changes any more: renders are done."""
+        before, same = self.picture(), 0
+        while same < 5:
+            now = self.picture()
+            same = same + 1 if (now == before).all() else 0
+            before = now
+        return before
+
     def button(self, changed: str, restored: str) -> tuple[float, float]:
         """Return the middle of a button: where the sidebar differs after code that changes its looks."""
         self.move(*self.middle())

@@ -1,20 +1,5 @@
-// Of the looks from a patch those that may meet a back: what sees more is inside of something.
-#define BACKS (LOOKS / 2)
-
 // How far apart faces are, in heights of the eye, that lie on one another.
 #define ON 0.25f
-
-bool sees_out(const Rays *rays, const float3 start, const float3 normal)
-{
-    float3 x, y;
-    basis(normal, &x, &y);
-    int backs = 0;
-    for (int i = 0; i < LOOKS; ++i) {
-        const Hit hit = nearest_hit(rays, start, look(i, x, y, normal), false);
-        backs += hit.triangle >= 0 && !hit.front;
-    }
-    return backs <= BACKS;
-}
 
 // HIDDEN for patches that a face hides which touches them: a ray against the geometric normal, from `above` to
 // `below` the surface, both in heights of the eye, meets the back of that face. BACK_TO_BACK where the two faces

@@ -7,3 +7,18 @@ float3 look(const int i, const float3 x, const float3 y, const float3 z)
     const float2 q = disk((float2)((i + 0.5f) / LOOKS, i * 0.618034f));
     return q.x * x + q.y * y + sqrt(fmax(1.0f - dot(q, q), 0.0f)) * z;
 }
+
+// Of the looks from a patch those that may meet a back: what sees more is inside of something.
+#define BACKS (LOOKS / 2)
+
+bool sees_out(const Rays *rays, const float3 start, const float3 normal)
+{
+    float3 x, y;
+    basis(normal, &x, &y);
+    int backs = 0;
+    for (int i = 0; i < LOOKS; ++i) {
+        const Hit hit = nearest_hit(rays, start, look(i, x, y, normal), false);
+        backs += hit.triangle >= 0 && !hit.front;
+    }
+    return backs <= BACKS;
+}

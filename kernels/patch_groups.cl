@@ -1,6 +1,6 @@
 // Groups of neighbouring patches that are solved as one: in each square of texels, patches of one
 // material that lie in about one plane and send out about as much light follow the one nearest to the square's
-// middle.
+// middle. Those inside of something stay apart: they are dark, and others are seen.
 
 #define MOST 64  // texels of a square
 #define SAME_PLANE 0.95f
@@ -9,7 +9,7 @@
 __kernel void group_patches(__global const uint *texel_to_patch, const int resolution, const int width,
                             __global const int *texels, __global const int *materials,
                             __global const ReceiverRecord *receivers, __global const float *radiance,
-                            const float mean_radiance, __global uint *leaders)
+                            const float mean_radiance, __global const uchar *inside, __global uint *leaders)
 {
     const int x0 = width * get_global_id(0), y0 = width * get_global_id(1);
     const size_t page = (size_t)get_global_id(2) * resolution * resolution;
@@ -47,7 +47,8 @@ __kernel void group_patches(__global const uint *texel_to_patch, const int resol
             if (member == 0xFFFFFFFFu)
                 continue;
             const Receiver m = load_receiver(receivers + member);
-            const bool alike = materials[member] == materials[leader] && dot(m.normal, r.normal) > SAME_PLANE
+            const bool alike = inside[member] == inside[leader] && materials[member] == materials[leader]
+                && dot(m.normal, r.normal) > SAME_PLANE
                 && fabs(dot(m.at - r.at, r.geometric)) < 0.5f * width * r.size
                 && length(m.at - r.at) < 1.5f * width * r.size
                 && fabs(radiance[member] - radiance[leader])

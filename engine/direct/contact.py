@@ -1,4 +1,4 @@
-"""Finds patches that a face touches and hides, as a floor a pillar's underside, or that a back lights."""
+"""Finds patches that a face touches and hides, as a floor a pillar's foot, that a back lights, or inside."""
 
 from __future__ import annotations
 
@@ -60,3 +60,14 @@ def patches_lit_by_backs(scene: RayScene, count: int, shines: np.ndarray) -> np.
     lit = np.empty(count, np.uint8)
     cl.enqueue_copy(compute.queue, lit, output)
     return lit.astype(bool)
+
+
+def patches_inside(scene: RayScene, count: int) -> np.ndarray:
+    """Return which patches are inside of something, (n,) bool: of what they see most are backs."""
+    rays, compute = scene.rays, scene.compute
+    (kernel,) = rays.kernels((*RECEIVER_SOURCE, "looks.cl", "inside.cl"), "inside")
+    output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, count)
+    rays.run(kernel, count, scene.receivers, output, np.int32(count))
+    inside = np.empty(count, np.uint8)
+    cl.enqueue_copy(compute.queue, inside, output)
+    return inside.astype(bool)

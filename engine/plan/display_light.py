@@ -202,10 +202,13 @@ def _nothing(*reasons: str) -> DisplayLight:
 
 
 def _as_seen(what: DisplayJob, settled: np.ndarray, hidden: np.ndarray) -> np.ndarray:
-    """Return E/pi, (m, 3 g) float32, of the patches that send light out, as the samples see it."""
-    if what.solved is not what.job:
-        return settled
-    return _seen_beside_hidden(what.job.parts, settled, hidden)
+    """Return E/pi, (m, 3 g) float32, of the patches that send light out, as the samples see it.
+
+    hidden: (n,) bool, patches that nobody sees; a group is hidden if the patch that it is, is
+    """
+    sending, entries = what.solved.parts.patches, what.job.parts.texel_to_patch
+    own = entries.reshape(len(entries), -1)[sending.atlas, sending.texel] - 1
+    return _seen_beside_hidden(what.solved.parts, settled, hidden[own])
 
 
 def _radiance(solved: SolveJob, settled: np.ndarray) -> cl.Buffer:

@@ -2,7 +2,8 @@
 
 Light that was reflected several times is smooth, and only its sources are averaged: what a patch shows
 is its own last gather. Patches that send out much more than those around them stay apart: a ceiling behind a
-panel is bright and hidden, and would count for what is seen beside the panel.
+panel is bright and hidden, and would count for what is seen beside the panel. Those inside of things stay
+apart, too: they are dark, and would darken the foot of a box that is sunk in a floor.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import upload
+from ..direct.contact import patches_inside
 from ..patches.subdivision import Subdivision
 from ..patches.surfaces import PatchSurfaces
 from ..scene.color import channel_sum
@@ -82,15 +84,16 @@ def leaders(rays: RayScene, parts: Subdivision, radiance: np.ndarray, width: int
     """
     compute, patches, radiance = rays.compute, parts.patches, channel_sum(radiance)
     (group_patches,) = compute.kernels((*RECEIVER_SOURCE, "patch_groups.cl"), "group_patches")
-    arrays = (parts.texel_to_patch, patches.texel, parts.geometry.material, radiance)
-    lookup, texels, materials, light = (upload(compute, array) for array in arrays)
+    inside = patches_inside(rays, len(patches)).view(np.uint8)
+    arrays = (parts.texel_to_patch, patches.texel, parts.geometry.material, radiance, inside)
+    lookup, texels, materials, light, apart = (upload(compute, array) for array in arrays)
     leaders = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * len(patches))
     squares = -(-patches.resolution // (_SQUARES * width)) * _SQUARES
     group = group_patches.group(_SQUARES, _SQUARES, 1)
     group_patches(
         compute.queue, (squares, squares, len(parts.texel_to_patch)), group,
         lookup, np.int32(patches.resolution), np.int32(width), texels, materials, rays.receivers,
-        light, np.float32(radiance.mean(dtype=np.float64)), leaders,
+        light, np.float32(radiance.mean(dtype=np.float64)), apart, leaders,
     )  # fmt: skip
     result = np.empty(len(patches), np.uint32)
     cl.enqueue_copy(compute.queue, result, leaders)

@@ -13,6 +13,7 @@ from engine.solve.interpolation import Interpolation
 from engine.solve.patch_groups import PatchGroups, leaders
 from engine.visibility.rays.ray_scene import RayScene
 from tests.analytic.drive import drive
+from tests.analytic.rooms import Atlas, block, scene_of
 from tests.analytic.scenes import nine_quad_room
 from tests.rows import long
 
@@ -119,3 +120,42 @@ def test_few_patches_gather_for_themselves():
     settings = Settings(resolution=32, samples=64, visibility="rays", texel_samples=1)
     plain, adaptive = (drive(nine_quad_room(), replace(settings, adaptive=on)) for on in (False, True))
     assert np.array_equal(plain.image, adaptive.image)
+
+
+def sunk_box():
+    """Return a floor and a box whose lower fifth is beneath it, under an even sky."""
+    atlas = Atlas(160)
+    floor = block(atlas, (-1, -1, -0.4), (1, 1, 0), "Floor")
+    box = block(atlas, (-0.33, -0.29, -0.11), (0.31, 0.37, 0.47), "Box")
+    return scene_of([floor, box], reflectance=0.6, world=np.ones(3, np.float32))
+
+
+def test_patches_inside_of_things_and_outside_are_not_one(graphics, compute):
+    parts = subdivide(graphics, compute, sunk_box(), Settings(resolution=160))
+    rays = RayScene(compute, parts)
+    dark = np.zeros((len(parts.patches), 3), np.float32)
+    leader = leaders(rays, parts, dark, WIDTH)
+    center, radius = parts.geometry.center + parts.triangles.origin, 0.2
+    on_floor = np.abs(center[:, 2]) < 1e-4
+    inside = on_floor & (np.abs(center[:, :2] - (-0.01, 0.04)).max(axis=1) < radius)
+    outside = on_floor & (np.abs(center[:, :2]).max(axis=1) > 0.4)
+    assert inside.sum() > 30 and outside.sum() > 300
+    beneath = (center[:, 2] < -0.02) & (np.abs(center[:, :2]).max(axis=1) < 0.4)
+    above = (center[:, 2] > 0.02) & (center[:, 2] < 0.4)
+    for one, other in ((inside, outside), (beneath, above)):
+        assert not np.intersect1d(leader[one], leader[other]).size
+
+
+def test_light_at_the_foot_of_a_sunk_box_is_that_without_groups():
+    if not Compute().processor:
+        pytest.skip("graphics cards gather for every patch")
+    settings = Settings(
+        resolution=160, samples=512, visibility="rays", texel_samples=1, hide_seams=False, intermediates=False
+    )
+    scene = sunk_box()
+    plain, adaptive = (drive(scene, replace(settings, adaptive=on)) for on in (False, True))
+    lit = plain.has_patch & plain.known
+    assert "with more rays each" in adaptive.report.reasons[0]
+    assert np.array_equal(lit, adaptive.has_patch & adaptive.known)
+    off = np.abs(adaptive.image - plain.image)[lit] / plain.image[lit].mean()
+    assert np.quantile(off, 0.999) < 0.1

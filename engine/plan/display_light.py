@@ -204,11 +204,34 @@ def _nothing(*reasons: str) -> DisplayLight:
 def _as_seen(what: DisplayJob, settled: np.ndarray, hidden: np.ndarray) -> np.ndarray:
     """Return E/pi, (m, 3 g) float32, of the patches that send light out, as the samples see it.
 
-    hidden: (n,) bool, patches that nobody sees; a group is hidden if the patch that it is, is
+    hidden: (n,) bool, patches that nobody sees
     """
-    sending, entries = what.solved.parts.patches, what.job.parts.texel_to_patch
-    own = entries.reshape(len(entries), -1)[sending.atlas, sending.texel] - 1
-    return _seen_beside_hidden(what.solved.parts, settled, hidden[own])
+    if what.solved is what.job:
+        return _seen_beside_hidden(what.job.parts, settled, hidden)
+    patches, entries = what.job.parts.patches, what.solved.parts.texel_to_patch
+    group = entries.reshape(len(entries), -1)[patches.atlas, patches.texel].astype(np.int64) - 1
+    return _groups_beside_hidden(what.job.parts, group, settled, hidden)
+
+
+def _groups_beside_hidden(
+    parts: Subdivision, group: np.ndarray, light: np.ndarray, hidden: np.ndarray
+) -> np.ndarray:
+    """Return light of groups of patches, (m, 3 g) float32, of which those with hidden ones have other light.
+
+    It is the mean of that of visible patches and of what hidden ones at their border have from beside them:
+    of a group nothing farther from its border is seen.
+
+    group: (n,) int64, of each patch; hidden: (n,) bool
+    """
+    of_patches = _seen_beside_hidden(parts, light[group], hidden)
+    changed = np.zeros(len(light), bool)
+    changed[group[hidden]] = True
+    seen = np.flatnonzero(changed[group] & of_patches.any(axis=1))
+    number = np.bincount(group[seen], minlength=len(light))[changed]
+    sums = [np.bincount(group[seen], column, len(light))[changed] for column in of_patches[seen].T]
+    result = light.copy()
+    result[changed] = np.stack(sums, axis=1) / np.maximum(number, 1)[:, None]
+    return result
 
 
 def _radiance(solved: SolveJob, settled: np.ndarray) -> cl.Buffer:

@@ -23,12 +23,44 @@ from .worker_owner import owner, poll_idle
 _SLICE = 0.03
 
 
-class HEMIBAKE_OT_bake(bpy.types.Operator):
+class ModalBake:
+    """What the operators share whose bake goes on in a window: Bake and Live.
+
+    _window, _follow  the WindowBake that `invoke` makes, and what works on it for a short time
+    cancelled         what the user is told who cancels
+    """
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if self._window.wants_to_cancel(context, event):
+            self.cancel(context)
+            self.report({"INFO"}, self.cancelled)
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        try:
+            return self._follow(context)
+        except EngineError as error:
+            if self._window.cancel(keep_images=True):
+                push_undo(self.bl_label)
+            refuse(self, error)
+            return {"CANCELLED"}
+        except BaseException:
+            log(traceback.format_exc())
+            self.cancel(context)
+            raise
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Cancel what the window follows; Blender calls this when a window closes or a file is opened."""
+        self._window.cancel()
+
+
+class HEMIBAKE_OT_bake(ModalBake, bpy.types.Operator):
     """Bake the light that the visible objects receive into their lightmaps"""
 
     bl_idname = "hemibake.bake"
     bl_label = "Bake Lightmaps"
     bl_options = {"UNDO"}
+    cancelled = "Bake cancelled"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -57,49 +89,26 @@ class HEMIBAKE_OT_bake(bpy.types.Operator):
         last_failure.forget()
         warm_up()
         run = Run(context, owner.bake_in_worker(), made_uvs=lambda: push_undo("Make Lightmap UVs"))
-        self._bake = WindowBake(context, run)
+        self._window = WindowBake(context, run)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if self._bake.wants_to_cancel(context, event):
-            self.cancel(context)
-            self.report({"INFO"}, "Bake cancelled")
-            return {"CANCELLED"}
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}
-        try:
-            return self._follow(context)
-        except EngineError as error:
-            if self._bake.cancel(keep_images=True):
-                push_undo()
-            refuse(self, error)
-            return {"CANCELLED"}
-        except BaseException:
-            log(traceback.format_exc())
-            self.cancel(context)
-            raise
-
-    def cancel(self, context: bpy.types.Context) -> None:
-        """Leave everything as it was before the bake; Blender calls this when a window closes."""
-        self._bake.cancel()
-
     def _follow(self, context: bpy.types.Context) -> set[str]:
         """Work, or take what the worker has to say, for a short time."""
-        self._bake.wake()
+        self._window.wake()
         limit = time.perf_counter() + _SLICE
         while time.perf_counter() < limit:
             try:
-                progress = self._bake.run.step()
+                progress = self._window.run.step()
             except StopIteration as end:
-                report = self._bake.run.finish(end.value)
-                self._bake.leave()
+                report = self._window.run.finish(end.value)
+                self._window.leave()
                 restart_renders(context.window_manager)
-                tell_report(self, report, self._bake.run.failure)
+                tell_report(self, report, self._window.run.failure)
                 return {"FINISHED"}
             if progress is None:
                 break
-            self._bake.show(context, progress)
+            self._window.show(context, progress)
         return {"PASS_THROUGH"}
 
 

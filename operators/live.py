@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import time
-import traceback
 from contextlib import suppress
 
 import bpy
 
 from ..engine.errors import EngineError
-from .bake import push_undo, refuse, tell_report
+from .bake import ModalBake, push_undo, tell_report
 from .last_bake import last_failure
 from .live_run import RESTING, LiveRun
-from .log import log
 from .result.preview import show_preview, shows_preview
 from .viewports import restart_renders, show_materials
 from .warm_up import warm_up
@@ -38,6 +36,10 @@ class WindowLive(WindowBake):
         """What the status bar says of it."""
         return "The Live button ends it" if self.following else super().how_to_end
 
+    def wants_to_cancel(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
+        """Return whether a user cancels the first bake: later Live ends by itself, once it is `unwanted`."""
+        return not self.following and super().wants_to_cancel(context, event)
+
     def cancel(self, keep_images: bool = False) -> bool:
         """Give the window back; the lightmaps that were finished last are stored, if there are any."""
         self.leave()
@@ -48,12 +50,13 @@ class WindowLive(WindowBake):
         return self.run.cancel(keep_images)
 
 
-class HEMIBAKE_OT_live(bpy.types.Operator):
+class HEMIBAKE_OT_live(ModalBake, bpy.types.Operator):
     """Bake, show the lightmaps, and let them follow lights, materials, objects and the world until it ends"""
 
     bl_idname = "hemibake.live"
     bl_label = "Live"
     bl_options = {"UNDO"}
+    cancelled = "Live cancelled"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -71,36 +74,13 @@ class HEMIBAKE_OT_live(bpy.types.Operator):
         last_failure.forget()
         warm_up()
         run = LiveRun(context, made_uvs=lambda: push_undo("Make Lightmap UVs"))
-        self._live = WindowLive(context, run, QUICK)
+        self._window = WindowLive(context, run, QUICK)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if not self._live.following and self._live.wants_to_cancel(context, event):
-            self._live.cancel()
-            self.report({"INFO"}, "Live cancelled")
-            return {"CANCELLED"}
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}
-        try:
-            return self._follow(context)
-        except EngineError as error:
-            if self._live.cancel(keep_images=True):
-                push_undo(self.bl_label)
-            refuse(self, error)
-            return {"CANCELLED"}
-        except BaseException:
-            log(traceback.format_exc())
-            self.cancel(context)
-            raise
-
-    def cancel(self, context: bpy.types.Context) -> None:
-        """End; Blender calls this when a window closes or another file is opened."""
-        self._live.cancel()
-
     def _follow(self, context: bpy.types.Context) -> set[str]:
         """Work, or take what the worker has to say, for a short time."""
-        live, limit = self._live, time.perf_counter() + _SLICE
+        live, limit = self._window, time.perf_counter() + _SLICE
         live.wake()
         live.run.ending = live.unwanted
         if live.unwanted and live.following and live.run.settled:
@@ -121,20 +101,20 @@ class HEMIBAKE_OT_live(bpy.types.Operator):
 
     def _begin_to_follow(self, context: bpy.types.Context, report: dict) -> None:
         """Show the lightmaps of the first bake; an undo step knows all that was made for them."""
-        tell_report(self, report, self._live.run.failure)
+        tell_report(self, report, self._window.run.failure)
         if not shows_preview(context.scene):
             show_preview(context.scene, context.evaluated_depsgraph_get())
             show_materials(context)
         push_undo(self.bl_label)
         restart_renders(context.window_manager)
-        self._live.show(context, RESTING)
+        self._window.show(context, RESTING)
 
     def _end(self, context: bpy.types.Context) -> set[str]:
         """Store the lightmaps, and leave the scene as after a bake."""
-        report = self._live.run.keep()
-        self._live.leave()
+        report = self._window.run.keep()
+        self._window.leave()
         restart_renders(context.window_manager)
-        tell_report(self, report, self._live.run.failure)
+        tell_report(self, report, self._window.run.failure)
         return {"FINISHED"}
 
 

@@ -12,16 +12,21 @@ from .machines import find_machine
 from .pictures import write_picture
 from .window import Window
 
-#: Builds the room of the pictures.
-ROOM = Path(__file__).parents[2] / "examples" / "cornell_box.py"
+#: The room of the pictures.
+_ROOM = Path(__file__).parents[2] / "examples" / "cornell_box.py"
 
 #: Builds the room in place of the default scene.
-_BUILD = """
+BUILD_ROOM = f"""
+SOURCE = {_ROOM.read_text(encoding="utf-8")!r}
 for obj in list(bpy.data.objects):
     bpy.data.objects.remove(obj)
-room = {"__name__": "room"}
+room = {{"__name__": "room"}}
 exec(compile(SOURCE, "cornell_box.py", "exec"), room)
 room["build"]()
+"""
+
+#: Starts to bake it.
+_BAKE = """
 bpy.context.scene.hemibake.resolution = 192
 with bpy.context.temp_override(**view3d()):
     bpy.ops.hemibake.bake("INVOKE_DEFAULT")
@@ -55,7 +60,7 @@ def main() -> None:
     parser.add_argument("picture", type=Path, help="PNG file to write")
     options = parser.parse_args()
     with Window(find_machine(), options.package) as window:
-        window.run(f"SOURCE = {ROOM.read_text(encoding='utf-8')!r}\n{_BUILD}")
+        window.run(BUILD_ROOM + _BAKE)
         window.wait_for("bpy.context.scene.hemibake.report")
         window.run(_SHOW)
         write_picture(window.still_picture(), options.picture)

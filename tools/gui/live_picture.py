@@ -10,19 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from .docs_picture import ROOM
+from .docs_picture import BUILD_ROOM
 from .machines import find_machine
 from .pictures import write_picture
 from .window import Window
 
-#: Builds the room with a lamp in place of the default scene, and starts Live.
-_BUILD = """
-import sys
-for obj in list(bpy.data.objects):
-    bpy.data.objects.remove(obj)
-room = {"__name__": "room"}
-exec(compile(SOURCE, "cornell_box.py", "exec"), room)
-room["build"]()
+#: Adds a lamp to the room, and starts Live.
+_START = """
 scene, view = bpy.context.scene, view3d()
 shine = bpy.data.materials["Light"].node_tree.nodes["Principled BSDF"]
 shine.inputs["Emission Strength"].default_value = 3
@@ -64,7 +58,7 @@ def main() -> None:
     parser.add_argument("picture", type=Path, help="PNG file to write")
     options = parser.parse_args()
     with Window(find_machine(), options.package) as window:
-        window.run(f"SOURCE = {ROOM.read_text(encoding='utf-8')!r}\n{_BUILD}")
+        window.run(BUILD_ROOM + _START)
         window.wait_for(f"{_RUNNING}.following")
         frames = [_frame(window)]
         for change in _CHANGES:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tools.verification.scenes import lamp, material, world
-from tools.verification.texel_scenes import block
+from tools.verification.scenes import material, world
+from tools.verification.texel_scenes import block, thin_wall
 
 
 @dataclass(frozen=True)
@@ -90,11 +90,7 @@ def shining_lamp() -> Contacts:
 @scene
 def wall() -> Contacts:
     """The lit side of a wall of 2 cm on one floor."""
-    grey = material("Grey")
-    block("Room", (0, 0, 0), (1.6, 0.8, 0.8), grey, inside=True)
-    block("Wall", (0.81, -0.03, -0.03), (0.83, 0.83, 0.83), grey)
-    for position, energy in (((0.4, 0.4, 0.5), 20), ((1.3, 0.4, 0.7), 0.5)):
-        lamp("POINT", position, energy=energy, shadow_soft_size=0.02)
+    thin_wall()
     return Contacts(128, (_line("Room", (0.81, 0.1, 0), (0.81, 0.7, 0), (-1, 0, 0)),))
 
 

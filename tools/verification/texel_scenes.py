@@ -39,11 +39,7 @@ def scene(function: Callable[[], View]) -> Callable[[], View]:
 @scene
 def leak() -> View:
     """A wall of 2 cm between a lit and a dim half of a room, seen from the dim one; texels of 4 cm."""
-    grey = material("Grey")
-    block("Room", (0, 0, 0), (1.6, 0.8, 0.8), grey, inside=True)
-    block("Wall", (0.81, -0.03, -0.03), (0.83, 0.83, 0.83), grey)
-    for position, energy in (((0.4, 0.4, 0.5), 20), ((1.3, 0.4, 0.7), 0.5)):
-        lamp("POINT", position, energy=energy, shadow_soft_size=0.02)
+    thin_wall()
     aim((1.5, 0.72, 0.7), (0.84, 0.3, 0.02))
     return View(128, exposure=2.2)
 
@@ -98,6 +94,15 @@ def make_diffuse() -> None:
                     for link in list(node.inputs[name].links):
                         surface.node_tree.links.remove(link)
                     node.inputs[name].default_value = 0
+
+
+def thin_wall() -> None:
+    """Add a wall of 2 cm between a lit and a dim half of a room."""
+    grey = material("Grey")
+    block("Room", (0, 0, 0), (1.6, 0.8, 0.8), grey, inside=True)
+    block("Wall", (0.81, -0.03, -0.03), (0.83, 0.83, 0.83), grey)
+    for position, energy in (((0.4, 0.4, 0.5), 20), ((1.3, 0.4, 0.7), 0.5)):
+        lamp("POINT", position, energy=energy, shadow_soft_size=0.02)
 
 
 def block(name: str, low, high, surface: bpy.types.Material, inside: bool = False) -> bpy.types.Object:

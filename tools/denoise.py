@@ -1,17 +1,25 @@
-"""Measures what Denoise does to the error of lightmaps, in four scenes, and writes a picture of one.
+"""Measures what Denoise does to the error of lightmaps, in four scenes, and makes a picture of one.
 
-    python tools/denoise.py --scenes FOLDER [--only NAME ...] [--out out/denoise] [--page docs/quality.md]
+    python tools/denoise.py --scenes FOLDER [--only NAME ...] [--page docs/quality.md]
+    python tools/denoise.py --picture docs/quality/denoise.png
 
-The truth is the mean of bakes with 1,024 rays a patch and 256 to each light. An error is the RMSE of texels
-that are not filled, relative to their mean. FOLDER holds house.glb, with an HDRI, and living_room.blend.
-With --page the table between the two marks of that file is replaced, and the picture is written beside it.
+Lightmaps have the settings of the preset Draft, but for the numbers of rays that the table names: of a patch, and
+to each light. The truth is the mean of bakes with 1,024 rays a patch and 256 to each light. An error is the RMSE
+of texels that are not filled, relative to their mean, without → with Denoise; beside it is the processor time
+of the bake with it. FOLDER holds house.glb, with an HDRI, and living_room.blend. With --page the rows of the
+scenes that were measured are replaced in the table between the two marks of that file.
+
+The picture shows the Cornell box by a lightmap of Draft without and with Denoise, and by Cycles.
 """
 
 from __future__ import annotations
 
 import argparse
 import importlib
+import runpy
 import sys
+import tempfile
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,53 +29,58 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT), str(ROOT / "examples")]
 
 from tools.headless import MODULE, blender, load, quiet_stdout  # noqa: E402
-from tools.page_table import replace_table, table_row  # noqa: E402
+from tools.page_table import replace_rows, table_row  # noqa: E402
 
 _MARKS = ("<!-- denoise: made by tools/denoise.py -->", "<!-- end of denoise -->")
 
-#: Rays of a patch, with those to each light, that are measured; the first is that of the table's times.
-_RAYS = {64: 16, 32: 16, 16: 16}
+#: Rays of a patch, and those to each light.
+_RAYS = ((64, 16), (64, 32), (64, 64), (16, 16))
 
-_TITLES = ("scene", "texels", *(f"{rays} rays" for rays in _RAYS), "s for bounces", "s to denoise")
+_TITLES = ("scene", "texels", *(f"{rays} + {light_rays} rays" for rays, light_rays in _RAYS), "measured")
 
 #: Settings of the bakes whose mean is the truth.
-_TRUTH = {"samples": 1024, "light_samples": 256}
+_TRUTH = {"samples": 1024, "light_samples": 256, "tolerance": 1e-3}
 
-#: Names of the scenes: of a tool's or of a folder's.
-_SCENES = ("cornell", "sphere", "house", "living_room")
+#: A tool's scenes or a folder's, with the width of their lightmaps, texels.
+_SCENES = {
+    "cornell": ("cornell", 192), "sphere": ("sphere", 192), "living_room": ("living_room", 192),
+    "house": ("house", 192), "house, 512 x 512": ("house", 512),
+}  # fmt: skip
 
-#: Of which scene a picture is made, the part of the width that it shows, and the pixels of a texel.
-_PICTURE, _PART, _ENLARGED = "cornell", 0.5, 3
+#: Size of a view of the picture, pixels, samples of a pixel of a lightmap and of Cycles', and exposure.
+_SIZE, _SHOWN, _TRUE, _EXPOSURE = (300, 300), 16, 512, 0.6
 
 
 def main() -> None:
-    """Bake every scene with and without Denoise."""
+    """Bake every scene with and without Denoise, or make the picture."""
     options = parse()
     with blender():
-        options.out.mkdir(parents=True, exist_ok=True)
-        lines = []
+        if options.picture:
+            _write_picture(options.picture)
+            return
+        rows = []
         for name in options.only or _SCENES:
-            lines.append(_line(name, options))
-            print(lines[-1], flush=True)
-    if options.page:
-        replace_table(options.page, _MARKS, _TITLES, lines)
+            rows.append(_row(name, options))
+            print(rows[-1], flush=True)
+            if options.page:
+                replace_rows(options.page, _MARKS, _TITLES, rows)
 
 
 def parse() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--scenes", type=Path, required=True, help="folder with scenes")
-    parser.add_argument("--only", nargs="+", choices=_SCENES, help="names of scenes")
-    parser.add_argument("--resolution", type=int, default=256, help="of the lightmaps, texels")
-    parser.add_argument("--bakes", type=int, default=8, help="whose mean is the truth")
-    parser.add_argument("--out", type=Path, default=ROOT / "out" / "denoise", help="folder of the picture")
-    parser.add_argument("--page", type=Path, help="page whose table is replaced")
+    parser.add_argument("--scenes", type=Path, help="folder with scenes")
+    parser.add_argument("--only", nargs="+", choices=list(_SCENES), help="names of scenes")
+    parser.add_argument("--bakes", type=int, default=4, help="whose mean is the truth")
+    parser.add_argument("--page", type=Path, help="page whose rows are replaced")
+    parser.add_argument("--picture", type=Path, help="file of the picture")
     options = parser.parse_args()
-    options.out = options.out.resolve()
+    if not options.picture and not options.scenes:
+        parser.error("--scenes names the folder with scenes.")
     return options
 
 
 def _build(name: str, folder: Path) -> None:
-    """Build or open a scene in an empty file."""
+    """Build or open a scene in an empty file, with the settings of Draft."""
     import bpy
 
     from tools.verification import scenes, seam_scenes
@@ -78,43 +91,46 @@ def _build(name: str, folder: Path) -> None:
         importlib.import_module("cornell_box").build()
     else:
         (scenes.SCENES | seam_scenes.SCENES)[name]()
+    runpy.run_path(str(ROOT / "presets" / "bake" / "draft.py"))
 
 
-def _line(name: str, options: argparse.Namespace) -> str:
-    """Bake a scene; return its line of the table."""
+def _row(title: str, options: argparse.Namespace) -> str:
+    """Bake a scene; return its row of the table."""
     import bpy
 
     from tools.verification.run import read_for_bake
 
+    name, resolution = _SCENES[title]
     with quiet_stdout():
         _build(name, options.scenes)
-        bpy.context.scene.hemibake.resolution = options.resolution
+        bpy.context.scene.hemibake.resolution = resolution
         read, settings = read_for_bake(bpy.context)
-    settings = replace(settings, visibility="rays", intermediates=False)
+    settings = replace(settings, visibility="rays", intermediates=False, denoise=False)
     truth = _truth(read.scene, settings, options.bakes)
-    figures, pairs = [], []
-    for rays, light_rays in _RAYS.items():
+    cells = []
+    for rays, light_rays in _RAYS:
         noisy = replace(settings, samples=rays, light_samples=light_rays, seed=4711)
-        pairs.append([_baked(read.scene, replace(noisy, denoise=on)) for on in (False, True)])
-        figures.append(" → ".join(f"{_error(lightmap, truth):.2%}" for lightmap in pairs[-1]))
-    plain, quiet = pairs[0]
-    if name == _PICTURE:
-        _write_picture([plain.display, quiet.display, truth], options.out / f"denoise_{name}.png")
-    times = plain.report.seconds["hemicubes"], quiet.report.seconds["denoising"]
-    return table_row(name, f"{plain.known.sum():,}", *figures, *(f"{seconds:.2f}" for seconds in times))
+        (plain, _), (quiet, seconds) = (
+            _baked(read.scene, replace(noisy, denoise=on)) for on in (False, True)
+        )
+        cells.append(f"{_error(plain, truth):.2%} → {_error(quiet, truth):.2%}, {seconds:.1f} s")
+    return table_row(title, f"{plain.known.sum():,}", *cells, time.strftime("%Y-%m-%d"))
 
 
 def _truth(scene, settings, count: int) -> np.ndarray:
     """Return the light without noise, as lightmaps show it: the mean of `count` bakes."""
-    bakes = (_baked(scene, replace(settings, seed=seed, **_TRUTH)) for seed in range(count))
+    bakes = (_baked(scene, replace(settings, seed=seed, **_TRUTH))[0] for seed in range(count))
     return sum(lightmap.display.astype(np.float64) for lightmap in bakes) / count
 
 
 def _baked(scene, settings):
-    """Return the lightmap of an engine's scene, from the worker as in a window."""
-    owner = importlib.import_module(f"{MODULE}.operators.worker_owner").owner
-    progress = importlib.import_module(f"{MODULE}.engine.progress")
-    return progress.finished(owner.bake_in_worker()(scene, settings))
+    """Return the lightmap of an engine's scene, and the processor time that it took, s."""
+    engine = importlib.import_module(f"{MODULE}.engine")
+    began = time.process_time()
+    lightmap = engine.finished(engine.bake(scene, settings))
+    for warning in lightmap.report.warnings:
+        print(warning, file=sys.stderr)
+    return lightmap, time.process_time() - began
 
 
 def _error(lightmap, truth: np.ndarray) -> float:
@@ -123,14 +139,29 @@ def _error(lightmap, truth: np.ndarray) -> float:
     return float(np.sqrt(np.mean((lightmap.display[lightmap.known] - exact) ** 2)) / exact.mean())
 
 
-def _write_picture(lightmaps: list[np.ndarray], path: Path) -> None:
-    """Write a corner of some lightmaps beside each other, equally exposed."""
-    width = int(_PART * lightmaps[0].shape[1])
-    corners = [lightmap[0, :width, :width] for lightmap in lightmaps]
-    pixels = np.concatenate(corners, axis=1).repeat(_ENLARGED, axis=0).repeat(_ENLARGED, axis=1)
-    pictures = load("operators.command_line.pictures")
-    with quiet_stdout():
-        pictures.write_png(pictures.exposed(pixels), path)
+def _write_picture(path: Path) -> None:
+    """Write views of the Cornell box beside each other."""
+    views = [_view(changed) for changed in ({"denoise": False}, {"denoise": True}, None)]
+    load("operators.command_line.pictures").write_png(np.concatenate(views, axis=1), path.resolve())
+
+
+def _view(changed: dict | None) -> np.ndarray:
+    """Return a view of the Cornell box, (h, w, 3) sRGB, by a lightmap of changed settings; None by Cycles."""
+    import bpy
+
+    from tools.verification.renders import render
+
+    with quiet_stdout(), tempfile.TemporaryDirectory() as folder:
+        _build("cornell", ROOT)
+        if changed is None:
+            return render(_SIZE, _TRUE, _EXPOSURE)
+        settings = bpy.context.scene.hemibake
+        settings.resolution, settings.directory = _SCENES["cornell"][1], folder
+        for setting, value in changed.items():
+            setattr(settings, setting, value)
+        bpy.ops.hemibake.bake()
+        bpy.ops.hemibake.preview()
+        return render(_SIZE, _SHOWN, _EXPOSURE)
 
 
 if __name__ == "__main__":

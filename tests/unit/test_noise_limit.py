@@ -26,7 +26,16 @@ def test_noise_is_taken_and_a_detail_of_a_narrow_chart_stays(light):
     before, after = changed(0.02, light)
     before[[7, 1803]] = 1.3 * light
     share = share_of_noise(before, after, charts())
-    assert share[1803] == 0 and np.delete(share, 1803).min() == 1
+    assert share[1803] == 0 and np.delete(share, 1803).min() > 0.7 and share[:1800].min() == 1
+
+
+def test_changes_of_a_small_chart_that_noise_does_not_explain_stay_in_the_main():
+    """Three standard deviations in each texel of it: a filter that takes its details for noise."""
+    before, after = changed(0.02)
+    before[1800:] = 1 + 0.06 * (-1) ** np.arange(40)
+    share = share_of_noise(before, after, charts())
+    assert (share[:1800] == 1).all()
+    assert share[1800:] == pytest.approx(1 / 9, rel=0.15)
 
 
 def test_among_narrow_charts_alone_what_is_far_above_the_median_is_detail():
@@ -35,7 +44,7 @@ def test_among_narrow_charts_alone_what_is_far_above_the_median_is_detail():
     before, after = (values[:1260] for values in changed(0.02))
     before[100:103] = 0.6, 0.9, 1.5
     share = share_of_noise(before, after, TexelCharts(known))
-    assert share[100] == share[102] == 0 and 0 < share[101] <= 1 and share.mean() > 0.99
+    assert share[100] == share[102] == 0 and 0 < share[101] <= 1 and share.mean() > 0.95
 
 
 def test_no_change_and_black_are_no_noise_to_take():

@@ -3,11 +3,12 @@
     python tools/denoise.py --scenes FOLDER [--only NAME ...] [--page docs/quality.md]
     python tools/denoise.py --picture docs/quality/denoise.png
 
-Lightmaps have the settings of the preset Draft, but for the numbers of rays that the table names: of a patch, and
-to each light. The truth is the mean of bakes with 1,024 rays a patch and 256 to each light. An error is the RMSE
-of texels that are not filled, relative to their mean, without → with Denoise; beside it is the processor time
-of the bake with it. FOLDER holds house.glb, with an HDRI, and living_room.blend. With --page the rows of the
-scenes that were measured are replaced in the table between the two marks of that file.
+Lightmaps have the settings of the preset Draft, but for the numbers of rays that the table names: of a
+patch, and to each light. The truth is the mean of bakes with 1,024 rays a patch and 256 to each light.
+An error is the RMSE of texels that are not filled, relative to their mean, without → with Denoise;
+beside it is the processor time of the bake with it. FOLDER holds house.glb, with an HDRI, and
+living_room.blend. With --page the rows of the scenes that were measured are replaced in the table
+between the two marks of that file.
 
 The picture shows the Cornell box by a lightmap of Draft without and with Denoise, and by Cycles.
 """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import defaultdict
 from collections.abc import Sequence
 from typing import Any
@@ -20,18 +21,21 @@ from engine.plan.stages import BakeStages, Extent
 class ProfiledCompute(Compute):
     """A Compute whose queue takes the time of every kernel.
 
-    events  (name, event) of every kernel that was started
+    events             (name, event) of every kernel that was started
+    processor_seconds  what kernels took of this process's processors, s, by name; only where a processor
+                       computes: each is waited for
     """
 
     def __init__(self, cache_dir: str | None = None) -> None:
         super().__init__(cache_dir)
         self.queue = cl.CommandQueue(self.context, properties=cl.command_queue_properties.PROFILING_ENABLE)
         self.events: list[tuple[str, cl.Event]] = []
+        self.processor_seconds: dict[str, float] = defaultdict(float)
 
     def kernels(self, source: str | Sequence[str], *names: str, options: Sequence[str] = ()) -> list:
         """Return kernels that note their events."""
         made = super().kernels(source, *names, options=options)
-        return [_Noted(kernel, name, self.events) for kernel, name in zip(made, names, strict=True)]
+        return [_Noted(self, kernel, name) for kernel, name in zip(made, names, strict=True)]
 
     def seconds(self, name: str) -> float:
         """Return the time that all runs of a kernel took."""
@@ -50,13 +54,17 @@ class ProfiledCompute(Compute):
 
 
 class _Noted:
-    def __init__(self, kernel: Kernel, name: str, events: list) -> None:
-        self._kernel, self._name, self._events = kernel, name, events
+    def __init__(self, compute: ProfiledCompute, kernel: Kernel, name: str) -> None:
+        self._compute, self._kernel, self._name = compute, kernel, name
         self.group = kernel.group
 
     def __call__(self, *arguments: Any, **options: Any) -> cl.Event:
+        began = time.process_time()
         event = self._kernel(*arguments, **options)
-        self._events.append((self._name, event))
+        self._compute.events.append((self._name, event))
+        if self._compute.processor:
+            event.wait()
+            self._compute.processor_seconds[self._name] += time.process_time() - began
         return event
 
 

@@ -26,6 +26,13 @@ _WARM_UP = 1.0
 @contextmanager
 def solving(scene: Scene, settings: Settings, compute: Compute | None = None) -> Iterator[tuple]:
     """Give a Solver, what was chosen for it and the number of patches; they see all that emits."""
+    with solve_job(scene, settings, compute) as job:
+        yield *choose_solver(job)[:2], job.count
+
+
+@contextmanager
+def solve_job(scene: Scene, settings: Settings, compute: Compute | None = None) -> Iterator[SolveJob]:
+    """Give what a Solver is made for; patches see all that emits."""
     graphics = Graphics()
     try:
         compute = compute or Compute()
@@ -33,8 +40,7 @@ def solving(scene: Scene, settings: Settings, compute: Compute | None = None) ->
         emission, sky, rays = parts.surfaces.emission, whole_sky(scene.world), RayScene(compute, parts)
         dark = np.zeros_like(emission)
         area = parts.geometry.area
-        job = SolveJob(graphics, compute, parts, rays, emission, sky, dark, area, settings)
-        yield *choose_solver(job)[:2], len(emission)
+        yield SolveJob(graphics, compute, parts, rays, emission, sky, dark, area, settings)
     finally:
         graphics.release()
 

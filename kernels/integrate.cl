@@ -8,10 +8,10 @@
 __kernel void multiply(__global const float4 *hemicubes, __global const float *multiplier,
                        __global const Frame *frames, __global float4 *workspace,
                        __global const float4 *sky, const int sky_width, const int sky_height,
-                       const int width, const int height, const int n)
+                       const int width, const int height, const int layers, const int n)
 {
     const int x = get_global_id(0), y = get_global_id(1), layer = get_global_id(2);
-    if (x >= width || y >= height)
+    if (x >= width || y >= height || layer >= layers)
         return;
     const size_t texel = ((size_t)layer * height + y) * width + x;
     const int columns = width / n, rows = height / (3 * n);
@@ -30,10 +30,11 @@ __kernel void multiply(__global const float4 *hemicubes, __global const float *m
 }
 
 // One work item adds up one column of one hemicube: 3n rows become a single row.
-__kernel void reduce_row(__global const float4 *workspace, __global float4 *rows, const int width, const int n)
+__kernel void reduce_row(__global const float4 *workspace, __global float4 *rows, const int width,
+                         const int hemicube_rows, const int n)
 {
     const int x = get_global_id(0), hemicube_row = get_global_id(1);
-    if (x >= width)
+    if (x >= width || hemicube_row >= hemicube_rows)
         return;
     __global const float4 *column = workspace + (size_t)hemicube_row * 3 * n * width + x;
     float4 sum = (float4)(0.0f);

@@ -10,14 +10,15 @@ import pyopencl as cl
 
 from ..errors import DeviceError
 from .kernel import Kernel
-from .program_cache import ProgramCache, build
+from .program_cache import ProgramCache, build, device_digest
 from .record import Record
 from .shared_buffers import SharedBuffers
 from .source import kernel_source
 from .starters import keep_starters_in_memory
+from .work_sizes import ON_PROCESSOR, KeptWorkSizes, WorkSizes
 
-#: Work items of a group on a GPU, and of a group whose items have nothing to do with each other.
-_GROUP = _ITEMS = 64
+#: Work items of a group whose items have nothing to do with each other.
+_ITEMS = 64
 
 #: Files of kernels/ and records, one after another.
 Source = tuple[str | Record, ...]
@@ -31,6 +32,8 @@ class Compute:
     cache_dir, opencl_device  see `Settings`
     context_of                makes the context of a device
     shared                    what is uploaded once for several users
+    default_sizes             shapes of the groups of the hot kernels on such a device
+    work_sizes                the same as kept for this one, which may be others
 
     Raises DeviceError if there is no device that can build kernels.
     """
@@ -51,6 +54,12 @@ class Compute:
         self._programs = ProgramCache(self.context, None if self._caches_programs else cache_dir)
         self.queue = cl.CommandQueue(self.context)
         self.name = self.device.name.strip()
+        self.default_sizes = ON_PROCESSOR if self.processor else WorkSizes()
+        self.work_sizes = self.kept_sizes(cache_dir).read(self.default_sizes)
+
+    def kept_sizes(self, cache_dir: str | None) -> KeptWorkSizes:
+        """Return the shapes that a folder keeps for this device."""
+        return KeptWorkSizes(cache_dir, f"{self.name}, {device_digest(self.device)}")
 
     @property
     def processor(self) -> bool:
@@ -64,11 +73,6 @@ class Compute:
         Asked for the binary of a program it builds all kernels a second time, for groups of any size.
         """
         return bool(self.device.platform.name == "Portable Computing Language")
-
-    @property
-    def group(self) -> int:
-        """Work items that work on one patch, where a kernel can run in groups of this size."""
-        return 1 if self.processor else _GROUP
 
     def kernels(self, source: str | Source, *names: str, options: Sequence[str] = ()) -> list[Kernel]:
         """Build kernels/<source>, or several files and records one after another.

@@ -40,7 +40,7 @@ class Devices:
     @property
     def on_card(self) -> bool:
         """True if a graphics card computes, False if a processor does."""
-        return self.compute is not None and self.compute.group > 1
+        return self.compute is not None and not self.compute.processor
 
     @contextmanager
     def failures_told(self) -> Iterator[None]:

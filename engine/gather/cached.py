@@ -33,7 +33,7 @@ class _Gather:
 
     def gather(self, rows: Rows, static_light: cl.Buffer, light: Light, column: int) -> None:
         """Gather for the patches whose samples these are."""
-        (group,) = self._gather.group(self._compute.group)
+        (group,) = self._gather.group(*self._compute.work_sizes.gather)
         self._gather(
             self._queue, (group * (rows.last - rows.first),), (group,),
             rows.cache, self._multiplier, light.radiance, static_light, *light.outputs(column),

@@ -50,7 +50,7 @@ class _Gather:
 
     def gather(self, rows: Rows, static_light: cl.Buffer, *outputs: object) -> None:
         """Gather for the receivers whose samples these are; outputs as `sweep.Light` has them."""
-        (group,) = self._gather.group(self._compute.group)
+        (group,) = self._gather.group(*self._compute.work_sizes.gather)
         self._gather(
             self._compute.queue, (group * (rows.last - rows.first),), (group,),
             rows.cache, self._multiplier, self._radiance, static_light, *outputs,

@@ -13,10 +13,6 @@ from ..visibility.raster.tiles import Tiles
 from ..visibility.views.hemicube import multiplier_map
 from ..visibility.views.viewpoints import FRAME, frame_records
 
-#: Work-group shapes of the paper, V.C, where the device can run them; the last is (hemicube width, 1).
-_MULTIPLY_GROUP = (32, 16, 1)
-_REDUCE_ROW_GROUP = (32, 1)
-
 
 class HemicubeIntegrator:
     """Integrates a texture array of hemicubes into one value each."""
@@ -37,9 +33,10 @@ class HemicubeIntegrator:
         self._sky_size = np.int32(sky.shape[1]), np.int32(sky.shape[0])
         self._sky = upload_float4(compute, sky.reshape(-1, 3))
         self._irradiance = cl.Buffer(compute.context, flags.WRITE_ONLY, 16 * tiles.capacity)
-        self._multiply_group = self._multiply.group(*_MULTIPLY_GROUP)
-        self._reduce_row_group = self._reduce_row.group(*_REDUCE_ROW_GROUP)
-        self._reduce_column_group = self._reduce_column.group(tiles.n)
+        sizes = compute.work_sizes
+        self._multiply_group = self._multiply.group(*sizes.multiply)
+        self._reduce_row_group = self._reduce_row.group(*sizes.reduce_row)
+        self._reduce_column_group = self._reduce_column.group(min(tiles.n, *sizes.reduce_column))
         self._columns = cl.LocalMemory(16 * self._reduce_column_group[0])
 
     def integrate(self, hemicubes: cl.Buffer, frames: np.ndarray) -> np.ndarray:
@@ -60,14 +57,14 @@ class HemicubeIntegrator:
             _rounded_up((tiles.width, tiles.height, layers), self._multiply_group),
             self._multiply_group,
             hemicubes, self._multiplier, self._frames, self._workspace,
-            self._sky, *self._sky_size, width, height, n,
+            self._sky, *self._sky_size, width, height, np.int32(layers), n,
         )  # fmt: skip
         hemicube_rows = layers * tiles.rows
         self._reduce_row(
             self._queue,
             _rounded_up((tiles.width, hemicube_rows), self._reduce_row_group),
             self._reduce_row_group,
-            self._workspace, self._rows, width, n,
+            self._workspace, self._rows, width, np.int32(hemicube_rows), n,
         )  # fmt: skip
         self._reduce_column(
             self._queue,

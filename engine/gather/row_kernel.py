@@ -56,7 +56,7 @@ class RowKernel:
 
     def run(self, rows: Rows, *arguments: object) -> Generator[float, None, None]:
         """Sum over rows, with the kernel's other arguments; yield the fraction done."""
-        queue, (group,) = self._compute.queue, self._kernel.group(self._compute.group)
+        queue, (group,) = self._compute.queue, self._kernel.group(*self._compute.work_sizes.gather)
 
         def launch(start: int, end: int) -> None:
             self._kernel(

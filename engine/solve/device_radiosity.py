@@ -67,7 +67,7 @@ class DeviceRadiosity:
             begin, self.count, self._emission, self._reflectance, self._irradiance, self.radiance,
             np.int32(self.count),
         )  # fmt: skip
-        kind = 0 if compute.group > 1 else 1
+        kind = int(compute.processor)
         self._items, self._adding = _ITEMS[kind], self._add_up.group(_ADDING[kind])[0]
 
         # Sums of kernels/solve.cl: a product for each pair of columns, and three more; a balance has no more.

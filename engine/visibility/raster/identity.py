@@ -62,7 +62,7 @@ class RasterIdentity:
     def _keep(self, start: int, end: int, frames: np.ndarray, seen: SeenBuffers) -> None:
         """Move the hemicubes that were drawn into the cache."""
         records = upload(self._compute, frame_records(frames))
-        (group,), surroundings = self._resolve.group(self._compute.group), self._surroundings
+        (group,), surroundings = self._resolve.group(*self._compute.work_sizes.look), self._surroundings
         self._resolve(
             self._queue, (group * (end - start),), (group,),
             self._copy.update(), self._weights, records,

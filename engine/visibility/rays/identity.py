@@ -92,7 +92,7 @@ class RayIdentity:
 
     def _run(self, kernel: Kernel, first: int, last: int, outputs: tuple) -> Generator[float, None, None]:
         """Run a kernel over patches first ... last, slice by slice, one work group for each patch."""
-        (group,) = kernel.group(self._compute.group)
+        (group,) = kernel.group(*self._compute.work_sizes.look)
         partial = cl.LocalMemory(16 * group)
 
         def launch(start: int, end: int) -> None:

@@ -1,0 +1,81 @@
+"""Work-group shapes of the kernels that take most of a bake (paper, V.C), and those kept for a device."""
+
+from __future__ import annotations
+
+import json
+from contextlib import suppress
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class WorkSizes:
+    """Work items along each axis of a group, powers of two; a device that cannot run so many halves them.
+
+    look           items that find together what a patch sees
+    gather         items that sum together what a patch has kept
+    multiply       the paper's first kernel: texels along x and y, and layers
+    reduce_row     its second: columns, and rows of hemicubes
+    reduce_column  its third: the most items, of the columns of a hemicube
+    """
+
+    look: tuple[int] = (64,)
+    gather: tuple[int] = (64,)
+    multiply: tuple[int, int, int] = (32, 16, 1)
+    reduce_row: tuple[int, int] = (32, 1)
+    reduce_column: tuple[int] = (256,)
+
+
+#: A processor runs the items of a group one after the other.
+ON_PROCESSOR = WorkSizes(look=(1,), gather=(1,))
+
+
+class KeptWorkSizes:
+    """The shapes that were found best for a device, in a file; one that is damaged is as good as none.
+
+    folder  of the file; None for no file
+    device  a name for the device and its driver
+    """
+
+    def __init__(self, folder: str | None, device: str) -> None:
+        self._path = None if folder is None else Path(folder) / "work_sizes.json"
+        self._device = device
+
+    def read(self, default: WorkSizes) -> WorkSizes:
+        """Return the shapes of the device, those of `default` where none are kept."""
+        with suppress(AttributeError, TypeError, ValueError):
+            return WorkSizes(**asdict(default) | _checked(self._known().get(self._device, {})))
+        return default
+
+    def keep(self, best: WorkSizes, default: WorkSizes) -> None:
+        """Keep the shapes that differ from the default; raises OSError if the file cannot be written."""
+        if self._path is None:
+            return
+        usual, known = asdict(default), self._known()
+        known[self._device] = {name: side for name, side in asdict(best).items() if side != usual[name]}
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        partial = self._path.with_suffix(".partial")
+        partial.write_text(json.dumps(known, indent=1), encoding="utf-8")
+        partial.replace(self._path)
+
+    def _known(self) -> dict[str, dict]:
+        """Return the shapes that the file has, by device."""
+        with suppress(OSError, ValueError):
+            if self._path is not None:
+                known = json.loads(self._path.read_text(encoding="utf-8"))
+                return known if isinstance(known, dict) else {}
+        return {}
+
+
+def _checked(kept: dict) -> dict[str, tuple[int, ...]]:
+    """Return shapes by kernel; raises AttributeError, TypeError or ValueError for what is none."""
+    axes = {field.name: len(field.default) for field in fields(WorkSizes)}
+    for name, sides in kept.items():
+        if len(sides) != axes.get(name) or not all(type(side) is int and _is_size(side) for side in sides):
+            raise ValueError(f"{name} has no shape {sides}")
+    return {name: tuple(sides) for name, sides in kept.items()}
+
+
+def _is_size(side: int) -> bool:
+    """Return True for powers of two that OpenCL devices may run."""
+    return 1 <= side <= 1024 and side & (side - 1) == 0

@@ -1,8 +1,9 @@
-"""Write the tables of docs/paper.md that come from stored results: work sizes (V.C).
+"""Write the tables of docs/paper.md that come from stored results: work sizes (V.C), frameworks (VI.C).
 
 python -m tools.paper_tables
 
-Each device has a file benchmarks/results/work_sizes-DEVICE.json, made by benchmarks/work_sizes.py --out.
+Each device has files benchmarks/results/work_sizes-DEVICE.json and frameworks-DEVICE.json: what
+benchmarks/work_sizes.py and benchmarks/frameworks/comparison.py store with --out.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ def main() -> None:
     """Replace what is between the marks of each table."""
     text = _PAGE.read_text(encoding="utf-8")
     text = between(text, "work sizes", work_sizes_table(stored("work_sizes")))
+    text = between(text, "frameworks", frameworks_table(stored("frameworks")))
     _PAGE.write_text(text, encoding="utf-8")
 
 
@@ -49,6 +51,31 @@ def work_sizes_table(results: list[dict[str, Any]]) -> str:
             rows.append(table_row(device, f"`{kernel}`", f"**{usual}: {at_first:.3g}**", told))
     titles = ("device", "kernel", "usual shape: ms", "other shapes: ms")
     return "\n".join([table_row(*titles), "|---" * len(titles) + "|", *rows])
+
+
+def frameworks_table(results: list[dict[str, Any]]) -> str:
+    """Return a table with a row for each device and framework, those that are missing too."""
+    rows = []
+    for result in results:
+        for name, found in result["frameworks"].items():
+            if "missing" in found:
+                device = result["machine"]["opencl"]["device"]
+                rows.append(table_row(device, f"{name}: {found['missing']}", *["–"] * 7))
+                continue
+            starts = [_digits(1e6 * found[what]) for what in ("start", "start_and_wait", "wait")]
+            integrate, gather = found["integrate"], found["gather"]
+            sums = (integrate["copy_in"], integrate["kernel"], gather["kernel"])
+            out = _digits(1e6 * gather["copy_out"])
+            rows.append(table_row(found["device"], name, *starts, *(_digits(1e3 * s) for s in sums), out))
+    titles = (
+        "device", "framework", "start, µs", "start and wait, µs", "wait for nothing, µs",
+        "copy hemicubes in, ms", "integrate, ms", "gather, ms", "copy result out, µs",
+    )  # fmt: skip
+    return "\n".join([table_row(*titles), "|---" * len(titles) + "|", *rows])
+
+
+def _digits(value: float) -> str:
+    return f"{value:.3g}"
 
 
 if __name__ == "__main__":

@@ -44,8 +44,6 @@ def _explained(times: np.ndarray, counts: np.ndarray, charts: TexelCharts) -> np
     times   (k,) float32, changes of texels in standard deviations of the noise
     counts  (k,) bool, texels that tell
     """
-    squares, number = (
-        np.bincount(charts.number, values, len(charts.size)) for values in (times**2, counts)
-    )
+    squares, number = (np.bincount(charts.number, values, len(charts.size)) for values in (times**2, counts))
     explained: np.ndarray = np.minimum(number / np.maximum(squares, 1e-30), 1)
     return np.where(number > 0, explained, 1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from contextlib import suppress
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 
@@ -69,7 +69,7 @@ class KeptWorkSizes:
 
 def _checked(kept: dict) -> dict[str, tuple[int, ...]]:
     """Return shapes by kernel; raises AttributeError, TypeError or ValueError for what is none."""
-    axes = {field.name: len(field.default) for field in fields(WorkSizes)}
+    axes = {name: len(sides) for name, sides in asdict(WorkSizes()).items()}
     for name, sides in kept.items():
         if len(sides) != axes.get(name) or not all(type(side) is int and _is_size(side) for side in sides):
             raise ValueError(f"{name} has no shape {sides}")

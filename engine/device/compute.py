@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
+from functools import cached_property
 
 import numpy as np
 import pyopencl as cl
@@ -14,11 +15,15 @@ from .program_cache import ProgramCache, build, device_digest
 from .record import Record
 from .shared_buffers import SharedBuffers
 from .source import kernel_source
+from .staging import Staging
 from .starters import keep_starters_in_memory
 from .work_sizes import ON_PROCESSOR, KeptWorkSizes, WorkSizes
 
 #: Work items of a group whose items have nothing to do with each other.
 _ITEMS = 64
+
+#: Least size of arrays that travel through page-locked memory, bytes.
+_STAGED = 1 << 17
 
 #: Files of kernels/ and records, one after another.
 Source = tuple[str | Record, ...]
@@ -65,6 +70,15 @@ class Compute:
     def processor(self) -> bool:
         """True for a CPU, which runs the items of a group one after the other."""
         return bool(self.device.type & cl.device_type.CPU)
+
+    @cached_property
+    def staging(self) -> Staging:
+        """What large arrays travel through."""
+        return Staging(self.queue)
+
+    def stages(self, size: int) -> bool:
+        """Return whether an array of `size` bytes travels by `staging`: a large one, not to a CPU."""
+        return size >= _STAGED and not self.processor
 
     @property
     def _caches_programs(self) -> bool:

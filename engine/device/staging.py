@@ -1,0 +1,77 @@
+"""Page-locked memory, through which arrays travel to a graphics card and back."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyopencl as cl
+
+#: Chunks of page-locked memory, and the size of each, bytes: one is filled while the others are on their way.
+_CHUNKS, _CHUNK = 4, 1 << 22
+
+
+class Staging:
+    """Copies between arrays and buffers by way of page-locked chunks.
+
+        array --host--> | chunk | chunk | chunk | chunk | --card, meanwhile--> buffer
+
+    A driver that is given other memory copies it into chunks of its own, and the host waits for all.
+
+    queue  in order
+    """
+
+    def __init__(self, queue: cl.CommandQueue) -> None:
+        self._queue = queue
+        flags = cl.mem_flags.READ_WRITE | cl.mem_flags.ALLOC_HOST_PTR
+        access = cl.map_flags.READ | cl.map_flags.WRITE
+        self._locked = [cl.Buffer(queue.context, flags, _CHUNK) for _ in range(_CHUNKS)]
+        self._chunks = [
+            cl.enqueue_map_buffer(queue, locked, access, 0, (_CHUNK,), np.uint8)[0] for locked in self._locked
+        ]
+        self._copies: list[cl.Event | None] = [None] * _CHUNKS
+        self._next = 0
+
+    def write(self, buffer: cl.Buffer, values: np.ndarray) -> None:
+        """Fill a buffer with the bits of a contiguous array, which may change once this returns."""
+        source = values.reshape(-1).view(np.uint8)
+        for first in range(0, len(source), _CHUNK):
+            part = source[first : first + _CHUNK]
+            slot = self._free()
+            chunk = self._chunks[slot][: len(part)]
+            chunk[:] = part
+            self._copies[slot] = cl.enqueue_copy(
+                self._queue, buffer, chunk, dst_offset=first, is_blocking=False
+            )
+        self._queue.flush()
+
+    def read(self, buffer: cl.Buffer, values: np.ndarray, first: int = 0) -> None:
+        """Fill a contiguous array with a buffer's bits from the byte `first` on, once all before is done."""
+        target = values.reshape(-1).view(np.uint8)
+        waiting: list[tuple[int, np.ndarray]] = []
+        for start in range(0, len(target), _CHUNK):
+            if len(waiting) == _CHUNKS:
+                self._arrive(*waiting.pop(0))
+            part = target[start : start + _CHUNK]
+            slot = self._free()
+            chunk = self._chunks[slot][: len(part)]
+            self._copies[slot] = cl.enqueue_copy(
+                self._queue, chunk, buffer, src_offset=first + start, is_blocking=False
+            )
+            waiting.append((slot, part))
+        for arrival in waiting:
+            self._arrive(*arrival)
+
+    def _free(self) -> int:
+        """Return the chunk that was taken longest ago, once what was copied through it has arrived."""
+        slot, self._next = self._next, (self._next + 1) % _CHUNKS
+        self._wait(slot)
+        return slot
+
+    def _arrive(self, slot: int, part: np.ndarray) -> None:
+        """Take what was copied into a chunk out of it."""
+        self._wait(slot)
+        part[:] = self._chunks[slot][: len(part)]
+
+    def _wait(self, slot: int) -> None:
+        copy, self._copies[slot] = self._copies[slot], None
+        if copy is not None:
+            copy.wait()

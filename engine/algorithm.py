@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
+from concurrent.futures import Future
 from contextlib import closing
 from dataclasses import replace
 
@@ -19,6 +20,7 @@ from .finish.store import LightmapStore
 from .lightmap import Lightmap, Report
 from .patches.areas import surface_areas
 from .patches.occluders import place_occluders
+from .patches.seams import Seams
 from .patches.subdivision import Subdivision
 from .plan.choice import Choice
 from .plan.choose import choose_solver
@@ -94,6 +96,7 @@ def _bake(
     parts = kept.subdivide(graphics, compute, scene, settings)
     check_patch_count(len(parts.patches))
     store = LightmapStore(parts.patches, len(atlases), settings.dilation, compute)
+    seams = kept.seams(parts, len(atlases)) if settings.hide_seams else None
     yield stages.listed(parts.surfaces.reflectance)
 
     # Lamps, small bright surfaces and bright sky are sampled with shadow rays (direct light). The room
@@ -136,7 +139,7 @@ def _bake(
     # Images without noise and seams, and with dilated charts (VI.B).
     _refine(store, lit, channel_sum(solution.irradiance))
     denoising = Denoising(store.known, settings)
-    passes = yield from _finished(stages, store, denoising, settings, parts, made, lit)
+    passes = yield from _finished(stages, store, denoising, settings, parts, seams, made, lit)
     warnings = (*notes, *parts.warnings, *lighting.warnings, *lit.warnings, *denoising.warnings)
     choice = replace(choice, reasons=(*choice.reasons, *lit.reasons, *denoising.reasons))
     facts = (settings, choice, len(parts.patches), stages.seconds, devices, warnings)
@@ -227,13 +230,15 @@ def _finished(
     denoising: Denoising,
     settings: Settings,
     parts: Subdivision,
+    seams: Future[Seams] | None,
     made: dict[str, np.ndarray],
     lit: DisplayLight,
 ) -> Generator[Progress, None, dict[str, np.ndarray]]:
     """Return the images to keep, (atlases, r, r, 3) float32, by name.
 
-    made  of each output the values of the patches
-    lit   of the samples of texels
+    seams  to hide
+    made   of each output the values of the patches
+    lit    of the samples of texels
     """
     shown: dict[str, np.ndarray] = {}
     if settings.denoise:
@@ -241,8 +246,8 @@ def _finished(
         normals = store.texels(parts.geometry.normal, lit.normals)
         shown |= yield from stages.run(stages.denoising, _quiet(denoising, shown, normals))
     yield stages.begin(stages.images)
-    if settings.hide_seams:
-        store.hide_seams(parts.triangles)
+    if seams:
+        store.hide_seams(parts.triangles, seams.result())
     passes = {
         name: store.final(shown[name]) if name in shown else store.finished(values, lit.values.get(name))
         for name, values in made.items()

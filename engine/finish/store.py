@@ -9,6 +9,7 @@ from ..device.buffers import upload
 from ..device.compute import Compute
 from ..direct.contact import NearFaces
 from ..patches.patch_list import PatchList
+from ..patches.seams import Seams
 from ..scene.triangles import Triangles
 from .device_display import DeviceDisplay
 from .device_fill import DeviceFill
@@ -17,7 +18,6 @@ from .dilation import Dilation
 from .display_fit import DisplayFit
 from .display_samples import no_samples
 from .lightmap_points import LightmapPoints, thin_patches
-from .seam_sides import display_seams
 from .texel_means import TexelMeans
 from .wall_fit import WallFit
 
@@ -90,9 +90,8 @@ class LightmapStore:
         """Let texels beside thin walls show what these part."""
         self._walls = walls
 
-    def hide_seams(self, triangles: Triangles) -> None:
-        """Find the seams between charts of a scene: `final` images show the same on both sides."""
-        seams = display_seams(triangles, len(self.has_patch), self._patches.resolution)
+    def hide_seams(self, triangles: Triangles, seams: Seams) -> None:
+        """Let `final` images show the same on both sides of the seams between charts of a scene."""
         centres, beside = self._light_points(triangles)
         where = centres, beside, seams, self.has_patch, self._rings
         self._fit = DisplayFit(*where) if self._compute is None else DeviceDisplay(self._compute, *where)

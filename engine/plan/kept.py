@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import fields, replace
 from pathlib import Path
 
 from ..device.compute import Compute
 from ..device.graphics import Graphics
+from ..finish.seam_sides import display_seams
 from ..gather.kept_samples import KeptSamples
 from ..patches.patch_list import PatchList
+from ..patches.seams import Seams
 from ..patches.subdivision import Subdivision, subdivide
 from ..patches.surfaces import patch_surfaces
 from ..resume.checkpoint import Checkpoints
@@ -48,6 +51,7 @@ class Kept:
     checkpoints: Checkpoints
     _parts: Subdivision | None
     _rays: RayScene | None
+    _seams: Future[Seams] | None
 
     def __init__(self) -> None:
         self.key = None
@@ -57,7 +61,7 @@ class Kept:
 
     def clear(self) -> None:
         """Drop everything."""
-        self._parts = self._rays = self.samples = None
+        self._parts = self._rays = self._seams = self.samples = None
 
     def subdivide(
         self, graphics: Graphics, compute: Compute | None, scene: Scene, settings: Settings
@@ -82,6 +86,14 @@ class Kept:
         if self._rays is None:
             self._rays = RayScene(compute, parts)
         return self._rays
+
+    def seams(self, parts: Subdivision, atlases: int) -> Future[Seams]:
+        """Begin to find the seams of the first `atlases` lightmaps, in a thread beside the devices."""
+        if self._seams is None:
+            thread = ThreadPoolExecutor(1, "seams")
+            self._seams = thread.submit(display_seams, parts.triangles, atlases, parts.patches.resolution)
+            thread.shutdown(wait=False)
+        return self._seams
 
     def light_on(self, patches: PatchList, settings: Settings) -> LastLight | None:
         """Return the light of the last bake on patches for a warm start; None without one."""

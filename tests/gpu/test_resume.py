@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from engine import Lightmap, Settings, bake, finished
+from engine.device import slices
 from engine.errors import WorkerError
 from engine.gather import kept_samples
 from engine.plan import solve_job
+from engine.resume import writing_time
 from engine.worker.worker import Worker
 from tests.gpu.test_kept import ROOM, assert_same, coloured, lamp
 
@@ -55,8 +57,13 @@ def files(folder) -> list:
 
 @pytest.fixture
 def pieces(monkeypatch):
-    """Let caches have several pieces, of which no length divides the other."""
+    """Let caches have several pieces, of which no length divides the other.
+
+    On any device they are found in several slices, and written however little time these take.
+    """
     monkeypatch.setattr(kept_samples, "_PIECE", 311 * 264)
+    monkeypatch.setattr(slices, "_SLICE", 0)
+    monkeypatch.setattr(writing_time, "_SHARE", 1000)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -74,8 +81,8 @@ def test_a_bake_cancelled_in_its_bounces_goes_on(tmp_path, kind, pieces):
 def test_a_bake_cancelled_while_looking_goes_on(tmp_path, kind, pieces):
     settings = dataclasses.replace(SETTINGS, **KINDS[kind])
     cached = dataclasses.replace(settings, cache_dir=str(tmp_path))
-    slices = itertools.count()
-    looked = lambda progress: bool(files(tmp_path)) and next(slices) == 1  # noqa: E731
+    steps = itertools.count()
+    looked = lambda progress: bool(files(tmp_path)) and next(steps) == 1  # noqa: E731
     assert interrupted(cached, looked)
     resumed = finished(bake(ROOM, cached))
     (sentence,) = went_on(resumed)

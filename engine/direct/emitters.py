@@ -12,6 +12,7 @@ from ..patches.geometry import PatchGeometry
 from ..patches.surfaces import PatchSurfaces
 from ..scene.model import Light
 from ..scene.triangles import Triangles
+from ..segment_sums import segment_sums
 from ..visibility.rays.receivers import RECEIVER_SOURCE
 from .modulation import MODULATION_SOURCE, is_modulated
 
@@ -130,8 +131,8 @@ def _mean_radiance(
     glowing: triangle and emission of the patches that emit.
     """
     (triangle, shining), patches = glowing, geometry.on_triangle
-    total = [np.bincount(triangle, channel, len(patches)) for channel in shining.T]
-    mean: np.ndarray = np.stack(total, axis=1) / np.maximum(patches, 1)[:, None]
+    total = segment_sums(shining, triangle, len(patches))
+    mean: np.ndarray = total / np.maximum(patches, 1)[:, None]
 
     # The patch that the middle of a triangle without patches shows.
     alone, resolution = np.flatnonzero(patches == 0), texel_to_patch.shape[-1]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..segment_sums import segment_sums
 from ..unwrap.adjacency import components
 
 #: Root mean square of a chart's light, in parts of its mean, up to which it is even.
@@ -40,8 +41,7 @@ class TexelCharts:
 
     def _means(self, values: np.ndarray) -> np.ndarray:
         """Return the mean of values, (k, 3), of each chart, (c, 3) float64; 1 where that is 0."""
-        sums = [np.bincount(self.number, channel, len(self.size)) for channel in values.T]
-        means = np.stack(sums, axis=1) / self.size[:, None]
+        means = segment_sums(values, self.number, len(self.size)) / self.size[:, None]
         return np.where(means > 0, means, 1)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..segment_sums import segment_sums
 from .display_samples import DisplaySamples
 
 
@@ -29,7 +30,6 @@ class TexelMeans:
 
     def of(self, values: np.ndarray) -> np.ndarray:
         """Return the mean of the samples' values, (s, 3) or (s,), in each of `texels`, (k, 3) float32."""
-        columns = (values if values.ndim == 2 else values[:, None])[self._chosen].T
-        sums = [np.bincount(self._texel, self._weight * column, len(self.texels)) for column in columns]
-        means = np.stack(sums, axis=1) / self._total[:, None]
+        weighted = self._weight[:, None] * values.reshape(len(values), -1)[self._chosen]
+        means = segment_sums(weighted, self._texel, len(self.texels)) / self._total[:, None]
         return np.broadcast_to(means, (len(means), 3)).astype(np.float32)

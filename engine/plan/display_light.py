@@ -33,6 +33,7 @@ from ..patches.subdivision import Subdivision
 from ..progress import part_of
 from ..scene.color import channel_sum
 from ..scene.model import Scene
+from ..segment_sums import segment_sums
 from ..settings import Settings
 from ..solve.solver import Solution
 from ..visibility.samples import ray_count
@@ -228,9 +229,9 @@ def _groups_beside_hidden(
     changed[group[hidden]] = True
     seen = np.flatnonzero(changed[group] & of_patches.any(axis=1))
     number = np.bincount(group[seen], minlength=len(light))[changed]
-    sums = [np.bincount(group[seen], column, len(light))[changed] for column in of_patches[seen].T]
+    sums = segment_sums(of_patches[seen], group[seen], len(light))[changed]
     result = light.copy()
-    result[changed] = np.stack(sums, axis=1) / np.maximum(number, 1)[:, None]
+    result[changed] = sums / np.maximum(number, 1)[:, None]
     return result
 
 

@@ -18,6 +18,7 @@ from ..direct.contact import patches_inside
 from ..patches.subdivision import Subdivision
 from ..patches.surfaces import PatchSurfaces
 from ..scene.color import channel_sum
+from ..segment_sums import segment_sums
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receivers import RECEIVER_SOURCE
 
@@ -60,9 +61,8 @@ class PatchGroups:
 
     def mean(self, values: np.ndarray) -> np.ndarray:
         """Return the mean over each square of the patches' values, (n, ...) -> (m, ...) float32."""
-        columns = values.reshape(len(values), -1).T
-        sums = [np.bincount(self.group, column, len(self._members)) for column in columns]
-        means: np.ndarray = np.stack(sums, axis=1) / self._members[:, None]
+        sums = segment_sums(values.reshape(len(values), -1), self.group, len(self._members))
+        means: np.ndarray = sums / self._members[:, None]
         return means.reshape(len(self._members), *values.shape[1:]).astype(np.float32)
 
 

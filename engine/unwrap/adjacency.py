@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..segment_sums import segment_sums
 from .polygon_mesh import PolygonMesh
 
 #: Vertices are one if they agree to this many parts of the mesh's size.
@@ -39,9 +40,7 @@ def weld(mesh: PolygonMesh) -> np.ndarray:
 
 def polygon_normals(mesh: PolygonMesh) -> np.ndarray:
     """Return the sum of the normals of each polygon's triangles, (p, 3) float64, twice its area long."""
-    count = len(mesh.starts) - 1
-    normals = triangle_normals(mesh)
-    return np.stack([np.bincount(mesh.polygon, axis, count) for axis in normals.T], axis=1)
+    return segment_sums(triangle_normals(mesh), mesh.polygon, len(mesh.starts) - 1)
 
 
 def triangle_normals(mesh: PolygonMesh) -> np.ndarray:

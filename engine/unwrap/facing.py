@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..segment_sums import segment_sums
 from .adjacency import Adjacency, components
 
 #: Polygons of a surface for which this is done, and of a part that is worth a chart.
@@ -62,8 +63,7 @@ def _cluster(normals: np.ndarray) -> np.ndarray:
     while True:
         for _ in range(_ROUNDS):
             nearest = (unit @ centres.T).argmax(axis=1)
-            sums = [np.bincount(nearest, axis, len(centres)) for axis in normals.T]
-            centres = _unit(np.stack(sums, axis=1))
+            centres = _unit(segment_sums(normals, nearest, len(centres)))
         cosine = (unit @ centres.T).max(axis=1)
         far = (cosine < _FAR) & (weight > 0)
         if len(centres) >= _DIRECTIONS or weight[far].sum() <= 0.01 * weight.sum():

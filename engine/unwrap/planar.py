@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..segment_sums import segment_sums
 from .adjacency import components, find_adjacency, polygon_normals, triangle_normals, weld
 from .coverage import doubly_covered
 from .cutting import USUAL
@@ -75,8 +76,7 @@ def project_flat(mesh: PolygonMesh, crease: float = USUAL.crease) -> PlanarChart
 
 def _mean_normals(normals: np.ndarray, part: np.ndarray) -> np.ndarray:
     """Return the mean normal of each part, (c, 3), of the normals of polygons, (p, 3)."""
-    count = part.max(initial=-1) + 1
-    mean = np.stack([np.bincount(part, axis, count) for axis in normals.T], axis=1)
+    mean = segment_sums(normals, part, part.max(initial=-1) + 1)
     return mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
 
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import sys
-import time
 import traceback
 
 import bpy
 
 from ..engine.errors import EngineError, WorkerError
+from ..engine.lightmap import Lightmap
 from .console import Console
 from .last_bake import last_failure, summary
 from .log import log
+from .modal import ModalOperator
 from .run import Run
 from .telling import tell
 from .viewports import restart_renders
@@ -19,39 +20,15 @@ from .warm_up import warm_up
 from .window_bake import WindowBake
 from .worker_owner import owner, poll_idle
 
-#: Longest time one timer event may take from the window, s.
-_SLICE = 0.03
 
+class ModalBake(ModalOperator):
+    """A bake that goes on in a window: Bake and Live. After an error the images that are done stay."""
 
-class ModalBake:
-    """What the operators share whose bake goes on in a window: Bake and Live.
-
-    _window, _follow  the WindowBake that `invoke` makes, and what works on it for a short time
-    cancelled         what the user is told who cancels
-    """
-
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if self._window.wants_to_cancel(context, event):
-            self.cancel(context)
-            self.report({"INFO"}, self.cancelled)
-            return {"CANCELLED"}
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}
-        try:
-            return self._follow(context)
-        except EngineError as error:
-            if self._window.cancel(keep_images=True):
-                push_undo(self.bl_label)
-            refuse(self, error)
-            return {"CANCELLED"}
-        except BaseException:
-            log(traceback.format_exc())
-            self.cancel(context)
-            raise
-
-    def cancel(self, context: bpy.types.Context) -> None:
-        """Cancel what the window follows; Blender calls this when a window closes or a file is opened."""
-        self._window.cancel()
+    def _failed(self, context: bpy.types.Context, error: EngineError) -> set[str]:
+        if self._window.cancel(keep_images=True):
+            push_undo(self.bl_label)
+        refuse(self, error)
+        return {"CANCELLED"}
 
 
 class HEMIBAKE_OT_bake(ModalBake, bpy.types.Operator):
@@ -93,23 +70,12 @@ class HEMIBAKE_OT_bake(ModalBake, bpy.types.Operator):
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
-    def _follow(self, context: bpy.types.Context) -> set[str]:
-        """Work, or take what the worker has to say, for a short time."""
-        self._window.wake()
-        limit = time.perf_counter() + _SLICE
-        while time.perf_counter() < limit:
-            try:
-                progress = self._window.run.step()
-            except StopIteration as end:
-                report = self._window.run.finish(end.value)
-                self._window.leave()
-                restart_renders(context.window_manager)
-                tell_report(self, report, self._window.run.failure)
-                return {"FINISHED"}
-            if progress is None:
-                break
-            self._window.show(context, progress)
-        return {"PASS_THROUGH"}
+    def _ended(self, context: bpy.types.Context, value: Lightmap) -> set[str]:
+        report = self._window.run.finish(value)
+        self._window.leave()
+        restart_renders(context.window_manager)
+        tell_report(self, report, self._window.run.failure)
+        return {"FINISHED"}
 
 
 def refuse(operator: bpy.types.Operator, error: EngineError | KeyboardInterrupt) -> None:

@@ -11,14 +11,12 @@ from ..engine.errors import EngineError
 from .bake import ModalBake, push_undo, tell_report
 from .last_bake import last_failure
 from .live_run import RESTING, LiveRun
+from .modal import SLICE
 from .result.preview import show_preview, shows_preview
 from .viewports import restart_renders, show_materials
 from .warm_up import warm_up
 from .window_bake import QUICK, WindowBake
 from .worker_owner import owner
-
-#: Longest time one timer event may take from the window, s.
-_SLICE = 0.03
 
 
 class WindowLive(WindowBake):
@@ -80,7 +78,7 @@ class HEMIBAKE_OT_live(ModalBake, bpy.types.Operator):
 
     def _follow(self, context: bpy.types.Context) -> set[str]:
         """Work, or take what the worker has to say, for a short time."""
-        live, limit = self._window, time.perf_counter() + _SLICE
+        live, limit = self._window, time.perf_counter() + SLICE
         live.wake()
         live.run.ending = live.unwanted
         if live.unwanted and live.following and live.run.settled:

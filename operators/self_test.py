@@ -13,13 +13,11 @@ from ..engine.self_test import Verdict, run_self_test
 from ..engine.unwrap.segmentation import has_xatlas
 from .bake_settings import machine_defaults
 from .log import log
+from .modal import ModalOperator
 from .scene.messages import WITHOUT_XATLAS
 from .telling import tell
 from .window_bake import WindowBake
 from .worker_owner import owner, poll_idle
-
-#: Longest time one timer event may take from the window, s.
-_SLICE = 0.03
 
 
 class LastTest:
@@ -56,6 +54,10 @@ class _Test:
     def __init__(self, job: Generator[Progress | None, None, Verdict]) -> None:
         self.job, self.start = job, time.perf_counter()
 
+    def step(self) -> Progress | None:
+        """Do a slice of it; raises StopIteration(Verdict) at the end."""
+        return next(self.job)
+
     def cancel(self, keep_images: bool = False) -> bool:
         """Stop it; there is nothing to keep."""
         self.job.close()
@@ -63,11 +65,12 @@ class _Test:
         return False
 
 
-class HEMIBAKE_OT_self_test(bpy.types.Operator):
+class HEMIBAKE_OT_self_test(ModalOperator, bpy.types.Operator):
     """Bake a small closed room whose light is known, and tell whether this machine gets it right"""
 
     bl_idname = "hemibake.self_test"
     bl_label = "Hemibake Self-Test"
+    cancelled = "Self-test cancelled"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -88,39 +91,13 @@ class HEMIBAKE_OT_self_test(bpy.types.Operator):
         last_test.begin()
         return {"RUNNING_MODAL"}
 
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if self._window.wants_to_cancel(context, event):
-            self.cancel(context)
-            return {"CANCELLED"}
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}
-        try:
-            return self._follow(context)
-        except EngineError as error:
-            self.cancel(context)
-            return self._wrong(error)
-        except BaseException:
-            self.cancel(context)
-            raise
+    def _ended(self, context: bpy.types.Context, value: Verdict) -> set[str]:
+        self._window.leave()
+        return self._right(value, self._window.run.start)
 
-    def cancel(self, context: bpy.types.Context) -> None:
-        """Stop the test; Blender calls this when a window closes."""
-        self._window.cancel()
-
-    def _follow(self, context: bpy.types.Context) -> set[str]:
-        """Take what the worker has to say for a short time."""
-        self._window.wake()
-        limit, test = time.perf_counter() + _SLICE, self._window.run
-        while time.perf_counter() < limit:
-            try:
-                progress = next(test.job)
-            except StopIteration as end:
-                self._window.leave()
-                return self._right(end.value, test.start)
-            if progress is None:
-                break
-            self._window.show(context, progress)
-        return {"PASS_THROUGH"}
+    def _failed(self, context: bpy.types.Context, error: EngineError) -> set[str]:
+        self.cancel(context)
+        return self._wrong(error)
 
     def _right(self, verdict: Verdict, start: float) -> set[str]:
         """Tell that all is well, and with what."""

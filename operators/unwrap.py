@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 
 import bpy
@@ -13,14 +12,12 @@ from ..engine.progress import Progress
 from .bake_settings import read_settings
 from .changes import Changes
 from .lightmap_size import chosen_width
+from .modal import ModalOperator
 from .scene import SceneContext, visible_meshes
 from .scene.uvs.unwrap import Anew, Made, unwrap_missing
 from .telling import tell
 from .window_bake import WindowBake
 from .worker_owner import poll_idle
-
-#: Longest time one timer event may take from the window, s.
-_SLICE = 0.03
 
 
 class Unwrapping:
@@ -63,8 +60,10 @@ class Unwrapping:
         return False
 
 
-class UnwrapOperator:
+class UnwrapOperator(ModalOperator):
     """What operators that make lightmap UVs have in common: modal in a window, blocking elsewhere."""
+
+    cancelled = "Unwrapping cancelled"
 
     def _start(self, context: bpy.types.Context) -> Unwrapping:
         """Return the work; raises EngineError."""
@@ -98,39 +97,13 @@ class UnwrapOperator:
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if self._window.wants_to_cancel(context, event):
-            self.cancel(context)
-            self.report({"INFO"}, "Unwrapping cancelled")
-            return {"CANCELLED"}
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}
-        try:
-            return self._follow(context)
-        except EngineError as error:
-            self.cancel(context)
-            return self._refuse(error)
-        except BaseException:
-            self.cancel(context)
-            raise
+    def _ended(self, context: bpy.types.Context, value: Made) -> set[str]:
+        self._window.leave()
+        return self._tell(value, self._window.run.count)
 
-    def cancel(self, context: bpy.types.Context) -> None:
-        """Leave everything as it was; Blender calls this when a window closes."""
-        self._window.cancel()
-
-    def _follow(self, context: bpy.types.Context) -> set[str]:
-        """Work for a short time."""
-        limit, run = time.perf_counter() + _SLICE, self._window.run
-        while time.perf_counter() < limit:
-            try:
-                progress = run.step()
-            except StopIteration as end:
-                self._window.leave()
-                return self._tell(end.value, run.count)
-            if progress is None:
-                break
-            self._window.show(context, progress)
-        return {"PASS_THROUGH"}
+    def _failed(self, context: bpy.types.Context, error: EngineError) -> set[str]:
+        self.cancel(context)
+        return self._refuse(error)
 
     def _refuse(self, error: EngineError) -> set[str]:
         tell(self, "ERROR", str(error))

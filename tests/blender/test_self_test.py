@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tests.blender.test_modal import ESCAPE, TIMER, Window, context, drive, window  # noqa: F401
+from tests.blender.test_modal import ESCAPE, TIMER, Window, context, drive, stand_in_for, window  # noqa: F401
 from tests.blender.things import furnace, part, snapshot
 from tools.headless import disable, enable
 
@@ -25,12 +25,7 @@ def log(empty_scene):
 
 @pytest.fixture
 def operator():
-    operator_class = part("operators.self_test").HEMIBAKE_OT_self_test
-    functions = {name: value for name, value in vars(operator_class).items() if callable(value)}
-    stand_in = type("StandIn", (), functions)()
-    stand_in.reports = []
-    stand_in.report = lambda kind, text: stand_in.reports.append((kind, text))
-    return stand_in
+    return stand_in_for(part("operators.self_test").HEMIBAKE_OT_self_test)
 
 
 def test_machine_that_works_is_right_and_nothing_changes(log):

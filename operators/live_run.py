@@ -19,7 +19,7 @@ from .live_watch import LiveWatch
 from .lookup import find_all
 from .result.preview import refresh_preview
 from .run import ATTEMPTS, Bake, Run, Steps, image_names
-from .scene import SceneChangedError, read_lamps, read_scene, visible_meshes
+from .scene import SceneChangedError, read_lamps, read_scene, store_edits, visible_meshes
 from .scene.uvs.uv_modifier import has_uvs
 from .worker_owner import owner
 
@@ -115,7 +115,7 @@ class LiveRun(Run):
             refresh_preview(
                 self._context.scene, self._context.evaluated_depsgraph_get(), self._watch.materials
             )
-            self._context.evaluated_depsgraph_get()
+            store_edits(self._context, self._baked())
         self._watch.clear()
         yield from self._settled_reading(self._reading if everything else self._reading_lamps)
         self._guessed = not everything
@@ -146,10 +146,12 @@ class LiveRun(Run):
 
     def _reading(self, hurried: bool) -> Steps:
         """Read the scene, with lightmaps for the objects that have lightmap UVs."""
-        context, layer = self._context, self._uv_layer
-        objects = [obj for obj in visible_meshes(context) if has_uvs(obj, layer)]
-        resolution = self._settings.resolution
-        self._read = yield from read_scene(context, objects, layer, resolution, (), owner.paces, hurried)
+        where = (self._context, self._baked(), self._uv_layer, self._settings.resolution)
+        self._read = yield from read_scene(*where, (), owner.paces, hurried, edits_stored=True)
+
+    def _baked(self) -> list[bpy.types.Object]:
+        """Return the objects that get a lightmap: those with lightmap UVs."""
+        return [obj for obj in visible_meshes(self._context) if has_uvs(obj, self._uv_layer)]
 
     def _reading_lamps(self, hurried: bool) -> Steps:
         """Read the lamps, and take all else as it was."""

@@ -1,9 +1,17 @@
 """Blender scene -> engine.Scene."""
 
 from .objects.visible import visible_meshes
-from .read import ReadScene, read_scene
+from .read import ReadScene, read_scene, store_edits
 from .read_lamps import read_lamps
 from .scene_context import SceneContext
 from .scene_watch import SceneChangedError
 
-__all__ = ["ReadScene", "SceneChangedError", "SceneContext", "read_lamps", "read_scene", "visible_meshes"]
+__all__ = [
+    "ReadScene",
+    "SceneChangedError",
+    "SceneContext",
+    "read_lamps",
+    "read_scene",
+    "store_edits",
+    "visible_meshes",
+]

@@ -93,6 +93,7 @@ def read_scene(
     earlier_notes: Sequence[str] = (),
     paces: dict[str, float] | None = None,
     hurried: bool = False,
+    edits_stored: bool = False,
 ) -> Generator[Progress | None, None, ReadScene]:
     """Read what the scene shows in slices, return it as an engine.Scene.
 
@@ -100,12 +101,13 @@ def read_scene(
              are occluders, unless they are to be ignored.
     paces    seconds that a unit of each stage took in earlier readings, by its name; this one adds to them
 
-    hurried  True for a reading in one piece, of a scene that changes all the time
+    hurried       True for a reading in one piece, of a scene that changes all the time
+    edits_stored  True after `store_edits`
 
     Raises SceneError, or SceneChangedError if the scene changes between two slices.
     """
-    for obj in objects:
-        obj.update_from_editmode()
+    if not edits_stored:
+        store_edits(context, objects)
     with SceneWatch(context, hurried) as watch:
         stages = ReadStages({} if paces is None else paces, watch.items)
         baked = {obj.session_uid for obj in objects}
@@ -116,6 +118,13 @@ def read_scene(
     read = yield from stages.follow(stages.joining, reading.joined())
     stages.learn()
     return read
+
+
+def store_edits(context: SceneContext, objects: Sequence[bpy.types.Object]) -> None:
+    """Let objects in Edit Mode have what was edited; who listens to changes is told of it, and only here."""
+    for obj in objects:
+        obj.update_from_editmode()
+    context.evaluated_depsgraph_get()
 
 
 class _SceneReading:

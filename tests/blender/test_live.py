@@ -348,3 +348,30 @@ def test_a_file_that_is_saved_has_the_light_that_is_shown(operator, context, win
 
     bpy.ops.hemibake.cancel()
     assert drive(operator, context) == {"FINISHED"} and image.packed_file is None
+
+
+def test_a_mesh_in_edit_mode_is_followed_and_settles(operator, context, window):  # noqa: F811
+    """Reading it stores what was edited, which Blender tells of as of a change."""
+    import bmesh
+    import bpy
+
+    room, _ = lit_room()
+    pillar = mesh_object(
+        "Pillar", np.array(CUBE) * [0.2, 0.2, 0.5] + [0.3, 0.3, 0.2], [f[::-1] for f in INWARD]
+    )
+    start(operator, context)
+    before = settle(operator, context).copy()
+    bpy.context.view_layer.objects.active = pillar
+    bpy.ops.object.mode_set(mode="EDIT")
+    try:
+        for vertex in bmesh.from_edit_mesh(pillar.data).verts:
+            vertex.co.z += 0.3
+        bmesh.update_edit_mesh(pillar.data)
+        moved = settle(operator, context).copy()
+        run = part("operators.worker_owner").owner.running.run
+        for _ in range(5):
+            operator.modal(context, TIMER)
+        assert run.settled and bpy.context.mode == "EDIT_MESH"
+        assert np.abs(moved - before).sum() > 0.01 * before.sum()
+    finally:
+        bpy.ops.object.mode_set(mode="OBJECT")

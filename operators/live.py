@@ -71,8 +71,7 @@ class HEMIBAKE_OT_live(ModalBake, bpy.types.Operator):
             return {"CANCELLED"}
         last_failure.forget()
         warm_up()
-        run = LiveRun(context, made_uvs=lambda: push_undo("Make Lightmap UVs"))
-        self._window = WindowLive(context, run, QUICK)
+        self._window = _window_live(context)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
@@ -81,6 +80,9 @@ class HEMIBAKE_OT_live(ModalBake, bpy.types.Operator):
         live, limit = self._window, time.perf_counter() + SLICE
         live.wake()
         live.run.ending = live.unwanted
+        if live.run.outdated and not live.unwanted:
+            self._begin_anew(context)
+            return {"PASS_THROUGH"}
         if live.unwanted and live.following and live.run.settled:
             return self._end(context)
         while time.perf_counter() < limit:
@@ -107,6 +109,13 @@ class HEMIBAKE_OT_live(ModalBake, bpy.types.Operator):
         restart_renders(context.window_manager)
         self._window.show(context, RESTING)
 
+    def _begin_anew(self, context: bpy.types.Context) -> None:
+        """Bake by the settings that somebody has chosen meanwhile, and follow the scene from there."""
+        self._window.run.keep()
+        self._window.leave()
+        push_undo(self.bl_label)
+        self._window = _window_live(context)
+
     def _end(self, context: bpy.types.Context) -> set[str]:
         """Store the lightmaps, and leave the scene as after a bake."""
         report = self._window.run.keep()
@@ -114,6 +123,12 @@ class HEMIBAKE_OT_live(ModalBake, bpy.types.Operator):
         restart_renders(context.window_manager)
         tell_report(self, report, self._window.run.failure)
         return {"FINISHED"}
+
+
+def _window_live(context: bpy.types.Context) -> WindowLive:
+    """Start Live in a window."""
+    run = LiveRun(context, made_uvs=lambda: push_undo("Make Lightmap UVs"))
+    return WindowLive(context, run, QUICK)
 
 
 def is_live() -> bool:

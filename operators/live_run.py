@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Generator
 from contextlib import suppress
 from dataclasses import replace
@@ -15,6 +16,7 @@ from ..engine.progress import Progress, finished
 from ..engine.scene.changes import changes_between
 from ..engine.scene.model import Scene
 from ..engine.settings import Settings
+from .bake_settings import read_settings
 from .live_watch import LiveWatch
 from .lookup import find_all
 from .result.preview import refresh_preview
@@ -26,6 +28,9 @@ from .worker_owner import owner
 #: What is shown while the worker has nothing to do.
 RESTING = Progress("Live", 1.0, 1.0)
 
+#: Time between two looks at the settings, s: they take a third of a millisecond.
+_LOOKS = 0.25
+
 #: Does what the engine does for a scene that is followed.
 _LIVE = "engine.session:live"
 
@@ -36,14 +41,16 @@ class LiveRun(Run):
     lightmap  what was finished last; None before the first bake has come to its end
     resting   True while the worker has nothing to do
     ending    True once changes are not taken over any more
+    outdated  True once somebody has chosen other settings than it has begun with
     """
 
     def __init__(self, context: bpy.types.Context, made_uvs: Callable[[], None] = lambda: None) -> None:
         super().__init__(context, self._first_bake, made_uvs=made_uvs)
-        self._watch = LiveWatch(self._context, self._store_shown, self._hold_pixels)
+        self._watch = LiveWatch(self._context, self._store_shown, self._has_stored)
         self._followed: Generator[Progress | Lightmap | None, None, None] | None = None
         self.lightmap: Lightmap | None = None
-        self.resting = self.ending = self._guessed = False
+        self.resting = self.ending = self.outdated = self._guessed = False
+        self._begun_with, self._next_look = self._chosen_settings(), 0.0
 
     def _chosen_target(self) -> str:
         """Return "ALL": a change may alter the light of everything."""
@@ -69,23 +76,38 @@ class LiveRun(Run):
         self._work = self._following()
         return report
 
-    def _hold_pixels(self, *_: object) -> None:
+    def _hold_pixels(self) -> None:
         """Pack the images: of those in files Cycles shows the files, not the pixels that follow the scene."""
         for image in find_all(bpy.data.images, self._images):
             if image.packed_file is None:
                 image.pack()
 
-    def _store_shown(self, *_: object) -> None:
-        """Store what was finished last, for a file that is about to be saved; see `_hold_pixels`."""
+    def _store_shown(self, path: str = "", *_: object) -> None:
+        """Store what was finished last, for a file that is about to be saved; see `_hold_pixels`.
+
+        path: of that file; under another name than before it has lightmaps of its own
+        """
         targets = find_all(bpy.data.images, self._images)
         if len(targets) == len(self._names):
             with suppress(EngineError):
+                if path and path != bpy.data.filepath:
+                    self._destination = self._destination_of(path)
                 self._store(targets, self._show_finished(self.lightmap), self.lightmap)
+
+    def _has_stored(self, path: str = "", *_: object) -> None:
+        """Go on after a file was saved; with the lightmaps of the file before, if it was but a copy."""
+        if path and path != bpy.data.filepath:
+            with suppress(EngineError):
+                self._destination = self._destination_of(bpy.data.filepath)
+        self._hold_pixels()
 
     def _following(self) -> Bake:
         """Take over what changes, and show what the worker makes of it."""
         while True:
-            if self._watch.changed and not self.ending:
+            if time.perf_counter() > self._next_look:
+                self.outdated = self._chosen_settings() != self._begun_with
+                self._next_look = time.perf_counter() + _LOOKS
+            if self._watch.changed and not self.ending and not self.outdated:
                 yield from self._send(self._watch.objects)
             elif self.resting and self._guessed:
                 yield from self._send(True)
@@ -100,6 +122,12 @@ class LiveRun(Run):
                 yield step
             else:
                 yield None
+
+    def _chosen_settings(self) -> tuple:
+        """Return what decides how the scene is baked; raises SettingsError."""
+        chosen = self._context.scene.hemibake
+        width = chosen.size_mode, chosen.texels_per_metre, chosen.largest_width
+        return read_settings(chosen), chosen.uv_layer, *width
 
     def _take(self, lightmap: Lightmap) -> None:
         """Take the finished lightmap of the scene that was sent last."""

@@ -31,7 +31,7 @@ from .lookup import find
 from .result import images
 from .result.clipping import clipping_notes
 from .result.contents import chosen_names, lightmap_contents
-from .result.destination import choose_destination
+from .result.destination import Destination, choose_destination
 from .result.directional_images import directional_kind
 from .result.kept_texels import KeptTexels
 from .run_stages import RunStages
@@ -188,18 +188,23 @@ class Run:
 
     def _choose_destination(self) -> None:
         """Decide where the lightmaps go, and see whether they can."""
-        scene = self._context.scene
-        properties, resolution = scene.hemibake, self._settings.resolution
         atlases, outputs = self._read.scene.atlases, output_names(self._read.scene, self._settings)
         self._names = image_names(atlases, outputs)
-        chosen = chosen_names(properties.file_name, scene, atlases, outputs, resolution)
-        formats = [chosen_format(properties).of(output) for output in outputs for _ in atlases]
-        self._destination = choose_destination(
-            scene, self._names, properties.directory, self._changes, formats, chosen
-        )
+        self._destination = self._destination_of(bpy.data.filepath)
         self._stages.expect(self._read.scene, self._settings, len(self._names))
         partial = self._target != "ALL"
         self._kept = KeptTexels(self._context, self._read, self._names, self._settings, partial)
+
+    def _destination_of(self, blend: str) -> Destination:
+        """Return where the lightmaps of a .blend at a path go; raises EngineError if they cannot."""
+        scene, read = self._context.scene, self._read.scene
+        properties, resolution = scene.hemibake, self._settings.resolution
+        atlases, outputs = read.atlases, output_names(read, self._settings)
+        chosen = chosen_names(properties.file_name, scene, atlases, outputs, resolution, blend)
+        formats = [chosen_format(properties).of(output) for output in outputs for _ in atlases]
+        return choose_destination(
+            scene, self._names, properties.directory, self._changes, formats, chosen, blend
+        )
 
     def _bake_without_overlaps(self) -> Bake:
         """Bake; start again without the objects whose charts lie on others'."""

@@ -35,14 +35,19 @@ def decoding(output: str) -> dict[str, str]:
 
 
 def chosen_names(
-    template: str, scene: bpy.types.Scene, atlases: Sequence[str], outputs: Sequence[str], resolution: int
+    template: str,
+    scene: bpy.types.Scene,
+    atlases: Sequence[str],
+    outputs: Sequence[str],
+    resolution: int,
+    blend: str,
 ) -> list[str]:
-    """Return the names that a person's template gives to the files of lightmaps, in the same order.
+    """Return the names that a person's template gives to the lightmaps of a .blend, in the same order.
 
     Raises SettingsError, see `names_by_template`; there are none without a template.
     """
     known = {
-        "file": Path(bpy.data.filepath).stem or "untitled",
+        "file": Path(blend).stem or "untitled",
         "scene": scene.name,
         "format": scene.hemibake.file_format,
         "resolution": str(resolution),

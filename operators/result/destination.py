@@ -54,6 +54,7 @@ def choose_destination(
     changes: Changes,
     formats: Sequence[FileFormat] = (),
     chosen: Sequence[str] = (),
+    blend: str | None = None,
 ) -> Destination:
     """Return where the lightmaps of a scene go; raises EngineError if they cannot be written there.
 
@@ -63,26 +64,28 @@ def choose_destination(
 
     formats  of each lightmap's files; OpenEXR without any
     chosen   names of a person's instead, without endings, all different: where one is taken is an error
+    blend    path of the .blend; None for what it is now, which saving it elsewhere changes
     """
+    blend = bpy.data.filepath if blend is None else blend
     formats = tuple(formats) or (PLAIN,) * len(atlases)
     if not directory.strip():
         raise EngineError("There is no folder for the lightmaps. Choose one, such as //lightmaps/.")
     relative = directory.startswith("//")
-    if relative and not bpy.data.filepath:
+    if relative and not blend:
         stems = chosen or _stems(scene.name, "", atlases, set(), lambda stem: True)
         return Destination(None, tuple(stems), directory, formats=formats)
-    folder = Path(os.path.abspath(bpy.path.abspath(directory)))
-    blend = blend_from(folder)
+    folder = Path(os.path.abspath(bpy.path.abspath(directory, start=os.path.dirname(blend))))
+    seen = blend_from(folder, blend)
     try:
         try_folder(folder, changes)
         endings = dict.fromkeys(ending for format in formats for ending in format.endings)
-        taken = _Taken(scene, folder, blend, tuple(endings))
+        taken = _Taken(scene, folder, seen, tuple(endings))
         if chosen:
             taken.check(chosen)
         else:
-            stem = Path(bpy.data.filepath).stem if relative else ""
+            stem = Path(blend).stem if relative else ""
             chosen = tuple(_stems(scene.name, stem, atlases, taken.of_scenes, taken.is_free))
-        return Destination(folder, tuple(chosen), directory, blend, formats)
+        return Destination(folder, tuple(chosen), directory, seen, formats)
     except OSError as error:
         raise EngineError(
             f"The lightmaps cannot be written to '{folder}': {reason(error)}. Choose another folder."
@@ -125,9 +128,12 @@ class _Taken:
         return name != NAME and (not os.path.lexists(path) or is_ours(self._known, path, self._blend))
 
 
-def blend_from(folder: Path) -> str:
-    """Return the path of the .blend as seen from a folder; absolute if it is on another drive."""
-    blend = bpy.data.filepath
+def blend_from(folder: Path, blend: str | None = None) -> str:
+    """Return the path of the .blend as seen from a folder; absolute if it is on another drive.
+
+    blend: see `choose_destination`
+    """
+    blend = bpy.data.filepath if blend is None else blend
     try:
         return Path(os.path.relpath(blend, folder)).as_posix() if blend else ""
     except ValueError:

@@ -355,7 +355,7 @@ def test_a_mesh_in_edit_mode_is_followed_and_settles(operator, context, window):
     import bmesh
     import bpy
 
-    room, _ = lit_room()
+    lit_room()
     pillar = mesh_object(
         "Pillar", np.array(CUBE) * [0.2, 0.2, 0.5] + [0.3, 0.3, 0.2], [f[::-1] for f in INWARD]
     )
@@ -375,3 +375,53 @@ def test_a_mesh_in_edit_mode_is_followed_and_settles(operator, context, window):
         assert np.abs(moved - before).sum() > 0.01 * before.sum()
     finally:
         bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def test_a_file_saved_under_another_name_has_its_own_lightmaps(operator, context, window, tmp_path):  # noqa: F811
+    import bpy
+
+    _, lamp = lit_room()
+    start(operator, context)
+    settle(operator, context)
+    for name in ("first", "other/second"):
+        path = tmp_path / f"{name}.blend"
+        path.parent.mkdir(exist_ok=True)
+        lamp.data.energy *= 2
+        shown = settle(operator, context).copy()
+        bpy.ops.wm.save_as_mainfile(filepath=str(path))
+        image = bpy.data.images["Lightmap"]
+        file = path.parent / "lightmaps" / f"{path.stem}_Lightmap.exr"
+        assert bpy.path.abspath(image.filepath) == str(file)
+        stored = bpy.data.images.load(str(file))
+        stored.colorspace_settings.name = image.colorspace_settings.name
+        assert np.array_equal(pixels(stored)[..., :3], shown)
+
+    # A copy has its own, too, but what follows belongs to the file before.
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "copy.blend"), copy=True)
+    assert (tmp_path / "lightmaps" / "copy_Lightmap.exr").exists()
+    lamp.data.energy *= 2
+    settle(operator, context)
+    bpy.ops.hemibake.cancel()
+    assert drive(operator, context) == {"FINISHED"}
+    assert bpy.path.abspath(image.filepath) == str(file)
+
+
+def test_other_settings_start_it_anew(operator, context, window):  # noqa: F811
+    import bpy
+
+    _, lamp = lit_room()
+    start(operator, context)
+    settle(operator, context)
+    before = part("operators.worker_owner").owner.running
+    bpy.context.scene.hemibake.resolution = 40
+    bpy.context.view_layer.update()
+    owner = part("operators.worker_owner").owner
+    drive(operator, context, until=lambda: owner.running is not before and owner.running.following)
+    assert len(window.timers) == 1 and undo_steps == ["Make Lightmap UVs", "Live", "Live", "Live"]
+    image = bpy.data.images["Lightmap"]
+    assert image.size[:] == (40, 40)
+    shown = settle(operator, context).copy()
+    lamp.data.energy = 40
+    assert settle(operator, context).sum() == pytest.approx(4 * shown.sum(), rel=0.02)
+    operator.invoke(context, None)
+    assert drive(operator, context) == {"FINISHED"} and window.is_as_before()

@@ -85,7 +85,7 @@ def test_a_bake_cancelled_while_looking_goes_on(tmp_path, kind, pieces):
     looked = lambda progress: bool(files(tmp_path)) and next(steps) == 1  # noqa: E731
     assert interrupted(cached, looked)
     resumed = finished(bake(ROOM, cached))
-    (sentence,) = went_on(resumed)
+    sentence, *_ = went_on(resumed)
     assert "patches see went on from a bake that was interrupted" in sentence
     assert_same(resumed, finished(bake(ROOM, settings)))
 

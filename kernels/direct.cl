@@ -33,14 +33,14 @@ typedef struct {
 // Points of a texel along u and v where light that changes over it is computed.
 #define GRID 4
 
-float3 open_over_texel(__global const Emitter *e, const Receiver *r)
+float3 open_over_texel(const Rays *rays, __global const Emitter *e, const Receiver *r, const bool crossed)
 {
     if (is_far(e, r))
         return open_light(e, r->at, r);
     float3 sum = (float3)(0.0f);
     for (int i = 0; i < GRID * GRID; ++i) {
         const float2 at = (float2)(i % GRID + 0.5f, i / GRID + 0.5f) / GRID;
-        sum += open_light(e, point_of_texel(r, at), r);
+        sum += open_light(e, start_in_texel(rays, r, crossed, at), r);
     }
     return sum / (GRID * GRID);
 }
@@ -86,6 +86,7 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
     const Receiver r = load_receiver(receivers + patch);
 
     const float total = total_weight(&lights, root, &r);
+    const bool crossed = total > 0.0f && is_crossed(&rays, &r);
     const uint key = hash((uint)patch ^ hash(seed));
     const float offset = unit_float(hash(key + 1u));
     Walk walk;
@@ -111,7 +112,7 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
             run.shadowed = run.unshadowed = tried = through = 0.0f;
             run.tilted = (float3)(0.0f);
             if (emitter >= 0 && emitters[emitter].uniform)
-                run.open = open_over_texel(emitters + emitter, &r);
+                run.open = open_over_texel(&rays, emitters + emitter, &r, crossed);
         }
         if (emitter < 0)
             continue;
@@ -122,7 +123,7 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
         if (spared && e->uniform)
             continue;
         const float4 u = sample_point(index, key);
-        const float3 p = point_of_texel(&r, u.zw);
+        const float3 p = start_in_texel(&rays, &r, crossed, u.zw);
         const Sample s = sample_emitter(e, &glow, &sky, &lights.modulations, &r, p, u.xy);
         const float cosine = dot(s.direction, r.normal);
         const float over = dot(s.direction, horizon_of(&r, s.back));

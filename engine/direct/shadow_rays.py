@@ -23,7 +23,7 @@ from .light_tree import LIGHT_NODE, LIGHT_TREE_SOURCE, build_light_tree
 from .modulation import pack_modulations
 from .sky import solid_angles
 
-_SOURCE = (*LIGHT_TREE_SOURCE, "tilt.cl", "direct.cl")
+_SOURCE = (*LIGHT_TREE_SOURCE, "tilt.cl", "texel_starts.cl", "direct.cl")
 
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
@@ -124,7 +124,7 @@ class ShadowRays:
         """
         reach = np.float32(self._settings.ao_distance or np.inf)
         arguments = (np.int32(self._settings.ao_samples), reach, np.uint32(self._settings.seed))
-        (occlusion,) = self._rays.kernels((*EMITTER_SOURCE, "occlusion.cl"), "occlusion")
+        (occlusion,) = self._rays.kernels((*EMITTER_SOURCE, "texel_starts.cl", "occlusion.cl"), "occlusion")
         return (yield from self._sliced(occlusion, arguments))[:, 0, 0].copy()
 
     def _light(

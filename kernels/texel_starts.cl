@@ -1,0 +1,25 @@
+// Where rays of a texel start: at points of it that no face parts from its centre. What lies beyond such a face is
+// inside of something, or on the other side of a wall: it has other light, which nobody sees there.
+
+// Whether a face stands between the centre of a texel, or a place of it, and another place, in its plane.
+bool is_parted(const Rays *rays, const Receiver *r, const float3 from, const float3 to)
+{
+    return transmittance(rays, from + r->height * r->geometric, to - from, 1.0f) < 0.5f;
+}
+
+// Whether a face crosses a texel: it meets one of the diagonals.
+bool is_crossed(const Rays *rays, const Receiver *r)
+{
+    const float3 rising = 0.5f * (r->edge_u + r->edge_v), falling = 0.5f * (r->edge_u - r->edge_v);
+    return is_parted(rays, r, r->at - rising, r->at + rising) || is_parted(rays, r, r->at - falling, r->at + falling);
+}
+
+// A point of the texel (`point_of_texel`); where a face parts it from the centre, the one opposite, or the centre.
+float3 start_in_texel(const Rays *rays, const Receiver *r, const bool crossed, const float2 at)
+{
+    const float3 p = point_of_texel(r, at);
+    if (!crossed || !is_parted(rays, r, r->at, p))
+        return p;
+    const float3 opposite = 2.0f * r->at - p;
+    return in_triangle(r, opposite) && !is_parted(rays, r, r->at, opposite) ? opposite : r->at;
+}

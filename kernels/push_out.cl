@@ -1,23 +1,48 @@
-// Ways out for points that are inside of something: all that they see are backs. Rays in the plane of the surface
-// look for the nearest back that is met; just outside of it the point is out.
+// Points inside of something: what they see are backs, and fronts that are inside, too. For those that see nothing but
+// backs rays in the plane of the surface look for the nearest back that is met; just outside of it the point is out.
 
 #define WAYS 8  // rays in the plane; opposite ones tell how thick the thing is
 #define MARGIN 0.05f  // how far outside a point is moved, in widths of its texel
 
-bool sees_backs_only(const Rays *rays, const Receiver *r, const float3 start, const float3 x, const float3 y)
+// Of the first looks from a point one at least meets a back if it is inside of something; of all of them as many
+// may see out.
+#define FIRST 3
+#define OUT 1
+
+// Whether a look sees out: it meets nothing, or a front that sees something else than backs itself. Of a thin
+// wall that ends in another one the front of that is seen from between its sides.
+bool looks_out(const Rays *rays, const Hit *hit, const float3 at, const float height, __global const float *normals)
 {
-    for (int i = 0; i < LOOKS; ++i) {
+    if (hit->triangle < 0 || !hit->front)
+        return hit->triangle < 0;
+    const float3 normal = vload3(hit->triangle, normals);
+    return sees_out(rays, at + height * normal, normal);
+}
+
+bool is_inside(const Rays *rays, const Receiver *r, const float3 start, const float3 x, const float3 y,
+               __global const float *normals, bool *backs_only)
+{
+    int backs = 0, out = 0, fronts = 0;
+    for (int i = 0; i < FIRST; ++i) {
         const Hit hit = nearest_hit(rays, start, look(i, x, y, r->geometric), false);
-        if (hit.triangle < 0 || hit.front)
-            return false;
+        backs += hit.triangle >= 0 && !hit.front;
     }
-    return true;
+    for (int i = 0; i < LOOKS && backs > 0 && out <= OUT; ++i) {
+        const float3 direction = look(i, x, y, r->geometric);
+        const Hit hit = nearest_hit(rays, start, direction, false);
+        fronts += hit.triangle < 0 || hit.front;
+        out += looks_out(rays, &hit, start + hit.distance * direction, r->height, normals);
+    }
+    *backs_only = fronts == 0;
+    return backs > 0 && out <= OUT;
 }
 
 // xyz: the way out, 0 for none; w: how thick what the point is in is there, INFINITY if farther than `reach`, m.
-// walls: a triangle of it, -1 for points that are not inside; sides: those that it is so thick between.
-__kernel void push_out(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, const float reach,
-                       __global float4 *ways, __global int *walls, __global int2 *sides, const int count)
+// walls: a triangle of it, -1 for points without a way out; sides: those that it is so thick between; inside: 1 for
+// points inside of something. normals: of the triangles.
+__kernel void push_out(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const float *normals,
+                       const float reach, __global float4 *ways, __global int *walls, __global int2 *sides,
+                       __global uchar *inside, const int count)
 {
     const int point = get_global_id(0);
     if (point >= count)
@@ -30,7 +55,9 @@ __kernel void push_out(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers,
     ways[point] = (float4)(0.0f, 0.0f, 0.0f, INFINITY);
     walls[point] = -1;
     sides[point] = (int2)(-1);
-    if (!sees_backs_only(&rays, &r, start, x, y))
+    bool backs_only;
+    inside[point] = is_inside(&rays, &r, start, x, y, normals, &backs_only);
+    if (!inside[point] || !backs_only)
         return;
     float nearest = INFINITY, thickness = INFINITY, distances[WAYS];
     int met[WAYS];

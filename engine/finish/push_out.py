@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import download
+from ..device.buffers import download, upload_once
 from ..patches.geometry import PatchGeometry
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receivers import RECEIVER_SOURCE
@@ -27,11 +27,13 @@ class WaysOut:
     thickness  (s,) float32, m, of what the point is in, along the surface, between sides that face apart; inf
                where there are none nearby
     wall       (s,) int32, a triangle of it; -1 for points that are not inside or find no way out
+    inside     (s,) bool, of all such points, with a way out or without
     """
 
     offset: np.ndarray
     thickness: np.ndarray
     wall: np.ndarray
+    inside: np.ndarray
 
     def without(self, points: np.ndarray) -> WaysOut:
         """Return the ways of all but some points, (s,) bool, which are not inside of anything."""
@@ -39,6 +41,7 @@ class WaysOut:
             np.where(points[:, None], np.float32(0), self.offset),
             np.where(points, np.float32(np.inf), self.thickness),
             np.where(points, -1, self.wall).astype(np.int32),
+            self.inside & ~points,
         )
 
 
@@ -56,14 +59,15 @@ def ways_out(scene: RayScene, count: int, reach: float, normals: np.ndarray) -> 
     compute, rays = scene.compute, scene.rays
     (kernel,) = rays.kernels((*RECEIVER_SOURCE, "looks.cl", "push_out.cl"), "push_out")
     flags = cl.mem_flags.READ_WRITE
-    ways, walls, sides = (cl.Buffer(compute.context, flags, size * count) for size in (16, 4, 8))
-    rays.run(kernel, count, scene.receivers, np.float32(reach), ways, walls, sides, np.int32(count))
+    ways, *found = (cl.Buffer(compute.context, flags, size * count) for size in (16, 4, 8, 1))
+    inputs = scene.receivers, upload_once(compute, normals), np.float32(reach)
+    rays.run(kernel, count, *inputs, ways, *found, np.int32(count))
     way = download(compute, ways, (count, 4))
-    wall, side = np.empty(count, np.int32), np.empty((count, 2), np.int32)
-    for array, buffer in ((wall, walls), (side, sides)):
+    wall, side, inside = np.empty(count, np.int32), np.empty((count, 2), np.int32), np.empty(count, bool)
+    for array, buffer in zip((wall, side, inside), found, strict=True):
         cl.enqueue_copy(compute.queue, array, buffer)
     apart = (normals[side[:, 0]] * normals[side[:, 1]]).sum(axis=1) < _APART
-    return WaysOut(way[:, :3].copy(), np.where(apart, way[:, 3], np.float32(np.inf)), wall)
+    return WaysOut(way[:, :3].copy(), np.where(apart, way[:, 3], np.float32(np.inf)), wall, inside)
 
 
 def pushed_barycentrics(geometry: PatchGeometry, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

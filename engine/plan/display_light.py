@@ -261,7 +261,7 @@ def light_at(
     outputs, geometry = Outputs(what.scene, settings, lighting), points.parts.geometry
     values = yield from part_of(0.8, 1.0, outputs.make(last, geometry))
     normals = geometry.normal if settings.denoise else np.zeros((0, 3), np.float32)
-    visible = ~is_hidden(last.gathered[:, 3], lighting.near_faces())
+    visible = ~(is_hidden(last.gathered[:, 3], lighting.near_faces()) | ways.inside)
     return LitSamples(points.samples, ways, visible, normals, last.irradiance, values)
 
 
@@ -315,7 +315,7 @@ class _Points:
     def push_out(self, lit: np.ndarray) -> WaysOut:
         """Move samples that are inside of something to just outside of it; return the ways.
 
-        lit: (s,) bool, those that a back lights are not inside.
+        Those that are moved are not inside any more. lit: (s,) bool, those that a back lights never are.
         """
         samples, parts = self.samples, self.parts
         ways = ways_out(self.rays, len(samples), self._side, self._steps.geometric).without(lit)
@@ -324,6 +324,7 @@ class _Points:
             return ways
         moved, stays = pushed_barycentrics(parts.geometry.part(inside), ways.offset[inside])
         inside, moved = inside[stays], moved[stays]
+        ways.inside[inside] = False
         barycentric, weight = samples.barycentric.copy(), samples.weight.copy()
         position = samples.position.copy()
         barycentric[inside], weight[inside] = moved, _PUSHED * weight[inside]

@@ -76,6 +76,10 @@ def test_a_thin_wall_on_one_floor_parts_light_from_dark(first):
     assert np.sqrt(np.mean(off**2)) <= 0.1 * lamp_light(LAMP, points).mean()
     assert np.abs(off).mean() <= 0.05 * lamp_light(LAMP, points).mean()
 
+    # Up to the ends of the wall, between whose sides the front of the hall's own walls is seen.
+    ends = np.stack(np.meshgrid([first - 0.05], [0.015, 0.03, 0.06, 0.74, 0.77, 0.785]), -1).reshape(-1, 2)
+    assert shown(lightmap, floor_points(hall, ends)) == pytest.approx(lamp_light(LAMP, ends), rel=0.15)
+
 
 def rooms_side_by_side(low, high):
     """Return a lit room from 0 to 0.8 m and a dark one between two corners."""
@@ -188,6 +192,19 @@ def test_a_lamp_in_contact_with_a_ceiling_leaves_no_mark_beside_it(gap):
     found = shown(lightmap, floor_points(floor, line(0.613 - distance))).reshape(len(distance), -1)
     expected = (1 + distance / np.hypot(distance, 0.5)) / 2
     assert found.mean(axis=1) == pytest.approx(expected, rel=0.05)
+
+
+@pytest.mark.parametrize("texel_samples", [1, 16])
+def test_a_closed_case_that_shines_on_its_far_side_shows_nothing_of_its_inside(texel_samples):
+    """Its side is 2 mm from points of the ceiling, here a black floor, that stand for a centimetre of it."""
+    floor = floor_under_sky()
+    case = occluder(box_faces((0.607, 0.2, 0), (1.0, 0.6, 0.1))[:, ::-1], "Case")
+    case = replace(case, material=np.repeat(np.arange(6) == 1, 2).astype(case.material.dtype))
+    scene = scene_of([floor, case], reflectance=0.0)
+    scene = replace(scene, materials=(*scene.materials, material("Shining", 0.0, 3.0)))
+    lightmap = drive(scene, replace(SETTINGS, texel_samples=texel_samples))
+    beside = line(0.607 - np.array([0.001, 0.01, 0.02, 0.05]))
+    assert np.abs(shown(lightmap, floor_points(floor, beside))).max() <= 0.01
 
 
 @pytest.mark.parametrize("texel_samples", [1, 4])

@@ -105,7 +105,7 @@ class LightmapStore:
         images = self._scattered(values)
         if samples is not None:
             texels = images.reshape(-1, images.shape[-1])
-            texels[self._means.texels] = self._means.of(samples)[:, : texels.shape[1]]
+            texels[self._means.shown] = self._means.of(samples)[:, : texels.shape[1]]
             if self._walls is not None:
                 self._walls.fit(texels, samples)
         return images
@@ -124,7 +124,7 @@ class LightmapStore:
         buffer = self._on_device(self._compute).texels(channels)
         texels = DeviceTexels(self._compute, buffer, channels.shape[1], largest_of(channels))
         if samples is not None:
-            texels.put(self._means.texels, self._means.of(samples)[:, : texels.channels])
+            texels.put(self._means.shown, self._means.of(samples)[:, : texels.channels])
         if isinstance(self._fit, DeviceDisplay):
             return self._fit.images_of(texels, texels.take(self._thin_texels))
         return _coloured(self._filled(self._compute, buffer, texels.channels))
@@ -157,7 +157,7 @@ class LightmapStore:
         order = np.argsort(texels, kind="stable")
         self._thin_texels = texels[order]
         centres = np.zeros(self.has_patch.size, bool)
-        centres[self._texel[plain]] = centres[self._means.texels] = True
+        centres[self._texel[plain]] = centres[self._means.shown] = True
         centres[self._thin_texels] = False
         return centres.reshape(self.has_patch.shape), points.part(order)
 

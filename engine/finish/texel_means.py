@@ -6,6 +6,10 @@ import numpy as np
 
 from ..segment_sums import segment_sums
 from .display_samples import DisplaySamples
+from .texel_planes import TexelPlanes, steps_around
+
+#: A sample that weighs less than this part of the heaviest of its texel was moved out of something.
+_MOVED = 0.01
 
 
 class TexelMeans:
@@ -13,6 +17,11 @@ class TexelMeans:
 
     visible  (s,) bool, samples that somebody sees; texels without any are filled as hidden ones
     texels   (k,) int64, atlas * r * r + texel, that have samples that are seen
+    beyond   (b,) int64, hidden ones beside texels that are seen for the greater part
+
+    What is seen of a texel that something cuts lies beside its centre: its mean goes on to there by the slope
+    of a plane through the samples of 3 x 3 texels (`TexelPlanes`). Where most of it is seen, texels beyond it
+    are read, too: they show the mean of the planes around such texels beside them.
     """
 
     def __init__(self, samples: DisplaySamples, visible: np.ndarray, resolution: int) -> None:
@@ -22,14 +31,75 @@ class TexelMeans:
         self.texels, self._texel = np.unique(keys[chosen], return_inverse=True)
         self._chosen, self._weight = chosen, samples.weight[chosen].astype(np.float64)
         self._total = np.bincount(self._texel, self._weight, len(self.texels))
+        self._cut, mostly_seen = self._cut_texels(keys, samples.weight)
+        place = _from_centres(samples.position[chosen], keys[chosen], resolution)
+        self._centroid = self._sums(place)[self._cut] / self._total[self._cut, None]
+        cut = self.texels[self._cut]
+        self._planes = TexelPlanes(self.texels, self._texel, place, self._weight, cut, resolution)
+
+        # Hidden texels that are read, and the steps to them from those whose planes go on there.
+        hidden, steps = self.hidden, steps_around(cut[mostly_seen], self.hidden, resolution)
+        near = np.zeros(len(hidden), bool)
+        for _, there, _ in steps:
+            near[there] = True
+        self.beyond = hidden[near]
+        self._plane = np.concatenate([mostly_seen[texel] for texel, _, _ in steps])
+        self._target = np.concatenate([(np.cumsum(near) - 1)[there] for _, there, _ in steps])
+        self._step = np.concatenate([np.tile(-shift[1:, 0], (len(there), 1)) for _, there, shift in steps])
 
     @property
     def hidden(self) -> np.ndarray:
         """Texels none of whose samples is seen, (h,) int64, atlas * r * r + texel."""
         return np.setdiff1d(self._all, self.texels, assume_unique=True)
 
+    @property
+    def shown(self) -> np.ndarray:
+        """Texels that `of` has light of: `texels`, then those `beyond`, (k + b,) int64."""
+        return np.concatenate([self.texels, self.beyond])
+
     def of(self, values: np.ndarray) -> np.ndarray:
-        """Return the mean of the samples' values, (s, 3) or (s,), in each of `texels`, (k, 3) float32."""
-        weighted = self._weight[:, None] * values.reshape(len(values), -1)[self._chosen]
-        means = segment_sums(weighted, self._texel, len(self.texels)) / self._total[:, None]
+        """Return the light of texels that are `shown`, (k + b, 3) float32.
+
+        values: (s, 3) or (s,), of the samples
+        """
+        chosen = (values if values.ndim == 2 else values[:, None])[self._chosen].astype(np.float64)
+        means = self._sums(chosen) / self._total[:, None]
+        if len(self._cut):
+            planes = self._planes.through(chosen)
+            off = means[self._cut] - np.einsum("td,tdc->tc", self._centroid, planes[:, 1:])
+            means[self._cut] = self._planes.bounded(off, chosen, np.arange(len(off)))
+            means = np.concatenate([means, self._light_beyond(planes, chosen)])
         return np.broadcast_to(means, (len(means), 3)).astype(np.float32)
+
+    def _light_beyond(self, planes: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+        """Return the light of texels `beyond`, (b, c), from planes (t, 3, c) and chosen samples' (m, c)."""
+        plane = planes[self._plane]
+        light = plane[:, 0] + np.einsum("pd,pdc->pc", self._step, plane[:, 1:])
+        light = self._planes.bounded(light, chosen, self._plane)
+        number = np.bincount(self._target, minlength=len(self.beyond))
+        return segment_sums(light, self._target, len(self.beyond)) / number[:, None]
+
+    def _sums(self, values: np.ndarray) -> np.ndarray:
+        """Return sums of values of chosen samples, (m, c), times their weights, over each texel, (k, c)."""
+        return segment_sums(values * self._weight[:, None], self._texel, len(self.texels))
+
+    def _cut_texels(self, keys: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the numbers of texels some of whose samples are hidden or were moved, (t,) int64.
+
+        The second array, int64, has the numbers among these of texels half of which at least is seen.
+        """
+        heaviest = np.zeros(len(self.texels))
+        np.maximum.at(heaviest, self._texel, self._weight)
+        whole = self._weight > _MOVED * heaviest[self._texel]
+        seen = np.bincount(self._texel, whole, len(self.texels))
+        number = np.bincount(np.searchsorted(self._all, keys[weight > 0]), minlength=len(self._all))
+        number = number[np.searchsorted(self._all, self.texels)]
+        cut = np.flatnonzero(seen < number)
+        return cut, np.flatnonzero(2 * seen[cut] >= number[cut])
+
+
+def _from_centres(position: np.ndarray, keys: np.ndarray, resolution: int) -> np.ndarray:
+    """Return positions, (m, 2) texels, from the centres of the texels that they are in, (m, 2) float64."""
+    row, column = np.divmod(keys % resolution**2, resolution)
+    place: np.ndarray = position - np.stack([column, row], axis=1) - 0.5
+    return place

@@ -1,0 +1,105 @@
+"""Planes through the light of samples around texels: how light goes on to where nobody sees it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..segment_sums import segment_sums
+
+#: Variance of places, texels squared, which light has no slope over: that of noise stays small.
+_STEADY = 0.003
+
+#: How far light may go on beyond the range of the samples around, in parts of that range: a plane through
+#: somewhat more than a texel is read up to a texel beyond it.
+_BEYOND = 1.0
+
+
+class TexelPlanes:
+    """Planes with the least weighted squares to the samples of 3 x 3 texels, around centres of some texels.
+
+    texels   (k,) int64, sorted, atlas * r * r + texel, that have samples
+    number   (m,) int64, which of `texels` each sample is in
+    place    (m, 2) float64, of samples from the centres of their texels, texels
+    weight   (m,) float64, of samples
+    around   (t,) int64, flat indices of those that planes are around
+    """
+
+    def __init__(
+        self,
+        texels: np.ndarray,
+        number: np.ndarray,
+        place: np.ndarray,
+        weight: np.ndarray,
+        around: np.ndarray,
+        resolution: int,
+    ) -> None:
+        self._count, self._number, self._weight = (len(texels), len(around)), number, weight
+        self._basis = np.concatenate([np.ones((len(place), 1)), place], axis=1)
+        self._steps = steps_around(texels, around, resolution)
+
+        # Normal equations; across a line that all samples lie on there is no slope.
+        sums = self._sums(self._basis[:, :, None] * self._basis[:, None])
+        normal = np.zeros((len(around), 3, 3))
+        for texel, there, shift in self._steps:
+            normal[there] += shift @ sums[texel] @ shift.T
+        normal[:, (1, 2), (1, 2)] += _STEADY * normal[:, :1, 0]
+        self._inverse = np.linalg.inv(normal)
+
+    def through(self, values: np.ndarray) -> np.ndarray:
+        """Return what planes are at the centres, and their slopes along u and v, (t, 3, c) float64.
+
+        values: (m, c), of the samples
+        """
+        sums = self._sums(self._basis[:, :, None] * values[:, None])
+        right = np.zeros((self._count[1], 3, values.shape[1]))
+        for texel, there, shift in self._steps:
+            right[there] += shift @ sums[texel]
+        planes: np.ndarray = self._inverse @ right
+        return planes
+
+    def bounded(self, light: np.ndarray, values: np.ndarray, number: np.ndarray) -> np.ndarray:
+        """Return light, (p, c), within the range of the samples around planes, and as much beyond.
+
+        values  (m, c), of the samples: nothing leaves the range of all of them
+        number  (p,) int64, of the planes
+        """
+        shape = self._count[0], values.shape[1]
+        least, most = np.full(shape, np.inf), np.full(shape, -np.inf)
+        np.minimum.at(least, self._number, values)
+        np.maximum.at(most, self._number, values)
+        low, high = np.full((2, self._count[1], shape[1]), [[[np.inf]], [[-np.inf]]])
+        for texel, there, _ in self._steps:
+            low[there] = np.minimum(low[there], least[texel])
+            high[there] = np.maximum(high[there], most[texel])
+        beyond = _BEYOND * (high - low)
+        low, high = np.maximum(low - beyond, least.min(axis=0)), np.minimum(high + beyond, most.max(axis=0))
+        within: np.ndarray = np.clip(light, low[number], high[number])
+        return within
+
+    def _sums(self, values: np.ndarray) -> np.ndarray:
+        """Return sums of values of samples, (m, a, b), times their weights, over each texel, (k, a, b)."""
+        rows = values.reshape(len(values), math.prod(values.shape[1:])) * self._weight[:, None]
+        return segment_sums(rows, self._number, self._count[0]).reshape(self._count[0], *values.shape[1:])
+
+
+def steps_around(
+    texels: np.ndarray, around: np.ndarray, resolution: int
+) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Return, for each of 3 x 3 steps, the numbers of texels that lead to others, of these, and the step.
+
+    The step, (3, 3), makes (1, x, y) from a centre in `around` of what it is from the other texel's.
+    """
+    found = []
+    row, column = np.divmod(around % resolution**2, resolution)
+    for up in (-1, 0, 1):
+        for right in (-1, 0, 1):
+            key = around + up * resolution + right
+            number = np.minimum(np.searchsorted(texels, key), max(len(texels) - 1, 0))
+            inside = (row + up >= 0) & (row + up < resolution) & (column + right >= 0)
+            inside &= column + right < resolution
+            there = np.flatnonzero(inside & (texels[number] == key)) if len(texels) else row[:0]
+            shift = np.array([[1.0, 0.0, 0.0], [right, 1.0, 0.0], [up, 0.0, 1.0]])
+            found.append((number[there], there, shift))
+    return found

@@ -16,7 +16,7 @@ from .display_samples import DisplaySamples
 from .lightmap_points import LightmapPoints, centre_points, joined_points
 
 #: Light below this part of the brightest around counts as if it were that bright.
-_FAINT = 1 / 40
+_FAINT = 1 / 20
 
 #: Texels from the samples in a wall up to which texels are fitted, and those whose light is around.
 _REACH, _AROUND = 1, 2

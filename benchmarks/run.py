@@ -31,6 +31,7 @@ SUITES = {
     "endtoend": "Cornell box, arrays to arrays, to 2 %",
     "lights": "direct light of 1 to 1,000 lamps",
     "waiting": "first, warm and relit bakes: stages, device, page faults",
+    "directional": "what directional maps cost, by stage",
 }
 
 

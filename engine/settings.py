@@ -347,9 +347,14 @@ class Settings:
         return tuple(name for name in self.outputs if name in LIGHT_OUTPUTS)
 
     @property
+    def directional_outputs(self) -> tuple[str, ...]:
+        """The outputs that tell where light comes from."""
+        return tuple(name for name in self.outputs if name in _DIRECTIONAL)
+
+    @property
     def directional(self) -> bool:
         """True if an output tells where light comes from."""
-        return not set(_DIRECTIONAL).isdisjoint(self.outputs)
+        return bool(self.directional_outputs)
 
     @property
     def projected(self) -> bool:

@@ -81,14 +81,15 @@ int anchors_of(const int patch, __global const uint *texel_to_patch, const int r
     return count;
 }
 
-// Light of each patch from `layers` of that of `group_count` groups, 0 where too few are around it; and whether it
-// fits: whether theirs lies in a plane, but for `tolerance` of the light there and `beside` it, from `least` to `most`.
+// Light of each patch from `layers` of that of `group_count` groups, 0 where too few are around it, and not below
+// `lowest`; and whether it fits: whether theirs lies in a plane, but for `tolerance` of the light there and `beside`
+// it, from `least` to `most`.
 __kernel void interpolate(__global const uint *texel_to_patch, const int resolution, const int width,
                           __global const int *atlases, __global const int *texels, __global const int *groups,
                           __global const int *leaders, __global const ReceiverRecord *receivers,
                           __global const float4 *light, const int layers, const int group_count,
                           __global const float *beside, const float least, const float most,
-                          const float tolerance,
+                          const float tolerance, const float lowest,
                           __global float4 *values, __global int *fits, const int count)
 {
     const int patch = get_global_id(0);
@@ -149,6 +150,6 @@ __kernel void interpolate(__global const uint *texel_to_patch, const int resolut
         float4 sum = (float4)(0.0f);
         for (int k = 0; k < found; ++k)
             sum += counts[k] * light[(size_t)layer * group_count + anchors[k].group];
-        values[(size_t)layer * count + patch] = fmax(sum, 0.0f);
+        values[(size_t)layer * count + patch] = fmax(sum, lowest);
     }
 }

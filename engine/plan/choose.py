@@ -116,11 +116,15 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Choic
 
 
 def _settings_of_groups(job: SolveJob) -> Settings:
-    """Return the settings by which groups are solved: they give light alone."""
+    """Return the settings by which groups are solved: they give light alone.
+
+    Where patches have it from them, they also tell where it comes from.
+    """
     settings = light_alone(job.settings)
-    if is_adaptive(job):
-        settings = replace(settings, samples=MORE_RAYS * ray_count(settings))
-    return settings
+    if not is_adaptive(job):
+        return settings
+    outputs = settings.outputs + job.settings.directional_outputs
+    return replace(settings, outputs=outputs, samples=MORE_RAYS * ray_count(settings))
 
 
 def light_alone(settings: Settings) -> Settings:
@@ -147,6 +151,7 @@ def _interpolated(
         squares.sampled_light,
         _TOLERANCE / math.sqrt(ray_count(job.settings)),
         _separates_direct(job, job.settings),
+        job.settings.directional,
         last_of,
     )
 

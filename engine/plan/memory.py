@@ -39,8 +39,8 @@ def finding_sweeps(job: SolveJob, identity: Identity) -> int:
 def is_adaptive(job: SolveJob) -> bool:
     """Return whether only patches that differ from the groups around them gather for themselves.
 
-    A graphics card casts the rays that are saved while the host sorts patches out. Directional maps need what
-    each patch sees, and what a patch sees is found anew where the settings say so.
+    A graphics card casts the rays that are saved while the host sorts patches out. What a patch sees is found
+    anew where the settings say so.
     """
     settings = job.settings
     return (
@@ -49,7 +49,6 @@ def is_adaptive(job: SolveJob) -> bool:
         and job.opencl.processor
         and settings.patch_groups != 1
         and settings.method in ("auto", "cached")
-        and not settings.directional
         and job.count >= _FEWEST
     )
 

@@ -224,8 +224,7 @@ class BakeStages(Schedule):
         self._samples_of_sweep = int(self.visibility.amount)
         rays: float = settings.ao_samples * ("ambient_occlusion" in settings.outputs)
         rays += settings.light_samples * self._lamps * ("shadow_mask" in settings.outputs)
-        rays += _LOOK_UP * expected_samples(settings) * settings.directional
-        self.outputs.amount = patches * rays
+        self.outputs.amount = patches * rays + _LOOK_UP * self._samples_of_sweep * settings.directional
         if settings.texel_samples > 1 and settings.method != "paper":
             self.texels.amount = _REFINED * patches * expected_samples(settings)
         if settings.by_light_groups:

@@ -6,7 +6,6 @@ from collections.abc import Callable, Generator, Sequence
 
 import numpy as np
 
-from ..errors import DeviceError
 from ..progress import part_of
 from ..scene.color import channel_sum
 from .interpolation import Interpolation
@@ -30,6 +29,7 @@ class InterpolatedGather:
     of_groups        (m, 3) float32, the same of the groups
     tolerance        what a plane may leave over, as a fraction of all light
     separate_direct  True if direct and indirect light are outputs of their own
+    directional      True if it is asked where light comes from
     last_of          makes the last gather of patches, from their numbers
     """
 
@@ -41,12 +41,14 @@ class InterpolatedGather:
         of_groups: np.ndarray,
         tolerance: float,
         separate_direct: bool,
+        directional: bool,
         last_of: Callable[[np.ndarray], LastGather],
     ) -> None:
         self._solver, self._last_of = solver, last_of
         self._solved, *self._smaller = squares
         self._of_groups, self._tolerance, self.separate_direct = of_groups, tolerance, separate_direct
         self.direct, self.gathered = sampled_light, np.zeros((len(sampled_light), 4), np.float32)
+        self._directional, self._l1 = directional, list[np.ndarray]()
         self._fitting: list[np.ndarray] = []
         self.done = False
 
@@ -61,6 +63,8 @@ class InterpolatedGather:
             layers[0][patches, :3] -= sampled[patches]
             for layer in layers[1:]:
                 layer[patches, :3] = last.direct - sampled[patches]
+            if self._directional:
+                self._l1.append((yield from last.gather_l1()))
 
         def fit(squares: Interpolation, layers: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
             values, fits = squares.fit(layers, beside, self._tolerance)
@@ -134,9 +138,29 @@ class InterpolatedGather:
         return values
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
-        """Raise DeviceError: the directions that light comes from are not interpolated."""
-        raise DeviceError("Directional maps need what each patch sees: switch Adaptive off.")
-        yield 1.0
+        """Return the L1 of what was gathered, (n, 3, 3) float32; see `Sweep.gather_l1`.
+
+        A patch has it from the groups from which it has its light.
+        """
+        l1, front = (yield from self._solver.gather_l1()), self._solver.gathered[:, 3:]
+        axes = [np.concatenate([l1[:, axis], front], axis=1) for axis in range(3)]
+        nothing, own = np.zeros(len(self.gathered), np.float32), iter(self._l1)
+        fitting = iter(self._fitting)
+
+        def gather_for(layers: list[np.ndarray], patches: np.ndarray) -> Generator[float, None, None]:
+            found = next(own)
+            for axis, layer in enumerate(layers):
+                layer[patches, :3] = found[:, axis]
+                layer[patches, 3] = self.gathered[patches, 3]
+            yield 1.0
+
+        def fit(squares: Interpolation, layers: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
+            values, _ = squares.fit(layers, nothing, 0.0, -np.inf)
+            return values, next(fitting)
+
+        axes = yield from self._by_squares(axes, fit, gather_for)
+        gathered: np.ndarray = np.stack([axis[:, :3] for axis in axes], axis=1)
+        return gathered
 
     @property
     def irradiance(self) -> np.ndarray:

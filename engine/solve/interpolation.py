@@ -37,7 +37,7 @@ class Interpolation:
         )  # fmt: skip
 
     def fit(
-        self, layers: list[np.ndarray], beside: np.ndarray, tolerance: float
+        self, layers: list[np.ndarray], beside: np.ndarray, tolerance: float, lowest: float = 0.0
     ) -> tuple[list[np.ndarray], np.ndarray]:
         """Return the light of each patch, (n, 4) float32 of each layer, and whether it fits, (n,) bool.
 
@@ -45,6 +45,7 @@ class Interpolation:
                    the first tells what fits
         beside     (n,) float32, other light of each patch, sum of the channels
         tolerance  what a plane may leave over of the light of groups, as a fraction of all light there
+        lowest     what light is not below; minus infinity for values of both signs
         """
         compute, count = self._compute, self._count
         write = cl.mem_flags.WRITE_ONLY
@@ -54,7 +55,7 @@ class Interpolation:
         compute.run(
             self._interpolate, count, *self._where, self._receivers,
             upload(compute, np.stack(layers)), np.int32(len(layers)), np.int32(len(layers[0])),
-            upload(compute, beside), *map(np.float32, (_DARK * mean, _BRIGHT * mean, tolerance)),
+            upload(compute, beside), *map(np.float32, (_DARK * mean, _BRIGHT * mean, tolerance, lowest)),
             values, fits, np.int32(count),
         )  # fmt: skip
         fitting = np.empty(count, np.int32)

@@ -8,6 +8,7 @@ import pytest
 from benchmarks.rooms import cornell_box
 from engine import Settings
 from engine.device.compute import Compute
+from engine.finish.outputs import MAPS_OF
 from engine.patches.subdivision import subdivide
 from engine.solve.interpolation import Interpolation
 from engine.solve.patch_groups import PatchGroups, leaders
@@ -52,6 +53,18 @@ def test_light_that_lies_in_a_plane_is_met(room):
     assert fits.mean() > 0.55
     for found, plane in zip(values, planes, strict=True):
         assert found[fits] == pytest.approx(plane[fits], rel=1e-4)
+
+
+def test_values_of_both_signs_are_met_where_they_are_asked_for(room):
+    parts, groups, interpolation = room
+    plane = parts.geometry.center @ np.float32([0.3, -0.2, 0.5]) - 0.4
+    assert (plane < -0.1).any() and (plane > 0.1).any()
+    even, nothing = np.ones(len(plane), np.float32), np.zeros(len(plane), np.float32)
+    layers = [light_of(groups, even), light_of(groups, plane)]
+    (_, signed), fits = interpolation.fit(layers, nothing, 0.02, -np.inf)
+    assert signed[fits, 0] == pytest.approx(plane[fits], abs=1e-4)
+    (_, light), _ = interpolation.fit(layers, nothing, 0.02)
+    assert light[fits, 0] == pytest.approx(np.maximum(plane, 0)[fits], abs=1e-4)
 
 
 def test_patches_at_a_step_do_not_fit(room):
@@ -114,6 +127,29 @@ def test_adaptive_bakes_show_the_same_light(outputs):
     for name in outputs:
         expected = truth.passes[name][has_patch].mean()
         assert adaptive.passes[name][has_patch].mean() == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize("output", ["directional", long("spherical_harmonics")])
+def test_adaptive_bakes_tell_where_light_comes_from(output):
+    if not Compute().processor:
+        pytest.skip("graphics cards gather for every patch")
+    settings = Settings(
+        resolution=80, samples=128, visibility="rays", outputs=("combined", output), texel_samples=1,
+        hide_seams=False, intermediates=False,
+    )  # fmt: skip
+    scene = cornell_box(80)
+    truth, plain, adaptive = (
+        drive(scene, replace(settings, **more))
+        for more in ({"samples": 1024, "seed": 5}, {}, {"adaptive": True})
+    )
+    assert "with more rays each" in adaptive.report.reasons[0]
+    inside = truth.has_patch & truth.known
+    for name in MAPS_OF[output]:
+        exact = truth.passes[name][inside]
+        off = [np.abs(bake.passes[name][inside] - exact) for bake in (plain, adaptive)]
+        assert np.abs(exact).mean() > 5 * off[1].mean()
+        for part in (0.5, 0.9, 0.99):
+            assert np.quantile(off[1], part) < 1.1 * np.quantile(off[0], part) + 1e-6
 
 
 def test_few_patches_gather_for_themselves():

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 
-import bpy
 import numpy as np
 
-from ..result.exr import rgba
+from ...engine.encoding.encoding import encode_in_bands, quantised
+from ...engine.encoding.png import png_bytes
+from ...engine.encoding.radiance import radiance_bytes
+from ...engine.encoding.rgbe import Rgbe
 
 #: Irradiance of a texel: lightmaps hold E/π.
 IRRADIANCE = math.pi
@@ -38,32 +39,15 @@ class EncodedLightmap:
 RADIANCE, PNG = "image/vnd.radiance", "image/png"
 
 
-def encode(name: str, pixels: np.ndarray, kind: str, folder: Path) -> EncodedLightmap:
-    """Return a lightmap, (h, w, 3) float32, bottom row first, as an image file; raises OSError, RuntimeError.
+def encode(name: str, pixels: np.ndarray, kind: str) -> EncodedLightmap:
+    """Return a lightmap, (h, w, 3) float32, bottom row first, as an image file.
 
     8 bits hold fractions of the brightest channel, which goes into the intensity: without a transfer curve,
     since readers of MOZ_lightmap take its texels as linear.
-
-    folder  for an unfinished file
     """
     if not kind:
         return EncodedLightmap(name, b"", kind, IRRADIANCE)
-    path = folder / "lightmap"
     if kind == RADIANCE:
-        _save(path, pixels, "HDR", is_float=True)
-        return EncodedLightmap(name, path.read_bytes(), kind, IRRADIANCE)
+        return EncodedLightmap(name, radiance_bytes(encode_in_bands(Rgbe(), pixels)), kind, IRRADIANCE)
     peak = float(pixels.max()) or 1.0
-    _save(path, pixels / peak, "PNG", is_float=False)
-    return EncodedLightmap(name, path.read_bytes(), kind, IRRADIANCE * peak)
-
-
-def _save(path: Path, pixels: np.ndarray, kind: str, is_float: bool) -> None:
-    """Write pixels as they are, without a view transform."""
-    height, width = pixels.shape[:2]
-    image = bpy.data.images.new("hemibake", width, height, float_buffer=is_float, is_data=True)
-    try:
-        image.pixels.foreach_set(rgba(pixels))
-        image.filepath_raw, image.file_format = str(path), kind
-        image.save()
-    finally:
-        bpy.data.images.remove(image)
+    return EncodedLightmap(name, png_bytes(quantised(pixels / peak, 8), srgb=False), kind, IRRADIANCE * peak)

@@ -112,9 +112,7 @@ class _Export:
 
     def write(self, surfaces: Surfaces, kind: str) -> LightmapHooks:
         """Write the glTF file and its images; return what has a lightmap."""
-        lightmaps = {
-            image: encode(image.name, read_pixels(image), kind, self._staging) for image in self._maps
-        }
+        lightmaps = {image: encode(image.name, read_pixels(image), kind) for image in self._maps}
         uris = {} if self._path.suffix.lower() == ".glb" else self._write_images(lightmaps)
         hooks = LightmapHooks(surfaces, lightmaps, LitMaterials(gltf_binary_data(), uris))
         write_gltf(self._made / self._path.name, hooks)

@@ -1,6 +1,6 @@
-"""Show the exported Cornell box with three.js beside Blender's preview: figures, and the picture of the docs.
+"""Show the exported Cornell box with engines beside Blender's preview: figures, and the pictures of the docs.
 
-python -m tools.engines.compare docs/engines
+python -m tools.engines.compare docs/engines [--engines three godot]
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tools.engines import cornell, three
+from tools.engines import cornell, godot, three
 from tools.headless import blender, load
 
 #: Width of each picture, pixels, factor on their difference, and pixels between two.
@@ -26,32 +26,51 @@ _KINDS = (
 
 
 def main() -> None:
-    """Print a table of differences and write three.png."""
+    """Print a table of differences and write a picture of each engine."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("out", type=Path, help="folder for the picture")
+    parser.add_argument("out", type=Path, help="folder for the pictures")
+    parser.add_argument("--engines", nargs="+", choices=list(_ENGINES), default=list(_ENGINES))
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    if three.missing():
-        raise SystemExit(three.missing())
+    chosen = [_ENGINES[name] for name in options.engines]
+    if missing := [module.missing() for module, _ in chosen if module.missing()]:
+        raise SystemExit("\n".join(missing))
+    with blender():
+        for name, (_, compare) in zip(options.engines, chosen, strict=True):
+            with tempfile.TemporaryDirectory() as folder:
+                compare(Path(folder), options.out.resolve() / f"{name}.png")
+
+
+def compare_three(folder: Path, picture: Path) -> None:
+    """Print the differences of three.js, and write a picture."""
     three.install()
-    with tempfile.TemporaryDirectory() as folder, blender():
-        cornell.bake()
-        wanted = cornell.preview(_WIDTH, Path(folder))
-        pictures = [export(Path(folder), kind, files) for _, kind, files in _KINDS]
-        for (name, *_), picture in zip(_KINDS, pictures, strict=True):
-            print(row(name, picture, wanted))
-        give_gloss()
-        print(row("with *IOR Level* 0.5", export(Path(folder), "HDR", files=False), wanted))
-        write_picture(options.out.resolve() / "three.png", wanted, pictures[0])
+    cornell.bake()
+    wanted = cornell.preview(_WIDTH, folder)
+    pictures = [export(folder, kind, files) for _, kind, files in _KINDS]
+    for (name, *_), shown in zip(_KINDS, pictures, strict=True):
+        print(row(name, shown, wanted))
+    give_gloss()
+    print(row("with *IOR Level* 0.5", export(folder, "HDR", files=False), wanted))
+    write_picture(picture, wanted, pictures[0])
+
+
+def compare_godot(folder: Path, picture: Path) -> None:
+    """Print the differences of Godot without and with directional maps, and write a picture with them."""
+    for name, directional in (("Lightmap", None), ("*Directional*, with a normal map", "directional")):
+        cornell.bake(directional=directional)
+        wanted = cornell.preview(_WIDTH, folder)
+        path = cornell.export(folder, "NONE")
+        shown = godot.render(path, _WIDTH, _WIDTH, cornell.HIDDEN, directional is not None)
+        print(row(name, shown, wanted))
+    write_picture(picture, wanted, shown)
+
+
+_ENGINES = {"three": (three, compare_three), "godot": (godot, compare_godot)}
 
 
 def export(folder: Path, kind: str, files: bool) -> np.ndarray:
     """Return what three.js shows of an export."""
-    import bpy
-
-    path = folder / "cornell.glb"
-    bpy.ops.hemibake.export_for_engine(filepath=str(path), lightmaps=kind)
-    return three.render(path, _WIDTH, _WIDTH, cornell.HIDDEN, files)
+    return three.render(cornell.export(folder, kind), _WIDTH, _WIDTH, cornell.HIDDEN, files)
 
 
 def give_gloss() -> None:

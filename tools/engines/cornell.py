@@ -102,6 +102,15 @@ def preview(width: int, folder: Path) -> np.ndarray:
     return pixels.reshape(width, width, -1)[..., :3]
 
 
+def export(folder: Path, kind: str) -> Path:
+    """Write the box as .glb, with lightmaps of a kind in it, and return its path."""
+    import bpy
+
+    path = folder / "cornell.glb"
+    bpy.ops.hemibake.export_for_engine(filepath=str(path), lightmaps=kind)
+    return path
+
+
 def differences(shown: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """Return how far each pixel is off, (n,), of its brightest channel, where anything is shown."""
     brightest = wanted.max(axis=-1)

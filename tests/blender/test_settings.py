@@ -123,7 +123,7 @@ def test_quality_is_custom_once_a_setting_of_it_differs():
     group.light_samples += 1
     assert group.quality == "custom"
     group.quality = "custom"
-    assert (group.samples, group.light_samples) == (64, 17)
+    assert (group.samples, group.light_samples) == (64, 33)
 
 
 def test_rays_follow_a_hemicube_that_is_chosen():

@@ -39,7 +39,7 @@ def test_the_worker_finds_the_same_devices_and_keeps_them_out_of_this_process():
 
 class Platform:
     def __init__(self, name, version):
-        self.name, self.version = name, version
+        self.name, self.version, self.vendor = name, version, "Nobody"
 
 
 class Device:
@@ -48,6 +48,7 @@ class Device:
     def __init__(self, platform, name, kind, works=True):
         self.platform, self.name, self.type, self.works = platform, name, kind, works
         self.driver_version, self.global_mem_size = "1.0 ", 3 << 30
+        self.vendor, self.version = "Nobody", "OpenCL 3.0"
 
 
 @pytest.fixture

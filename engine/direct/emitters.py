@@ -10,6 +10,7 @@ from ..device.compute import Source
 from ..device.record import Record
 from ..patches.geometry import PatchGeometry
 from ..patches.surfaces import PatchSurfaces
+from ..scene.color import luminance
 from ..scene.model import Light
 from ..scene.triangles import Triangles
 from ..segment_sums import segment_sums
@@ -70,8 +71,6 @@ NO_CONE = -2.0
 #: Emission that differs by less from its mean, relative, is uniform.
 _EVEN = 1e-4
 
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-
 
 @dataclass(frozen=True)
 class BrightTriangles:
@@ -99,9 +98,9 @@ def bright_triangles(
     emission, glowing = surfaces.emission, surfaces.shining
     triangle, shining = geometry.triangle[glowing], emission[glowing]
     radiance = _mean_radiance(triangles, geometry, texel_to_patch, emission, (triangle, shining))
-    area, luminance = geometry.steps.whole, radiance @ _LUMINANCE
-    mean = float((luminance * area).sum(dtype=np.float64) / max(area.sum(dtype=np.float64), 1e-30))
-    chosen = (luminance > 0) & (luminance >= _BRIGHT * mean)
+    area, brightness = geometry.steps.whole, luminance(radiance)
+    mean = float((brightness * area).sum(dtype=np.float64) / max(area.sum(dtype=np.float64), 1e-30))
+    chosen = (brightness > 0) & (brightness >= _BRIGHT * mean)
 
     # Hemicubes see what the others emit.
     rest = glowing[~chosen[triangle]]
@@ -154,7 +153,7 @@ def lamp_records(light: Light, modulation: int = 0) -> np.ndarray:
     if is_modulated(light):
         records["modulation"], records["falloff_power"] = modulation, light.falloff_power
     if light.profile is not None:
-        records["luminance"] *= light.profile.mean @ _LUMINANCE
+        records["luminance"] *= luminance(light.profile.mean)
     return records
 
 
@@ -164,7 +163,7 @@ def _point_record(light: Light) -> np.ndarray:
     return EMITTER.array(
         1,
         kind=POINT,
-        luminance=strength @ _LUMINANCE,
+        luminance=luminance(strength),
         casts_shadow=light.casts_shadow,
         position=light.position,
         strength=strength,
@@ -185,7 +184,7 @@ def _sun_record(light: Light) -> np.ndarray:
     return EMITTER.array(
         1,
         kind=SUN,
-        luminance=strength @ _LUMINANCE,
+        luminance=luminance(strength),
         casts_shadow=light.casts_shadow,
         strength=strength,
         direction=-light.axes[2],
@@ -243,7 +242,7 @@ def _triangle_records(corners: np.ndarray, radiance: np.ndarray) -> np.ndarray:
     return EMITTER.array(
         len(corners),
         kind=TRIANGLE,
-        luminance=radiance @ _LUMINANCE / np.pi,
+        luminance=luminance(radiance) / np.pi,
         position=corners[:, 0],
         strength=radiance,
         edge1=corners[:, 1] - corners[:, 0],

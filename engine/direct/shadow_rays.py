@@ -13,6 +13,7 @@ from ..device.buffers import download, download_colors, upload, upload_float4, u
 from ..device.kernel import Kernel
 from ..device.slices import sliced
 from ..patches.subdivision import Subdivision
+from ..scene.color import luminance
 from ..scene.light_groups import LightGroups
 from ..scene.model import Light
 from ..settings import MOST_LIGHTS, Settings
@@ -24,8 +25,6 @@ from .modulation import pack_modulations
 from .sky import solid_angles
 
 _SOURCE = (*LIGHT_TREE_SOURCE, "tilt.cl", "texel_starts.cl", "direct.cl")
-
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 class Casting(Protocol):
@@ -113,7 +112,7 @@ class ShadowRays:
         1 where nothing casts a shadow, 0 where all is shadow or the lamp does not shine.
         """
         light = (yield from self._light(self._records[lamp], self._settings.light_samples))[:, 0]
-        passed = light[:, :3] @ _LUMINANCE.astype(np.float32)
+        passed = luminance(light[:, :3])
         mask: np.ndarray = np.where(light[:, 3] > 0, passed / np.maximum(light[:, 3], 1e-30), 0)
         return np.minimum(mask, 1).astype(np.float32)
 
@@ -173,7 +172,7 @@ class ShadowRays:
         pixels = np.zeros((1, 1, 4), np.float32)
         if sky is not None:
             pixels = np.concatenate([sky, np.zeros((*sky.shape[:2], 1), np.float32)], axis=2)
-        power = (pixels[..., :3] @ _LUMINANCE) * solid_angles(*pixels.shape[:2])[:, None]
+        power = luminance(pixels[..., :3]) * solid_angles(*pixels.shape[:2])[:, None]
         listed = np.flatnonzero(power)
         total = float(power.sum())
         cumulative = np.cumsum(power.ravel()[listed]) / max(total, 1e-30)

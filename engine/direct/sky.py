@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..progress import finished
+from ..scene.color import luminance
 from ..scene.resampling import shrink_in_slices
 
 #: Radiance above so many times the mean of the sky is sampled as a light.
@@ -15,8 +16,6 @@ _BRIGHT = 3.0
 
 #: Largest map that hemicubes see, rows and columns; their own texels are no finer.
 _REST_SIZE = (256, 512)
-
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 @dataclass(frozen=True)
@@ -35,10 +34,10 @@ def split_sky(world: np.ndarray) -> Sky:
     """Split a world's radiance, (3,) or (h, w, 3), at a multiple of its mean luminance."""
     if world.ndim == 1:
         return Sky(whole_sky(world), None)
-    luminance = world.astype(np.float64) @ _LUMINANCE
-    mean = float((luminance.mean(axis=1) * _row_fractions(len(world))).sum())
-    most = np.full_like(luminance, _BRIGHT * mean)
-    kept = np.divide(most, luminance, out=np.ones_like(most), where=luminance > most)[..., None]
+    bright = luminance(world.astype(np.float64))
+    mean = float((bright.mean(axis=1) * _row_fractions(len(world))).sum())
+    most = np.full_like(bright, _BRIGHT * mean)
+    kept = np.divide(most, bright, out=np.ones_like(most), where=bright > most)[..., None]
     rest = world * kept
     if (kept == 1).all():
         return Sky(_shrunk(rest), None)

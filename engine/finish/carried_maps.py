@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from .outputs import DIRECTIONAL_MAPS, LUMINANCE, PROJECTED_MAPS
+from ..scene.color import luminance
+from .outputs import DIRECTIONAL_MAPS, PROJECTED_MAPS
 
 #: Part of L1 that is added to E/pi and taken from it: no light has a larger l1 than 3.5 of its E(n)/pi.
 _PART = np.float32(1 / 3.5)
@@ -47,8 +48,8 @@ def restored_maps(
         elif name in _L1:
             restored[name] = (bright - dark) / (2 * _PART)
         else:
-            luminance = (filtered["combined"] @ LUMINANCE)[..., None]
-            restored[name] = _ratio(bright - dark, 2 * _PART * luminance)
+            light = luminance(filtered["combined"])[..., None]
+            restored[name] = _ratio(bright - dark, 2 * _PART * light)
     if _L0 in maps:
         along = sum(normals[..., axis, None] * restored[name] for axis, name in enumerate(_L1))
         restored[_L0] = filtered["combined"] - along
@@ -66,8 +67,8 @@ def _changes(maps: Mapping[str, np.ndarray]) -> Iterator[tuple[str, np.ndarray, 
         if name in maps:
             yield name, maps[_SH_L0], maps[_SH_L0] * maps[name]
     if "dominant_direction" in maps:
-        luminance = (maps["combined"] @ LUMINANCE)[..., None] * np.ones(3, np.float32)
-        yield "dominant_direction", luminance, _PART * luminance * maps["dominant_direction"]
+        light = luminance(maps["combined"])[..., None] * np.ones(3, np.float32)
+        yield "dominant_direction", light, _PART * light * maps["dominant_direction"]
 
 
 def _ratio(part: np.ndarray, whole: np.ndarray) -> np.ndarray:

@@ -20,6 +20,7 @@ import numpy as np
 from ..denoise.found import REMEDY, library_of_packages
 from ..denoise.library import DenoiseDevice, DenoiseLibrary
 from ..errors import DenoiseError
+from ..scene.color import luminance
 from ..settings import Settings
 from .dilation import Dilation, grown
 from .noise_limit import share_of_noise
@@ -36,7 +37,6 @@ _WINDOW = 2048
 _GREY = 0.18
 
 #: Luminance of Rec.709.
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
 class Denoising:
@@ -115,7 +115,7 @@ class Denoising:
     ) -> None:
         """Give filtered images back what is no noise: the same part of all, which belong together."""
         noisy, quiet = (
-            sum(image[self._known] for image in maps.values()) @ _LUMINANCE for maps in (images, filtered)
+            luminance(sum(image[self._known] for image in maps.values())) for maps in (images, filtered)
         )
         share = share_of_noise(noisy, quiet, charts)[:, None]
         for name, image in images.items():
@@ -184,8 +184,8 @@ def _scale(texels: np.ndarray) -> np.float32:
 
     That is the exposure which the filter would choose by itself, for all windows the same.
     """
-    luminance = texels @ _LUMINANCE
-    lit = luminance[luminance > 0].astype(np.float64)
+    light = luminance(texels)
+    lit = light[light > 0].astype(np.float64)
     return np.float32(_GREY / np.exp(np.log(lit).mean())) if len(lit) else np.float32(1)
 
 

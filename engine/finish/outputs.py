@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from ..errors import SceneError
+from ..scene.color import luminance
 from ..scene.light_groups import light_group_names
 from ..scene.model import Scene, shining_lights
 from ..settings import LIGHT_OUTPUTS, Settings
@@ -85,9 +86,6 @@ DECODING = {
 
 #: What names of light groups' maps begin with.
 _LIGHT_GROUP = "light_group "
-
-#: Of Rec.709.
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
 class Light(Protocol):
@@ -196,9 +194,8 @@ def dominant_direction(irradiance: np.ndarray, l1: np.ndarray) -> np.ndarray:
 
     It is the luminance of l1 in parts of that of E/pi: E(n')/pi is about E(n)/pi (1 + D . (n' - n)).
     """
-    luminance = (irradiance @ LUMINANCE)[:, None]
-    lit = luminance > 0
-    return np.divide(l1 @ LUMINANCE, luminance, out=np.zeros_like(irradiance), where=lit)
+    light = luminance(irradiance)[:, None]
+    return np.divide(luminance(l1), light, out=np.zeros_like(irradiance), where=light > 0)
 
 
 def projected_maps(irradiance: np.ndarray, sums: np.ndarray, normals: np.ndarray) -> dict[str, np.ndarray]:

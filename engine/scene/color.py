@@ -17,6 +17,15 @@ def channel_sum(values: np.ndarray) -> np.ndarray:
     return sums
 
 
+def luminance(values: np.ndarray) -> np.ndarray:
+    """Return the luminance of scene-linear Rec.709 colors (ITU-R BT.709), (..., 3) -> (...), same dtype.
+
+    Column by column, as `channel_sum`.
+    """
+    total: np.ndarray = 0.2126 * values[..., 0] + 0.7152 * values[..., 1] + 0.0722 * values[..., 2]
+    return total
+
+
 def srgb_to_linear(values: np.ndarray) -> np.ndarray:
     """Return display values as scene-linear ones (IEC 61966-2-1)."""
     linear: np.ndarray = np.where(

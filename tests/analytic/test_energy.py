@@ -68,7 +68,7 @@ def test_lamp_of_a_closed_room_is_absorbed():
     [
         ({"method": "stream"}, 4e-3),
         long({"visibility": "raster"}, 4e-3),
-        ({"patch_groups": 2}, 1e-2),
+        long({"patch_groups": 2}, 1e-2),
         long({"accelerate": False}, 4e-3),
         long({"sample_emission": False}, 4e-3),
     ],

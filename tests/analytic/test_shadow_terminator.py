@@ -131,6 +131,7 @@ def lifted(*meshes):
     return records["lifted"]
 
 
+@pytest.mark.long
 def test_only_smooth_surfaces_that_bulge_are_lifted():
     bulging = ball(32, 16)
     corners = bulging.positions

@@ -367,7 +367,9 @@ def test_preview_of_instances_looks_like_the_original(stage, tmp_path, show):
     assert not [material for material in bpy.data.materials if "lightmap" in material.name]
 
 
-@pytest.mark.parametrize(("tilt", "limit"), [((0, 0), 0.02), ((0.3, -0.2), 0.05)], ids=["turned", "tilted"])
+@pytest.mark.parametrize(
+    ("tilt", "limit"), [((0, 0), 0.02), long((0.3, -0.2), 0.05)], ids=["turned", "tilted"]
+)
 def test_directional_maps_shade_normal_maps_of_instances(stage, tmp_path, tilt, limit):
     """Of one object, each with a turn of its own: the maps are of the world, not of the object.
 

@@ -14,6 +14,7 @@ from tests.blender.things import (
     snapshot,
     square,
 )
+from tests.rows import long
 
 
 def noisy():
@@ -143,7 +144,7 @@ CHANGES = [delete, hide, edit, add_modifier, undo, repaint, open_a_window_of_ano
 
 
 @pytest.mark.parametrize("change", CHANGES)
-@pytest.mark.parametrize("stage", ["Reading objects", "Reading material 'Noise' with Cycles"])
+@pytest.mark.parametrize("stage", ["Reading objects", long("Reading material 'Noise' with Cycles")])
 def test_scene_that_changes_while_it_is_read_is_baked_as_it_is_then(change, stage, quick_cycles):
     import bpy
 

@@ -53,6 +53,7 @@ def test_texels_are_where_their_directions_point(n):
     assert (texels_of(directions * 3.7, axes, n) == np.arange(3 * n * n)).all()
 
 
+@pytest.mark.long
 def test_shooting_ends_where_gauss_seidel_does():
     prepared = prepare(split_room(), 71)
     method, known = shooting(prepared, 16), truth(prepared)
@@ -92,6 +93,7 @@ def virtual_lights(prepared, nearest, **replaced):
     return InstantRadiosity(prepared.triangles, prepared.geometry, faces, *of_triangles, nearest)
 
 
+@pytest.mark.long
 def test_virtual_lights_sum_to_the_light_of_the_full_matrix():
     prepared = prepare(split_room(), 71)
     known = truth(prepared)

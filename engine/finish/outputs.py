@@ -209,11 +209,17 @@ def projected_maps(irradiance: np.ndarray, sums: np.ndarray, normals: np.ndarray
     the mean of L over the sphere, and L1 twice that of L times its direction (Ramamoorthi and Hanrahan
     2001): the part of L1 along the normal is E(n)/2 pi. SH L1 is L1 / (2 L0), whose length is at most 1.
     """
-    l0 = np.einsum("nac,na->nc", sums, normals)
-    l1 = sums + normals[:, :, None] * (0.5 * irradiance - l0)[:, None]
-    parts = np.divide(0.5 * l1, l0[:, None], out=np.zeros_like(l1), where=l0[:, None] > 0)
-    length = np.sqrt(np.einsum("nac,nac->nc", parts, parts))[:, None]
-    maps = (l0, *(parts / np.maximum(length, 1)).transpose(1, 0, 2))
+    # Axis by axis: NumPy is slow along short rows.
+    axes = np.ascontiguousarray(sums.transpose(1, 0, 2))
+    along = [np.ascontiguousarray(component)[:, None] for component in normals.T]
+    l0 = along[0] * axes[0] + along[1] * axes[1] + along[2] * axes[2]
+    across, lit = 0.5 * irradiance - l0, l0 > 0
+    parts = [
+        np.divide(0.5 * (axis + component * across), l0, out=np.zeros_like(l0), where=lit)
+        for axis, component in zip(axes, along, strict=True)
+    ]
+    longest = np.maximum(np.sqrt(parts[0] ** 2 + parts[1] ** 2 + parts[2] ** 2), 1)
+    maps = (l0, *(part / longest for part in parts))
     return dict(zip(PROJECTED_MAPS, maps, strict=True))
 
 

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 
 from ....engine.errors import SceneError
+from ....engine.scene.color import luminance
 from ....engine.scene.profile import Profile, read_ies
 from ...compat import blackbody
 from ..materials.sockets import ComplexError, feeder
@@ -17,7 +18,6 @@ from ..materials.sockets import ComplexError, feeder
 _MISSING_IES = 100.0
 
 _FALLOFF_POWERS = {"Quadratic": 0, "Linear": 1, "Constant": 2}
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class LampNodes:
 
     def grey(self) -> LampNodes:
         """Return what a number input takes of a colour."""
-        grey = np.full(3, self.colour @ _LUMINANCE) if np.ptp(self.colour) else self.colour
+        grey = np.full(3, luminance(self.colour)) if np.ptp(self.colour) else self.colour
         return LampNodes(grey, self.profile, self.falloff)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
+from ....engine.scene.color import luminance
 from ....engine.scene.model import Material
 from ...compat import node_input, node_tree
 from .object_nodes import Source, shown, source_of
@@ -15,8 +16,6 @@ from .values import BLACK, HOLE, ONE, ZERO, Surface, Value, constant
 
 #: What Cycles shows where there is no material.
 _DEFAULT_GREY = np.full(3, 0.8, np.float32)
-
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 _CONSTANT_NODES = {"RGBA": "ShaderNodeRGB", "VALUE": "ShaderNodeValue"}
 
@@ -116,8 +115,8 @@ def _fitting(value: Value, output: bpy.types.NodeSocket, channels: int) -> Value
     """Return what a socket takes of a constant: a number the luminance of a colour, the mean of a vector."""
     if channels == 3 or output.type not in {"RGBA", "VECTOR"}:
         return value
-    weights = _LUMINANCE if output.type == "RGBA" else np.full(3, 1 / 3)
-    return constant(float(value.constant @ weights))
+    grey = luminance(value.constant) if output.type == "RGBA" else value.constant.mean()
+    return constant(float(grey))
 
 
 def _rest(value: Value) -> Value:

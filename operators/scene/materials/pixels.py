@@ -5,16 +5,13 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ....engine.scene.color import srgb_to_linear
+from ....engine.scene.color import luminance, srgb_to_linear
 from ...lookup import find
 from ..slices import Slices, row_slices
 
 #: Colour spaces whose pixels are scene-linear Rec.709 as they are, and the one that is converted.
 _LINEAR = {"Linear Rec.709", "Non-Color", "Raw", "Linear", "Generic Data"}
 _SRGB = "sRGB"
-
-#: Luminance of scene-linear Rec.709.
-_LUMINANCE = np.array([[0.2126], [0.7152], [0.0722]], np.float32)
 
 #: What Cycles shows for an image that cannot be read.
 MISSING = np.array([[[1.0, 0.0, 1.0, 1.0]]], np.float32)
@@ -123,8 +120,7 @@ def _part(pixels: np.ndarray, part: str, srgb: bool) -> np.ndarray:
         return pixels[..., 3:]
     colours = pixels[..., :3]
     if part == "grey":
-        luminance: np.ndarray = (srgb_to_linear(colours) if srgb else colours) @ _LUMINANCE
-        return luminance
+        return luminance(srgb_to_linear(colours) if srgb else colours)[..., None]
     return colours
 
 

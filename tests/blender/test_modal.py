@@ -5,6 +5,7 @@ and for the context; all else, the worker process too, is real.
 """
 
 import itertools
+import time
 from types import SimpleNamespace
 
 import pytest
@@ -18,6 +19,9 @@ TIMER = SimpleNamespace(type="TIMER", value="NOTHING")
 ESCAPE = SimpleNamespace(type="ESC", value="PRESS", mouse_x=399, mouse_y=100)
 ESCAPE_ELSEWHERE = SimpleNamespace(type="ESC", value="PRESS", mouse_x=400, mouse_y=100)
 MOUSE = SimpleNamespace(type="MOUSEMOVE", value="NOTHING")
+
+#: Time between two events, and the longest that an operator may take, s.
+BETWEEN, PATIENCE = 0.002, 600
 
 
 @pytest.fixture(autouse=True)
@@ -123,10 +127,15 @@ def stand_in_for(operator_class):
 
 
 def drive(operator, context, until=lambda: False) -> set[str]:
-    """Send timer events until the operator ends, or until a condition holds."""
-    result = {"PASS_THROUGH"}
+    """Send timer events until the operator ends, or until a condition holds.
+
+    Between two of them the worker, which has the lower priority, gets the processor.
+    """
+    result, began = {"PASS_THROUGH"}, time.monotonic()
     while result == {"PASS_THROUGH"} and not until():
         result = operator.modal(context, TIMER)
+        time.sleep(BETWEEN)
+        assert time.monotonic() - began < PATIENCE, "The operator does not come to an end."
     return result
 
 

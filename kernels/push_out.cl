@@ -23,13 +23,14 @@ bool is_inside(const Rays *rays, const Receiver *r, const float3 start, const fl
                __global const float *normals, bool *backs_only)
 {
     int backs = 0, out = 0, fronts = 0;
+    Hit first[FIRST];
     for (int i = 0; i < FIRST; ++i) {
-        const Hit hit = nearest_hit(rays, start, look(i, x, y, r->geometric), false);
-        backs += hit.triangle >= 0 && !hit.front;
+        first[i] = nearest_hit(rays, start, look(i, x, y, r->geometric), false);
+        backs += first[i].triangle >= 0 && !first[i].front;
     }
     for (int i = 0; i < LOOKS && backs > 0 && out <= OUT; ++i) {
         const float3 direction = look(i, x, y, r->geometric);
-        const Hit hit = nearest_hit(rays, start, direction, false);
+        const Hit hit = i < FIRST ? first[i] : nearest_hit(rays, start, direction, false);
         fronts += hit.triangle < 0 || hit.front;
         out += looks_out(rays, &hit, start + hit.distance * direction, r->height, normals);
     }

@@ -11,7 +11,7 @@ from .compute import Compute
 def upload(compute: Compute, values: np.ndarray) -> cl.Buffer:
     """Return a buffer with the bits of an array."""
     values, flags = np.ascontiguousarray(values), cl.mem_flags.READ_WRITE
-    if not compute.stages(values.nbytes):
+    if not compute.is_staged(values.nbytes):
         return cl.Buffer(compute.context, flags | cl.mem_flags.COPY_HOST_PTR, hostbuf=values)
     buffer = cl.Buffer(compute.context, flags, values.nbytes)
     compute.staging.write(buffer, values)
@@ -52,7 +52,7 @@ def zeros(compute: Compute, size: int) -> cl.Buffer:
 def download(compute: Compute, buffer: cl.Buffer, shape: tuple[int, ...], first: int = 0) -> np.ndarray:
     """Return float32 of a buffer in a shape, from the byte `first` on, once all work before is done."""
     values = np.empty(shape, np.float32)
-    if compute.stages(values.nbytes):
+    if compute.is_staged(values.nbytes):
         compute.staging.read(buffer, values, first)
     else:
         cl.enqueue_copy(compute.queue, values, buffer, src_offset=first)

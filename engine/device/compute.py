@@ -76,7 +76,7 @@ class Compute:
         """What large arrays travel through."""
         return Staging(self.queue)
 
-    def stages(self, size: int) -> bool:
+    def is_staged(self, size: int) -> bool:
         """Return whether an array of `size` bytes travels by `staging`: a large one, not to a CPU."""
         return size >= _STAGED and not self.processor
 

@@ -172,7 +172,10 @@ class Settings:
         Switch(),
     )
     light_samples: int = described(
-        64, "Light Samples", "Shadow rays from each patch to each light", Span(1, 4096, "rays")
+        64,
+        "Light Samples",
+        "Shadow rays from each patch to each light; four times as many where only part of them arrives",
+        Span(1, 4096, "rays"),
     )
     texel_samples: int = described(
         4,

@@ -5,6 +5,13 @@
 #define TRIAL 24.0f
 #define TRIAL_FRACTION 0.375f
 
+// Parts of light that differ by less are the same, but for rounding.
+#define SAME 1e-3f
+
+// How often the samples of an emitter are drawn whose rays bring different parts of its light: a penumbra, or a
+// texel across an edge of a shadow. All noise of direct light is there.
+#define ROUNDS 4
+
 // The fraction of a sample's light that reaches a point, on its way from a little above the surface to a
 // little before the light: that may be a surface, too.
 float seen(const Rays *rays, const Receiver *r, const float3 p, const Sample *s)
@@ -21,13 +28,17 @@ typedef struct {
     L1 l1;             // of the light (tilt.cl)
 } Sum;
 
-// Consecutive samples of one emitter of one radiance. Its light is known but for the shadows: samples only
-// tell what fraction of it comes through.
+// Consecutive samples of one emitter. If it is of one radiance its light is known but for the shadows: samples
+// only tell what fraction of it comes through.
 typedef struct {
-    float expected;    // samples
+    int first, rounds;     // number of its first sample; how often its samples are drawn
+    float expected;        // samples of a round
+    float tried, through;  // shadow rays, and their sum of the parts of light that arrive
+    float least, most;     // of these parts
     float shadowed, unshadowed;
-    float3 tilted;     // `tilt_of` the samples, times what is shadowed of each
-    float3 open;       // its whole light, mean over the texel
+    float3 tilted;         // `tilt_of` the samples, times what is shadowed of each
+    float3 open;           // its whole light, mean over the texel
+    Sum sum;               // of an emitter of other radiances
 } Run;
 
 // Points of a texel along u and v where light that changes over it is computed.
@@ -45,8 +56,24 @@ float3 open_over_texel(const Rays *rays, __global const Emitter *e, const Receiv
     return sum / (GRID * GRID);
 }
 
+Run start_run(const int first, const float expected)
+{
+    const Run run = {.first = first, .rounds = 1, .expected = expected, .least = 1.0f};
+    return run;
+}
+
+bool is_even(const Run *run) { return run->most - run->least < SAME; }
+
 void finish_run(const Run *run, Sum *sum)
 {
+    const float part = 1.0f / run->rounds;
+    sum->light += part * run->sum.light;
+    sum->unshadowed += part * run->sum.unshadowed;
+#ifdef DIRECTIONAL
+    sum->l1.x += part * run->sum.l1.x;
+    sum->l1.y += part * run->sum.l1.y;
+    sum->l1.z += part * run->sum.l1.z;
+#endif
     if (!(run->unshadowed > 0.0f))
         return;
     const float3 open = run->open / fmin(run->expected, 1.0f);
@@ -93,36 +120,41 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
     start_walk(&walk, root, budget / total);
     float2 span = (float2)(0.0f);
     Sum sum = {(float3)(0.0f)};
-    Run run = {0.0f};
-    float tried = 0.0f, through = 0.0f;
+    Run run = start_run(0, 0.0f);
     int emitter = -1;
     __global float4 *groups = result + (size_t)patch * light_groups;
     for (int i = 0; i < light_groups; ++i)
         groups[i] = (float4)(0.0f);
     int group = 0;
-    for (int index = 0; index < budget && total > 0.0f; ++index) {
-        if (index + offset >= span.x) {
-            finish_run(&run, &sum);
-            emitter = next_emitter(&walk, &lights, &r, index + offset, &span);
-            if (emitter >= 0 && emitters[emitter].light_group != group) {
-                add_to_group(&sum, groups + group);
-                group = emitters[emitter].light_group;
+    for (int index = 0; total > 0.0f; ++index) {
+        if (index == budget || index + offset >= span.x) {
+            // Once more, along further points of the sequence, if only part of the rays arrived.
+            if (!is_even(&run) && run.rounds < ROUNDS) {
+                ++run.rounds;
+                index = run.first;
+            } else {
+                finish_run(&run, &sum);
+                if (index == budget)
+                    break;
+                emitter = next_emitter(&walk, &lights, &r, index + offset, &span);
+                if (emitter >= 0 && emitters[emitter].light_group != group) {
+                    add_to_group(&sum, groups + group);
+                    group = emitters[emitter].light_group;
+                }
+                run = start_run(index, span.y);
+                if (emitter >= 0 && emitters[emitter].uniform)
+                    run.open = open_over_texel(&rays, emitters + emitter, &r, crossed);
             }
-            run.expected = span.y;
-            run.shadowed = run.unshadowed = tried = through = 0.0f;
-            run.tilted = (float3)(0.0f);
-            if (emitter >= 0 && emitters[emitter].uniform)
-                run.open = open_over_texel(&rays, emitters + emitter, &r, crossed);
         }
         if (emitter < 0)
             continue;
         __global const Emitter *e = emitters + emitter;
 
         // Where all rays of a trial met, or none, the others of this emitter are spared.
-        const bool spared = tried >= fmax(TRIAL, TRIAL_FRACTION * span.y) && (through == 0.0f || through == tried);
+        const bool spared = run.tried >= fmax(TRIAL, TRIAL_FRACTION * span.y) && is_even(&run);
         if (spared && e->uniform)
             continue;
-        const float4 u = sample_point(index, key);
+        const float4 u = sample_point(index + (run.rounds - 1) * budget, key);
         const float3 p = start_in_texel(&rays, &r, crossed, u.zw);
         const Sample s = sample_emitter(e, &glow, &sky, &lights.modulations, &r, p, u.xy);
         const float cosine = dot(s.direction, r.normal);
@@ -132,11 +164,13 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
         const float3 brought = s.light * (cosine / span.y);
         float visible = 1.0f;
         if (spared) {
-            visible = through / tried;
+            visible = run.through / run.tried;
         } else if (e->casts_shadow) {
             visible = seen(&rays, &r, p, &s);
-            through += visible;
-            tried += 1.0f;
+            run.through += visible;
+            run.tried += 1.0f;
+            run.least = fmin(run.least, visible);
+            run.most = fmax(run.most, visible);
         }
         const float3 tilt = tilt_of(s.direction, r.normal);
         if (e->uniform) {
@@ -144,12 +178,11 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
             run.shadowed += luminance(brought) * visible;
             run.tilted += luminance(brought) * visible * tilt;
         } else {
-            sum.unshadowed += luminance(brought);
-            sum.light += brought * visible;
-            add_l1(&sum.l1, brought * visible, tilt);
+            run.sum.unshadowed += luminance(brought);
+            run.sum.light += brought * visible;
+            add_l1(&run.sum.l1, brought * visible, tilt);
         }
     }
-    finish_run(&run, &sum);
     add_to_group(&sum, groups + group);
 #ifdef DIRECTIONAL
     l1[3 * (size_t)patch] = sum.l1.x;

@@ -9,8 +9,8 @@ On a machine with two graphics cards one call measures a bake whose patches are 
 A bake is RESOLUTIONxRAYS, or RESOLUTIONxRAYSxGROUPS, where GROUPS is the width of the squares. Without
 graphics cards workers share the processor, and have --threads each. Each number of workers bakes twice:
 programs are built in the first bake, by another seed, and the second one is told, with a table: of each stage
-its wall time on the client, how long no worker was busy in it, and how long each worker was. Results are added
-to those of the file; benchmarks/cost_model.py reads them.
+its wall time on the client, how long no worker was busy in it, and how long each worker was. Results are
+added to those of the file; benchmarks/cost_model.py reads them.
 """
 
 from __future__ import annotations

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import cache
 
 from distributed import Worker
 from distributed.diagnostics.plugin import WorkerPlugin
@@ -20,25 +21,34 @@ _FAREWELL = 0.1
 
 
 class Admission(WorkerPlugin):
-    """Closes workers that join with another Hemibake, or without a device; each reports name and reason."""
+    """Closes workers that join with another Hemibake, or without a device; each reports name and reason.
+
+    digest  of the source that they need
+    """
 
     name = "hemibake-admission"
 
     def __init__(self) -> None:
-        self._digest = source_digest()
+        self.digest = source_digest()
 
     def setup(self, worker: Worker) -> None:
         """Look at a worker that is there or joins."""
-        why = self._refusal()
-        if why is not None:
+        why = refusal(self.digest)
+        if why:
             worker.log_event(REFUSED, f"Worker '{worker.name}' at {worker.address} is not used: {why}")
             worker.loop.call_later(_FAREWELL, worker.close)
 
-    def _refusal(self) -> str | None:
-        if source_digest() != self._digest:
-            return "its Hemibake is another version. Start it from the same checkout or package."
-        try:
-            Compute(None, os.environ.get(DEVICE))
-        except DeviceError as error:
-            return str(error)
-        return None
+
+@cache
+def refusal(digest: str) -> str:
+    """Return why the worker of this process may not take part in bakes of a source, empty if it may.
+
+    digest: see `source_digest`
+    """
+    if source_digest() != digest:
+        return "its Hemibake is another version. Start it from the same checkout or package."
+    try:
+        Compute(None, os.environ.get(DEVICE))
+    except DeviceError as error:
+        return str(error)
+    return ""

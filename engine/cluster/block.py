@@ -7,12 +7,11 @@ import pyopencl as cl
 
 from ..device.buffers import download
 from ..gather.final_gather import FinalGather
-from ..gather.half_light import HalfLight
 from ..plan.choose import keeping_sweep
 from ..plan.trial import make_identity, untried_visibility
 from ..progress import finished
 from .prepared_scene import prepared
-from .shipment import Shipment, Squares
+from .shipment import SentLight, Shipment, Squares
 
 
 class Block:
@@ -41,12 +40,12 @@ class Block:
             seen = download(compute, self._gather.patches_seen, (lookers.count,))
             self.views = np.stack([gathered[:, 3], seen], axis=1)
 
-    def gather(self, light: HalfLight) -> np.ndarray:
+    def gather(self, light: SentLight) -> np.ndarray:
         """Gather from the light of all patches; return E/pi, (last - first, 3) float32."""
         with self._sources.working():
             return np.ascontiguousarray(self._gathered(self._sources.table(light))[:, :3])
 
-    def gather_l1(self, light: HalfLight) -> np.ndarray:
+    def gather_l1(self, light: SentLight) -> np.ndarray:
         """Return the L1 of the same light, (last - first, 3, 3) float32."""
         with self._sources.working():
             self._gathered(self._sources.table(light))
@@ -72,11 +71,11 @@ def views(block: Block) -> np.ndarray:
     return block.views
 
 
-def gather(block: Block, light: HalfLight) -> np.ndarray:
+def gather(block: Block, light: SentLight) -> np.ndarray:
     """Gather for a block: a task of a sweep, which runs where the block is."""
     return block.gather(light)
 
 
-def gather_l1(block: Block, light: HalfLight) -> np.ndarray:
+def gather_l1(block: Block, light: SentLight) -> np.ndarray:
     """Gather the L1 of light for a block."""
     return block.gather_l1(light)

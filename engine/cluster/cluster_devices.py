@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import uuid
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
@@ -20,11 +21,13 @@ from ..finish.display_samples import DisplaySamples
 from ..gather.half_light import HalfLight
 from ..plan.choice import Choice
 from ..plan.lit_samples import LitSamples
+from ..plan.memory import shared_width
 from ..settings import Settings
 from . import block, final_tasks, shadow_tasks
 from .blocks import cut
+from .parcel import Parcel
 from .prepared_scene import prepare
-from .shipment import Shipment, Squares
+from .shipment import SentLight, Shipment, Squares
 
 #: Seconds after which a bake that waits may be cancelled, and those that it waits while there are no workers.
 _PAUSE, _PATIENCE = 0.2, 20.0
@@ -67,9 +70,10 @@ class ClusterDevices:
     A worker that is lost takes its blocks along; Dask has others find these anew, with the same bits.
     """
 
-    def __init__(self, client: Client, shipped: Shipped, count: int) -> None:
-        """Take the number of patches."""
-        self._client, self._shipped, self._patches = client, shipped, cut(count)
+    def __init__(self, client: Client, shipped: Shipped, settings: Settings, folder: str, count: int) -> None:
+        """Take the number of patches, and the folder in which arrays travel; empty for none."""
+        self._client, self._shipped, self._folder = client, shipped, folder
+        self._settings, self._count, self._patches = settings, count, cut(count)
         self._address: str = client.scheduler_info()["address"]
         self._squares: Future | None = None
         self._blocks: dict[Span, Future] = {}
@@ -84,7 +88,12 @@ class ClusterDevices:
 
     def sampled(self) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
         """Return the light that shadow rays sample, and its L1; see `Casting.sampled`."""
-        light = yield from self._of_patches(shadow_tasks.sampled)
+        tasks = self._tasks_of_patches(shadow_tasks.sampled)
+
+        # Those that are done find what patches see meanwhile. Squares are made of the light first.
+        if shared_width(self._settings, self._count) == 1:
+            self._find(self._count)
+        light = yield from self._rows(tasks)
         return light[:, :3].copy(), light[:, 3:].reshape(-1, 3, 3).copy()
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
@@ -97,46 +106,65 @@ class ClusterDevices:
 
     def views(self, count: int) -> Generator[float, None, np.ndarray]:
         """Return how much patches see of patches and backs; see `RemoteGather.views`."""
-        self._blocks = {span: self._block(*span) for span in cut(count)}
+        if not self._blocks:
+            self._find(count)
         return (yield from self._of_blocks(block.views))
 
     def gather(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
         """Gather once; see `RemoteGather.gather`."""
-        return (yield from self._of_blocks(block.gather, self._sent(light)))
+        with self._lit(light) as sent:
+            return (yield from self._of_blocks(block.gather, sent))
 
     def gather_l1(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
         """Gather L1; see `RemoteGather.gather_l1`."""
-        return (yield from self._of_blocks(block.gather_l1, self._sent(light)))
+        with self._lit(light) as sent:
+            return (yield from self._of_blocks(block.gather_l1, sent))
 
     def of_groups(self, leader: np.ndarray, width: int) -> None:
         """Let the workers solve groups of patches; see `RemoteGather.of_groups`."""
-        self._squares = self._sent(Squares.of(leader, width))
+        self._squares = self._sent(Squares.of(leader, width, self._folder))
+        self._find(int(np.count_nonzero(leader == np.arange(len(leader), dtype=leader.dtype))))
 
     def final(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
         """Gather for every patch; see `RemoteGather.final`."""
-        return (yield from self._of_patches(final_tasks.final, self._squares, self._sent(light)))
+        with self._lit(light) as sent:
+            return (yield from self._of_patches(final_tasks.final, self._squares, sent))
 
     def final_l1(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
         """Gather L1 for every patch; see `RemoteGather.final_l1`."""
-        return (yield from self._of_patches(final_tasks.final_l1, self._squares, self._sent(light)))
+        with self._lit(light) as sent:
+            return (yield from self._of_patches(final_tasks.final_l1, self._squares, sent))
 
     def light_at(
         self, samples: DisplaySamples, light: HalfLight, choice: Choice, settings: Settings
     ) -> Generator[float, None, list[LitSamples]]:
         """Return the light at points of texels; see `RemoteDevices.light_at`."""
-        seen, tasks = (self._squares, self._sent(light)), {}
-        for first, last in cut(len(samples)):
-            part = samples.part(slice(first, last))
-            task = self._task(
-                final_tasks.light_at_samples, self._shipped.shipment, part, *seen, choice, settings
-            )
-            tasks[task] = first, last
-        lit = yield from self._results(tasks)
+        lit: dict[Span, LitSamples] = {}
+        with self._lit(light) as sent:
+            tasks = {}
+            for first, last in cut(len(samples)):
+                part = samples.part(slice(first, last))
+                task = self._task(
+                    final_tasks.light_at_samples,
+                    self._shipped.shipment, part, self._squares, sent, choice, settings,
+                )  # fmt: skip
+                tasks[task] = first, last
+            yield from self._take(tasks, lit.__setitem__)
         return [lit[span] for span in tasks.values()]
 
-    def _block(self, first: int, last: int) -> Future:
-        """Have what a block of patches sees found, by a task that any worker can do again."""
-        return self._task(block.find, self._shipped.shipment, first, last, self._squares)
+    def _find(self, count: int) -> None:
+        """Have what `count` patches, or groups of them, see found, by tasks that any worker can do again."""
+        shipment, squares = self._shipped.shipment, self._squares
+        self._blocks = {span: self._task(block.find, shipment, *span, squares) for span in cut(count)}
+
+    @contextmanager
+    def _lit(self, light: HalfLight) -> Iterator[Future]:
+        """Send light to workers, for as long as tasks need it."""
+        sent = SentLight.of(light, self._folder)
+        try:
+            yield self._sent(sent)
+        finally:
+            sent.parts.remove()
 
     def _sent(self, value: object) -> Future:
         """Return a value as the result of a task, which workers fetch from each other."""
@@ -146,31 +174,72 @@ class ClusterDevices:
         with _losses_told(self._address):
             return _submit(self._client, function, *arguments)
 
+    def _row_task(self, function: Callable, *arguments: object) -> Future:
+        """Do a task whose result, an array, travels as a Parcel."""
+        with _losses_told(self._address):
+            return _submit(self._client, _packed, function, self._folder, *arguments, name=function.__name__)
+
     def _of_patches(self, function: Callable, *arguments: object) -> Generator[float, None, np.ndarray]:
         """Do a task for each block of patches, on any worker; return the rows of all patches."""
-        shipment, spans = self._shipped.shipment, self._patches
-        return (
-            yield from self._rows({self._task(function, shipment, *span, *arguments): span for span in spans})
-        )
+        return (yield from self._rows(self._tasks_of_patches(function, *arguments)))
+
+    def _tasks_of_patches(self, function: Callable, *arguments: object) -> dict[Future, Span]:
+        """Begin a task for each block of patches, on any worker."""
+        shipment = self._shipped.shipment
+        return {self._row_task(function, shipment, *span, *arguments): span for span in self._patches}
 
     def _of_blocks(self, function: Callable, *arguments: object) -> Generator[float, None, np.ndarray]:
         """Do a task for each block whose views are found, where it is; return the rows of all."""
         blocks = self._blocks.items()
         return (
-            yield from self._rows({self._task(function, found, *arguments): span for span, found in blocks})
+            yield from self._rows(
+                {self._row_task(function, found, *arguments): span for span, found in blocks}
+            )
         )
 
     def _rows(self, tasks: dict[Future, Span]) -> Generator[float, None, np.ndarray]:
-        """Return the results of tasks, one after another; yield the fraction done."""
-        results = yield from self._results(tasks)
-        return np.concatenate([results[span] for span in tasks.values()])
+        """Return the rows that tasks make, one after another; yield the fraction done."""
+        count = max(last for _, last in tasks.values())
+        rows: list[np.ndarray] = []
 
-    def _results(self, tasks: dict[Future, Span]) -> Generator[float, None, dict[Span, Any]]:
-        """Return the result of each task by its span; yield the fraction done."""
-        with _losses_told(self._address):
-            yield from self._until_all_end(list(tasks))
-            results = self._client.gather(list(tasks), direct=True)
-        return dict(zip(tasks.values(), results, strict=True))
+        def put(span: Span, parcel: Parcel) -> None:
+            if not rows:
+                rows.append(np.empty((count, *parcel.shape[1:]), parcel.dtype))
+            parcel.fill(rows[0][slice(*span)])
+            parcel.remove()
+
+        yield from self._take(tasks, put)
+        return rows[0]
+
+    def _take(
+        self, tasks: dict[Future, Span], put: Callable[[Span, Any], None]
+    ) -> Generator[float, None, None]:
+        """Put away the result of each task as it ends, with its span; yield the fraction done.
+
+        Raises DeviceError without workers.
+        """
+        left, lost = set(tasks), 0.0
+        while left:
+            with _losses_told(self._address):
+                ended, left = self._ended(left)
+                results = self._client.gather(ended, direct=True)
+                lost = 0.0 if ended or self._has_workers() else lost + _PAUSE
+            if lost > _PATIENCE:
+                raise DeviceError(
+                    f"The scheduler at {self._address} has had no workers for {_PATIENCE:.0f} s. "
+                    "Start some with tools/worker.py, then bake again."
+                )
+            for task, result in zip(ended, results, strict=True):
+                put(tasks[task], result)
+            yield 1 - len(left) / len(tasks)
+
+    def _ended(self, tasks: set[Future]) -> tuple[list[Future], set[Future]]:
+        """Wait a moment for any task to end; return those that have, and the others."""
+        try:
+            ended, left = wait(tasks, timeout=_PAUSE, return_when="FIRST_COMPLETED")
+        except TimeoutError:
+            return [], tasks
+        return list(ended), left
 
     def _has_workers(self) -> bool:
         """Return whether any worker is there; raises OSError if the scheduler is gone."""
@@ -180,29 +249,17 @@ class ClusterDevices:
             raise OSError("the connection is lost")
         return bool(self._client.scheduler_info(n_workers=1)["workers"])
 
-    def _until_all_end(self, tasks: list[Future]) -> Generator[float, None, None]:
-        """Wait for tasks to end; yield the fraction of them that have. Raises DeviceError without workers."""
-        lost = 0.0
-        while True:
-            try:
-                wait(tasks, timeout=_PAUSE)
-            except TimeoutError:
-                lost = 0.0 if self._has_workers() else lost + _PAUSE
-                if lost > _PATIENCE:
-                    raise DeviceError(
-                        f"The scheduler at {self._address} has had no workers for {_PATIENCE:.0f} s. "
-                        "Start some with tools/worker.py, then bake again."
-                    ) from None
-                yield sum(task.done() for task in tasks) / len(tasks)
-                continue
-            yield 1.0
-            return
 
-
-def _submit(client: Client, function: Callable, *arguments: object) -> Future:
-    """Have a worker do a task; the same one submitted again is another task."""
+def _submit(client: Client, function: Callable, *arguments: object, name: str = "") -> Future:
+    """Have a worker do a task, which has the name of its function; submitted again it is another task."""
+    key = f"{name or function.__name__}-{uuid.uuid4().hex}"
     with dask.config.set({_LARGE_GRAPH: "1 PiB"}):
-        return client.submit(function, *arguments, pure=False)
+        return client.submit(function, *arguments, key=key)
+
+
+def _packed(function: Callable[..., np.ndarray], folder: str, *arguments: object) -> Parcel:
+    """Return the array that a function makes, in a file of a folder if one is named."""
+    return Parcel.of(function(*arguments), folder)
 
 
 def _given(value: object) -> object:

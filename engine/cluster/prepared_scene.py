@@ -16,8 +16,6 @@ from ..device.buffers import zeros
 from ..device.devices import Devices
 from ..direct.contact import patches_in_contact
 from ..direct.lighting import DirectLighting
-from ..gather.half_light import HalfLight
-from ..patches.subdivision import subdivide
 from ..plan.choice import Choice
 from ..plan.choose import light_alone
 from ..plan.display_light import DisplayJob
@@ -25,8 +23,7 @@ from ..plan.kept import Kept
 from ..plan.solve_job import SolveJob
 from ..plan.trial import untried_visibility
 from ..solve.patch_groups import PatchGroups
-from ..visibility.rays.ray_scene import RayScene
-from .shipment import Shipment, Squares
+from .shipment import SentLight, Shipment, Squares
 
 #: Environment variable that names the OpenCL device of a worker.
 DEVICE = "HEMIBAKE_OPENCL_DEVICE"
@@ -46,7 +43,7 @@ class Sources:
 
     def __init__(self, devices: Devices, job: SolveJob) -> None:
         self._devices, self.job = devices, job
-        self._light: HalfLight | None = None
+        self._light: SentLight | None = None
 
     @contextmanager
     def working(self) -> Iterator[None]:
@@ -60,10 +57,10 @@ class Sources:
         parts = self.job.parts.part(slice(first, last))
         return replace(self.job, parts=parts, rays=self.job.rays.of(parts), kept=Kept())
 
-    def table(self, light: HalfLight) -> cl.Buffer:
+    def table(self, light: SentLight) -> cl.Buffer:
         """Return the light of all on the device: once for all blocks of a sweep."""
         if light is not self._light:
-            self._light, self._table = light, light.table(self.job.opencl)
+            self._light, self._table = light, light.opened().table(self.job.opencl)
         return self._table
 
     @cached_property
@@ -73,7 +70,7 @@ class Sources:
 
 
 class PreparedScene(Sources):
-    """The scene of a shipment.
+    """The scene of a shipment; its patches are those that are kept of the last bake, if they serve.
 
     scene     occluders have their places in it
     lighting  what shadow rays sample
@@ -81,14 +78,14 @@ class PreparedScene(Sources):
     Raises DeviceError if the worker has no OpenGL, or no OpenCL.
     """
 
-    def __init__(self, shipment: Shipment) -> None:
+    def __init__(self, shipment: Shipment, kept: Kept) -> None:
         self.scene, settings = shipment.unpacked()
         self.digest = shipment.digest
         devices = worker_devices()
         graphics, compute = devices.graphics, devices.compute
         graphics.use()
-        parts = subdivide(graphics, compute, self.scene, settings)
-        rays = RayScene(compute, parts)
+        parts = kept.subdivide(graphics, compute, self.scene, settings)
+        rays = kept.ray_scene(compute, parts)
         if untried_visibility(settings) == "raster":
             parts = replace(parts, back_to_back=bool(patches_in_contact(rays, rays.count)[1].any()))
         self.lighting = DirectLighting(self.scene, parts, rays, settings)
@@ -117,7 +114,7 @@ class PreparedScene(Sources):
     def _grouped(self, squares: Squares) -> SolveJob:
         """Return the radiosity equation of groups."""
         job = self.job
-        groups = PatchGroups(job.rays, job.parts, job.area, squares.leader, squares.width)
+        groups = PatchGroups(job.rays, job.parts, job.area, squares.leader.open(), squares.width)
         return replace(
             job,
             parts=groups.parts,
@@ -134,6 +131,7 @@ class PreparedScene(Sources):
 
 
 _prepared: PreparedScene | None = None
+_kept = Kept()
 
 
 def prepared(shipment: Shipment) -> PreparedScene:
@@ -146,7 +144,7 @@ def prepared(shipment: Shipment) -> PreparedScene:
         # The memory of the last scene and its blocks is free for this one, also where they refer in circles.
         _prepared = None
         gc.collect()
-        _prepared = PreparedScene(shipment)
+        _prepared = PreparedScene(shipment, _kept)
     return _prepared
 
 

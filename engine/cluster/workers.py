@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from functools import partial
 from urllib.parse import urlsplit
 
@@ -14,16 +14,17 @@ from distributed.security import Security
 from ..errors import DeviceError
 from ..scene.model import Scene
 from ..settings import Settings
-from .admission import REFUSED, Admission
+from .admission import REFUSED, Admission, refusal
 from .cluster_devices import ClusterDevices, ship
 from .local_workers import LocalWorkers, local_environments
+from .parcel import MemoryFolder, is_at_hand
 from .shipment import Shipment
 
 #: What stands for a worker on each device of this machine, instead of an address.
 LOCAL = "all"
 
 #: Seconds in which a scheduler has to answer, and a first worker to be there.
-_ANSWER, _JOIN = 10, 30
+_ANSWER, _JOIN = 60, 30
 
 #: Seconds in which refused workers report why and leave; and those to wait for others then.
 _REFUSAL, _OTHERS = 0.25, 2
@@ -45,19 +46,25 @@ class Workers:
     client    of their scheduler
     address   of the scheduler
     warnings  sentences for the user: refused workers, and a connection that others can listen to
+
+    folder: in which arrays travel within this machine
     """
 
-    def __init__(self, client: Client) -> None:
-        self.client, self.warnings = client, list[str]()
+    def __init__(self, client: Client, folder: MemoryFolder) -> None:
+        self.client, self._folder, self.warnings = client, folder, list[str]()
         self.address: str = client.scheduler_info()["address"]
         client.subscribe_topic(REFUSED, lambda event: self.warnings.append(event[1]))
-        client.register_plugin(Admission())
+        self._admission = Admission()
+        client.register_plugin(self._admission)
         if not _is_private(self.address):
             self.warnings.append(_UNSAFE.format(self.address))
 
     def wait(self) -> None:
         """Wait for a first worker; raises DeviceError if none comes, which names refused ones."""
-        time.sleep(_REFUSAL)
+        asked = len(self.client.scheduler_info(n_workers=-1)["workers"])
+        answers = self.client.run(refusal, self._admission.digest, on_error="ignore")
+        if len(answers) < asked or any(answers.values()):
+            time.sleep(_REFUSAL)
         try:
             self.client.wait_for_workers(1, timeout=_OTHERS if self.warnings else _JOIN)
         except TimeoutError as error:
@@ -71,8 +78,14 @@ class Workers:
 
         Returns what makes the devices for a number of patches.
         """
-        shipment = Shipment.of(scene, settings, local=_is_of_this_machine(self.address))
-        return partial(ClusterDevices, self.client, ship(self.client, shipment))
+        local = _is_of_this_machine(self.address)
+        shipped = ship(self.client, Shipment.of(scene, settings, local))
+        folder = self._folder.path if local and self._share_folder() else ""
+        return partial(ClusterDevices, self.client, shipped, settings, folder)
+
+    def _share_folder(self) -> bool:
+        """Return whether all workers are at hand of the folder: in a container one has its own memory."""
+        return all(self.client.run(is_at_hand, self._folder.path).values())
 
 
 @contextmanager
@@ -81,17 +94,15 @@ def workers(scheduler: str) -> Iterator[Workers]:
 
     Raises DeviceError if there is no scheduler at the address, or it has no workers.
     """
-    if scheduler == LOCAL:
-        local = LocalWorkers(local_environments())
-        try:
-            yield Workers(local.client)
-        finally:
-            local.close()
-        return
-    with _connected(scheduler) as client:
-        found = Workers(client)
-        found.wait()
-        yield found
+    with closing(MemoryFolder()) as folder:
+        if scheduler == LOCAL:
+            with closing(LocalWorkers(local_environments())) as local:
+                yield Workers(local.client, folder)
+            return
+        with _connected(scheduler) as client:
+            found = Workers(client, folder)
+            found.wait()
+            yield found
 
 
 def _connected(scheduler: str) -> Client:

@@ -37,7 +37,10 @@ class RemoteGather(Protocol):
         ...
 
     def of_groups(self, leader: np.ndarray, width: int) -> None:
-        """Let the devices solve groups of the patches; see `solve.patch_groups.PatchGroups`."""
+        """Let the devices solve groups of the patches, and begin to find what these see.
+
+        See `solve.patch_groups.PatchGroups`.
+        """
         ...
 
     def final(self, light: HalfLight) -> Generator[float, None, np.ndarray]:

@@ -92,9 +92,9 @@ def _solver(job: SolveJob) -> tuple[Solver, Choice]:
 def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Choice, SolveJob]:
     """Return what solves for squares of patches, then gathers for each patch."""
     leader = leaders(job.rays, job.parts, job.first_radiance, width)
-    groups = PatchGroups(job.rays, job.parts, job.area, leader, width)
     if job.remote is not None:
         job.remote.of_groups(leader, width)
+    groups = PatchGroups(job.rays, job.parts, job.area, leader, width)
     squares = replace(
         job,
         settings=_settings_of_groups(job),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ..settings import Settings
 from ..visibility.identity import Identity
 from ..visibility.samples import most_samples, sample_bytes
 from .solve_job import SolveJob
@@ -64,12 +65,9 @@ def group_width(job: SolveJob) -> tuple[int, tuple[str, ...]]:
         reason = f"Squares of {_GROUP_WIDTH} x {_GROUP_WIDTH} patches are solved as one, with more rays each."
         return _GROUP_WIDTH, (reason,)
     if job.remote is not None:
-        if settings.method != "auto" or count <= _MOST_SHARED:
-            return 1, ()
-        reason = (
-            f"Squares of {_GROUP_WIDTH} x {_GROUP_WIDTH} patches are solved as one: {count:,} share light."
-        )
-        return _GROUP_WIDTH, (reason,)
+        width = shared_width(settings, count)
+        reason = f"Squares of {width} x {width} patches are solved as one: {count:,} share light."
+        return width, (reason,) if width > 1 else ()
     needed = most_samples(settings) * count * sample_bytes(count)
     if settings.method != "auto" or needed <= memory_budget(job):
         return 1, ()
@@ -77,6 +75,15 @@ def group_width(job: SolveJob) -> tuple[int, tuple[str, ...]]:
         f"Squares of {_GROUP_WIDTH} x {_GROUP_WIDTH} patches are solved as one: {memory_clause(job, needed)}."
     )
     return _GROUP_WIDTH, (reason,)
+
+
+def shared_width(settings: Settings, count: int) -> int:
+    """Return the width of the squares of `count` patches where other processes gather, texels; 1 for none."""
+    if not settings.bounces:
+        return 1
+    if settings.patch_groups:
+        return settings.patch_groups
+    return _GROUP_WIDTH if settings.method == "auto" and count > _MOST_SHARED else 1
 
 
 def memory_clause(job: SolveJob, needed: int) -> str:

@@ -98,6 +98,22 @@ def test_any_number_of_workers_brings_the_same_bits(by_two):
         assert np.array_equal(baked(one).image, by_two.image)
 
 
+def test_bits_are_the_same_where_arrays_travel_through_dask(monkeypatch, two, by_two):
+    monkeypatch.setattr("engine.cluster.parcel._SMALL", 0)
+    monkeypatch.setattr("engine.cluster.workers.Workers._share_folder", lambda _: False)
+    assert np.array_equal(baked(two).image, by_two.image)
+
+
+def test_nothing_is_left_in_the_memory_of_the_machine(monkeypatch, tmp_path, two, by_two):
+    """What is small travels as it is, else."""
+    monkeypatch.setattr("engine.cluster.parcel._SMALL", 0)
+    monkeypatch.setattr("engine.cluster.parcel._MEMORY", tmp_path)
+    made = []
+    for _ in bake(two):
+        made += [path for folder in tmp_path.iterdir() for path in folder.iterdir()]
+    assert made and not list(tmp_path.iterdir())
+
+
 def test_all_devices_of_this_machine_work_for_a_bake(monkeypatch, by_two):
     """Stands for two cards: two workers of one thread each."""
     monkeypatch.setattr("engine.cluster.workers.local_environments", lambda: [ONE_THREAD] * 2)

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 from distributed import Client, LocalCluster
@@ -15,6 +16,7 @@ from pyopencl import device_type
 from ..device.compute import device_name, found_devices
 from ..device.egl_devices import egl_devices
 from ..errors import DeviceError
+from .event_loop import event_loop
 from .prepared_scene import DEVICE
 
 #: What NVIDIA's driver calls its vendor.
@@ -22,6 +24,9 @@ _NVIDIA = "NVIDIA"
 
 #: Folder that holds the package `engine`.
 _HOME = Path(__file__).resolve().parents[2]
+
+#: Seconds in which a scheduler has to answer.
+ANSWER = 60
 
 #: Seconds that workers have to start, and to end.
 _START, _FAREWELL = 60.0, 3.0
@@ -35,9 +40,13 @@ class LocalWorkers:
 
         Raises DeviceError if one does not come.
         """
-        self._cluster = LocalCluster(n_workers=0, processes=True, dashboard_address=":0")
         self._workers: list[subprocess.Popen[bytes]] = []
-        self.client = Client(self._cluster)
+        with ExitStack() as opened:
+            loop = opened.enter_context(event_loop())
+            options = {"dashboard_address": ":0", "loop": loop}
+            self._cluster = opened.enter_context(LocalCluster(n_workers=0, processes=True, **options))
+            self.client = opened.enter_context(Client(self._cluster, timeout=ANSWER))
+            self._opened = opened.pop_all()
         try:
             self._start(environments)
         except BaseException:
@@ -67,8 +76,7 @@ class LocalWorkers:
         """End the workers and the scheduler."""
         for worker in self._workers:
             worker.terminate()
-        self.client.close()
-        self._cluster.close()
+        self._opened.close()
         deadline = time.monotonic() + _FAREWELL
         for worker in self._workers:
             _end(worker, deadline)

@@ -10,21 +10,23 @@ from urllib.parse import urlsplit
 
 from distributed import Client
 from distributed.security import Security
+from tornado.ioloop import IOLoop
 
 from ..errors import DeviceError
 from ..scene.model import Scene
 from ..settings import Settings
 from .admission import REFUSED, Admission, refusal
 from .cluster_devices import ClusterDevices, ship
-from .local_workers import LocalWorkers, local_environments
+from .event_loop import event_loop
+from .local_workers import ANSWER, LocalWorkers, local_environments
 from .parcel import MemoryFolder, is_at_hand
 from .shipment import Shipment
 
 #: What stands for a worker on each device of this machine, instead of an address.
 LOCAL = "all"
 
-#: Seconds in which a scheduler has to answer, and a first worker to be there.
-_ANSWER, _JOIN = 60, 30
+#: Seconds in which a first worker has to be there.
+_JOIN = 30
 
 #: Seconds in which refused workers report why and leave; and those to wait for others then.
 _REFUSAL, _OTHERS = 0.25, 2
@@ -99,18 +101,18 @@ def workers(scheduler: str) -> Iterator[Workers]:
             with closing(LocalWorkers(local_environments())) as local:
                 yield Workers(local.client, folder)
             return
-        with _connected(scheduler) as client:
+        with event_loop() as loop, _connected(scheduler, loop) as client:
             found = Workers(client, folder)
             found.wait()
             yield found
 
 
-def _connected(scheduler: str) -> Client:
+def _connected(scheduler: str, loop: IOLoop) -> Client:
     """Return a client of a scheduler; raises DeviceError if none answers, or TLS has no certificates."""
     if scheduler.startswith("tls://") and not Security().get_connection_args("client")["ssl_context"]:
         raise DeviceError(f"The scheduler at '{scheduler}' needs certificates. {_CERTIFICATES}")
     try:
-        return Client(scheduler, timeout=_ANSWER)
+        return Client(scheduler, timeout=ANSWER, loop=loop)
     except (OSError, ValueError) as error:
         raise DeviceError(
             f"No Dask scheduler answers at '{scheduler}' ({error}). Start one with `dask scheduler`, "

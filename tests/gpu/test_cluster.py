@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from distributed.utils import LoopRunner
 
 import engine
 from engine import Light, Settings
@@ -241,9 +242,30 @@ def test_worker_without_its_device_is_refused_by_name():
         made.close()
 
 
+def test_a_thread_that_starts_late_is_waited_for(monkeypatch, two):
+    """On a machine that is busy with other things Dask gives its thread up after 10 s."""
+    start, tries = LoopRunner.start, itertools.count(1)
+
+    def start_late(runner):
+        assert next(tries) > 2
+        start(runner)
+
+    monkeypatch.setattr(LoopRunner, "start", start_late)
+    assert baked(two).report.converged
+
+
+def test_a_thread_that_never_starts_is_an_error_with_the_remedy(monkeypatch, two):
+    def start_never(runner):
+        raise AssertionError
+
+    monkeypatch.setattr(LoopRunner, "start", start_never)
+    with pytest.raises(DeviceError, match="too busy.*without a scheduler"):
+        baked(two)
+
+
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "udp://127.0.0.1:8786"])
 def test_scheduler_that_is_not_there_is_an_error_with_the_remedy(monkeypatch, address):
-    monkeypatch.setattr("engine.cluster.workers._ANSWER", 1)
+    monkeypatch.setattr("engine.cluster.workers.ANSWER", 1)
     with pytest.raises(DeviceError, match="No Dask scheduler answers.*dask scheduler"):
         finished(Session().bake(nine_quad_room(), replace(SETTINGS, scheduler=address)))
 

@@ -1,0 +1,38 @@
+"""The event loop of this process's end of a cluster, in a thread of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from distributed.utils import LoopRunner
+from tornado.ioloop import IOLoop
+
+from ..errors import DeviceError
+
+#: Dask waits 10 s for its thread, and asserts that it is there; so often it is waited for here.
+_TRIES = 6
+
+
+@contextmanager
+def event_loop() -> Iterator[IOLoop]:
+    """Run a loop. Raises DeviceError if the machine is too busy to start its thread within a minute."""
+    runner = _started()
+    try:
+        yield runner.loop
+    finally:
+        runner.stop()
+
+
+def _started() -> LoopRunner:
+    for _ in range(_TRIES):
+        runner = LoopRunner()
+        try:
+            runner.start()
+        except AssertionError:
+            continue
+        return runner
+    raise DeviceError(
+        "Dask's thread did not start within a minute: the machine is too busy. Bake again once other "
+        "programs have ended, or without a scheduler."
+    )

@@ -25,6 +25,9 @@ from ..visibility.rays.receivers import RECEIVER_SOURCE
 #: Squares of patches that a work group has along u and v, where the device allows that size.
 _SQUARES = 8
 
+#: Sums leave black patches out where less than this part of all is bright.
+_BRIGHT = 0.5
+
 
 class PatchGroups:
     """Squares of patches that are solved as one: each is a patch that stands for its members.
@@ -61,7 +64,13 @@ class PatchGroups:
 
     def mean(self, values: np.ndarray) -> np.ndarray:
         """Return the mean over each square of the patches' values, (n, ...) -> (m, ...) float32."""
-        sums = segment_sums(values.reshape(len(values), -1), self.group, len(self._members))
+        rows, group = values.reshape(len(values), -1), self.group
+
+        # Few patches emit light: black ones add nothing.
+        bright = np.flatnonzero(rows.any(axis=1))
+        if len(bright) < _BRIGHT * len(rows):
+            rows, group = rows[bright], group[bright]
+        sums = segment_sums(rows, group, len(self._members))
         means: np.ndarray = sums / self._members[:, None]
         return means.reshape(len(self._members), *values.shape[1:]).astype(np.float32)
 

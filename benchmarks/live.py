@@ -1,6 +1,6 @@
 """How fast lightmaps follow their scene: seconds from an edit to the first image, and to settled light.
 
-python -m benchmarks.live [--resolution 128] [--quality preview] [--edits 9]
+python -m benchmarks.live [--resolution 128] [--quality preview] [--edits 9] [--triangles 40000]
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from engine.live import Live
 from engine.quality import QUALITIES
 from engine.worker.memory import keep_freed_memory
 
-from .rooms import cornell_box
+from .rooms import cornell_box, hilly_room, with_small_box
 
 #: Edits of each kind.
 _EDITS = 9
@@ -41,22 +41,30 @@ def painted(scene: Scene, step: int) -> Changes:
     return Changes(materials={0: replace(scene.materials[0], reflectance=colour)})
 
 
+def pushed(scene: Scene, step: int) -> Changes:
+    """Move the small box, the last mesh, to and fro."""
+    matrix = np.eye(4)
+    matrix[:3, 3] = np.array([0.03, 0.02, 0.01]) * (step % 3 + 1) * (-1) ** step
+    return Changes(moves={len(scene.meshes) - 1: matrix})
+
+
 EDITS: dict[str, Callable[[Scene, int], Changes]] = {
     "lamp": lambda scene, step: Changes(lights=(lamp(step),)),
     "emission": brightened,
     "colour": painted,
     "world": lambda scene, step: Changes(world=np.full(3, 0.05 * step, np.float32)),
+    "move": pushed,
 }
 
 
-def follow(live: Live) -> Iterator[float]:
+def follow(live: Live, clock: Callable[[], float]) -> Iterator[float]:
     """Settle; yield the seconds to the first image, to the last sweep's, and to the finished lightmap."""
-    started, first, last = time.perf_counter(), None, 0.0
+    started, first, last = clock(), None, 0.0
     for progress in live.settle():
         if progress.intermediate is not None:
-            last = time.perf_counter() - started
+            last = clock() - started
             first = first or last
-    yield from (first or last, last, time.perf_counter() - started)
+    yield from (first or last, last, clock() - started)
 
 
 def main() -> None:
@@ -65,18 +73,23 @@ def main() -> None:
     parser.add_argument("--resolution", type=int, default=128)
     parser.add_argument("--quality", choices=list(QUALITIES), default="preview")
     parser.add_argument("--edits", type=int, default=_EDITS)
+    parser.add_argument("--only", choices=list(EDITS), help="this kind of edit alone")
+    parser.add_argument("--triangles", type=int, default=0, help="a room with hills of so many, not a box")
+    parser.add_argument("--processor", action="store_true", help="time of processors, not of a clock")
     options = parser.parse_args()
     keep_freed_memory()
     settings = Settings(resolution=options.resolution, **QUALITIES[options.quality].values)
     session = Session()
-    live = session.live(cornell_box(options.resolution), settings)
+    width, clock = options.resolution, time.process_time if options.processor else time.perf_counter
+    room = hilly_room(width, options.triangles) if options.triangles else cornell_box(width)
+    live = session.live(with_small_box(room, width), settings)
     finished(live.settle())
     print("| edit | first image, s | settled, s | finished, s |\n|---|---|---|---|")
-    for name, edit in EDITS.items():
+    for name in [options.only] if options.only else EDITS:
         rows = []
         for step in range(options.edits + 1):
-            live.update(edit(live.scene, step))
-            rows.append(list(follow(live)))
+            live.update(EDITS[name](live.scene, step))
+            rows.append(list(follow(live, clock)))
 
         # The first of a kind may build kernels.
         times = np.array(rows[1:])

@@ -62,6 +62,15 @@ def hilly_room(resolution: int, triangles: int) -> Scene:
     return Scene((walls, _hills(side, resolution)), _materials(15.0))
 
 
+def with_small_box(scene: Scene, resolution: int) -> Scene:
+    """Return a room with a box of 0.3 m that floats in it, the last mesh, in a lightmap of its own."""
+    pieces = [np.add(piece, (0, 0, 0.5)) for piece in standing_box(0.3, 0.3, (1.4, 1.2), 0.3)]
+    charts = packed([(1.0, 1.0)] * len(pieces), resolution // 4, (0, resolution // 4))
+    box = quads(np.stack(pieces), charts, [_WHITE] * len(pieces), resolution, "Small box")
+    meshes = (*scene.meshes, replace(box, atlas=len(scene.atlases)))
+    return replace(scene, meshes=meshes, atlases=(*scene.atlases, "Small box"))
+
+
 def _cornell_quads() -> tuple[list[np.ndarray], list[int]]:
     """Return quads and materials; the light is the last."""
     pieces, materials = list(room_walls(ROOM, ROOM, ROOM)), [_WHITE, _WHITE, _RED, _GREEN, _WHITE, _WHITE]

@@ -1,31 +1,5 @@
 // What patches see, found with rays along the samples of their views.
 
-typedef struct {
-    __global const float2 *uvs;          // of each corner of each triangle on its lightmap
-    __global const int *atlases;         // of each triangle
-    __global const uint *texel_to_patch; // patch + 1 of each texel of each lightmap, or 0
-    int resolution;
-} Lightmaps;
-
-// The patch, its back or the surroundings, as in identity hemicubes.
-uint look_along(const Rays *rays, const Lightmaps *lightmaps, const float3 origin, const float3 direction)
-{
-    const Hit hit = nearest_hit(rays, origin, direction, false);
-    if (hit.triangle < 0)
-        return SKY;
-    __global const float2 *corner = lightmaps->uvs + 3 * hit.triangle;
-    const float2 w = hit.weights;
-    const float2 uv = corner[0] * (1.0f - w.x - w.y) + corner[1] * w.x + corner[2] * w.y;
-    const int2 texel = clamp(convert_int2(uv * lightmaps->resolution), 0, lightmaps->resolution - 1);
-    const size_t row = (size_t)lightmaps->atlases[hit.triangle] * lightmaps->resolution + texel.y;
-    return lightmaps->texel_to_patch[row * lightmaps->resolution + texel.x] | (hit.front ? 0u : BACK);
-}
-
-#define LOOK_ARGUMENTS RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const float2 *uvs, \
-    __global const int *atlases, __global const uint *texel_to_patch, const int resolution, \
-    __global const float4 *emission, const uint outside, \
-    SAMPLES, const int samples, const int n, const uint salt, const int rotate
-
 // Which patches the patches of this launch see, a row of numbers each. One patch a group.
 __kernel void look(LOOK_ARGUMENTS, const int start, const int cached_from, __global Front *cache,
                    __global float4 *back_light, __global float *patches_seen, __global uchar *backs_seen,

@@ -122,10 +122,11 @@ float least_opacity(const Hit *hit)
 }
 #endif
 
-// What a descent looks for: everything in the way, the nearest surface, or the nearest back.
+// What a descent looks for: everything in the way, the nearest surface, or back, or any triangle, see-through or not.
 #define ALL 0
 #define NEAREST 1
 #define NEAREST_BACK 2
+#define ANYTHING 3
 
 // A back loses against a front that lies on it: it counts as this part farther.
 #define BACK_FARTHER 1e-5f
@@ -194,6 +195,8 @@ bool take_leaf(const Rays *rays, const int code, Search *search)
         meet(packet, search, &meeting);
         if (!ANY(meeting.met))
             continue;
+        if (search->sought == ANYTHING)
+            return false;
         for (int lane = 0; lane < PACKET; ++lane) {
             const bool front = LANE(meeting.determinant, lane) > 0.0f;
             float distance = LANE(meeting.distance, lane);
@@ -323,6 +326,14 @@ float transmittance(const Rays *rays, const float3 origin, const float3 directio
     Search search = search_for(ALL, origin, direction, distance);
     descend(rays, &search);
     return search.through;
+}
+
+// Whether a ray meets any triangle, holes and backs included.
+bool meets_anything(const Rays *rays, const float3 origin, const float3 direction)
+{
+    Search search = search_for(ANYTHING, origin, direction, INFINITY);
+    descend(rays, &search);
+    return search.through == 0.0f;
 }
 
 // The nearest surface along a ray, or the nearest back; holes are passed.

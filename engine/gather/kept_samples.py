@@ -13,6 +13,9 @@ from ..device.compute import Compute
 from ..patches.subdivision import Subdivision
 from ..resume.checkpoint import Checkpoint
 from ..visibility.identity import Identity, Sampling, SeenBuffers
+from ..visibility.rays.identity import RayIdentity
+from ..visibility.rays.ray_scene import RayScene
+from .moved_patches import MovedPatches
 from .saved_rows import SavedRows, Table
 
 #: The largest piece of a cache, bytes.
@@ -66,20 +69,30 @@ class KeptSamples:
         compute: Compute,
         sampling: Sampling,
         parts: Subdivision,
+        rays: RayScene,
         emission: np.ndarray,
         directional: bool,
     ) -> None:
-        """Take the patches that look, and the radiance, (m, 3) float32, of those that are seen."""
+        """Take the patches that look, and the radiance, (m, 3) float32, of those that are seen.
+
+        rays: from these patches
+        """
         self._compute, self.sampling, self.count = compute, sampling, len(parts.patches)
-        self._parts, self._emission = parts, emission
+        self._parts, self._receivers, self._emission = parts, rays.receivers, emission
+        self._moved: MovedPatches | None = None
         self.backs = Backs(compute, self.count, len(emission), directional)
         self.pieces: list[Rows] = []
         self._found = 0
 
     @property
     def complete(self) -> bool:
-        """True once it is found what all patches see."""
-        return self._found == self.count
+        """True once it is found what all patches see, where they are."""
+        return self._found == self.count and self._moved is None
+
+    @property
+    def moved(self) -> bool:
+        """True if something has moved since, so that some samples have to be found again."""
+        return self._moved is not None
 
     @property
     def bytes(self) -> int:
@@ -91,6 +104,8 @@ class KeptSamples:
 
         Yields the fraction done of what no checkpoint holds.
         """
+        if self._moved is not None and isinstance(identity, RayIdentity):
+            yield from self._find_again(identity, self._moved)
         known = 0
         while not self.complete:
             rows = self._unfinished_piece()
@@ -110,6 +125,17 @@ class KeptSamples:
                 f"What {known:,} of {self.count:,} patches see went on from a bake that was interrupted."
             )
 
+    def _find_again(self, identity: RayIdentity, moved: MovedPatches) -> Generator[float, None, None]:
+        """Find what has changed of what patches see since something has moved; yield the fraction done."""
+        moved.begun = True
+        for rows in self.pieces:
+            last = min(rows.last, self._found)
+            if last > rows.first:
+                seen = self.backs.found_with(rows.cache, rows.first)
+                for done in identity.find_again(rows.first, last, seen, moved.buffers):
+                    yield (rows.first + done * (last - rows.first)) / self.count
+        self._parts, self._receivers, self._moved = moved.parts, moved.rays.receivers, None
+
     def _saved_rows(self, rows: Rows, checkpoint: Checkpoint) -> SavedRows:
         """Return what reads and writes the rows of a piece."""
         tables = {"samples": Table(rows.cache, self.sampling.row_bytes, rows.first), **self.backs.tables()}
@@ -127,15 +153,13 @@ class KeptSamples:
         self.pieces.append(Rows(cache, first, last))
         return self.pieces[-1]
 
-    def holds_for(self, parts: Subdivision, emission: np.ndarray) -> bool:
-        """Return whether it holds for patches of the same geometry that emit radiance, (m, 3) float32.
+    def holds_for(self, parts: Subdivision, rays: RayScene, emission: np.ndarray) -> bool:
+        """Return whether it holds for patches that emit radiance, (m, 3) float32; rays: from them.
 
         Groups of patches may be others than they were, since light decides where they end. What is not found
-        yet will be found with this emission.
+        yet will be found with this emission, and what has changed where something has moved, found again.
         """
-        patches, mine = parts.patches, self._parts.patches
-        same = np.array_equal(patches.texel, mine.texel) and np.array_equal(patches.atlas, mine.atlas)
-        if not (same and np.array_equal(parts.texel_to_patch, self._parts.texel_to_patch)):
+        if not self._follows(parts, rays):
             return False
         if np.array_equal(emission, self._emission):
             return True
@@ -143,6 +167,22 @@ class KeptSamples:
             return False
         self._emission = emission
         return True
+
+    def _follows(self, parts: Subdivision, rays: RayScene) -> bool:
+        """Return whether patches are those that look, where they were or elsewhere; make note of what moved.
+
+        Drawn hemicubes are not found again by parts.
+        """
+        there = self._parts if self._moved is None else self._moved.parts
+        if parts.triangles is there.triangles:
+            patches, mine = parts.patches, there.patches
+            same = np.array_equal(patches.texel, mine.texel) and np.array_equal(patches.atlas, mine.atlas)
+            return same and np.array_equal(parts.texel_to_patch, there.texel_to_patch)
+        if self.sampling.name != RayIdentity.name:
+            return False
+        begun = self._moved if self._moved is not None and self._moved.begun else None
+        self._moved = MovedPatches.between((self._parts, self._receivers), parts, rays, begun)
+        return self._moved is not None
 
     @property
     def has_light_of_backs(self) -> bool:

@@ -50,9 +50,18 @@ class Subdivision:
         return int(self.texel_to_patch.max(initial=0))
 
 
-def subdivide(graphics: Graphics, compute: Compute | None, scene: Scene, settings: Settings) -> Subdivision:
-    """Make the patches of a scene (paper, III.A and IV.A); raises Scene-, Settings-, PatchFileError."""
-    triangles = join_meshes(scene)
+def subdivide(
+    graphics: Graphics,
+    compute: Compute | None,
+    scene: Scene,
+    settings: Settings,
+    before: Triangles | None = None,
+) -> Subdivision:
+    """Make the patches of a scene (paper, III.A and IV.A); raises Scene-, Settings-, PatchFileError.
+
+    before: triangles of the scene before something moved, see `join_meshes`
+    """
+    triangles = join_meshes(scene, before)
     covered = list_or_load_patches(graphics, scene, triangles, settings)
     own, geometry = index_map(covered, len(scene.atlases)), patch_geometry(triangles, covered)
     texels = covered_texels(scene, geometry)

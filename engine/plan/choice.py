@@ -19,6 +19,7 @@ class Choice:
     pace        seconds that a sample takes to be found, as tried; NaN if it was not
     final_samples  of all patches together, found after the light has settled
     found       True if an earlier bake of the session has found what patches see
+    found_again  True if it is found again where something has moved
     resumed     fraction of the patches of which an interrupted bake has found it
     """
 
@@ -31,4 +32,5 @@ class Choice:
     pace: float = math.nan
     final_samples: int = 0
     found: bool = False
+    found_again: bool = False
     resumed: float = 0.0

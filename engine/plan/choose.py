@@ -42,6 +42,9 @@ from .trial import IDENTITIES, choose_identity, make_identity, untried_visibilit
 #: Why nothing is looked for.
 _KEPT = "Visibility was kept from the last bake: no geometry, UVs, transparency or setting of it has changed."
 
+#: Why only some of it is looked for.
+_MOVED = "Visibility was kept from the last bake, and found again where something has moved."
+
 #: Why only the rest is looked for.
 _RESUMED = "Visibility that a bake before it was cancelled had found was kept; the rest was found now."
 
@@ -250,17 +253,19 @@ def _remote_sweep(job: SolveJob) -> tuple[Sweep, Choice] | None:
 def _kept_sweep(job: SolveJob) -> tuple[Sweep, Choice] | None:
     """Return how what an earlier bake has kept becomes light, None if there is nothing that holds."""
     kept = job.kept.samples
-    if kept is None or not kept.pieces or not kept.holds_for(job.parts, job.emission):
+    if kept is None or not kept.pieces or not kept.holds_for(job.parts, job.rays, job.emission):
         return None
     sampling, found = kept.sampling, kept.complete
-    choice = Choice("cached", sampling.name, sampling.samples, (_KEPT if found else _RESUMED,), found=found)
+    why = _KEPT if found else _MOVED if kept.moved else _RESUMED
+    facts = (sampling.name, sampling.samples, (why,))
+    choice = Choice("cached", *facts, found=found, found_again=kept.moved)
     return _cached(job, kept, None if found else make_identity(job, sampling.name)), choice
 
 
 def _new_sweep(job: SolveJob) -> tuple[Sweep, Choice]:
     """Return how identities become light."""
-    job.kept.samples = None
-    identity, reasons, pace = _resumed_identity(job) or choose_identity(job)
+    followed, job.kept.samples = job.kept.samples, None
+    identity, reasons, pace = _resumed_identity(job) or _last_identity(job, followed) or choose_identity(job)
     sweep, method, reason = _choose_sweep(job, identity)
     resumed = job.checkpoint.rows_from_the_first(identity.name) / job.count if method == "cached" else 0.0
     facts = (method, identity.name, identity.samples, (*reasons, reason))
@@ -273,6 +278,14 @@ def _resumed_identity(job: SolveJob) -> tuple[Identity, list[str], float] | None
     if not begun:
         return None
     return make_identity(job, begun[0]), [f"A bake that was interrupted has begun with {begun[0]}."], math.nan
+
+
+def _last_identity(job: SolveJob, last: KeptSamples | None) -> tuple[Identity, list[str], float] | None:
+    """Return the way in which a bake that follows its scene has found what patches see; None if none has."""
+    if last is None or not job.settings.warm_start:
+        return None
+    name = last.sampling.name
+    return make_identity(job, name), [f"It is found by {name}, as in the last bake."], math.nan
 
 
 def _host_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
@@ -315,7 +328,8 @@ def _choose_sweep(job: SolveJob, identity: Identity) -> tuple[Sweep, str, str]:
 def keeping_sweep(job: SolveJob, identity: Identity) -> Sweep:
     """Return a sweep that finds what patches see at first, and leaves it to the next bake."""
     sampling = Sampling.of(identity)
-    job.kept.samples = KeptSamples(job.opencl, sampling, job.parts, job.emission, job.settings.directional)
+    seen = (job.parts, job.rays, job.emission, job.settings.directional)
+    job.kept.samples = KeptSamples(job.opencl, sampling, *seen)
     return _cached(job, job.kept.samples, identity)
 
 

@@ -50,6 +50,7 @@ class Kept:
     key: tuple | None
     checkpoints: Checkpoints
     _parts: Subdivision | None
+    _follows: bool
     _rays: RayScene | None
     _seams: Future[Seams] | None
 
@@ -62,19 +63,26 @@ class Kept:
     def clear(self) -> None:
         """Drop everything."""
         self._parts = self._rays = self._seams = self.samples = None
+        self._follows = False
 
     def subdivide(
         self, graphics: Graphics, compute: Compute | None, scene: Scene, settings: Settings
     ) -> Subdivision:
         """Return the patches of a scene whose occluders have places; see `patches.subdivision.subdivide`.
 
-        All that is kept of other geometry, or by other settings, is dropped.
+        All that is kept of other geometry, or by other settings, is dropped. On a warm start what is kept of
+        other geometry stays to be compared with: its samples hold where nothing has moved.
         """
         key, surfaces = (geometry_digest(scene), *visibility_settings(settings)), surfaces_digest(scene)
-        if key != self.key:
+        before = self._parts if settings.warm_start and self.key and self.key[1:] == key[1:] else None
+        if key != self.key or (self._follows and not settings.warm_start):
+            samples = self.samples
             self.clear()
+            self.samples = samples if before else None
         if self._parts is None:
-            self._parts = subdivide(graphics, compute, scene, settings)
+            self._follows = before is not None
+            triangles = before.triangles if before else None
+            self._parts = subdivide(graphics, compute, scene, settings, triangles)
         elif surfaces != self._surfaces_key:
             made = patch_surfaces(compute, scene, self._parts.geometry, settings.resolution)
             self._parts = replace(self._parts, surfaces=made)

@@ -170,7 +170,8 @@ class BakeStages(Schedule):
         self._kept, self._found = choice.method == "cached", choice.found
         self._samples_of_sweep = choice.patches * choice.samples
         finding, looking = f"Visibility {choice.visibility}", f"Bounces {choice.method} {choice.visibility}"
-        self._foresee(self.visibility, finding, self.visibility.pace, choice.pace)
+        again = " again" if choice.found_again else ""
+        self._foresee(self.visibility, finding + again, self.visibility.pace, choice.pace)
         self._foresee(self.final, finding, self.visibility.pace, choice.pace)
         self._foresee(self.bounces, looking, self.visibility.pace * (_LOOK_UP if self._kept else 1))
         self.visibility.amount = self._samples_of_sweep * (1 - choice.resumed) if self._finds_first else 0

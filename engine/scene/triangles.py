@@ -12,6 +12,9 @@ from .model import Scene
 #: Triangles whose corners the median is taken of, about.
 _SAMPLE = 1 << 12
 
+#: Boxes whose diagonals differ by less than this factor are about as large.
+_ALIKE = 1.5
+
 
 @dataclass(frozen=True)
 class Triangles:
@@ -24,6 +27,7 @@ class Triangles:
     mesh       (t,) int32
     atlas      (t,) int32
     origin     (3,) float64 that float32 holds, metres from `Scene.origin`: the median corner
+    span       metres: what `diagonal` is taken for; None to measure it
     """
 
     positions: np.ndarray
@@ -33,6 +37,7 @@ class Triangles:
     mesh: np.ndarray
     atlas: np.ndarray
     origin: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    span: float | None = None
 
     @cached_property
     def box(self) -> np.ndarray:
@@ -40,21 +45,36 @@ class Triangles:
         axes = self.positions.reshape(-1, 3).T
         return np.array([[axis.min() for axis in axes], [axis.max() for axis in axes]], np.float64)
 
-    @property
+    @cached_property
     def diagonal(self) -> float:
-        """Length of the box's diagonal, metres."""
+        """Length of the box's diagonal, metres; offsets of rays are parts of it."""
+        if self.span is not None:
+            return self.span
         return float(np.linalg.norm(self.box[1] - self.box[0]))
 
+    def suits(self, scene: Scene) -> bool:
+        """Return whether the triangles of a scene lie around this origin, in a box about as large."""
+        parts = [mesh.positions.astype(np.float64) for mesh in scene.meshes if len(mesh.positions)]
+        low = np.min([part.min(axis=(0, 1)) for part in parts], axis=0)
+        high = np.max([part.max(axis=(0, 1)) for part in parts], axis=0)
+        diagonal = float(np.linalg.norm(high - low))
+        alike = diagonal / _ALIKE <= self.diagonal <= diagonal * _ALIKE
+        return alike and bool(np.abs((low + high) / 2 - self.origin).max() <= diagonal)
 
-def join_meshes(scene: Scene) -> Triangles:
+
+def join_meshes(scene: Scene, before: Triangles | None = None) -> Triangles:
     """Join the meshes of a scene, and move them so that their median corner is at the origin.
 
     float32 is finest there. The middle of the bounding box would take the digits from all that lies far from
     a few distant triangles.
+
+    before: triangles of the scene before something moved: what has not moved keeps its bits, and the offset
+    of its rays, if their origin still suits
     """
     positions = np.concatenate([mesh.positions for mesh in scene.meshes]).astype(np.float32, copy=False)
-    sample = positions[:: max(1, len(positions) // _SAMPLE)].reshape(-1, 3)
-    origin = np.median(sample, axis=0).astype(np.float32)
+    origin, span = _median(positions), None
+    if before is not None and before.suits(scene):
+        origin, span = before.origin.astype(np.float32), before.diagonal
     positions -= origin
     counts = [len(mesh.positions) for mesh in scene.meshes]
     return Triangles(
@@ -65,4 +85,12 @@ def join_meshes(scene: Scene) -> Triangles:
         np.repeat(np.arange(len(counts), dtype=np.int32), counts),
         np.repeat(np.array([mesh.atlas for mesh in scene.meshes], np.int32), counts),
         origin.astype(np.float64),
+        span,
     )
+
+
+def _median(positions: np.ndarray) -> np.ndarray:
+    """Return the median corner of triangles, (t, 3, 3) float32, about."""
+    sample = positions[:: max(1, len(positions) // _SAMPLE)].reshape(-1, 3)
+    median: np.ndarray = np.median(sample, axis=0).astype(np.float32)
+    return median

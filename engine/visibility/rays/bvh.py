@@ -72,12 +72,14 @@ class Bvh:
     triangles  packets
     options    the layout, for the build of kernels/rays.cl
     levels     of nodes
+    stack      most nodes that a ray comes back to, as the layout has it
     """
 
     nodes: cl.Buffer
     triangles: cl.Buffer
     options: tuple[str, ...]
     levels: int
+    stack: int
 
 
 def shape_for(compute: Compute) -> Shape:
@@ -235,7 +237,7 @@ class _Builder:
             first, first_packet = first + level.count, first_packet + level.packets
         need = len(levels) * (self._shape.width - 1) + 1
         stack = -(-need // _STACK) * _STACK
-        return Bvh(nodes, packets, _layout(self._shape, stack), len(levels))
+        return Bvh(nodes, packets, _layout(self._shape, stack), len(levels), stack)
 
     def _level(self, roots: cl.Buffer, count: int) -> tuple[_Level, int]:
         """Return the wide nodes that stand for binary ones, and how many wide nodes are their children."""

@@ -37,6 +37,21 @@ class GatheredBuffers:
     l1: cl.Buffer | None
 
 
+@dataclass(frozen=True)
+class MovedBuffers:
+    """What has moved since samples were found, on the OpenCL device.
+
+    nodes, triangles  the hierarchy of triangles that have moved, as they were and as they are
+    ball              float4: centre and radius of a ball around them, metres
+    views             uint8 of each patch: 1 if it looks from elsewhere than before
+    """
+
+    nodes: cl.Buffer
+    triangles: cl.Buffer
+    ball: np.ndarray
+    views: cl.Buffer
+
+
 class RayIdentity:
     """Casts rays from the patches of `receivers` and finds patches of `sources` where they end.
 
@@ -65,8 +80,9 @@ class RayIdentity:
         self.batch = 1
         options = ("-DDITHERED", *identity_options(size), *directional_options(settings))
         options += () if hemicube else ("-DCOSINE",)
-        source = (*RECEIVER_SOURCE, "hemicube.cl", "tilt.cl", "identity.cl", "views.cl", "look.cl")
-        self._look, self._gather_rays = rays.kernels(source, "look", "gather_rays", options=options)
+        files = ("hemicube.cl", "tilt.cl", "identity.cl", "views.cl", "look_along.cl")
+        self._rays, self._source, self._options = rays, (*RECEIVER_SOURCE, *files), options
+        self._look, self._gather_rays = self._kernels("look.cl", "look", "gather_rays")
         triangles = sources.triangles
         arrays = (triangles.uvs, triangles.atlas, sources.texel_to_patch)
         lookups = (upload_once(compute, array) for array in arrays)
@@ -81,16 +97,31 @@ class RayIdentity:
 
     def find(self, first: int, last: int, seen: SeenBuffers) -> Generator[float, None, None]:
         """Find what the patches first ... last see; yield the fraction done."""
-        kept = (np.int32(seen.cached_from), seen.cache)
-        outputs = (*kept, seen.back_light, seen.patches_seen, seen.backs_seen, seen.back_l1)
-        yield from self._run(self._look, first, last, outputs)
+        yield from self._run(self._look, first, last, _outputs(seen))
+
+    def find_again(
+        self, first: int, last: int, seen: SeenBuffers, moved: MovedBuffers
+    ) -> Generator[float, None, None]:
+        """Find what the patches first ... last see now, of what they saw before something moved.
+
+        Yields the fraction done.
+        """
+        (look_again,) = self._kernels("look_again.cl", "look_again")
+        more = (moved.nodes, moved.triangles, moved.ball, moved.views)
+        yield from self._run(look_again, first, last, _outputs(seen), more)
 
     def gather(self, count: int, radiance: cl.Buffer, seen: GatheredBuffers) -> Generator[float, None, None]:
         """Gather from radiance, float4 of each source + 1, for the first `count` patches; keep nothing."""
         outputs = (radiance, *self._sky, seen.light, seen.patches_seen, seen.backs_seen, seen.l1)
         yield from self._run(self._gather_rays, 0, count, outputs)
 
-    def _run(self, kernel: Kernel, first: int, last: int, outputs: tuple) -> Generator[float, None, None]:
+    def _kernels(self, file: str, *names: str) -> list[Kernel]:
+        """Return kernels of a file that look along the samples of views."""
+        return self._rays.kernels((*self._source, file), *names, options=self._options)
+
+    def _run(
+        self, kernel: Kernel, first: int, last: int, outputs: tuple, more: tuple = ()
+    ) -> Generator[float, None, None]:
         """Run a kernel over patches first ... last, slice by slice, one work group for each patch."""
         (group,) = kernel.group(*self._compute.work_sizes.look)
         partial = cl.LocalMemory(16 * group)
@@ -98,8 +129,14 @@ class RayIdentity:
         def launch(start: int, end: int) -> None:
             kernel(
                 self._queue, (group * (end - start),), (group,),
-                *self._arguments, np.int32(start), *outputs, partial,
+                *self._arguments, np.int32(start), *outputs, partial, *more,
             )  # fmt: skip
 
         for end in sliced(self._queue, first, last, launch, self._slice):
             yield (end - first) / (last - first)
+
+
+def _outputs(seen: SeenBuffers) -> tuple:
+    """Return where kernels write what they find."""
+    kept = (np.int32(seen.cached_from), seen.cache)
+    return (*kept, seen.back_light, seen.patches_seen, seen.backs_seen, seen.back_l1)

@@ -38,7 +38,7 @@ class Rays:
         self._compute, self._queue = compute, compute.queue
         self.culled = cutouts.culled
         bvh = build_bvh(compute, triangles.positions, float(np.abs(triangles.box).max()))
-        self._options = bvh.options
+        self._options, self._stack = bvh.options, bvh.stack
         arrays: list[np.ndarray] = []
         if cutouts.needed:
             self._options = (*bvh.options, "-DCUTOUTS")
@@ -49,6 +49,14 @@ class Rays:
         """Build kernels/rays.cl and more parts after it; return kernels in the names' order."""
         parts = (CUTOUT, "image_borders.cl", "rays.cl", *source)
         return self._compute.kernels(parts, *names, options=(*self._options, *options))
+
+    def hierarchy_of(self, positions: np.ndarray) -> tuple[cl.Buffer, cl.Buffer] | None:
+        """Return nodes and packets of other triangles, (k, 3, 3) float32, for the same kernels.
+
+        Metres from `Triangles.origin`. None if they are deeper than the kernels' stacks.
+        """
+        bvh = build_bvh(self._compute, positions, float(np.abs(positions).max()))
+        return (bvh.nodes, bvh.triangles) if bvh.stack <= self._stack else None
 
     def cast(
         self, origins: np.ndarray, directions: np.ndarray, backs: bool = False

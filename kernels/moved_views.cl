@@ -1,0 +1,18 @@
+// Marks patches that look from elsewhere, or in other directions, than before.
+
+bool same(__global const float *one, __global const float *other)
+{
+    return one[0] == other[0] && one[1] == other[1] && one[2] == other[2];
+}
+
+__kernel void mark_moved_views(__global const ReceiverRecord *before, __global const ReceiverRecord *now,
+                               __global uchar *moved, const int count)
+{
+    const int patch = get_global_id(0);
+    if (patch >= count)
+        return;
+    __global const ReceiverRecord *a = before + patch, *b = now + patch;
+    if (!same(a->at, b->at) || !same(a->normal, b->normal) || !same(a->geometric, b->geometric)
+        || a->height != b->height || a->rank != b->rank)
+        moved[patch] = 1;
+}

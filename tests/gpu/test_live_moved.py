@@ -1,0 +1,187 @@
+"""What patches see once something has moved is, bit for bit, what a first look finds."""
+
+import dataclasses
+
+import numpy as np
+import pyopencl as cl
+import pytest
+
+from engine import Changes, Scene, Session, Settings, finished
+from engine.device import slices
+from engine.device.compute import Compute
+from engine.device.devices import Devices
+from engine.gather.kept_samples import KeptSamples
+from engine.resume.checkpoint import Checkpoint, Checkpoints
+from engine.scene.model import OCCLUDER
+from engine.visibility.identity import surroundings
+from engine.visibility.rays.identity import RayIdentity
+from engine.visibility.rays.ray_scene import RayScene
+from tests.analytic.scenes import nine_quad_room
+from tests.gpu.graphics_card import GraphicsCard
+from tests.rows import long
+
+SETTINGS = Settings(
+    resolution=37, hemicube=8, samples=68, visibility="rays", light_samples=3, texel_samples=1,
+    hide_seams=False, warm_start=True, intermediates=True, adaptive=False, iterations=2,
+)  # fmt: skip
+
+
+#: Edits one after the other.
+EDITS = 7
+
+
+def open_room(offset: float = 0.0) -> Scene:
+    """Return a room without a ceiling, of four meshes, one of them an occluder; offset: m, along all axes."""
+    room = nine_quad_room()
+    mesh = dataclasses.replace(room.meshes[0], positions=room.meshes[0].positions + np.float32(offset))
+    faces = {"Room": (0, 2, 3, 4, 5), "Pillar": (7,), "Panel": (6,), "Board": (8,)}
+    meshes = [
+        dataclasses.replace(mesh.part(np.isin(mesh.face, some)), name=name) for name, some in faces.items()
+    ]
+    meshes[1] = dataclasses.replace(meshes[1], atlas=OCCLUDER)
+    world = np.random.default_rng(11).random((5, 9, 3), np.float32)
+    return dataclasses.replace(room, meshes=tuple(meshes), world=world)
+
+
+def see_through(scene: Scene) -> Scene:
+    """Return a scene whose board lets half of the light through, and whose panel is culled."""
+    materials = list(scene.materials)
+    for mesh, changes in ((3, {"alpha": 0.5}), (2, {"culled": True})):
+        number = int(scene.meshes[mesh].material[0])
+        materials[number] = dataclasses.replace(materials[number], **changes)
+    return dataclasses.replace(scene, materials=tuple(materials))
+
+
+def edit(scene: Scene, random: np.random.Generator) -> Changes:
+    """Move, turn, mirror or deform one or two of the small meshes, by little or by much."""
+    numbers = random.choice([1, 2, 3], size=random.integers(1, 3), replace=False)
+    if random.random() < 0.3:
+        meshes = {}
+        for number in map(int, numbers):
+            mesh = scene.meshes[number]
+            bent = mesh.positions + random.normal(0, 0.1, 3).astype(np.float32) * (
+                mesh.positions[..., 2:] > 1
+            )
+            meshes[number] = dataclasses.replace(mesh, positions=bent.astype(np.float32))
+        return Changes(meshes=meshes)
+    moves = {}
+    for number in map(int, numbers):
+        middle = scene.meshes[number].positions.reshape(-1, 3).astype(np.float64).mean(axis=0)
+        turn = np.linalg.qr(random.normal(size=(3, 3)))[0] if random.random() < 0.3 else np.eye(3)
+        matrix = np.eye(4)
+        matrix[:3, :3] = turn
+        matrix[:3, 3] = middle - turn @ middle + random.normal(0, 10.0 ** random.integers(-3, 0), 3)
+        moves[number] = matrix
+    return Changes(moves=moves)
+
+
+def stored(compute, samples: KeptSamples) -> dict[str, np.ndarray]:
+    """Return all that is kept of what patches see."""
+    backs = samples.backs
+    buffers = {f"rows {i}": rows.cache for i, rows in enumerate(samples.pieces)}
+    buffers |= {"light": backs.light, "patches": backs.patches_seen}
+    if backs.l1 is not None:
+        buffers["l1"] = backs.l1
+    values = {name: np.empty(buffer.size, np.uint8) for name, buffer in buffers.items()}
+    for name, buffer in buffers.items():
+        cl.enqueue_copy(compute.queue, values[name], buffer)
+    return values
+
+
+def found_anew(session: Session, settings: Settings) -> KeptSamples:
+    """Return what the patches that a session keeps see, found by first looks."""
+    compute, parts = session._devices.compute, session._kept._parts
+    rays, emission = RayScene(compute, parts), session._kept.samples._emission
+    around = surroundings(compute, emission, np.zeros((1, 1, 3), np.float32))
+    identity = RayIdentity(compute, rays, parts, around, settings)
+    samples = KeptSamples(
+        compute, session._kept.samples.sampling, parts, rays, emission, settings.directional
+    )
+    finished(samples.find(identity, Checkpoint(Checkpoints(), lambda: "")))
+    return samples
+
+
+def assert_as_found_anew(session: Session, settings: Settings) -> None:
+    """All that is kept is what a first look at the same patches finds."""
+    compute = session._devices.compute
+    expected = stored(compute, found_anew(session, settings))
+    for name, values in stored(compute, session._kept.samples).items():
+        assert np.array_equal(values, expected[name]), name
+
+
+@pytest.fixture
+def lively():
+    """What makes sessions on an OpenCL device: it as it is, or taken for a graphics card."""
+    sessions = []
+
+    def make(device: type[Compute]) -> Session:
+        session = Session()
+        session._devices = Devices(SETTINGS.cache_dir, SETTINGS.opencl_device)
+        session._devices.compute = device()
+        sessions.append(session)
+        return session
+
+    yield make
+    for session in sessions:
+        session.close()
+
+
+CASES = {
+    "room": (open_room(), {}),
+    "far": (open_room(3000.0), {}),
+    "see-through": (see_through(open_room()), {}),
+    "directional": (open_room(), {"outputs": ("combined", "directional")}),
+    "hemicubes": (open_room(), {"directions": "hemicube", "samples": 0}),
+}
+
+
+@pytest.mark.parametrize(
+    ("device", "case"),
+    [
+        (Compute, "see-through"),
+        *(long(Compute, case) for case in CASES if case != "see-through"),
+        *(long(GraphicsCard, case) for case in CASES),
+    ],
+)
+def test_rows_are_those_of_a_first_look(lively, device, case):
+    scene, changes = CASES[case]
+    settings, session = dataclasses.replace(SETTINGS, **changes), lively(device)
+    random, again = np.random.default_rng(len(case)), 0
+    live = session.live(scene, settings)
+    finished(live.settle())
+    for _ in range(EDITS):
+        live.update(edit(live.scene, random))
+        report = finished(live.settle()).report
+        again += any("found again where something has moved" in reason for reason in report.reasons)
+        assert_as_found_anew(session, settings)
+    assert again >= EDITS - 3
+
+
+@pytest.mark.parametrize("device", [Compute, long(GraphicsCard)])
+def test_edits_that_interrupt_the_search_leave_nothing_behind(lively, device, monkeypatch):
+    """Somebody goes on dragging, from the first search on, while samples are found again."""
+    monkeypatch.setattr(slices, "_SLICE", 0)
+    monkeypatch.setattr(slices, "_FIRST", 64)
+    random, session, interrupted = np.random.default_rng(7), lively(device), 0
+    live = session.live(open_room(), SETTINGS)
+    for step, progress in enumerate(live.settle()):
+        if interrupted < 8 and progress.stage.startswith("Visibility") and step % 3 == 0:
+            live.update(edit(live.scene, random))
+            interrupted += 1
+    assert interrupted == 8
+    assert_as_found_anew(session, SETTINGS)
+
+
+def test_a_bake_of_its_own_after_live_has_its_own_bits(lively):
+    """Live keeps the origin of its first bake; other bakes do not."""
+    session, scene = lively(Compute), open_room(200.0)
+    live = session.live(scene, SETTINGS)
+    finished(live.settle())
+    matrix = np.eye(4)
+    matrix[:3, 3] = 0.4
+    live.update(Changes(moves={1: matrix, 2: matrix, 3: matrix}))
+    finished(live.settle())
+    settings = dataclasses.replace(SETTINGS, warm_start=False)
+    image = finished(session.bake(live.scene, settings)).display
+    session.forget()
+    assert np.array_equal(image, finished(session.bake(live.scene, settings)).display)

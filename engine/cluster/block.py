@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import time
+
+import dask
 import numpy as np
 import pyopencl as cl
+from dask.utils import parse_bytes
 
 from ..device.buffers import download
 from ..gather.final_gather import FinalGather
@@ -12,6 +16,9 @@ from ..plan.trial import make_identity, untried_visibility
 from ..progress import finished
 from .prepared_scene import prepared
 from .shipment import SentLight, Shipment, Squares
+
+#: Bytes that Dask expects to travel in a second.
+_BANDWIDTH = parse_bytes(dask.config.get("distributed.scheduler.bandwidth"))
 
 
 class Block:
@@ -25,10 +32,11 @@ class Block:
     def __init__(self, shipment: Shipment, first: int, last: int, squares: Squares | None) -> None:
         self._made_of = shipment, first, last, squares
         self._sources = prepared(shipment).sources(squares)
+        began = time.perf_counter()
         with self._sources.working():
             lookers = self._sources.part(first, last)
             identity = make_identity(lookers, untried_visibility(lookers.settings))
-            self._bytes = identity.row_bytes * lookers.count
+            kept = identity.row_bytes * lookers.count
             sweep, compute = keeping_sweep(lookers, identity), lookers.opencl
             self._gather = FinalGather(compute, sweep, np.zeros((lookers.count, 3), np.float32))
 
@@ -39,6 +47,9 @@ class Block:
             gathered = self._gathered(self._sources.darkness)
             seen = download(compute, self._gather.patches_seen, (lookers.count,))
             self.views = np.stack([gathered[:, 3], seen], axis=1)
+
+        # To find it anew elsewhere takes as long as so many bytes on their way, by which Dask decides.
+        self._bytes = max(kept, int(_BANDWIDTH * (time.perf_counter() - began)))
 
     def gather(self, light: SentLight) -> np.ndarray:
         """Gather from the light of all patches; return E/pi, (last - first, 3) float32."""

@@ -127,6 +127,7 @@ class ClusterDevices:
 
     def final(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
         """Gather for every patch; see `RemoteGather.final`."""
+        self._blocks = {}
         with self._lit(light) as sent:
             return (yield from self._of_patches(final_tasks.final, self._squares, sent))
 
@@ -139,6 +140,7 @@ class ClusterDevices:
         self, samples: DisplaySamples, light: HalfLight, choice: Choice, settings: Settings
     ) -> Generator[float, None, list[LitSamples]]:
         """Return the light at points of texels; see `RemoteDevices.light_at`."""
+        self._blocks = {}
         lit: dict[Span, LitSamples] = {}
         with self._lit(light) as sent:
             tasks = {}

@@ -26,7 +26,8 @@ from .last_light import LastLight
 _LEAVING_VISIBILITY = frozenset({
     "accelerate", "ao_distance", "ao_samples", "checkpoint_interval", "checkpoint_space", "denoise",
     "denoise_device", "denoise_library", "dilation", "hide_seams", "intermediates", "iterations",
-    "kept_budget", "light_samples", "outputs", "sample_emission", "texel_samples", "tolerance", "warm_start",
+    "kept_budget", "light_samples", "outputs", "sample_emission", "scheduler", "texel_samples", "tolerance",
+    "warm_start",
 })  # fmt: skip
 
 #: What is kept takes this part of the device's memory by default.

@@ -176,6 +176,27 @@ def test_a_scheduler_that_is_gone_is_an_error_with_the_remedy(tmp_path):
             finished(work)
 
 
+def test_light_goes_on_by_another_scheduler(tmp_path, by_two):
+    """What was found until the first one was gone is in a checkpoint."""
+    cache, settings = tmp_path / "cache", replace(SETTINGS, checkpoint_interval=0)
+    settings = replace(settings, cache_dir=str(cache))
+    with running_scheduler(tmp_path) as (address, process):
+        work = Session().bake(nine_quad_room(), replace(settings, scheduler=address))
+        while next(work).stage != "Bounce 4":
+            pass
+        process.kill()
+        with pytest.raises(DeviceError, match=f"{address} cannot be reached any more"):
+            finished(work)
+    assert list(cache.rglob("light"))
+    (tmp_path / "scheduler.json").unlink()
+    with running_scheduler(tmp_path) as (other, _):
+        assert other != address
+        lightmap = finished(Session().bake(nine_quad_room(), replace(settings, scheduler=other)))
+    assert any("went on from iteration 3" in reason for reason in lightmap.report.reasons)
+    assert np.array_equal(lightmap.image, by_two.image)
+    assert not list(cache.rglob("light"))
+
+
 @pytest.mark.long
 def test_a_slow_device_gets_fewer_blocks():
     with cluster(2) as made:

@@ -348,12 +348,28 @@ void store_packets(__global const float *positions, __global const NodeLink *lin
             packets[lane / PACKET * PACKET * RECORD + k * PACKET + lane % PACKET] = 0.0f;
 }
 
+// A child of a node, as kernels/rays.cl reads it: the planes of its box, or in nodes of two its middle and half its size,
+// larger by a margin. A box at infinity becomes one that no ray meets.
+void store_child(__global float *record, const Box box, const int code, const float margin)
+{
+    float3 low = box.low, high = box.high;
+#if WIDTH == 2
+    const float3 middle = 0.5f * low + 0.5f * high, half_size = max(high - middle, middle - low) + margin;
+    const bool missing = isinf(low.x);
+    low = missing ? (float3)(0.0f) : middle;
+    high = missing ? (float3)(-INFINITY) : half_size;
+#endif
+    const float values[8] = {low.x, high.x, low.y, high.y, low.z, high.z, as_float(code), 0.0f};
+    for (int i = 0; i < 8; ++i)
+        record[i * WIDTH] = values[i];
+}
+
 // Wide nodes of one level, from `first` on, and the packets of their leaves; their children are nodes from
-// `next` on. Boxes of missing children are points that no ray reaches.
+// `next` on. Boxes of missing children are at infinity.
 __kernel void store_level(__global const float *positions, __global const NodeBox *boxes,
                           __global const NodeLink *links, __global const int *children, __global const int2 *before,
                           __global const int2 *totals, const int first, const int next, const int first_packet,
-                          __global float *nodes, __global float *packets, const int count)
+                          __global float *nodes, __global float *packets, const float margin, const int count)
 {
     const int i = get_global_id(0);
     if (i >= count)
@@ -363,11 +379,11 @@ __kernel void store_level(__global const float *positions, __global const NodeBo
     __global float *record = nodes + (size_t)8 * WIDTH * (first + i);
     for (int k = 0; k < WIDTH; ++k) {
         const int child = children[WIDTH * i + k];
-        float3 low = INFINITY, high = INFINITY;
+        Box box = {(float3)(INFINITY), (float3)(INFINITY)};
         int code = ~0;
         if (child >= 0) {
-            low = vload3(0, boxes[child].low);
-            high = vload3(0, boxes[child].high);
+            box.low = vload3(0, boxes[child].low);
+            box.high = vload3(0, boxes[child].high);
             const NodeLink link = links[child];
             if (link.leaf) {
                 const int count = (link.triangles + PACKET - 1) / PACKET;
@@ -378,8 +394,6 @@ __kernel void store_level(__global const float *positions, __global const NodeBo
                 code = node++;
             }
         }
-        const float values[8] = {low.x, high.x, low.y, high.y, low.z, high.z, as_float(code), 0.0f};
-        for (int plane = 0; plane < 8; ++plane)
-            record[plane * WIDTH + k] = values[plane];
+        store_child(record + k, box, code, margin);
     }
 }

@@ -37,7 +37,7 @@
 #define LEAF_BITS 3
 
 typedef struct {
-    PLANES x, y, z;  // low ones of each child's box, then high ones
+    PLANES x, y, z;  // of the children's boxes: low ones, then high ones; of nodes of two middles, then half sizes
     INTS children;   // a child is a node, or ~(first packet << LEAF_BITS | packets) for a leaf
     INTS unused;
 } Node;
@@ -128,6 +128,9 @@ float least_opacity(const Hit *hit)
 #define NEAREST_BACK 2
 #define ANYTHING 3
 
+// Beyond all surfaces, and before the boxes at infinity of children that are missing.
+#define FARTHEST 1e38f
+
 // A back loses against a front that lies on it: it counts as this part farther.
 #define BACK_FARTHER 1e-5f
 
@@ -139,16 +142,30 @@ typedef struct {
     Hit nearest;
 } Search;
 
-// Distances at which a ray enters the boxes of a node, INFINITY for those it misses (slabs; Kay and Kajiya
-// 1986, with room for rounding; Ize 2013). The inverse of the direction is finite, so nothing is NaN.
-FLOATS entries(__global const Node *node, const Search *search)
+// The distances `axis_in` and `axis_out` between which a ray is in the slabs of boxes (Kay and Kajiya 1986). A card
+// tells low from high planes at half the speed of products, so its nodes of two have middles, half sizes before and
+// after which a ray is in the slab; these are larger by what rounding takes (kernels/bvh.cl).
+#if WIDTH == 2
+#define SLAB(axis) \
+    const FLOATS axis##_middle = (node->axis.lo - search->origin.axis) * search->inverse.axis; \
+    const FLOATS axis##_half = (FLOATS)(fabs(search->inverse.axis)); \
+    const FLOATS axis##_in = mad(-node->axis.hi, axis##_half, axis##_middle); \
+    const FLOATS axis##_out = mad(node->axis.hi, axis##_half, axis##_middle)
+#else
+#define SLAB(axis) \
+    const PLANES axis = (node->axis - search->origin.axis) * search->inverse.axis; \
+    const FLOATS axis##_in = min(axis.lo, axis.hi), axis##_out = max(axis.lo, axis.hi)
+#endif
+
+// The children of a node whose boxes a ray meets, and the distances `in` at which it enters them, with room for
+// rounding (Ize 2013). The inverse of the direction is finite, so nothing is NaN.
+INTS boxes_met(__global const Node *node, const Search *search, FLOATS *in)
 {
-    const PLANES x = (node->x - search->origin.x) * search->inverse.x;
-    const PLANES y = (node->y - search->origin.y) * search->inverse.y;
-    const PLANES z = (node->z - search->origin.z) * search->inverse.z;
-    const FLOATS in = max(max(min(x.lo, x.hi), min(y.lo, y.hi)), max(min(z.lo, z.hi), 0.0f));
-    const FLOATS out = min(min(max(x.lo, x.hi), max(y.lo, y.hi)), min(max(z.lo, z.hi), search->reach));
-    return select((FLOATS)(INFINITY), in, in <= out * 1.0000004f);
+    SLAB(x);
+    SLAB(y);
+    SLAB(z);
+    *in = max(max(x_in, y_in), max(z_in, 0.0f));
+    return *in <= min(min(x_out, y_out), min(z_out, search->reach)) * 1.0000004f;
 }
 
 // What a ray meets in a packet.
@@ -229,14 +246,14 @@ bool take_leaf(const Rays *rays, const int code, Search *search)
 // nearest child, with the others on the stack, the farthest first; `go_back` to what is on the stack. False if
 // there is nothing. (The depth is apart from the stack, so that it can stay in a register.)
 #if WIDTH == 2
-bool go_down(int *stack, float *begins, int *depth, const FLOATS in, const INTS children, int *node)
+bool go_down(int *stack, float *begins, int *depth, const INTS met, const FLOATS in, const INTS children, int *node)
 {
-    if (!(in.x < INFINITY || in.y < INFINITY))
+    if (!(met.x | met.y))
         return false;
-    const bool swap = in.y < in.x;
-    if (in.x < INFINITY && in.y < INFINITY)
-        stack[(*depth)++] = swap ? children.x : children.y;
-    *node = swap ? children.y : children.x;
+    const bool second = met.y && (!met.x || in.y < in.x);
+    if (met.x && met.y)
+        stack[(*depth)++] = second ? children.x : children.y;
+    *node = second ? children.y : children.x;
     return true;
 }
 
@@ -248,9 +265,9 @@ bool go_back(const int *stack, const float *begins, int *depth, const float reac
     return true;
 }
 #else
-bool go_down(int *stack, float *begins, int *depth, const FLOATS in, const INTS children, int *node)
+bool go_down(int *stack, float *begins, int *depth, const INTS met, const FLOATS in, const INTS children, int *node)
 {
-    const INTS flags = (in < INFINITY) & LANE_BITS;
+    const INTS flags = met & LANE_BITS;
     int entered = JOINED(flags);
     if (entered == 0)
         return false;
@@ -300,7 +317,9 @@ void descend(const Rays *rays, Search *search)
     for (;;) {
         while (node >= 0) {
             __global const Node *wide = rays->nodes + node;
-            if (!go_down(stack, begins, &depth, entries(wide, search), wide->children, &node)
+            FLOATS in;
+            const INTS met = boxes_met(wide, search, &in);
+            if (!go_down(stack, begins, &depth, met, in, wide->children, &node)
                 && !go_back(stack, begins, &depth, search->reach, &node))
                 return;
         }
@@ -339,7 +358,7 @@ bool meets_anything(const Rays *rays, const float3 origin, const float3 directio
 // The nearest surface along a ray, or the nearest back; holes are passed.
 Hit nearest_hit(const Rays *rays, const float3 origin, const float3 direction, const bool backs)
 {
-    Search search = search_for(backs ? NEAREST_BACK : NEAREST, origin, direction, INFINITY);
+    Search search = search_for(backs ? NEAREST_BACK : NEAREST, origin, direction, FARTHEST);
     descend(rays, &search);
     return search.nearest;
 }

@@ -24,6 +24,9 @@ _TOP = 2048
 #: If a round merges less than this fraction of the clusters, all merge in pairs instead, to bound the depth.
 _FEWEST = 1 / 16
 
+#: What nodes of two add to half the sizes of boxes, of the largest coordinate: eight roundings.
+_MARGIN = 8 * 2.0**-24
+
 #: Sizes of traversal stacks are multiples of this, nodes, so that few programs are built.
 _STACK = 64
 
@@ -227,12 +230,12 @@ class _Builder:
         record, packet = 32 * self._shape.width, 4 * self._shape.packet * _record(self._shape)
         nodes = self._buffer(record * sum(level.count for level in levels))
         packets = self._buffer(packet * sum(level.packets for level in levels))
-        first = first_packet = 0
+        first, first_packet, margin = 0, 0, np.float32(_MARGIN * self._reach)
         for level in levels:
             self._run(
                 "store_level", level.count, self._positions, self._boxes, self._links,
                 level.children, level.before, level.totals, np.int32(first), np.int32(first + level.count),
-                np.int32(first_packet), nodes, packets, np.int32(level.count),
+                np.int32(first_packet), nodes, packets, margin, np.int32(level.count),
             )  # fmt: skip
             first, first_packet = first + level.count, first_packet + level.packets
         need = len(levels) * (self._shape.width - 1) + 1

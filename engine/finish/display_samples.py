@@ -84,8 +84,7 @@ def display_samples(
     alone. The number tells how many each has.
     """
     triangles, resolution = parts.triangles, parts.patches.resolution
-    shape = (atlases, resolution, resolution)
-    own = _patches_of(parts, shape)
+    own = parts.patches.on_texels(atlases)
     edge, at_an_end = find_edges(compute, own, known)
     edge |= _between(edge) & (own >= 0)
 
@@ -125,15 +124,6 @@ def _affordable(chosen: np.ndarray, points: int) -> tuple[np.ndarray, int]:
     kept = np.zeros_like(chosen)
     kept[texels[:: max(1, -(-points * len(texels) // _MOST_POINTS))]] = True
     return kept, points
-
-
-def _patches_of(parts: Subdivision, shape: tuple[int, ...]) -> np.ndarray:
-    """Return the patch that lies on each texel, (atlases, r, r) int32, -1 for none."""
-    patches = parts.patches
-    chosen = np.flatnonzero(patches.atlas < shape[0])
-    own = np.full(shape, -1, np.int32)
-    own.reshape(shape[0], -1)[patches.atlas[chosen], patches.texel[chosen]] = chosen
-    return own
 
 
 def _shows_several(parts: Subdivision, border: TexelPieces, own: np.ndarray) -> np.ndarray:

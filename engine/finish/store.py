@@ -41,22 +41,19 @@ class LightmapStore:
         self, patches: PatchList, atlases: int, dilation: int, compute: Compute | None = None
     ) -> None:
         resolution = patches.resolution
-        self._patches, self._chosen = patches, np.flatnonzero(patches.atlas < atlases)
-        self._texel = patches.atlas[self._chosen].astype(np.int64) * resolution**2
-        self._texel += patches.texel[self._chosen]
+        self._patches, self._chosen = patches, slice(patches.count_in(atlases))
+        self._texel = patches.key[self._chosen]
         self._rings, self._compute = dilation, compute
         self._device: DevicePatches | None = None
         self._dilations: list[Dilation] = []
         self._gutters: DeviceImages | None = None
-        self._hidden = np.zeros(len(self._chosen), bool)
+        self._hidden = np.zeros(len(self._texel), bool)
         self._fit: DisplayFit | DeviceDisplay | None = None
         self._walls: WallFit | None = None
         self._means = TexelMeans(no_samples(), np.zeros(0, bool), resolution)
         self._thin_texels = self._texel[:0]
-        self.has_patch = np.zeros((atlases, resolution, resolution), bool)
-        self.has_patch.ravel()[self._texel] = True
-        self._patch = np.full(self.has_patch.size, -1, np.int32)
-        self._patch[self._texel] = self._chosen
+        on_texels = patches.on_texels(atlases)
+        self.has_patch, self._patch = on_texels >= 0, on_texels.ravel()
 
     def hide(self, front: np.ndarray, near: NearFaces) -> None:
         """Choose the patches whose texels are filled for display.
@@ -150,7 +147,7 @@ class LightmapStore:
         """Return which texels show their light at their centre, (atlases, r, r) bool; thin ones' points."""
         plain = self._plain
         counts = np.zeros(len(self._patches), bool)
-        counts[self._chosen[plain]] = True
+        counts[self._chosen] = plain
         thin, points = thin_patches(self._compute, triangles, self._patches)
         points = points.part(counts[thin])
         texels = points.texels(self._patches.resolution)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
+from ..runs import run_numbers, run_starts
 from ..segment_sums import segment_sums
 from .display_samples import DisplaySamples
 from .texel_planes import TexelPlanes, steps_around
@@ -27,15 +30,16 @@ class TexelMeans:
     def __init__(self, samples: DisplaySamples, visible: np.ndarray, resolution: int) -> None:
         chosen = np.flatnonzero(visible & (samples.weight > 0))
         keys = samples.keys(resolution)
-        self._all = np.unique(keys)
-        self.texels, self._texel = np.unique(keys[chosen], return_inverse=True)
+        self._all = keys[run_starts(keys)]
+        self._starts = run_starts(keys[chosen])
+        self.texels, self._texel = keys[chosen[self._starts]], run_numbers(self._starts, len(chosen))
         self._chosen, self._weight = chosen, samples.weight[chosen].astype(np.float64)
         self._total = np.bincount(self._texel, self._weight, len(self.texels))
         self._cut, mostly_seen = self._cut_texels(keys, samples.weight)
         place = _from_centres(samples.position[chosen], keys[chosen], resolution)
         self._centroid = self._sums(place)[self._cut] / self._total[self._cut, None]
         cut = self.texels[self._cut]
-        self._planes = TexelPlanes(self.texels, self._texel, place, self._weight, cut, resolution)
+        self._planes = TexelPlanes(self.texels, self._starts, place, self._weight, cut, resolution)
 
         # Hidden texels that are read, and the steps to them from those whose planes go on there.
         hidden, steps = self.hidden, steps_around(cut[mostly_seen], self.hidden, resolution)
@@ -47,10 +51,12 @@ class TexelMeans:
         self._target = np.concatenate([(np.cumsum(near) - 1)[there] for _, there, _ in steps])
         self._step = np.concatenate([np.tile(-shift[1:, 0], (len(there), 1)) for _, there, shift in steps])
 
-    @property
+    @cached_property
     def hidden(self) -> np.ndarray:
         """Texels none of whose samples is seen, (h,) int64, atlas * r * r + texel."""
-        return np.setdiff1d(self._all, self.texels, assume_unique=True)
+        unseen = np.ones(len(self._all), bool)
+        unseen[np.searchsorted(self._all, self.texels)] = False
+        return self._all[unseen]
 
     @property
     def shown(self) -> np.ndarray:
@@ -88,11 +94,12 @@ class TexelMeans:
 
         The second array, int64, has the numbers among these of texels half of which at least is seen.
         """
-        heaviest = np.zeros(len(self.texels))
-        np.maximum.at(heaviest, self._texel, self._weight)
+        if not len(self.texels):
+            return self._starts, self._starts
+        heaviest = np.maximum.reduceat(self._weight, self._starts)
         whole = self._weight > _MOVED * heaviest[self._texel]
         seen = np.bincount(self._texel, whole, len(self.texels))
-        number = np.bincount(np.searchsorted(self._all, keys[weight > 0]), minlength=len(self._all))
+        number = np.add.reduceat(weight > 0, run_starts(keys), dtype=np.int64)
         number = number[np.searchsorted(self._all, self.texels)]
         cut = np.flatnonzero(seen < number)
         return cut, np.flatnonzero(2 * seen[cut] >= number[cut])

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from ..runs import run_numbers
 from ..segment_sums import segment_sums
 
 #: Variance of places, texels squared, which light has no slope over: that of noise stays small.
@@ -20,7 +21,7 @@ class TexelPlanes:
     """Planes with the least weighted squares to the samples of 3 x 3 texels, around centres of some texels.
 
     texels   (k,) int64, sorted, atlas * r * r + texel, that have samples
-    number   (m,) int64, which of `texels` each sample is in
+    starts   (k,) int64, the first sample of each of `texels`: the samples are in their order
     place    (m, 2) float64, of samples from the centres of their texels, texels
     weight   (m,) float64, of samples
     around   (t,) int64, flat indices of those that planes are around
@@ -29,13 +30,14 @@ class TexelPlanes:
     def __init__(
         self,
         texels: np.ndarray,
-        number: np.ndarray,
+        starts: np.ndarray,
         place: np.ndarray,
         weight: np.ndarray,
         around: np.ndarray,
         resolution: int,
     ) -> None:
-        self._count, self._number, self._weight = (len(texels), len(around)), number, weight
+        self._count, self._starts, self._weight = (len(texels), len(around)), starts, weight
+        self._number = run_numbers(starts, len(place))
         self._basis = np.concatenate([np.ones((len(place), 1)), place], axis=1)
         self._steps = steps_around(texels, around, resolution)
 
@@ -65,11 +67,8 @@ class TexelPlanes:
         values  (m, c), of the samples: nothing leaves the range of all of them
         number  (p,) int64, of the planes
         """
-        shape = self._count[0], values.shape[1]
-        least, most = np.full(shape, np.inf), np.full(shape, -np.inf)
-        np.minimum.at(least, self._number, values)
-        np.maximum.at(most, self._number, values)
-        low, high = np.full((2, self._count[1], shape[1]), [[[np.inf]], [[-np.inf]]])
+        least, most = (reduce.reduceat(values, self._starts) for reduce in (np.minimum, np.maximum))
+        low, high = np.full((2, self._count[1], values.shape[1]), [[[np.inf]], [[-np.inf]]])
         for texel, there, _ in self._steps:
             low[there] = np.minimum(low[there], least[texel])
             high[there] = np.maximum(high[there], most[texel])

@@ -64,18 +64,24 @@ def _on_grid(
     found = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3)))]
     for first in range(0, len(pieces), _BATCH):
         batch = pieces.part(slice(first, first + _BATCH))
-        barycentric = _barycentrics(triangles, batch, resolution, grid)
-        piece, point = np.nonzero(barycentric.min(axis=2) >= -_RIM)
-        found.append((first + piece, point, np.clip(barycentric[piece, point], 0, 1)))
+        u, v, w = barycentrics = _barycentrics(triangles, batch, resolution, grid)
+        piece, point = np.nonzero((u >= -_RIM) & (v >= -_RIM) & (w >= -_RIM))
+        inside = np.stack([one[piece, point] for one in barycentrics], axis=1)
+        found.append((first + piece, point, np.clip(inside, 0, 1)))
     piece, point, barycentric = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
-    _, chosen = np.unique(texel[piece] * len(grid) + point, return_index=True)
+
+    # A point where pieces of a texel meet is on the first of them: what is written last stays.
+    place = texel[piece] * len(grid) + point
+    owner = np.full(len(grid) * (int(texel.max(initial=-1)) + 1), -1)
+    owner[place[::-1]] = np.arange(len(place))[::-1]
+    chosen = owner[owner >= 0]
     return piece[chosen], barycentric[chosen]
 
 
 def _barycentrics(
     triangles: Triangles, pieces: TexelPieces, resolution: int, places: np.ndarray
-) -> np.ndarray:
-    """Return the barycentrics on each piece's triangle, (m, p, 3), of places in texels, (p, 2) of [0, 1]."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return barycentrics on each piece's triangle, (m, p) each, of places (p, 2), 0 to 1 in the texel."""
     row, column = np.divmod(pieces.texel, resolution)
     corners = triangles.uvs[pieces.triangle].astype(np.float64) * resolution
     corners -= np.stack([column, row], axis=1)[:, None]
@@ -83,7 +89,7 @@ def _barycentrics(
     x, y = np.moveaxis(places - corners[:, :1], 2, 0)
     area = x1 * y2 - x2 * y1
     v, w = (x * y2 - x2 * y) / area, (x1 * y - x * y1) / area
-    return np.stack([1 - v - w, v, w], axis=2)
+    return 1 - v - w, v, w
 
 
 def _within(

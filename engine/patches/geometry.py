@@ -38,6 +38,11 @@ class TexelSteps:
         longer: np.ndarray = np.sqrt(np.maximum(*squares))
         return longer
 
+    def scaled(self, factor: float) -> TexelSteps:
+        """Return what texels whose sides are a factor as long are."""
+        edges = np.float32(factor) * self.edge_u, np.float32(factor) * self.edge_v
+        return TexelSteps(*edges, self.geometric, np.float32(factor**2) * self.area, self.whole)
+
 
 class PatchGeometry:
     """World-space geometry of each patch, computed when it is first asked for.

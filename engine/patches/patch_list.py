@@ -44,6 +44,17 @@ class PatchList:
         key += self.texel
         return key
 
+    def count_in(self, atlases: int) -> int:
+        """Return how many patches are in the first atlases: they come before all others."""
+        return int(np.searchsorted(self.key, atlases * self.resolution**2))
+
+    def on_texels(self, atlases: int) -> np.ndarray:
+        """Return the patch on each texel of the first atlases, (atlases, r, r) int32, -1 for none."""
+        count = self.count_in(atlases)
+        numbers = np.full((atlases, self.resolution, self.resolution), -1, np.int32)
+        numbers.ravel()[self.key[:count]] = np.arange(count, dtype=np.int32)
+        return numbers
+
     def part(self, chosen: slice | np.ndarray) -> PatchList:
         """Return some patches, by a mask or their numbers."""
         return PatchList(self.resolution, **{name: getattr(self, name)[chosen] for name in _COLUMNS})

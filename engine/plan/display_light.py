@@ -27,7 +27,7 @@ from ..finish.texel_means import TexelMeans
 from ..finish.thin_walls import in_thin_walls, note_thin_walls
 from ..finish.wall_fit import WallFit
 from ..gather.half_light import HalfLight
-from ..patches.geometry import PatchGeometry, TexelSteps, texel_steps
+from ..patches.geometry import PatchGeometry, TexelSteps
 from ..patches.patch_list import PatchList
 from ..patches.subdivision import Subdivision
 from ..progress import part_of
@@ -108,14 +108,13 @@ class DisplayJob:
     solved: SolveJob
     choice: Choice
     lighting: DirectLighting
-    _steps: dict[int, TexelSteps] = field(default_factory=dict)
+    _steps: dict[float, TexelSteps] = field(default_factory=dict)
 
     def steps(self, side: float) -> TexelSteps:
         """Return what a sample is of each triangle in the world; a texel has `side` of them along u and v."""
-        width = round(self.job.parts.patches.resolution * side)
-        if width not in self._steps:
-            self._steps[width] = texel_steps(self.job.parts.triangles, width)
-        return self._steps[width]
+        if side not in self._steps:
+            self._steps[side] = self.job.parts.geometry.steps.scaled(1 / side)
+        return self._steps[side]
 
 
 def light_in_texels(

@@ -1,0 +1,17 @@
+"""Runs of equal keys, where keys ascend."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def run_starts(keys: np.ndarray) -> np.ndarray:
+    """Return where each run of equal keys starts, (k,) int64; keys: (n,), ascending."""
+    starts = np.ones(len(keys), bool)
+    np.not_equal(keys[1:], keys[:-1], out=starts[1:])
+    return np.flatnonzero(starts)
+
+
+def run_numbers(starts: np.ndarray, count: int) -> np.ndarray:
+    """Return which run each of `count` keys is in, (count,) int64, of where runs start."""
+    return np.repeat(np.arange(len(starts)), np.diff(starts, append=count))

@@ -22,6 +22,9 @@ import numpy as np
 #: Patches of a block at most, and blocks at least; see engine/cluster/blocks.py.
 _LARGEST, _FEWEST = 1 << 18, 16
 
+#: Points of texels in a task, at least; see engine/cluster/cluster_devices.py.
+_FEWEST_POINTS = 2048
+
 #: Points of texels at most; see engine/finish/display_samples.py.
 _MOST_POINTS = 1 << 22
 
@@ -76,7 +79,8 @@ def _final_blocks(size: Size) -> float:
 
 def _point_blocks(size: Size) -> float:
     """Return the blocks of points of texels."""
-    return float(max(_FEWEST, np.ceil(size.points / _LARGEST)))
+    least = min(_FEWEST, np.ceil(size.points / _FEWEST_POINTS))
+    return float(max(1, least, np.ceil(size.points / _LARGEST)))
 
 
 @dataclass(frozen=True)

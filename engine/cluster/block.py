@@ -11,11 +11,13 @@ from dask.utils import parse_bytes
 
 from ..device.buffers import download
 from ..gather.final_gather import FinalGather
+from ..gather.half_light import HalfLight
 from ..plan.choose import keeping_sweep
 from ..plan.trial import make_identity, untried_visibility
 from ..progress import finished
 from .prepared_scene import prepared
-from .shipment import SentLight, Shipment, Squares
+from .shipment import Shipment, Squares
+from .sweep_memory import MappedLight, write_rows
 
 #: Bytes that Dask expects to travel in a second.
 _BANDWIDTH = parse_bytes(dask.config.get("distributed.scheduler.bandwidth"))
@@ -30,7 +32,7 @@ class Block:
     """
 
     def __init__(self, shipment: Shipment, first: int, last: int, squares: Squares | None) -> None:
-        self._made_of = shipment, first, last, squares
+        self._made_of, self._first = (shipment, first, last, squares), first
         self._sources = prepared(shipment).sources(squares)
         began = time.perf_counter()
         with self._sources.working():
@@ -51,12 +53,16 @@ class Block:
         # To find it anew elsewhere takes as long as so many bytes on their way, by which Dask decides.
         self._bytes = max(kept, int(_BANDWIDTH * (time.perf_counter() - began)))
 
-    def gather(self, light: SentLight) -> np.ndarray:
+    def gather(self, light: HalfLight | MappedLight) -> np.ndarray:
         """Gather from the light of all patches; return E/pi, (last - first, 3) float32."""
         with self._sources.working():
             return np.ascontiguousarray(self._gathered(self._sources.table(light))[:, :3])
 
-    def gather_l1(self, light: SentLight) -> np.ndarray:
+    def gather_to(self, light: MappedLight, path: str) -> None:
+        """Gather as `gather` does, to the file of a `SweepMemory`."""
+        write_rows(path, self._first, self.gather(light), light.count)
+
+    def gather_l1(self, light: HalfLight | MappedLight) -> np.ndarray:
         """Return the L1 of the same light, (last - first, 3, 3) float32."""
         with self._sources.working():
             self._gathered(self._sources.table(light))
@@ -82,11 +88,16 @@ def views(block: Block) -> np.ndarray:
     return block.views
 
 
-def gather(block: Block, light: SentLight) -> np.ndarray:
+def gather(block: Block, light: HalfLight | MappedLight) -> np.ndarray:
     """Gather for a block: a task of a sweep, which runs where the block is."""
     return block.gather(light)
 
 
-def gather_l1(block: Block, light: SentLight) -> np.ndarray:
+def gather_to(block: Block, light: MappedLight, path: str) -> None:
+    """Gather for a block to the file of a `SweepMemory`, as a task of a sweep within a machine."""
+    block.gather_to(light, path)
+
+
+def gather_l1(block: Block, light: HalfLight | MappedLight) -> np.ndarray:
     """Gather the L1 of light for a block."""
     return block.gather_l1(light)

@@ -6,10 +6,12 @@ from __future__ import annotations
 _LARGEST, _FEWEST = 1 << 18, 16
 
 
-def cut(count: int) -> list[tuple[int, int]]:
+def cut(count: int, least: int = 1) -> list[tuple[int, int]]:
     """Return the first patch of each block and the one after its last, by the number of all patches alone.
 
     So the blocks, and the bits of a bake, are the same for any number of workers.
+
+    least: patches of a block, where there are as many
     """
-    size = max(1, min(_LARGEST, -(-count // _FEWEST)))
+    size = max(least, min(_LARGEST, -(-count // _FEWEST)))
     return [(first, min(first + size, count)) for first in range(0, count, size)]

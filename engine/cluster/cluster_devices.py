@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import uuid
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
@@ -25,12 +24,15 @@ from ..plan.memory import shared_width
 from ..settings import Settings
 from . import block, final_tasks, shadow_tasks
 from .blocks import cut
-from .parcel import Parcel
 from .prepared_scene import prepare
-from .shipment import SentLight, Shipment, Squares
+from .shipment import Shipment, Squares
+from .sweep_memory import SweepMemory
 
 #: Seconds after which a bake that waits may be cancelled, and those that it waits while there are no workers.
 _PAUSE, _PATIENCE = 0.2, 20.0
+
+#: Points of texels in a task, at least: fewer take as long.
+_FEWEST_POINTS = 2048
 
 #: Dask warns of tasks with large arguments; here the scheduler shall keep them, to repeat the tasks.
 _LARGE_GRAPH = "distributed.admin.large-graph-warning-threshold"
@@ -71,9 +73,11 @@ class ClusterDevices:
     """
 
     def __init__(self, client: Client, shipped: Shipped, settings: Settings, folder: str, count: int) -> None:
-        """Take the number of patches, and the folder in which arrays travel; empty for none."""
+        """Take the number of patches, and a folder in the memory of all workers; empty if there is none."""
         self._client, self._shipped, self._folder = client, shipped, folder
         self._settings, self._count, self._patches = settings, count, cut(count)
+        self._memory: SweepMemory | None = None
+        self._workers = set[str]()
         self._address: str = client.scheduler_info()["address"]
         self._squares: Future | None = None
         self._blocks: dict[Span, Future] = {}
@@ -94,7 +98,7 @@ class ClusterDevices:
         if shared_width(self._settings, self._count) == 1:
             self._find(self._count)
         light = yield from self._rows(tasks)
-        return light[:, :3].copy(), light[:, 3:].reshape(-1, 3, 3).copy()
+        return np.ascontiguousarray(light[:, :3]), light[:, 3:].reshape(-1, 3, 3)
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
         """Return how much of a lamp patches see; see `Casting.shadow_mask`."""
@@ -111,62 +115,74 @@ class ClusterDevices:
         return (yield from self._of_blocks(block.views))
 
     def gather(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
-        """Gather once; see `RemoteGather.gather`."""
-        with self._lit(light) as sent:
-            return (yield from self._of_blocks(block.gather, sent))
+        """Gather once; see `RemoteGather.gather`. The rows are overwritten by the next time."""
+        memory = self._sweep_memory(len(light.parts))
+        if memory is None:
+            return (yield from self._of_blocks(block.gather, self._sent(light)))
+        sent = self._sent(memory.put(light))
+        tasks = {
+            self._task(block.gather_to, found, sent, memory.path): span
+            for span, found in self._blocks.items()
+        }
+        yield from self._take(tasks, lambda *_: None)
+        return memory.rows
 
     def gather_l1(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
         """Gather L1; see `RemoteGather.gather_l1`."""
-        with self._lit(light) as sent:
-            return (yield from self._of_blocks(block.gather_l1, sent))
+        return (yield from self._of_blocks(block.gather_l1, self._sent(light)))
 
     def of_groups(self, leader: np.ndarray, width: int) -> None:
         """Let the workers solve groups of patches; see `RemoteGather.of_groups`."""
-        self._squares = self._sent(Squares.of(leader, width, self._folder))
+        self._squares = self._sent(Squares.of(leader, width))
         self._find(int(np.count_nonzero(leader == np.arange(len(leader), dtype=leader.dtype))))
 
     def final(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
         """Gather for every patch; see `RemoteGather.final`."""
         self._blocks = {}
-        with self._lit(light) as sent:
-            return (yield from self._of_patches(final_tasks.final, self._squares, sent))
+        return (yield from self._of_patches(final_tasks.final, self._squares, self._sent(light)))
 
     def final_l1(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
         """Gather L1 for every patch; see `RemoteGather.final_l1`."""
-        with self._lit(light) as sent:
-            return (yield from self._of_patches(final_tasks.final_l1, self._squares, sent))
+        return (yield from self._of_patches(final_tasks.final_l1, self._squares, self._sent(light)))
 
     def light_at(
         self, samples: DisplaySamples, light: HalfLight, choice: Choice, settings: Settings
     ) -> Generator[float, None, list[LitSamples]]:
         """Return the light at points of texels; see `RemoteDevices.light_at`."""
         self._blocks = {}
+        seen, tasks = (self._squares, self._sent(light)), {}
+        for first, last in cut(len(samples), _FEWEST_POINTS):
+            part = samples.part(slice(first, last))
+            task = self._task(
+                final_tasks.light_at_samples, self._shipped.shipment, part, *seen, choice, settings
+            )
+            tasks[task] = first, last
         lit: dict[Span, LitSamples] = {}
-        with self._lit(light) as sent:
-            tasks = {}
-            for first, last in cut(len(samples)):
-                part = samples.part(slice(first, last))
-                task = self._task(
-                    final_tasks.light_at_samples,
-                    self._shipped.shipment, part, self._squares, sent, choice, settings,
-                )  # fmt: skip
-                tasks[task] = first, last
-            yield from self._take(tasks, lit.__setitem__)
+        yield from self._take(tasks, lit.__setitem__)
         return [lit[span] for span in tasks.values()]
+
+    def _sweep_memory(self, count: int) -> SweepMemory | None:
+        """Return the memory for sweeps of `count` patches; None where light travels through Dask.
+
+        A worker that was lost to the scheduler may still write: those that are left get other memory.
+        """
+        if not self._folder:
+            return None
+        with _losses_told(self._address):
+            workers = set(self._client.scheduler_info(n_workers=-1)["workers"])
+        if self._memory is None or workers != self._workers:
+            if self._memory is not None:
+                self._memory.close()
+            try:
+                self._memory, self._workers = SweepMemory(self._folder, count), workers
+            except OSError:
+                self._memory, self._folder = None, ""
+        return self._memory
 
     def _find(self, count: int) -> None:
         """Have what `count` patches, or groups of them, see found, by tasks that any worker can do again."""
         shipment, squares = self._shipped.shipment, self._squares
         self._blocks = {span: self._task(block.find, shipment, *span, squares) for span in cut(count)}
-
-    @contextmanager
-    def _lit(self, light: HalfLight) -> Iterator[Future]:
-        """Send light to workers, for as long as tasks need it."""
-        sent = SentLight.of(light, self._folder)
-        try:
-            yield self._sent(sent)
-        finally:
-            sent.parts.remove()
 
     def _sent(self, value: object) -> Future:
         """Return a value as the result of a task, which workers fetch from each other."""
@@ -176,11 +192,6 @@ class ClusterDevices:
         with _losses_told(self._address):
             return _submit(self._client, function, *arguments)
 
-    def _row_task(self, function: Callable, *arguments: object) -> Future:
-        """Do a task whose result, an array, travels as a Parcel."""
-        with _losses_told(self._address):
-            return _submit(self._client, _packed, function, self._folder, *arguments, name=function.__name__)
-
     def _of_patches(self, function: Callable, *arguments: object) -> Generator[float, None, np.ndarray]:
         """Do a task for each block of patches, on any worker; return the rows of all patches."""
         return (yield from self._rows(self._tasks_of_patches(function, *arguments)))
@@ -188,15 +199,13 @@ class ClusterDevices:
     def _tasks_of_patches(self, function: Callable, *arguments: object) -> dict[Future, Span]:
         """Begin a task for each block of patches, on any worker."""
         shipment = self._shipped.shipment
-        return {self._row_task(function, shipment, *span, *arguments): span for span in self._patches}
+        return {self._task(function, shipment, *span, *arguments): span for span in self._patches}
 
     def _of_blocks(self, function: Callable, *arguments: object) -> Generator[float, None, np.ndarray]:
         """Do a task for each block whose views are found, where it is; return the rows of all."""
         blocks = self._blocks.items()
         return (
-            yield from self._rows(
-                {self._row_task(function, found, *arguments): span for span, found in blocks}
-            )
+            yield from self._rows({self._task(function, found, *arguments): span for span, found in blocks})
         )
 
     def _rows(self, tasks: dict[Future, Span]) -> Generator[float, None, np.ndarray]:
@@ -204,11 +213,10 @@ class ClusterDevices:
         count = max(last for _, last in tasks.values())
         rows: list[np.ndarray] = []
 
-        def put(span: Span, parcel: Parcel) -> None:
+        def put(span: Span, part: np.ndarray) -> None:
             if not rows:
-                rows.append(np.empty((count, *parcel.shape[1:]), parcel.dtype))
-            parcel.fill(rows[0][slice(*span)])
-            parcel.remove()
+                rows.append(np.empty((count, *part.shape[1:]), part.dtype))
+            rows[0][slice(*span)] = part
 
         yield from self._take(tasks, put)
         return rows[0]
@@ -252,16 +260,10 @@ class ClusterDevices:
         return bool(self._client.scheduler_info(n_workers=1)["workers"])
 
 
-def _submit(client: Client, function: Callable, *arguments: object, name: str = "") -> Future:
-    """Have a worker do a task, which has the name of its function; submitted again it is another task."""
-    key = f"{name or function.__name__}-{uuid.uuid4().hex}"
+def _submit(client: Client, function: Callable, *arguments: object) -> Future:
+    """Have a worker do a task; the same one submitted again is another task."""
     with dask.config.set({_LARGE_GRAPH: "1 PiB"}):
-        return client.submit(function, *arguments, key=key)
-
-
-def _packed(function: Callable[..., np.ndarray], folder: str, *arguments: object) -> Parcel:
-    """Return the array that a function makes, in a file of a folder if one is named."""
-    return Parcel.of(function(*arguments), folder)
+        return client.submit(function, *arguments, pure=False)
 
 
 def _given(value: object) -> object:

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..finish.display_samples import DisplaySamples
 from ..gather.final_gather import FinalGather
+from ..gather.half_light import HalfLight
 from ..plan.choice import Choice
 from ..plan.choose import Receivers, final_gather
 from ..plan.display_light import light_at
@@ -14,17 +15,17 @@ from ..plan.trial import untried_visibility
 from ..progress import finished
 from ..settings import Settings
 from .prepared_scene import PreparedScene, prepared
-from .shipment import SentLight, Shipment, Squares
+from .shipment import Shipment, Squares
 
 
-def final(shipment: Shipment, first: int, last: int, squares: Squares, light: SentLight) -> np.ndarray:
+def final(shipment: Shipment, first: int, last: int, squares: Squares, light: HalfLight) -> np.ndarray:
     """Gather for patches from the light of groups; see `RemoteGather.final`."""
     scene = prepared(shipment)
     with scene.working():
         return _gathered(scene, squares, (first, last), light)[1]
 
 
-def final_l1(shipment: Shipment, first: int, last: int, squares: Squares, light: SentLight) -> np.ndarray:
+def final_l1(shipment: Shipment, first: int, last: int, squares: Squares, light: HalfLight) -> np.ndarray:
     """Return the L1 of the same light; see `RemoteGather.final_l1`."""
     scene = prepared(shipment)
     with scene.working():
@@ -33,7 +34,7 @@ def final_l1(shipment: Shipment, first: int, last: int, squares: Squares, light:
 
 
 def _gathered(
-    scene: PreparedScene, squares: Squares, span: tuple[int, int], light: SentLight
+    scene: PreparedScene, squares: Squares, span: tuple[int, int], light: HalfLight
 ) -> tuple[FinalGather, np.ndarray]:
     """Return what has gathered for patches, and what."""
     lookers, groups = scene.part(*span), scene.sources(squares)
@@ -47,7 +48,7 @@ def light_at_samples(
     shipment: Shipment,
     samples: DisplaySamples,
     squares: Squares | None,
-    light: SentLight,
+    light: HalfLight,
     choice: Choice,
     settings: Settings,
 ) -> LitSamples:

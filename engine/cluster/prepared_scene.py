@@ -16,6 +16,7 @@ from ..device.buffers import zeros
 from ..device.devices import Devices
 from ..direct.contact import patches_in_contact
 from ..direct.lighting import DirectLighting
+from ..gather.half_light import HalfLight
 from ..plan.choice import Choice
 from ..plan.choose import light_alone
 from ..plan.display_light import DisplayJob
@@ -23,7 +24,8 @@ from ..plan.kept import Kept
 from ..plan.solve_job import SolveJob
 from ..plan.trial import untried_visibility
 from ..solve.patch_groups import PatchGroups
-from .shipment import SentLight, Shipment, Squares
+from .shipment import Shipment, Squares
+from .sweep_memory import MappedLight
 
 #: Environment variable that names the OpenCL device of a worker.
 DEVICE = "HEMIBAKE_OPENCL_DEVICE"
@@ -43,7 +45,7 @@ class Sources:
 
     def __init__(self, devices: Devices, job: SolveJob) -> None:
         self._devices, self.job = devices, job
-        self._light: SentLight | None = None
+        self._light: HalfLight | MappedLight | None = None
 
     @contextmanager
     def working(self) -> Iterator[None]:
@@ -57,10 +59,11 @@ class Sources:
         parts = self.job.parts.part(slice(first, last))
         return replace(self.job, parts=parts, rays=self.job.rays.of(parts), kept=Kept())
 
-    def table(self, light: SentLight) -> cl.Buffer:
+    def table(self, light: HalfLight | MappedLight) -> cl.Buffer:
         """Return the light of all on the device: once for all blocks of a sweep."""
         if light is not self._light:
-            self._light, self._table = light, light.opened().table(self.job.opencl)
+            opened = light.opened() if isinstance(light, MappedLight) else light
+            self._light, self._table = light, opened.table(self.job.opencl)
         return self._table
 
     @cached_property
@@ -114,7 +117,7 @@ class PreparedScene(Sources):
     def _grouped(self, squares: Squares) -> SolveJob:
         """Return the radiosity equation of groups."""
         job = self.job
-        groups = PatchGroups(job.rays, job.parts, job.area, squares.leader.open(), squares.width)
+        groups = PatchGroups(job.rays, job.parts, job.area, squares.leader, squares.width)
         return replace(
             job,
             parts=groups.parts,

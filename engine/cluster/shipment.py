@@ -1,4 +1,4 @@
-"""What travels to workers: once a bake scene and settings, and groups of patches; light in each sweep."""
+"""What travels to workers once a bake: the scene and the settings, compressed; groups of patches."""
 
 from __future__ import annotations
 
@@ -9,10 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..gather.half_light import HalfLight
 from ..scene.model import Scene
 from ..settings import Settings
-from .parcel import Parcel
 
 #: Fast compression: coordinates and textures shrink little more at higher levels. Within a machine there is
 #: none, which takes longer than the way.
@@ -51,33 +49,11 @@ class Squares:
     digest  hexadecimal: names the groups on workers
     """
 
-    leader: Parcel
+    leader: np.ndarray
     width: int
     digest: str
 
     @classmethod
-    def of(cls, leader: np.ndarray, width: int, folder: str) -> Squares:
-        """Name groups; they travel in a folder, see `Parcel`."""
-        digest = hashlib.sha256(np.ascontiguousarray(leader).data).hexdigest()
-        return cls(Parcel.of(leader, folder), width, digest)
-
-
-@dataclass(frozen=True)
-class SentLight:
-    """A HalfLight on its way.
-
-    parts  (n, 3) float16
-    unit   W/(m^2 sr)
-    """
-
-    parts: Parcel
-    unit: np.float32
-
-    @classmethod
-    def of(cls, light: HalfLight, folder: str) -> SentLight:
-        """Let light travel in a folder; see `Parcel`."""
-        return cls(Parcel.of(light.parts, folder), light.unit)
-
-    def opened(self) -> HalfLight:
-        """Return the light; raises DeviceError, see `Parcel.fill`."""
-        return HalfLight(self.parts.open(), self.unit)
+    def of(cls, leader: np.ndarray, width: int) -> Squares:
+        """Name groups."""
+        return cls(leader, width, hashlib.sha256(np.ascontiguousarray(leader).data).hexdigest())

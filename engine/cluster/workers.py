@@ -19,8 +19,8 @@ from .admission import REFUSED, Admission, refusal
 from .cluster_devices import ClusterDevices, ship
 from .event_loop import event_loop
 from .local_workers import ANSWER, LocalWorkers, local_environments
-from .parcel import MemoryFolder, is_at_hand
 from .shipment import Shipment
+from .sweep_memory import is_at_hand, memory_folder
 
 #: What stands for a worker on each device of this machine, instead of an address.
 LOCAL = "all"
@@ -49,10 +49,10 @@ class Workers:
     address   of the scheduler
     warnings  sentences for the user: refused workers, and a connection that others can listen to
 
-    folder: in which arrays travel within this machine
+    folder: in the memory of this machine; empty where there is none
     """
 
-    def __init__(self, client: Client, folder: MemoryFolder) -> None:
+    def __init__(self, client: Client, folder: str) -> None:
         self.client, self._folder, self.warnings = client, folder, list[str]()
         self.address: str = client.scheduler_info()["address"]
         client.subscribe_topic(REFUSED, lambda event: self.warnings.append(event[1]))
@@ -82,12 +82,12 @@ class Workers:
         """
         local = _is_of_this_machine(self.address)
         shipped = ship(self.client, Shipment.of(scene, settings, local))
-        folder = self._folder.path if local and self._share_folder() else ""
+        folder = self._folder if local and self._share_folder() else ""
         return partial(ClusterDevices, self.client, shipped, settings, folder)
 
     def _share_folder(self) -> bool:
         """Return whether all workers are at hand of the folder: in a container one has its own memory."""
-        return all(self.client.run(is_at_hand, self._folder.path).values())
+        return all(self.client.run(is_at_hand, self._folder).values())
 
 
 @contextmanager
@@ -96,7 +96,7 @@ def workers(scheduler: str) -> Iterator[Workers]:
 
     Raises DeviceError if there is no scheduler at the address, or it has no workers.
     """
-    with closing(MemoryFolder()) as folder:
+    with memory_folder() as folder:
         if scheduler == LOCAL:
             with closing(LocalWorkers(local_environments())) as local:
                 yield Workers(local.client, folder)

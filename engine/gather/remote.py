@@ -29,7 +29,7 @@ class RemoteGather(Protocol):
         ...
 
     def gather(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
-        """Return E/pi of all that patches see of the light of all, (n, 3)."""
+        """Return E/pi of all that patches see of the light of all, (n, 3), until the next call."""
         ...
 
     def gather_l1(self, light: HalfLight) -> Generator[float, None, np.ndarray]:

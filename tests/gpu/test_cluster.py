@@ -63,6 +63,7 @@ def test_blocks_hold_every_patch_once(count):
     assert spans[0][0] == 0 and spans[-1][1] == count
     assert all(last == first for (_, last), (first, _) in itertools.pairwise(spans))
     assert max(last - first for first, last in spans) <= 1 << 18
+    assert cut(count, 2048)[0][1] == min(count, max(2048, spans[0][1]))
 
 
 def test_workers_bring_the_light_of_one_device(by_two):
@@ -99,20 +100,25 @@ def test_any_number_of_workers_brings_the_same_bits(by_two):
         assert np.array_equal(baked(one).image, by_two.image)
 
 
-def test_bits_are_the_same_where_arrays_travel_through_dask(monkeypatch, two, by_two):
-    monkeypatch.setattr("engine.cluster.parcel._SMALL", 0)
+def test_bits_are_the_same_where_light_travels_through_dask(monkeypatch, two, by_two):
     monkeypatch.setattr("engine.cluster.workers.Workers._share_folder", lambda _: False)
     assert np.array_equal(baked(two).image, by_two.image)
 
 
+def test_bits_are_the_same_without_room_in_memory(monkeypatch, two, by_two):
+    def full(*_):
+        raise OSError("No space left on device")
+
+    monkeypatch.setattr("os.posix_fallocate", full)
+    assert np.array_equal(baked(two).image, by_two.image)
+
+
 def test_nothing_is_left_in_the_memory_of_the_machine(monkeypatch, tmp_path, two, by_two):
-    """What is small travels as it is, else."""
-    monkeypatch.setattr("engine.cluster.parcel._SMALL", 0)
-    monkeypatch.setattr("engine.cluster.parcel._MEMORY", tmp_path)
-    made = []
+    monkeypatch.setattr("engine.cluster.sweep_memory._MEMORY", tmp_path)
+    made = set()
     for _ in bake(two):
-        made += [path for folder in tmp_path.iterdir() for path in folder.iterdir()]
-    assert made and not list(tmp_path.iterdir())
+        made |= {path.name for folder in tmp_path.iterdir() for path in folder.iterdir()}
+    assert len(made) == 2 and not list(tmp_path.iterdir())
 
 
 def test_all_devices_of_this_machine_work_for_a_bake(monkeypatch, by_two):

@@ -1,0 +1,141 @@
+"""Memory of one machine in which the light of sweeps goes to workers and comes back, past Dask."""
+
+from __future__ import annotations
+
+import mmap
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from ..gather.half_light import HalfLight
+
+#: Where Linux has files in memory.
+_MEMORY = Path("/dev/shm")
+
+#: What folders are called; a number follows, that of the process that has made them.
+_NAME = "hemibake-"
+
+#: Numbers of a patch in light, and in what is gathered of it.
+_CHANNELS = 3
+
+
+@contextmanager
+def memory_folder() -> Iterator[str]:
+    """Make a folder in the memory of this machine, which ends with the context; empty where there is none."""
+    if not os.access(_MEMORY, os.W_OK):
+        yield ""
+        return
+    _remove_orphans()
+    folder = tempfile.mkdtemp(prefix=f"{_NAME}{os.getpid()}-", dir=_MEMORY)
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def is_at_hand(folder: str) -> bool:
+    """Return whether this process can read and write files of a folder."""
+    return os.access(folder, os.R_OK | os.W_OK | os.X_OK)
+
+
+@dataclass(frozen=True)
+class MappedLight:
+    """A HalfLight in a file that all workers map; see `SentLight`.
+
+    path   of the file
+    count  patches
+    unit   W/(m^2 sr)
+    """
+
+    path: str
+    count: int
+    unit: np.float32
+
+    def opened(self) -> HalfLight:
+        """Return the light, whose parts are the file's."""
+        return HalfLight(_mapped(self.path, np.float16, self.count), self.unit)
+
+
+class SweepMemory:
+    """Two files that the client and all workers map, from sweep to sweep: memory that is there is quick.
+
+    rows  (count, 3) float32, what is gathered
+    path  of the file of the rows
+    """
+
+    def __init__(self, folder: str, count: int) -> None:
+        """Take the number of patches; raises OSError if there is no room in the folder."""
+        self._files = [_file(folder, kind, count) for kind in (np.float16, np.float32)]
+        self._count, self.path = count, self._files[1]
+        self._parts = _opened(self._files[0], np.float16, count)
+        self.rows = _opened(self.path, np.float32, count)
+
+    def put(self, light: HalfLight) -> MappedLight:
+        """Let workers have light."""
+        np.copyto(self._parts, light.parts)
+        return MappedLight(self._files[0], self._count, light.unit)
+
+    def close(self) -> None:
+        """Remove the files; who still writes to them disturbs nobody."""
+        for path in self._files:
+            with suppress(OSError):
+                Path(path).unlink()
+
+
+def write_rows(path: str, first: int, rows: np.ndarray, count: int) -> None:
+    """Write rows from the first one on to the file of `SweepMemory.path`, of `count` patches."""
+    _mapped(path, np.float32, count)[first : first + len(rows)] = rows
+
+
+#: A worker keeps the files of a bake open: pages that it knows are not looked up again.
+@lru_cache(maxsize=2)
+def _mapped(path: str, kind: type, count: int) -> np.ndarray:
+    return _opened(path, kind, count)
+
+
+def _opened(path: str, kind: type, count: int) -> np.ndarray:
+    """Return the array, (count, 3), in a file."""
+    with Path(path).open("r+b") as file:
+        return np.frombuffer(mmap.mmap(file.fileno(), 0), kind).reshape(count, _CHANNELS)
+
+
+def _file(folder: str, kind: type, count: int) -> str:
+    """Return the path of a new file with room for an array, (count, 3). Raises OSError if there is none.
+
+    Linux ends a process that finds no room once it writes.
+    """
+    number, path = tempfile.mkstemp(dir=folder)
+    try:
+        os.posix_fallocate(number, 0, np.dtype(kind).itemsize * _CHANNELS * count)
+    except OSError:
+        Path(path).unlink()
+        raise
+    finally:
+        os.close(number)
+    return path
+
+
+def _remove_orphans() -> None:
+    """Remove the folders of processes that were killed; those of other users stay."""
+    for folder in _MEMORY.glob(f"{_NAME}*-*"):
+        process = folder.name.removeprefix(_NAME).split("-")[0]
+        if process.isdecimal() and not _is_alive(int(process)):
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _is_alive(process: int) -> bool:
+    """Return whether a process runs, by a signal that does nothing."""
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True

@@ -1,0 +1,92 @@
+"""Memory in which the light of sweeps goes to workers of the same machine and comes back."""
+
+import errno
+import os
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine.cluster import sweep_memory
+from engine.cluster.sweep_memory import SweepMemory, is_at_hand, memory_folder, write_rows
+from engine.gather.half_light import HalfLight
+
+pytestmark = pytest.mark.skipif(not Path("/dev/shm").exists(), reason="There are files in memory on Linux.")
+
+#: Prime, and larger than a page.
+COUNT = 10007
+
+
+@pytest.fixture
+def folder():
+    with memory_folder() as made:
+        yield made
+
+
+def test_light_arrives_as_it_was_sent_in_every_sweep(folder):
+    memory, random = SweepMemory(folder, COUNT), np.random.default_rng(3)
+    for unit in (1e-30, 1.0, 7e11):
+        parts = random.uniform(0, 65504, (COUNT, 3)).astype(np.float16)
+        parts[0], parts[-1] = 0, 65504
+        sent = memory.put(HalfLight(parts, np.float32(unit)))
+        arrived = pickle.loads(pickle.dumps(sent)).opened()
+        assert len(pickle.dumps(sent)) < 1000
+        assert arrived.parts.tobytes() == parts.tobytes() and arrived.unit == np.float32(unit)
+
+
+def test_rows_lie_where_they_belong(folder):
+    memory = SweepMemory(folder, COUNT)
+    wanted = np.random.default_rng(5).normal(size=(COUNT, 3)).astype(np.float32)
+    wanted[17] = np.nan
+    for first, last in ((5003, COUNT), (0, 1), (1, 5003)):
+        write_rows(memory.path, first, wanted[first:last], COUNT)
+    assert memory.rows.tobytes() == wanted.tobytes()
+
+
+def test_who_still_writes_to_memory_that_was_closed_disturbs_nobody(folder):
+    closed = SweepMemory(folder, COUNT)
+    write_rows(closed.path, 0, np.ones((1, 3), np.float32), COUNT)
+    closed.close()
+    closed.close()
+    other = SweepMemory(folder, COUNT)
+    write_rows(closed.path, 0, np.full((COUNT, 3), 7, np.float32), COUNT)
+    assert not other.rows.any()
+
+
+def test_no_room_is_an_error_that_leaves_nothing(folder, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "posix_fallocate", full)
+    with pytest.raises(OSError, match="No space left"):
+        SweepMemory(folder, COUNT)
+    assert not os.listdir(folder)
+
+
+def test_the_folder_ends_with_what_is_in_it():
+    with memory_folder() as folder:
+        assert is_at_hand(folder)
+        SweepMemory(folder, COUNT)
+    assert not Path(folder).exists() and not is_at_hand(folder)
+
+
+def test_without_files_in_memory_there_is_no_folder(monkeypatch, tmp_path):
+    monkeypatch.setattr(sweep_memory, "_MEMORY", tmp_path / "none")
+    with memory_folder() as folder:
+        assert folder == ""
+
+
+def test_folders_of_killed_processes_are_removed(monkeypatch, tmp_path):
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    orphan, other, own = (
+        tmp_path / name for name in (f"hemibake-{ended.pid}-x", "hemibake-notes", f"hemibake-{os.getpid()}-y")
+    )
+    for found in (orphan, other, own):
+        found.mkdir()
+    monkeypatch.setattr(sweep_memory, "_MEMORY", tmp_path)
+    with memory_folder():
+        assert not orphan.exists() and other.exists() and own.exists()

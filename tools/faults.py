@@ -86,7 +86,9 @@ class Room:
         seconds = time.time() - began
         done = self._client.get_task_stream(start=began)
         found = sum(task["key"].startswith("find-") for task in done)
-        killed = there - self._addresses()
+        killed = set[str]()
+        while stage and not killed:
+            killed = there - self._addresses()
         if killed:
             self._workers.add(_HALF)
             self._client.wait_for_workers(len(there), timeout=_START)

@@ -25,8 +25,8 @@ _NVIDIA = "NVIDIA"
 #: Folder that holds the package `engine`.
 _HOME = Path(__file__).resolve().parents[2]
 
-#: Seconds in which a scheduler has to answer.
-ANSWER = 60
+#: Seconds in which a scheduler has to answer, and a worker before it counts as gone.
+ANSWER, GONE = 60, 10
 
 #: Seconds that workers have to start, and to end.
 _START, _FAREWELL = 60.0, 3.0
@@ -131,6 +131,7 @@ def start_worker(
     command = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1"]
     command += ["--no-dashboard", "--no-nanny", "--memory-limit", "0", *options]
     folders = (str(_HOME), *(path for path in sys.path if path))
-    variables = {**os.environ, "PYTHONPATH": os.pathsep.join(folders), **environment}
+    gone = {"DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": f"{GONE}s"}
+    variables = {**os.environ, **gone, "PYTHONPATH": os.pathsep.join(folders), **environment}
     output = None if printed else subprocess.DEVNULL
     return subprocess.Popen(command, env=variables, stdout=output, stderr=output)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..portable import Portable, portable_bytes
 from ..scene.model import Scene
 from ..settings import Settings
 
@@ -31,7 +32,7 @@ class Shipment:
     @classmethod
     def of(cls, scene: Scene, settings: Settings, local: bool) -> Shipment:
         """Pack a scene that occluders have their places in; `local` if it does not leave this machine."""
-        data = zlib.compress(pickle.dumps((scene, settings), protocol=5), _NONE if local else _LEVEL)
+        data = zlib.compress(portable_bytes((scene, settings)), _NONE if local else _LEVEL)
         return cls(data, hashlib.sha256(data).hexdigest())
 
     def unpacked(self) -> tuple[Scene, Settings]:
@@ -41,7 +42,7 @@ class Shipment:
 
 
 @dataclass(frozen=True)
-class Squares:
+class Squares(Portable):
     """Groups of the patches of a scene; see `solve.patch_groups.PatchGroups`.
 
     leader  (n,) uint32, the patch that each patch follows

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ..gather.half_light import HalfLight
+from ..portable import Portable
 
 #: Where Linux has files in memory.
 _MEMORY = Path("/dev/shm")
@@ -46,7 +47,7 @@ def is_at_hand(folder: str) -> bool:
 
 
 @dataclass(frozen=True)
-class MappedLight:
+class MappedLight(Portable):
     """A HalfLight in a file that all workers map; see `SentLight`.
 
     path   of the file

@@ -18,7 +18,7 @@ from ..settings import Settings
 from .admission import REFUSED, Admission, refusal
 from .cluster_devices import ClusterDevices, ship
 from .event_loop import event_loop
-from .local_workers import ANSWER, LocalWorkers, local_environments
+from .local_workers import ANSWER, GONE, LocalWorkers, local_environments
 from .shipment import Shipment
 from .sweep_memory import is_at_hand, memory_folder
 
@@ -54,6 +54,7 @@ class Workers:
 
     def __init__(self, client: Client, folder: str) -> None:
         self.client, self._folder, self.warnings = client, folder, list[str]()
+        client.rpc.timeout = GONE
         self.address: str = client.scheduler_info()["address"]
         client.subscribe_topic(REFUSED, lambda event: self.warnings.append(event[1]))
         self._admission = Admission()

@@ -9,6 +9,7 @@ import numpy as np
 from ..device.compute import Compute
 from ..patches.subdivision import Subdivision
 from ..patches.texel_pieces import TexelClipper, TexelPieces, joined_pieces
+from ..portable import Portable
 from ..scene.triangles import Triangles
 from .light_edges import PatchLight, find_edges
 from .texel_points import place_points
@@ -28,7 +29,7 @@ _SLIVER = 0.01
 
 
 @dataclass(frozen=True)
-class DisplaySamples:
+class DisplaySamples(Portable):
     """Points on surfaces, ordered by atlas and texel.
 
     atlas        (s,) int32

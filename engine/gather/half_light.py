@@ -9,6 +9,7 @@ import pyopencl as cl
 
 from ..device.buffers import download, upload, zeros
 from ..device.compute import Compute
+from ..portable import Portable
 
 #: The brightest value travels as this one, which half floats hold with room above it.
 _BRIGHTEST = 32768.0
@@ -18,7 +19,7 @@ _ITEMS = 1024
 
 
 @dataclass(frozen=True)
-class HalfLight:
+class HalfLight(Portable):
     """Radiance in parts of its largest value, 6 bytes a patch.
 
     Patches average it over all they see, so that its rounding, of 1 in 4,096, is lost in the noise of rays.

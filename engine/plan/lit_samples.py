@@ -8,10 +8,11 @@ import numpy as np
 
 from ..finish.display_samples import DisplaySamples
 from ..finish.push_out import WaysOut
+from ..portable import Portable
 
 
 @dataclass(frozen=True)
-class LitSamples:
+class LitSamples(Portable):
     """Some samples, where they are after they were pushed out, and what they receive; see `DisplayLight`.
 
     irradiance  (s, 3) float32, E/pi of all light

@@ -99,7 +99,10 @@ class Part:
 
 
 def _task(kind: str) -> Callable[[Record], float]:
-    return lambda record: record["tasks"][kind]["compute"]
+    """Return the seconds of tasks of a kind; those to shared memory end in _to."""
+    return lambda record: sum(
+        record["tasks"][name]["compute"] for name in (kind, f"{kind}_to") if name in record["tasks"]
+    )
 
 
 def _rest(stage: str, *kinds: str) -> Callable[[Record], float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
@@ -9,6 +10,7 @@ from functools import partial
 from urllib.parse import urlsplit
 
 from distributed import Client
+from distributed.comm.addressing import get_address_host_port
 from distributed.security import Security
 from tornado.ioloop import IOLoop
 
@@ -25,8 +27,8 @@ from .sweep_memory import is_at_hand, memory_folder
 #: What stands for a worker on each device of this machine, instead of an address.
 LOCAL = "all"
 
-#: Seconds in which a first worker has to be there.
-_JOIN = 30
+#: Seconds in which a machine has to say whether a scheduler is there, and a first worker has to be there.
+_LISTEN, _JOIN = 10, 30
 
 #: Seconds in which refused workers report why and leave; and those to wait for others then.
 _REFUSAL, _OTHERS = 0.25, 2
@@ -113,6 +115,8 @@ def _connected(scheduler: str, loop: IOLoop) -> Client:
     if scheduler.startswith("tls://") and not Security().get_connection_args("client")["ssl_context"]:
         raise DeviceError(f"The scheduler at '{scheduler}' needs certificates. {_CERTIFICATES}")
     try:
+        if not scheduler.startswith("inproc://"):
+            socket.create_connection(get_address_host_port(scheduler), _LISTEN).close()
         return Client(scheduler, timeout=ANSWER, loop=loop)
     except (OSError, ValueError) as error:
         raise DeviceError(

@@ -1,6 +1,7 @@
 """Bakes by Dask workers: the same bits for any number of workers, whatever is lost on the way."""
 
 import itertools
+import socket
 import sys
 import time
 from contextlib import contextmanager
@@ -291,10 +292,19 @@ def test_a_thread_that_never_starts_is_an_error_with_the_remedy(monkeypatch, two
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "udp://127.0.0.1:8786"])
-def test_scheduler_that_is_not_there_is_an_error_with_the_remedy(monkeypatch, address):
-    monkeypatch.setattr("engine.cluster.workers.ANSWER", 1)
+def test_scheduler_that_is_not_there_is_an_error_with_the_remedy(address):
+    began = time.monotonic()
     with pytest.raises(DeviceError, match="No Dask scheduler answers.*dask scheduler"):
         finished(Session().bake(nine_quad_room(), replace(SETTINGS, scheduler=address)))
+    assert time.monotonic() - began < local_workers.ANSWER / 2
+
+
+def test_something_else_that_listens_is_no_scheduler(monkeypatch):
+    monkeypatch.setattr("engine.cluster.workers.ANSWER", 1)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        with pytest.raises(DeviceError, match="No Dask scheduler answers.*dask scheduler"):
+            finished(Session().bake(nine_quad_room(), replace(SETTINGS, scheduler=address)))
 
 
 def test_what_workers_do_not_do_is_refused(two):

@@ -116,7 +116,7 @@ def _bake(
     # All other light is gathered: through hemicubes drawn in every iteration (IV.B), or what is kept of them.
     job = SolveJob(
         graphics, compute, parts, rays, lighting.emission_left, lighting.sky_left, sampled,
-        surface_areas(parts.triangles, parts.geometry, settings.resolution), settings, remote, kept,
+        surface_areas(parts.triangles, parts.patches, parts.geometry), settings, remote, kept,
         last.indirect if last else None,
     )  # fmt: skip
     solution, choice, solved = choose_solver(job)

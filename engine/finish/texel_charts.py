@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..patches.connected_texels import connected_texels
 from ..segment_sums import segment_sums
-from ..unwrap.adjacency import components
 
 #: Root mean square of a chart's light, in parts of its mean, up to which it is even.
 _EVEN = 1.5
@@ -21,7 +21,7 @@ class TexelCharts:
     """
 
     def __init__(self, known: np.ndarray) -> None:
-        self._known, self.number = known, _numbers(known)
+        self._known, self.number = known, connected_texels(known)
         self.size = np.bincount(self.number)
 
     def levels(self, image: np.ndarray) -> np.ndarray:
@@ -43,23 +43,3 @@ class TexelCharts:
         """Return the mean of values, (k, 3), of each chart, (c, 3) float64; 1 where that is 0."""
         means = segment_sums(values, self.number, len(self.size)) / self.size[:, None]
         return np.where(means > 0, means, 1)
-
-
-def _numbers(known: np.ndarray) -> np.ndarray:
-    """Return the number of the chart of each known texel, in their order, (k,) int64.
-
-    Texels of a row are joined as runs, and runs with those of the next row that they share a column with.
-    """
-    _, height, width = known.shape
-    steps = np.diff(np.pad(known.reshape(-1, width), [(0, 0), (1, 1)]).astype(np.int8), axis=1)
-    (row, start), (_, end) = np.nonzero(steps == 1), np.nonzero(steps == -1)
-
-    # Numbers along all rows, one behind the other: those of the next row are larger by the pitch.
-    pitch = width + 1
-    starts, ends = row * pitch + start, row * pitch + end
-    first = np.searchsorted(ends, starts + pitch, side="right")
-    last = np.where((row + 1) % height > 0, np.searchsorted(starts, ends + pitch, side="left"), first)
-    count = last - first
-    above = np.repeat(np.arange(len(row)), count)
-    below = np.arange(len(above)) - np.repeat(np.cumsum(count) - count - first, count)
-    return np.repeat(components(len(row), above, below), end - start)

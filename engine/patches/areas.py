@@ -5,24 +5,58 @@ from __future__ import annotations
 import numpy as np
 
 from ..scene.triangles import Triangles
+from .connected_texels import connected_texels
 from .geometry import PatchGeometry
+from .patch_list import PatchList
 
 
-def surface_areas(triangles: Triangles, geometry: PatchGeometry, resolution: int) -> np.ndarray:
+def surface_areas(triangles: Triangles, patches: PatchList, geometry: PatchGeometry) -> np.ndarray:
     """Return the area that each patch stands for, (n,) float32, m^2.
 
-    That is the area of its texel, times what makes all patches of a mesh and a material together as large as
-    their triangles: borders of charts cut texels.
+    That is the area of its texel, times what makes all patches of a chart together as large as their
+    triangles: borders of charts cut texels. Triangles without a patch are shared out among all patches of
+    their mesh and material.
     """
     kinds = int(triangles.material.max(initial=0)) + 1
     surface = triangles.mesh.astype(np.int64) * kinds + triangles.material
+    part, listed = _parts_of_charts(surface, patches, geometry)
 
     # A triangle's texels are of one size: as many as its chart is large, and those that are patches.
-    (u1, v1), (u2, v2) = ((triangles.uvs[:, k] - triangles.uvs[:, 0]).T * resolution for k in (1, 2))
+    (u1, v1), (u2, v2) = ((triangles.uvs[:, k] - triangles.uvs[:, 0]).T * patches.resolution for k in (1, 2))
     texel = geometry.steps.area.astype(np.float64)
-    whole = np.bincount(surface, texel * np.abs(u1 * v2 - u2 * v1) / 2)
-    patches = np.bincount(geometry.triangle, minlength=len(surface))
-    listed = np.bincount(surface, texel * patches, len(whole))
-    scale = np.divide(whole, listed, out=np.ones_like(whole), where=listed > 0)
-    areas: np.ndarray = np.minimum(texel * scale[surface], np.finfo(np.float32).max).astype(np.float32)
+    whole = texel * np.abs(u1 * v2 - u2 * v1) / 2
+    scale = _ratios(part, whole[listed], (texel * geometry.on_triangle)[listed])
+    left_out = (
+        np.bincount(surface, whole),
+        np.bincount(surface[listed], whole[listed], surface.max(initial=0) + 1),
+    )
+    more = np.divide(*left_out, out=np.ones_like(left_out[0]), where=left_out[1] > 0)
+    areas = np.zeros(len(surface), np.float32)
+    areas[listed] = np.minimum((texel * more[surface])[listed] * scale, np.finfo(np.float32).max)
     return areas[geometry.triangle]
+
+
+def _parts_of_charts(
+    surface: np.ndarray, patches: PatchList, geometry: PatchGeometry
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the number of the chart, or part of one, that is of one surface, of triangles with patches.
+
+    surface: (t,) int64. Returns (k,) int64, and which triangles these are, (k,) int64, ascending.
+    """
+    shape = int(patches.atlas.max(initial=0)) + 1, patches.resolution, patches.resolution
+    known = np.zeros(shape, bool)
+    known.ravel()[patches.key] = True
+    chart = connected_texels(known)
+
+    # Any patch of a triangle tells its chart.
+    some = np.full(len(surface), -1)
+    some[geometry.triangle] = np.arange(len(patches))
+    listed = np.flatnonzero(some >= 0)
+    key = surface[listed] * (int(chart.max(initial=0)) + 1) + chart[some[listed]]
+    return np.unique(key, return_inverse=True)[1].reshape(-1), listed
+
+
+def _ratios(part: np.ndarray, whole: np.ndarray, listed: np.ndarray) -> np.ndarray:
+    """Return the ratio of the sums of two areas over each part, at its triangles, (k,) float64; 1 over 0."""
+    wholes, listings = np.bincount(part, whole), np.bincount(part, listed)
+    return np.divide(wholes, listings, out=np.ones_like(wholes), where=listings > 0)[part]

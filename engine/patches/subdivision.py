@@ -14,6 +14,7 @@ from ..scene.model import Scene
 from ..scene.triangles import Triangles, join_meshes
 from ..settings import Settings
 from .coverage import border_texels, check_overlap, covered_texels, note_uncovered
+from .edge_patches import away_from_edges
 from .geometry import PatchGeometry, patch_geometry
 from .patch_file import list_or_load_patches
 from .patch_list import PatchList
@@ -64,6 +65,8 @@ def subdivide(
     triangles = join_meshes(scene, before)
     covered = list_or_load_patches(graphics, scene, triangles, settings)
     own, geometry = index_map(covered, len(scene.atlases)), patch_geometry(triangles, covered)
+    covered = away_from_edges(compute, geometry, covered, own)
+    geometry = geometry.at(covered)
     texels = covered_texels(scene, geometry)
     warnings = note_uncovered(scene, texels)
     warnings += check_overlap(graphics, scene, triangles, covered, texels)

@@ -20,7 +20,7 @@ def test_areas_of_each_mesh_and_material_sum_to_those_of_its_triangles():
     empty = replace(second.part(np.zeros(2, bool)), name="Empty")
     scene = Scene((first, empty, second), (material("A", 0.5), material("B", 0.2)))
     prepared = prepare(scene, width)
-    areas = surface_areas(prepared.triangles, prepared.geometry, width)
+    areas = surface_areas(prepared.triangles, prepared.patches, prepared.geometry)
     assert areas.dtype == np.float32 and len(areas) == len(prepared.patches)
     sizes = np.linalg.norm(np.cross((3.1, 0.2, 0), (0, 1.7, 0.4))) * np.array([2.0, 1.0, 4.0])
     mesh, surface = prepared.triangles.mesh, prepared.triangles.material
@@ -36,4 +36,26 @@ def test_texels_beyond_all_numbers_keep_finite_areas():
     huge = rectangle((0, 0, 0), (3e18, 0, 0), (0, 2e18, 0))
     mesh = quads(huge[None], [(0, 0, 1, 1)], [0], 3, "Huge")
     prepared = prepare(Scene((mesh,), (material("A", 0.5),)), 3)
-    assert np.isfinite(surface_areas(prepared.triangles, prepared.geometry, 3)).all()
+    assert np.isfinite(surface_areas(prepared.triangles, prepared.patches, prepared.geometry)).all()
+
+
+def test_each_chart_is_as_large_as_its_triangles():
+    """Charts of 3.5 texels have rows of three or of four patches, as they lie; their sum is the same."""
+    width = 29
+    corners = np.stack([rectangle((0, 0, k), (1, 0, 0), (0, 1, 0)) for k in range(4)])
+    charts = [(1, 1, 3.5, 3.5), (7.5, 1.5, 3.5, 3.5), (14.2, 1.7, 3.5, 3.5), (21.6, 8.4, 3.5, 3.5)]
+    prepared = prepare(Scene((quads(corners, charts, [0] * 4, width),), (material("A", 0.5),)), width)
+    areas = surface_areas(prepared.triangles, prepared.patches, prepared.geometry)
+    chart = prepared.geometry.triangle // 2
+    assert len(set(np.bincount(chart))) > 1
+    assert np.bincount(chart, areas) == pytest.approx(np.ones(4), rel=1e-5)
+
+
+def test_triangles_without_patches_count_with_others_of_their_surface():
+    width = 23
+    corners = np.stack([rectangle((0, 0, k), (1, 0, 0), (0, 1, 0)) for k in range(2)])
+    charts = [(1.2, 1.3, 5.5, 5.5), (12.1, 12.1, 0.3, 0.3)]
+    prepared = prepare(Scene((quads(corners, charts, [0, 0], width),), (material("A", 0.5),)), width)
+    areas = surface_areas(prepared.triangles, prepared.patches, prepared.geometry)
+    assert set(prepared.geometry.triangle // 2) == {0}
+    assert areas.sum() == pytest.approx(2, rel=1e-5)

@@ -1,0 +1,29 @@
+"""Texels that hang together: the charts of lightmaps, as their texels show them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..unwrap.adjacency import components
+
+
+def connected_texels(known: np.ndarray) -> np.ndarray:
+    """Return the number of the chart of each known texel, in their order, (k,) int64.
+
+    known: (atlases, h, w) bool; charts are known texels that are side by side.
+
+    Texels of a row are joined as runs, and runs with those of the next row that they share a column with.
+    """
+    _, height, width = known.shape
+    steps = np.diff(np.pad(known.reshape(-1, width), [(0, 0), (1, 1)]).astype(np.int8), axis=1)
+    (row, start), (_, end) = np.nonzero(steps == 1), np.nonzero(steps == -1)
+
+    # Numbers along all rows, one behind the other: those of the next row are larger by the pitch.
+    pitch = width + 1
+    starts, ends = row * pitch + start, row * pitch + end
+    first = np.searchsorted(ends, starts + pitch, side="right")
+    last = np.where((row + 1) % height > 0, np.searchsorted(starts, ends + pitch, side="left"), first)
+    count = last - first
+    above = np.repeat(np.arange(len(row)), count)
+    below = np.arange(len(above)) - np.repeat(np.cumsum(count) - count - first, count)
+    return np.repeat(components(len(row), above, below), end - start)

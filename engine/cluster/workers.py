@@ -10,8 +10,10 @@ from functools import partial
 from urllib.parse import urlsplit
 
 from distributed import Client
+from distributed.comm import connect
 from distributed.comm.addressing import get_address_host_port
 from distributed.security import Security
+from distributed.utils import sync
 from tornado.ioloop import IOLoop
 
 from ..errors import DeviceError
@@ -117,12 +119,19 @@ def _connected(scheduler: str, loop: IOLoop) -> Client:
     try:
         if not scheduler.startswith("inproc://"):
             socket.create_connection(get_address_host_port(scheduler), _LISTEN).close()
+            sync(loop, _greet, scheduler, callback_timeout=ANSWER)
         return Client(scheduler, timeout=ANSWER, loop=loop)
     except (OSError, ValueError) as error:
         raise DeviceError(
             f"No Dask scheduler answers at '{scheduler}' ({error}). Start one with `dask scheduler`, "
             "and give its address as tcp://host:8786; one that was started with certificates has tls://host:8786."
         ) from error
+
+
+async def _greet(scheduler: str) -> None:
+    """Exchange greetings with a scheduler. A client would wait without end for those of another program."""
+    comm = await connect(scheduler, ANSWER, **Security().get_connection_args("client"))
+    await comm.close()
 
 
 def _is_private(address: str) -> bool:

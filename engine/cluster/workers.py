@@ -92,7 +92,7 @@ class Workers:
 
     def _share_folder(self) -> bool:
         """Return whether all workers are at hand of the folder: in a container one has its own memory."""
-        return all(self.client.run(is_at_hand, self._folder).values())
+        return all(self.client.run(is_at_hand, self._folder, on_error="ignore").values())
 
 
 @contextmanager

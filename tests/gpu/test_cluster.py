@@ -13,7 +13,7 @@ from distributed.utils import LoopRunner
 
 import engine
 from engine import Light, Settings
-from engine.cluster import admission, block, local_workers
+from engine.cluster import admission, block, local_workers, prepared_scene
 from engine.cluster.blocks import cut
 from engine.errors import DeviceError, SettingsError
 from engine.progress import finished
@@ -238,6 +238,24 @@ def test_a_worker_that_joins_is_used(by_two):
         made.add(ONE_THREAD)
         made.client.wait_for_workers(2, timeout=60)
         assert np.array_equal(finished(work).image, by_two.image)
+
+
+@pytest.mark.long
+def test_patches_stay_on_workers_when_only_light_changes(two, by_two):
+    lamp = Light("Lamp", "point", np.array([0.4, 0.5, 0.6]), np.eye(3), np.full(3, 2, np.float32), 0.1)
+    scene = replace(nine_quad_room(), lights=(lamp,))
+    baked(two)
+    before = two.client.run(kept_patches)
+    again = baked(two, scene=scene)
+    assert two.client.run(kept_patches) == before
+    with cluster(1) as fresh:
+        assert np.array_equal(baked(fresh, scene=scene).image, again.image)
+    assert not np.array_equal(again.image, by_two.image)
+
+
+def kept_patches():
+    """Return which arrays hold the patches of this worker."""
+    return id(prepared_scene._kept._parts.patches.texel)
 
 
 def test_worker_of_another_version_is_refused_by_name(monkeypatch):

@@ -25,8 +25,7 @@ __kernel void look(LOOK_ARGUMENTS, const int start, const int cached_from, __glo
 
 // The light that the patches of this launch gather, without keeping what they see.
 __kernel void gather_rays(LOOK_ARGUMENTS, const int start, __global const float4 *radiance,
-                          __global const float4 *sky, const int sky_width, const int sky_height,
-                          __global float4 *gathered_light, __global float *patches_seen,
+                          SKY_ARGUMENTS, __global float4 *gathered_light, __global float *patches_seen,
                           __global uchar *backs_seen, __global float4 *gathered_l1, __local float4 *partial)
 {
     const int patch = start + get_group_id(0);
@@ -34,16 +33,22 @@ __kernel void gather_rays(LOOK_ARGUMENTS, const int start, __global const float4
     const Lightmaps lightmaps = {uvs, atlases, texel_to_patch, resolution};
     const Receiver receiver = load_receiver(receivers + patch);
     const View view = view_of(&receiver, patch, samples, salt, rotate);
-    ViewSum sum = {(float4)(0.0f)};
+    ViewSum of_sky = {(float4)(0.0f)}, sum = {(float4)(0.0f)};
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
         const float3 direction = sample_direction(&view, i, pattern, n);
         if (dot(direction, view.horizon) <= 0.0f)
             continue;
         const uint seen = look_along(&rays, &lightmaps, view.eye, direction);
         const uint kept = count_sample(seen, WEIGHT(i), direction, view.normal, emission, backs_seen, outside, &sum);
-        const float3 light = kept == outside ? surroundings(direction, sky, (int2)(sky_width, sky_height)).xyz
-                                             : radiance[kept].xyz;
-        add_light(&sum, WEIGHT(i) * (float4)(light, 0.0f), tilt_of(direction, view.normal));
+        const float3 tilt = tilt_of(direction, view.normal);
+        if (kept == outside) {
+            const float3 light = surroundings(direction, sky, (int2)(sky_width, sky_height)).xyz;
+            add_light(&of_sky, WEIGHT(i) * (float4)(light, 1.0f), tilt);
+        } else {
+            add_light(&sum, WEIGHT(i) * (float4)(radiance[kept].xyz, 0.0f), tilt);
+        }
     }
+    scale_to_sky(&of_sky, &view, pattern, samples, n, sky, sky_width, sky_height, open_sky, partial);
+    add_sky(&sum, &of_sky);
     store_view(&sum, patch, gathered_light, patches_seen, gathered_l1, partial);
 }

@@ -4,22 +4,24 @@
 __kernel void add_surroundings(__global const Front *cache, const int cached_from,
                                __global const ReceiverRecord *receivers, SAMPLES, const int samples, const int n,
                                const uint salt, const int rotate, const int start, const uint outside,
-                               __global const float4 *sky, const int sky_width, const int sky_height,
-                               __global const float4 *back_light, __global const float4 *back_l1,
+                               SKY_ARGUMENTS, __global const float4 *back_light,
+                               __global const float4 *back_l1,
                                __global float4 *static_light, __global float4 *static_l1, __local float4 *partial)
 {
     const int patch = start + get_group_id(0);
     __global const Front *row = cache + (size_t)(patch - cached_from) * samples;
     const Receiver receiver = load_receiver(receivers + patch);
     const View view = view_of(&receiver, patch, samples, salt, rotate);
-    ViewSum sum = {(float4)(0.0f)};
+    ViewSum seen = {(float4)(0.0f)}, sum = {(float4)(0.0f)};
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
         if (row[i] != outside)
             continue;
         const float3 direction = sample_direction(&view, i, pattern, n);
         const float3 light = surroundings(direction, sky, (int2)(sky_width, sky_height)).xyz;
-        add_light(&sum, WEIGHT(i) * (float4)(light, 0.0f), tilt_of(direction, view.normal));
+        add_light(&seen, WEIGHT(i) * (float4)(light, 1.0f), tilt_of(direction, view.normal));
     }
+    scale_to_sky(&seen, &view, pattern, samples, n, sky, sky_width, sky_height, open_sky, partial);
+    add_sky(&sum, &seen);
     if (get_local_id(0) == 0) {
         sum.light += back_light[patch];
 #ifdef DIRECTIONAL

@@ -16,13 +16,13 @@ from ..patches.subdivision import Subdivision
 from ..scene.color import luminance
 from ..scene.light_groups import LightGroups
 from ..scene.model import Light
+from ..scene.sky_maps import solid_angles
 from ..settings import MOST_LIGHTS, Settings
 from ..visibility.identity import directional_options
 from ..visibility.rays.ray_scene import RayScene
 from .emitters import EMITTER, EMITTER_SOURCE, BrightTriangles, lamp_records, sky_record, surface_records
 from .light_tree import LIGHT_NODE, LIGHT_TREE_SOURCE, build_light_tree
 from .modulation import pack_modulations
-from .sky import solid_angles
 
 _SOURCE = (*LIGHT_TREE_SOURCE, "tilt.cl", "texel_starts.cl", "direct.cl")
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..progress import finished
 from ..scene.color import luminance
-from ..scene.resampling import shrink_in_slices
+from ..scene.sky_maps import row_fractions, shrink_sky
 
 #: Radiance above so many times the mean of the sky is sampled as a light.
 _BRIGHT = 3.0
@@ -35,7 +33,7 @@ def split_sky(world: np.ndarray) -> Sky:
     if world.ndim == 1:
         return Sky(whole_sky(world), None)
     bright = luminance(world.astype(np.float64))
-    mean = float((bright.mean(axis=1) * _row_fractions(len(world))).sum())
+    mean = float((bright.mean(axis=1) * row_fractions(len(world))).sum())
     most = np.full_like(bright, _BRIGHT * mean)
     kept = np.divide(most, bright, out=np.ones_like(most), where=bright > most)[..., None]
     rest = world * kept
@@ -47,29 +45,6 @@ def split_sky(world: np.ndarray) -> Sky:
 def whole_sky(world: np.ndarray) -> np.ndarray:
     """Return a world's radiance, (3,) or (h, w, 3), as hemicubes see all of it."""
     return _shrunk(world.reshape(-1, world.shape[-2] if world.ndim > 1 else 1, 3))
-
-
-def _row_fractions(height: int) -> np.ndarray:
-    """Return the fraction of the sphere that each row covers, (h,) float64."""
-    borders = np.cos(np.linspace(0, np.pi, height + 1))
-    fractions: np.ndarray = (borders[:-1] - borders[1:]) / 2
-    return fractions
-
-
-def solid_angles(height: int, width: int) -> np.ndarray:
-    """Return the solid angle of the pixels of each row of an equirectangular map, (h,) float64, sr."""
-    angles: np.ndarray = _row_fractions(height) * 4 * np.pi / width
-    return angles
-
-
-def shrink_sky(world: np.ndarray, height: int, width: int) -> np.ndarray:
-    """Return an equirectangular map averaged by solid angle, (h, w, 3) -> (height, width, 3) float32."""
-    return finished(shrink_sky_in_slices(world, height, width))
-
-
-def shrink_sky_in_slices(world: np.ndarray, height: int, width: int) -> Generator[float, None, np.ndarray]:
-    """Do as `shrink_sky` does; yield the fraction done after each row."""
-    return shrink_in_slices(world, height, width, area=lambda rows: (1 - np.cos(np.pi * rows)) / 2)
 
 
 def _shrunk(world: np.ndarray) -> np.ndarray:

@@ -45,7 +45,7 @@ class L1Gather:
     ) -> None:
         self._compute, self._count = compute, count
         pattern = _disk(sampling.samples)
-        self._gather = RowKernel(compute, sampling, receivers, settings, pattern, "gather_l1.cl", "gather_l1")
+        self._gather = RowKernel(compute, sampling, receivers, settings, pattern, "gather_l1", "gather_l1.cl")
         self.result = zeros(compute, 48 * count)
         self._radiance = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16)
 

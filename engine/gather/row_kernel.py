@@ -16,7 +16,7 @@ from ..visibility.rays.receivers import RECEIVER_SOURCE
 from ..visibility.views.hemicube import rotation_salt
 from .kept_samples import Rows
 
-#: What such kernels need beside their own file.
+#: What such kernels need beside their own files.
 _SOURCE = (*RECEIVER_SOURCE, "hemicube.cl", "tilt.cl", "identity.cl", "views.cl")
 
 
@@ -36,10 +36,10 @@ class RowKernel:
         receivers: cl.Buffer,
         settings: Settings,
         pattern: np.ndarray,
-        file: str,
         name: str,
+        *files: str,
     ) -> None:
-        """Build a kernel of a file.
+        """Build a kernel of files.
 
         receivers  records of the patches, see `RayScene.receivers`
         pattern    of samples that all weigh the same; others have their multipliers in its place
@@ -47,7 +47,7 @@ class RowKernel:
         self._compute, self._receivers = compute, receivers
         options = (*identity_options(sampling.sample_bytes), *directional_options(settings))
         options += ("-DCOSINE",) if sampling.even else ()
-        (self._kernel,) = compute.kernels((*_SOURCE, file), name, options=options)
+        (self._kernel,) = compute.kernels((*_SOURCE, *files), name, options=options)
         self._samples = (
             upload(compute, pattern if sampling.multiplier is None else sampling.multiplier),
             np.int32(sampling.samples), np.int32(settings.hemicube),

@@ -34,7 +34,7 @@ class StaticLight:
         self._compute, self._surroundings = compute, surroundings
         self._add = RowKernel(
             compute, sampling, receivers, settings, r2_sequence(sampling.samples),
-            "static_light.cl", "add_surroundings",
+            "add_surroundings", "open_sky.cl", "static_light.cl",
         )  # fmt: skip
         self.light = zeros(compute, 16 * count)
         self.l1 = zeros(compute, 48 * count) if settings.directional else None
@@ -45,7 +45,7 @@ class StaticLight:
             self._take(rows, backs)
             return
         sky, results = self._surroundings, (self.light, self.l1)
-        seen = sky.outside, sky.sky, sky.width, sky.height
+        seen = sky.outside, *sky.sky_arguments
         finished(self._add.run(rows, *seen, backs.light, backs.l1, *results))
 
     def _take(self, rows: Rows, backs: Backs) -> None:

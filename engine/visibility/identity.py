@@ -12,6 +12,7 @@ import pyopencl as cl
 from ..device.buffers import upload_float4
 from ..device.compute import Compute
 from ..settings import Settings
+from .open_sky import open_sky
 
 
 def identity_options(size: int) -> tuple[str, ...]:
@@ -104,6 +105,7 @@ class Surroundings:
     outside   what is kept of samples that meet the sky: the entry after that of the last patch
     sky       float4 of each pixel, radiance, equirectangular; row 0 below
     width, height  of the sky, pixels
+    open_sky  float4, E/pi of all of the sky, see `open_sky`; None if the sky is uniform or uneven
     dark      True if the sky is black
     """
 
@@ -112,7 +114,13 @@ class Surroundings:
     sky: cl.Buffer
     width: np.int32
     height: np.int32
+    open_sky: cl.Buffer | None
     dark: bool
+
+    @property
+    def sky_arguments(self) -> tuple:
+        """What kernels take of the sky: SKY_ARGUMENTS of kernels/open_sky.cl."""
+        return self.sky, self.width, self.height, self.open_sky
 
 
 def surroundings(compute: Compute, emission: np.ndarray, sky: np.ndarray) -> Surroundings:
@@ -120,4 +128,6 @@ def surroundings(compute: Compute, emission: np.ndarray, sky: np.ndarray) -> Sur
     backs = compute.shared.of(emission, "float4", lambda: upload_float4(compute, emission, first=1))
     pixels = upload_float4(compute, sky.reshape(-1, 3))
     size = np.int32(sky.shape[1]), np.int32(sky.shape[0])
-    return Surroundings(backs, np.uint32(len(emission) + 1), pixels, *size, not sky.any())
+    table = open_sky(sky)
+    known = None if table is None else upload_float4(compute, table)
+    return Surroundings(backs, np.uint32(len(emission) + 1), pixels, *size, known, not sky.any())

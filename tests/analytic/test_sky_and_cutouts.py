@@ -64,6 +64,52 @@ def test_a_linear_sky_lights_by_its_slope(edges):
     assert lit(world, edges, opaque()) == pytest.approx(np.full(3, expected), rel=2e-3)
 
 
+@pytest.mark.parametrize("method", ["cached", "stream"])
+@pytest.mark.parametrize("groups", [1, 2])
+def test_few_rays_know_a_sky_that_nothing_hides(method, groups):
+    """Samples tell what part of the sky comes through: of an open one all of it, without noise."""
+    slope = np.array([0.3, -0.2, 0.8])
+    world = sky(64, lambda direction: 1 + direction @ slope)
+    scene = Scene((tilted_square(),), (opaque(),), world=world)
+    few = Settings(resolution=16, visibility="rays", samples=16, method=method, patch_groups=groups)
+    expected = 1 + 2 / 3 * slope @ TILTED
+    assert irradiance(drive(scene, few)) == pytest.approx(expected, rel=2e-3)
+
+
+def test_a_wall_that_hides_half_of_an_uneven_sky_hides_its_light():
+    """And not the mean of the sky: light comes from the other side alone."""
+    world = sky(64, lambda direction: np.where(direction[..., 0] > 0, 1.5, 0.5))
+    wall = quads(rectangle((-1e-3, -500, 0), 1000 * Y, 1000 * Z)[None], [(9, 1, 6, 6)], [0], 16, "Wall")
+    floor = quads(rectangle((0, 0, 0), 1e-2 * X, 1e-2 * Y)[None], [(1, 1, 6, 6)], [0], 16, "Floor")
+    few = Settings(resolution=16, visibility="rays", samples=16)
+    lights = [
+        drive(Scene((floor, wall), (opaque(),), world=world), dataclasses.replace(few, seed=seed))
+        for seed in range(4)
+    ]
+    light = np.mean([lightmap.image[0, 1:7, 1:7] for lightmap in lights])
+    assert light == pytest.approx(0.75, rel=0.02)
+
+
+def test_a_bright_spot_that_few_rays_miss_is_not_added_where_it_is_hidden():
+    """Such a sky is left as its samples have it, where bright light is not sampled as a light."""
+    world = np.full((32, 64, 3), 0.1, np.float32)
+    world[20, 5] = 1000
+    few = Settings(resolution=16, visibility="rays", samples=16, sample_emission=False)
+    image = drive(Scene((tilted_square(),), (opaque(),), world=world), few).image[0, 1:7, 1:7]
+    assert np.median(image) == pytest.approx(0.1, rel=1e-3)
+
+
+#: A normal that is no axis.
+TILTED = np.array([0.48, -0.36, 0.8])
+
+
+def tilted_square():
+    along = np.cross(TILTED, X) / np.linalg.norm(np.cross(TILTED, X))
+    return quads(
+        rectangle((0, 0, 0), along, np.cross(TILTED, along))[None], [(1, 1, 6, 6)], [0], 16, "Square"
+    )
+
+
 def test_without_holes_a_canopy_keeps_all_light_out():
     assert lit(np.ones(3, np.float32), (X, Y), opaque(), canopy()) == pytest.approx(np.zeros(3), abs=2e-3)
 

@@ -80,7 +80,7 @@ class RayIdentity:
         self.batch = 1
         options = ("-DDITHERED", *identity_options(size), *directional_options(settings))
         options += () if hemicube else ("-DCOSINE",)
-        files = ("hemicube.cl", "tilt.cl", "identity.cl", "views.cl", "look_along.cl")
+        files = ("hemicube.cl", "tilt.cl", "identity.cl", "views.cl", "open_sky.cl", "look_along.cl")
         self._rays, self._source, self._options = rays, (*RECEIVER_SOURCE, *files), options
         self._look, self._gather_rays = self._kernels("look.cl", "look", "gather_rays")
         triangles = sources.triangles
@@ -92,7 +92,7 @@ class RayIdentity:
             upload(compute, pattern), np.int32(self.samples), np.int32(settings.hemicube),
             np.uint32(rotation_salt(settings.seed)), np.int32(settings.rotate),
         )  # fmt: skip
-        self._sky = (surroundings.sky, surroundings.width, surroundings.height)
+        self._sky = surroundings.sky_arguments
         self._slice = SliceSize()
 
     def find(self, first: int, last: int, seen: SeenBuffers) -> Generator[float, None, None]:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ....engine.direct.sky import shrink_sky_in_slices
 from ....engine.scene.color import srgb_to_linear
+from ....engine.scene.sky_maps import shrink_sky_in_slices
 from ...compat import node_input, node_tree
 from ..materials.materials import ShaderReader
 from ..materials.pixels import PixelCache, UnreadError, is_plain, is_srgb

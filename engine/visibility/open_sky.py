@@ -1,0 +1,65 @@
+"""What the whole sky brings to surfaces from which nothing hides it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..scene.color import luminance
+from ..scene.sky_maps import directions, row_fractions, shrink_sky
+
+#: Normals of the table, rows and columns, as in kernels/open_sky.cl: rows from pole to pole, both included.
+ROWS, COLUMNS = 49, 96
+
+#: Pixels of the sky that are summed, rows and columns.
+_PIXELS = (32, 64)
+
+#: Root mean square of the luminance of a sky, in parts of its mean, up to which it is even: views of a few
+#: rays then tell how much of its light comes through. Bright spots are sampled as lights, unless that is off.
+_EVEN = 2.0
+
+
+def open_sky(sky: np.ndarray) -> np.ndarray | None:
+    """Return E/pi of all of a sky, (ROWS * COLUMNS, 3) float32, at normals in rows as its maps have them.
+
+    None if the sky is uniform, so that samples tell it without noise, or uneven.
+
+    sky: (h, w, 3) float32, radiance, equirectangular
+    """
+    if not _has_use(sky):
+        return None
+    v, u = ((np.arange(size) + 0.5) / size for size in _PIXELS)
+    weight = np.repeat(row_fractions(len(v)), len(u))
+
+    # Weights of the cosine are made to sum to one, so that the mean of an even sky is exact.
+    table = np.empty((ROWS, COLUMNS, 3), np.float32)
+    normals = directions(np.linspace(0, 1, ROWS), np.arange(COLUMNS) / COLUMNS).astype(np.float32)
+    pixels, radiance = directions(v, u).reshape(-1, 3).astype(np.float32), _seen(sky, v, u).reshape(-1, 3)
+    for row, normal in zip(table, normals, strict=True):
+        cosine = np.maximum(normal @ pixels.T, 0) * weight
+        row[:] = cosine @ radiance / cosine.sum(axis=1, keepdims=True)
+    return table.reshape(-1, 3)
+
+
+def _seen(sky: np.ndarray, v: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Return the radiance of a sky, (h, w, 3), at rows v and columns u of [0, 1], (len(v), len(u), 3).
+
+    It is the mean around each where the sky is finer, else interpolated as views see it.
+    """
+    height, width = np.minimum(sky.shape[:2], (len(v), len(u)))
+    pixels = shrink_sky(sky, height, width)
+    y, x = v * height - 0.5, u * width - 0.5
+    row, column = np.floor(y).astype(int), np.floor(x).astype(int)
+    low, high = (pixels[np.clip(row + step, 0, height - 1)] for step in (0, 1))
+    rows = low + (y - row)[:, None, None] * (high - low)
+    left, right = (rows[:, (column + step) % width] for step in (0, 1))
+    seen: np.ndarray = left + (x - column)[None, :, None] * (right - left)
+    return seen
+
+
+def _has_use(sky: np.ndarray) -> bool:
+    """Return whether a sky, (h, w, 3), differs from place to place, and nowhere by far."""
+    if (sky == sky[0, 0]).all():
+        return False
+    light = luminance(sky.astype(np.float64))
+    mean, square = ((power.mean(axis=1) * row_fractions(len(sky))).sum() for power in (light, light**2))
+    return bool(square <= (_EVEN * mean) ** 2)

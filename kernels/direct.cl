@@ -12,6 +12,11 @@
 // texel across an edge of a shadow. All noise of direct light is there.
 #define ROUNDS 4
 
+// The golden ratio's fraction of the range of integers, and patches along a curve through the texels that share
+// emitters out among them.
+#define GOLDEN 2654435769u
+#define NEIGHBOURS 64
+
 // The fraction of a sample's light that reaches a point, on its way from a little above the surface to a
 // little before the light: that may be a surface, too.
 float seen(const Rays *rays, const Receiver *r, const float3 p, const Sample *s)
@@ -91,7 +96,8 @@ void add_to_group(Sum *sum, __global float4 *group)
 }
 
 // E/pi of emitters at each patch. Samples go to emitters by systematic resampling: in proportion to what
-// they may bring, so that many emitters cost little more than one. rgb of the result is the light; a its
+// they may bring, so that many emitters cost little more than one. Neighbours begin at even distances, steps of
+// the golden ratio: together they give each emitter its share, a dim one, too. rgb of the result is the light; a its
 // luminance if nothing cast a shadow; of each patch as many as there are light groups, one for the emitters
 // of each. DIRECTIONAL: the L1 of all light, too, x, y and z of each patch.
 __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const Emitter *emitters,
@@ -115,7 +121,7 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
     const float total = total_weight(&lights, root, &r);
     const bool crossed = total > 0.0f && is_crossed(&rays, &r);
     const uint key = hash((uint)patch ^ hash(seed));
-    const float offset = unit_float(hash(key + 1u));
+    const float offset = unit_float(hash(r.rank / NEIGHBOURS ^ hash(seed + 1u)) + r.rank * GOLDEN);
     Walk walk;
     start_walk(&walk, root, budget / total);
     float2 span = (float2)(0.0f);

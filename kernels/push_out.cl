@@ -1,5 +1,5 @@
-// Points inside of something: what they see are backs, and fronts that are inside, too. For those that see nothing but
-// backs rays in the plane of the surface look for the nearest back that is met; just outside of it the point is out.
+// Points inside of something: what they see are backs, and fronts that are inside, too. Rays in the plane of the
+// surface look for the nearest back; of points that see nothing but backs the way out ends just outside of it.
 
 #define WAYS 8  // rays in the plane; opposite ones tell how thick the thing is
 #define MARGIN 0.05f  // how far outside a point is moved, in widths of its texel
@@ -39,7 +39,7 @@ bool is_inside(const Rays *rays, const Receiver *r, const float3 start, const fl
 }
 
 // xyz: the way out, 0 for none; w: how thick what the point is in is there, INFINITY if farther than `reach`, m.
-// walls: a triangle of it, -1 for points without a way out; sides: those that it is so thick between; inside: 1 for
+// walls: a triangle of it, -1 where there is none near a point inside; sides: those that it is so thick between; inside: 1 for
 // points inside of something. normals: of the triangles.
 __kernel void push_out(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const float *normals,
                        const float reach, __global float4 *ways, __global int *walls, __global int2 *sides,
@@ -58,7 +58,7 @@ __kernel void push_out(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers,
     sides[point] = (int2)(-1);
     bool backs_only;
     inside[point] = is_inside(&rays, &r, start, x, y, normals, &backs_only);
-    if (!inside[point] || !backs_only)
+    if (!inside[point])
         return;
     float nearest = INFINITY, thickness = INFINITY, distances[WAYS];
     int met[WAYS];
@@ -70,8 +70,9 @@ __kernel void push_out(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers,
         distances[i] = back ? hit.distance * reach * r.size : INFINITY;
         if (distances[i] < nearest) {
             nearest = distances[i];
-            ways[point].xyz = (nearest + MARGIN * r.size + r.height) * direction;
             walls[point] = hit.triangle;
+            if (backs_only)
+                ways[point].xyz = (nearest + MARGIN * r.size + r.height) * direction;
         }
         met[i] = hit.triangle;
         if (i >= WAYS / 2 && distances[i] + distances[i - WAYS / 2] < thickness) {

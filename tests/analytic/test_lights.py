@@ -191,6 +191,17 @@ def test_many_lamps_give_the_sum():
     assert image == pytest.approx(expected, rel=0.03)
 
 
+def test_neighbours_together_give_a_dim_lamp_its_share():
+    """Above a roof is a lamp that could be 20 times as bright, so most rays go to it."""
+    roof = quads(rectangle((-50, -50, 3), 100 * X, 100 * Y)[None], [(9, 1, 2, 2)], [0], 16, "Roof")
+    floor = quads(rectangle((-0.01, -0.01, 0), 0.02 * X, 0.02 * Y)[None], [(1, 1, 6, 6)], [0], 16, "Floor")
+    lamps = light("point", 2.0), light("point", 4.0, strength=400.0)
+    scene = Scene((floor, roof), (BLACK,), lights=lamps)
+    few = dataclasses.replace(SETTINGS, light_samples=4)
+    maps = [drive(scene, dataclasses.replace(few, seed=seed)).image[0, 1:7, 1:7, 0] for seed in range(5)]
+    assert np.mean(maps, axis=(1, 2)) == pytest.approx(np.full(5, 5 / (np.pi * 4)), rel=0.12)
+
+
 def test_a_bright_spot_of_the_sky_is_a_light():
     world = np.zeros((64, 128, 3), np.float32)
     world[50, 20] = 1000

@@ -16,12 +16,12 @@ from .finish.carried_maps import carried_maps, restored_maps
 from .finish.denoising import Denoising
 from .finish.light_group_maps import summing_up
 from .finish.outputs import Outputs, is_light, is_of_light_group, output_names
+from .finish.second_look import SecondLook
 from .finish.store import LightmapStore
 from .lightmap import Lightmap, Report
 from .patches.areas import surface_areas
 from .patches.occluders import place_occluders
 from .patches.seams import Seams
-from .patches.subdivision import Subdivision
 from .plan.choice import Choice
 from .plan.choose import choose_solver
 from .plan.display_light import DisplayJob, DisplayLight, light_in_texels
@@ -29,11 +29,12 @@ from .plan.kept import Kept
 from .plan.last_light import LastLight
 from .plan.light_group_light import light_by_groups
 from .plan.limits import check_limits, check_patch_count
+from .plan.look_twice import look_twice
 from .plan.remote_devices import RemoteDevices
 from .plan.solve_job import SolveJob
 from .plan.stages import BakeStages
 from .plan.without_opencl import without_opencl
-from .progress import Progress
+from .progress import Progress, part_of
 from .scene.color import channel_sum
 from .scene.model import Scene
 from .settings import Settings
@@ -139,7 +140,7 @@ def _bake(
     # Images without noise and seams, and with dilated charts (VI.B).
     _refine(store, lit, channel_sum(solution.irradiance))
     denoising = Denoising(store.known, settings)
-    passes = yield from _finished(stages, store, denoising, settings, parts, seams, made, lit)
+    passes = yield from _finished(stages, store, denoising, texels, solution, seams, made, lit)
     warnings = (*notes, *parts.warnings, *lighting.warnings, *lit.warnings, *denoising.warnings)
     choice = replace(choice, reasons=(*choice.reasons, *lit.reasons, *denoising.reasons))
     facts = (settings, choice, len(parts.patches), stages.seconds, devices, warnings)
@@ -201,16 +202,45 @@ def _made(
 
 
 def _quiet(
-    denoising: Denoising, shown: dict[str, np.ndarray], normals: np.ndarray
+    stages: BakeStages,
+    store: LightmapStore,
+    denoising: Denoising,
+    texels: DisplayJob,
+    solution: Solution,
+    made: dict[str, np.ndarray],
+    lit: DisplayLight,
+) -> Generator[Progress, None, dict[str, np.ndarray]]:
+    """Return maps without noise, what texels show, (atlases, r, r, 3) float32, by name; none if it stays.
+
+    made: of each output the values of the patches; lit: of the samples of texels
+    """
+    if not texels.job.settings.denoise:
+        return {}
+    shown = {name: store.texels(values, lit.values.get(name)) for name, values in made.items()}
+    normals = store.texels(texels.job.parts.geometry.normal, lit.normals)
+    quiet = _without_noise(store, denoising, look_twice(texels, solution), shown, normals)
+    return (yield from stages.run(stages.denoising, quiet))
+
+
+def _without_noise(
+    store: LightmapStore,
+    denoising: Denoising,
+    looking: Generator[float, None, tuple[dict[str, np.ndarray], float]],
+    shown: dict[str, np.ndarray],
+    normals: np.ndarray,
 ) -> Generator[float, None, dict[str, np.ndarray]]:
     """Return maps of light, and of where it comes from, without noise, by name; yield the fraction done.
 
+    looking  for a second look
     shown    what texels show, (atlases, r, r, 3) float32, by name
     normals  of the texels, (atlases, r, r, 3) float32
     """
+    values, part = yield from part_of(0.0, 0.4, looking)
+    seen = {name: store.image(light) for name, light in values.items()}
+    again = SecondLook(seen, store.centres, part) if seen else None
     names = [name for name in shown if is_light(name)]
     light = {name: shown[name] for name in names} | carried_maps(shown)
-    filtered = yield from denoising.run(light)
+    filtered = yield from part_of(0.4, 1.0, denoising.run(light, again))
     if filtered is light:
         return {}
     quiet = {name: filtered[name] for name in names}
@@ -228,8 +258,8 @@ def _finished(
     stages: BakeStages,
     store: LightmapStore,
     denoising: Denoising,
-    settings: Settings,
-    parts: Subdivision,
+    texels: DisplayJob,
+    solution: Solution,
     seams: Future[Seams] | None,
     made: dict[str, np.ndarray],
     lit: DisplayLight,
@@ -240,14 +270,10 @@ def _finished(
     made   of each output the values of the patches
     lit    of the samples of texels
     """
-    shown: dict[str, np.ndarray] = {}
-    if settings.denoise:
-        shown = {name: store.texels(values, lit.values.get(name)) for name, values in made.items()}
-        normals = store.texels(parts.geometry.normal, lit.normals)
-        shown |= yield from stages.run(stages.denoising, _quiet(denoising, shown, normals))
+    shown = yield from _quiet(stages, store, denoising, texels, solution, made, lit)
     yield stages.begin(stages.images)
     if seams:
-        store.hide_seams(parts.triangles, seams.result())
+        store.hide_seams(texels.job.parts.triangles, seams.result())
     passes = {
         name: store.final(shown[name]) if name in shown else store.finished(values, lit.values.get(name))
         for name, values in made.items()

@@ -24,6 +24,7 @@ from ..scene.color import luminance
 from ..settings import Settings
 from .dilation import Dilation, grown
 from .noise_limit import share_of_noise
+from .second_look import SecondLook, share_of_changes
 from .smooth_fill import SmoothFill
 from .texel_charts import TexelCharts
 
@@ -53,15 +54,19 @@ class Denoising:
         self.warnings: list[str] = []
         self.reasons: list[str] = []
 
-    def run(self, images: dict[str, np.ndarray]) -> Generator[float, None, dict[str, np.ndarray]]:
+    def run(
+        self, images: dict[str, np.ndarray], again: SecondLook | None = None
+    ) -> Generator[float, None, dict[str, np.ndarray]]:
         """Return images, (atlases, r, r, 3) float32, without noise; yield the fraction done.
 
         If the library is missing or fails, a warning says so and the images are returned as they are.
+
+        again: tells how much of what the filter changes is noise; it is guessed without one
         """
         try:
             device = self._device()
             try:
-                filtered = yield from self._filtered(device, images)
+                filtered = yield from self._filtered(device, images, again)
             finally:
                 device.release()
             self.reasons.append(f"{device.name} took the noise out.")
@@ -85,7 +90,7 @@ class Denoising:
         return DenoiseDevice(library, "cpu")
 
     def _filtered(
-        self, device: DenoiseDevice, images: dict[str, np.ndarray]
+        self, device: DenoiseDevice, images: dict[str, np.ndarray], again: SecondLook | None
     ) -> Generator[float, None, dict[str, np.ndarray]]:
         """Filter every window of every image; black ones stay black."""
         windows = [window for window in _windows(self._known.shape) if self._known[window.core].any()]
@@ -107,20 +112,44 @@ class Denoising:
                 quiet = device.filtered(noisy) / scales[name]
                 filtered[name][window.core][known] = quiet[window.inner][known]
         filtered = {name: self._product(image, levels[name]) for name, image in filtered.items()}
-        self._keep_details(lit, filtered, charts)
+        self._keep_details(lit, filtered, charts, again)
         return images | filtered
 
     def _keep_details(
-        self, images: dict[str, np.ndarray], filtered: dict[str, np.ndarray], charts: TexelCharts
+        self,
+        images: dict[str, np.ndarray],
+        filtered: dict[str, np.ndarray],
+        charts: TexelCharts,
+        again: SecondLook | None,
     ) -> None:
         """Give filtered images back what is no noise: the same part of all, which belong together."""
-        noisy, quiet = (
-            luminance(sum(image[self._known] for image in maps.values())) for maps in (images, filtered)
-        )
-        share = share_of_noise(noisy, quiet, charts)[:, None]
+        share = self._share(images, filtered, charts, again)[:, None]
         for name, image in images.items():
             before, after = image[self._known], filtered[name][self._known]
-            filtered[name][self._known] = before + share * (after - before)
+            light = before + share * (after - before)
+            if again is not None and name in again.images:
+                # What is left of the noise gets less by the rays of the second look.
+                there = again.centres[self._known, None]
+                light += again.part * (1 - share) * there * (again.images[name][self._known] - before)
+            filtered[name][self._known] = light
+
+    def _share(
+        self,
+        images: dict[str, np.ndarray],
+        filtered: dict[str, np.ndarray],
+        charts: TexelCharts,
+        again: SecondLook | None,
+    ) -> np.ndarray:
+        """Return the part of the changes of each known texel that is noise, (k,) float32."""
+        name = next((name for name in again.images if name in images), None) if again is not None else None
+        if again is None or name is None:
+            noisy, quiet = (
+                luminance(sum(image[self._known] for image in maps.values())) for maps in (images, filtered)
+            )
+            return share_of_noise(noisy, quiet, charts)
+        light, there = images[name][self._known], again.centres[self._known, None]
+        seen = np.where(there, again.images[name][self._known], light)
+        return share_of_changes(light, filtered[name][self._known], seen, charts)
 
     def _product(self, image: np.ndarray, factors: np.ndarray) -> np.ndarray:
         """Return an image whose known texels are multiplied by factors, (k, 3); others keep their bits."""

@@ -135,7 +135,7 @@ class Outputs:
     def light(self, solution: Solution) -> np.ndarray:
         """Return the first output that is light, so far, (n, 3) float32; direct light if none is."""
         first, *_ = (*self._settings.light_outputs, "direct")
-        return _light(first, solution)
+        return light_output(first, solution)
 
     def make(self, solution: Light, geometry: PatchGeometry) -> Generator[float, None, dict[str, np.ndarray]]:
         """Make every output but light groups, (n, 3) or (n,) float32, by name; yield the fraction of each.
@@ -152,7 +152,7 @@ class Outputs:
             if name in directional:
                 made[name] = directional[name]
             elif name in self._settings.light_outputs:
-                made[name] = _light(name, solution)
+                made[name] = light_output(name, solution)
             elif name == "ambient_occlusion":
                 made[name] = yield from self._lighting.ambient_occlusion()
             else:
@@ -223,7 +223,7 @@ def projected_maps(irradiance: np.ndarray, sums: np.ndarray, normals: np.ndarray
     return dict(zip(PROJECTED_MAPS, maps, strict=True))
 
 
-def _light(name: str, solution: Light) -> np.ndarray:
+def light_output(name: str, solution: Light) -> np.ndarray:
     """Return E/pi of all light, or of a part of it, (n, 3) float32."""
     if name == "combined":
         return solution.irradiance

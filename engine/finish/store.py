@@ -136,6 +136,13 @@ class LightmapStore:
         return known
 
     @property
+    def centres(self) -> np.ndarray:
+        """Texels that show the light of their centre alone, (atlases, r, r) bool."""
+        centres = self.known
+        centres.ravel()[self._means.shown] = False
+        return centres
+
+    @property
     def _plain(self) -> np.ndarray:
         """Which chosen patches count, in texels that show their centres alone, (m,) bool."""
         refined = np.zeros(self.has_patch.size, bool)

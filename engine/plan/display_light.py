@@ -138,7 +138,7 @@ def light_in_texels(
         return _nothing("No texel shows more than its centre.")
     settings = _settings_of_samples(what.job.settings, count)
     settled = _as_seen(what, solution.settled, known.hidden)
-    radiance, remote = _radiance(what.solved, settled), what.job.remote
+    radiance, remote = radiance_of(what.solved, settled), what.job.remote
     if remote is not None:
         sent = HalfLight.of(compute, radiance, what.solved.count)
         lit = yield from remote.light_at(samples, sent, what.choice, settings)
@@ -234,7 +234,7 @@ def _groups_beside_hidden(
     return result
 
 
-def _radiance(solved: SolveJob, settled: np.ndarray) -> cl.Buffer:
+def radiance_of(solved: SolveJob, settled: np.ndarray) -> cl.Buffer:
     """Return the radiance of patches of E/pi (m, 3) on the device; see `FinalGather.gather_from`."""
     reflected = solved.parts.surfaces.reflectance * settled if solved.settings.bounces else 0
     return upload_float4(solved.opencl, solved.emission + reflected, first=1, last=1)

@@ -1,0 +1,58 @@
+"""A second look of all patches by a few rays, from light that has settled; for filters of noise."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import replace
+
+import numpy as np
+
+from ..finish.outputs import light_output
+from ..progress import part_of
+from ..settings import Settings
+from ..solve.solver import Solution
+from ..visibility.samples import ray_count
+from .choose import Receivers, last_gather
+from .display_light import DisplayJob, radiance_of
+
+#: Rays of a patch, and those to each light.
+_RAYS, _LIGHT_RAYS = 32, 16
+
+#: What makes the seed of the second look another one.
+_OTHER = 0x9E3779B9
+
+
+def look_twice(
+    what: DisplayJob, solution: Solution
+) -> Generator[float, None, tuple[dict[str, np.ndarray], float]]:
+    """Return each output that is light anew, (n, 3) float32 by name, and what part of all rays it took.
+
+    Yields the fraction done. There are none without OpenCL, by the paper's method, and where other processes
+    gather.
+    """
+    job = what.job
+    if job.compute is None or job.remote is not None or what.choice.method in ("none", "paper"):
+        return {}, 0.0
+    settings = _few_rays(job.settings)
+    lighting = what.lighting.of(job.rays, settings)
+    sampled = yield from part_of(0.0, 0.5, lighting.gather())
+    last, _ = last_gather(what.solved, what.choice, Receivers(job.parts, job.rays, sampled), settings)
+    yield from part_of(0.5, 1.0, last.gather_from(radiance_of(what.solved, solution.settled)))
+    rays = ray_count(settings)
+    light = {name: light_output(name, last) for name in job.settings.light_outputs}
+    return light, rays / (rays + ray_count(job.settings))
+
+
+def _few_rays(settings: Settings) -> Settings:
+    """Return settings of a second look.
+
+    It has another number of rays than the first one: shifted sequences of one length err alike.
+    """
+    rays, light_rays = ray_count(settings), settings.light_samples
+    return replace(
+        settings,
+        samples=_RAYS if rays > _RAYS else rays + 4,
+        hemicube=8,
+        light_samples=_LIGHT_RAYS if light_rays > _LIGHT_RAYS else light_rays + 1,
+        seed=settings.seed ^ _OTHER,
+    )

@@ -20,9 +20,16 @@ from .worker_owner import owner
 
 
 class WindowLive(WindowBake):
-    """Live in a window; once the first bake has come to its end, it goes on until the light has settled."""
+    """Live in a window; once the first bake has come to its end, it goes on until the light has settled.
+
+    began_anew  True if Live was followed before, by other settings: Esc is for whatever else happens, then
+    """
 
     run: LiveRun
+
+    def __init__(self, context: bpy.types.Context, run: LiveRun, began_anew: bool) -> None:
+        self.began_anew = began_anew
+        super().__init__(context, run, QUICK)
 
     @property
     def following(self) -> bool:
@@ -32,10 +39,15 @@ class WindowLive(WindowBake):
     @property
     def how_to_end(self) -> str:
         """What the status bar says of it."""
-        return "The Live button ends it" if self.following else super().how_to_end
+        return "The Live button ends it" if self.following or self.began_anew else super().how_to_end
 
     def wants_to_cancel(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
-        """Return whether a user cancels the first bake: later Live ends by itself, once it is `unwanted`."""
+        """Return whether a user cancels the first bake: later Live ends by itself, once it is `unwanted`.
+
+        The first bake by other settings ends by the button alone, which leaves the lightmaps of before.
+        """
+        if self.began_anew:
+            return self.unwanted and not self.following
         return not self.following and super().wants_to_cancel(context, event)
 
     def cancel(self, keep_images: bool = False) -> bool:
@@ -71,7 +83,7 @@ class HEMIBAKE_OT_live(ModalBake, bpy.types.Operator):
             return {"CANCELLED"}
         last_failure.forget()
         warm_up()
-        self._window = _window_live(context)
+        self._window = _window_live(context, began_anew=False)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
@@ -114,7 +126,7 @@ class HEMIBAKE_OT_live(ModalBake, bpy.types.Operator):
         self._window.run.keep()
         self._window.leave()
         push_undo(self.bl_label)
-        self._window = _window_live(context)
+        self._window = _window_live(context, began_anew=True)
 
     def _end(self, context: bpy.types.Context) -> set[str]:
         """Store the lightmaps, and leave the scene as after a bake."""
@@ -125,10 +137,10 @@ class HEMIBAKE_OT_live(ModalBake, bpy.types.Operator):
         return {"FINISHED"}
 
 
-def _window_live(context: bpy.types.Context) -> WindowLive:
+def _window_live(context: bpy.types.Context, began_anew: bool) -> WindowLive:
     """Start Live in a window."""
     run = LiveRun(context, made_uvs=lambda: push_undo("Make Lightmap UVs"))
-    return WindowLive(context, run, QUICK)
+    return WindowLive(context, run, began_anew)
 
 
 def is_live() -> bool:

@@ -50,6 +50,7 @@ class LiveRun(Run):
         self._followed: Generator[Progress | Lightmap | None, None, None] | None = None
         self.lightmap: Lightmap | None = None
         self.resting = self.ending = self.outdated = self._guessed = False
+        self._paths: dict[int, str] = {}
         self._begun_with, self._next_look = self._chosen_settings(), 0.0
 
     def _chosen_target(self) -> str:
@@ -90,16 +91,25 @@ class LiveRun(Run):
         targets = find_all(bpy.data.images, self._images)
         if len(targets) == len(self._names):
             with suppress(EngineError):
+                self._paths = {image.session_uid: image.filepath_raw for image in targets}
                 if path and path != bpy.data.filepath:
                     self._destination = self._destination_of(path)
                 self._store(targets, self._show_finished(self.lightmap), self.lightmap)
 
     def _has_stored(self, path: str = "", *_: object) -> None:
         """Go on after a file was saved; with the lightmaps of the file before, if it was but a copy."""
+        self._hold_pixels()
         if path and path != bpy.data.filepath:
             with suppress(EngineError):
                 self._destination = self._destination_of(bpy.data.filepath)
-        self._hold_pixels()
+            self._name_as_before()
+
+    def _name_as_before(self) -> None:
+        """Give the images the paths that they had before a copy of the file was saved."""
+        for image in find_all(bpy.data.images, self._paths):
+            image.filepath_raw = self._paths[image.session_uid]
+            for packed in image.packed_files:
+                packed.filepath = image.filepath_raw
 
     def _following(self) -> Bake:
         """Take over what changes, and show what the worker makes of it."""

@@ -399,11 +399,32 @@ def test_a_file_saved_under_another_name_has_its_own_lightmaps(operator, context
     # A copy has its own, too, but what follows belongs to the file before.
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "copy.blend"), copy=True)
     assert (tmp_path / "lightmaps" / "copy_Lightmap.exr").exists()
+    assert bpy.path.abspath(image.filepath) == str(file) == bpy.path.abspath(image.packed_files[0].filepath)
+    assert np.array_equal(pixels(image)[..., :3], shown)
     lamp.data.energy *= 2
     settle(operator, context)
     bpy.ops.hemibake.cancel()
     assert drive(operator, context) == {"FINISHED"}
     assert bpy.path.abspath(image.filepath) == str(file)
+
+
+def test_only_the_button_cancels_a_start_by_other_settings(operator, context, window):  # noqa: F811
+    import bpy
+
+    lit_room()
+    start(operator, context)
+    before = settle(operator, context).copy()
+    owner = part("operators.worker_owner").owner
+    first = owner.running
+    bpy.context.scene.hemibake.resolution = 48
+    drive(operator, context, until=lambda: owner.running is not first)
+    assert not owner.running.following and owner.running.how_to_end == "The Live button ends it"
+    assert operator.modal(context, ESCAPE) == {"PASS_THROUGH"} and owner.running is not None
+    assert operator.invoke(context, None) == {"CANCELLED"}
+    assert operator.modal(context, TIMER) == {"CANCELLED"}
+    assert owner.running is None and window.is_as_before()
+    image = bpy.data.images["Lightmap"]
+    assert image.size[:] == (24, 24) and np.array_equal(pixels(image)[..., :3], before)
 
 
 def test_other_settings_start_it_anew(operator, context, window):  # noqa: F811

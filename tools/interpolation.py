@@ -2,9 +2,10 @@
 
 A hemicube for every fourth texel of a chart; where the corners of a square differ by more than a tolerance,
 its middle and the middles of its sides get hemicubes, and so on down to every texel; all others are
-interpolated. What it has to beat is what saves as much without any code: fewer samples in every hemicube.
-Errors are of bakes of three rooms, against a bake with many more samples. Writes the picture and, beside it,
-the figures as JSON.
+interpolated. Beside it irradiance caching with gradients (engine/reference/irradiance_caching.py), of
+hemicubes of 768 texels, and Elias' interpolation of the same hemicubes. What they have to beat is what saves
+as much without any code: fewer samples in every hemicube. Errors are of bakes of three rooms, against a bake
+with many more samples. Writes the picture and, beside it, the figures as JSON.
 
     python tools/interpolation.py [--scene NAME] [--out docs/paper/interpolation.png]
 """
@@ -19,11 +20,17 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pyopencl as cl
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.rooms import cornell_box, hilly_room
-from engine import Scene, Settings
+from engine import Scene, Session, Settings, finished
+from engine.device.compute import Compute
+from engine.patches.subdivision import Subdivision
+from engine.reference.irradiance_caching import IrradianceCache, Records, records
+from engine.visibility.identity import Sampling
+from engine.visibility.views.hemicube import frames, rotations
 from tests.analytic.drive import drive
 from tests.analytic.scenes import nine_quad_room
 
@@ -46,6 +53,16 @@ FULL, FEWER, TRUE = 1024, (512, 256, 128, 64), 6144
 #: Differences of the corners of a square that are interpolated over, as a fraction of their mean.
 TOLERANCES = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32)
 
+#: Width of the hemicubes whose gradients are taken, texels: 768 samples.
+WIDTH = 16
+
+#: How the curves are drawn.
+STYLES = ("k*", "s-", "o--", "r*", "d-", "x:")
+
+#: Errors that records of irradiance serve over (Ward's a), and the reaches of records, texels.
+ERRORS = (0.1, 0.15, 0.2, 0.3, 0.45)
+REACHES = (1.0, 32.0)
+
 #: Distance of the first hemicubes, texels.
 STEP = 4
 
@@ -62,8 +79,8 @@ def main() -> None:
     figures = json.loads(stored.read_text(encoding="utf-8")) if stored.exists() else {}
     for name in options.scene or SCENES:
         figures[name] = {light: _measure(*SCENES[name], more) for light, more in LIGHTS.items()}
-        print(name, json.dumps(figures[name], indent=1))
-    stored.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+        print(name, json.dumps(figures[name], indent=1), flush=True)
+        stored.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
     _draw(figures, options.out)
 
 
@@ -124,7 +141,71 @@ def _measure(make: Callable[[], Scene], resolution: int, more: dict) -> dict[str
     for samples in FEWER:
         light, _ = _bake(scene, replace(settings, samples=samples))
         found["fewer samples"].append([samples / FULL, _error(light, truth, known)])
+    return found | _measure_hemicubes(scene, settings, truth, known)
+
+
+def _measure_hemicubes(
+    scene: Scene, settings: Settings, truth: np.ndarray, known: np.ndarray
+) -> dict[str, list]:
+    """Return pairs of cost and error of hemicubes, of irradiance caching, and of interpolation of them."""
+    light, told, parts = _hemicubes(scene, settings, known)
+    full = np.zeros_like(truth)
+    full[known] = light
+    found: dict[str, list] = {
+        "hemicubes": [[1.0, _error(full, truth, known)]], "cached": [], "interpolated hemicubes": [],
+    }  # fmt: skip
+    chart, geometry = _charts(known), parts.geometry
+    for tolerance in TOLERANCES:
+        image, cost = _interpolated_charts(full, chart, tolerance)
+        found["interpolated hemicubes"].append([cost, _error(image, truth, known)])
+
+    # The first records are far apart.
+    row, column = np.divmod(parts.patches.texel, parts.patches.resolution)
+    spacing = np.minimum((row | column) & -(row | column), 8)
+    order = np.argsort(-np.where(row | column, spacing, 8), kind="stable")
+    texel = float(np.sqrt(np.median(geometry.area)))
+    for error in ERRORS:
+        points, normals = geometry.center.astype(float), geometry.normal.astype(float)
+        cache = IrradianceCache(points, normals, told, error, (REACHES[0] * texel, REACHES[1] * texel))
+        recorded, image = cache.fill(order), np.zeros_like(truth)
+        image[known] = cache.light(recorded)
+        found["cached"].append([float(recorded.mean()), _error(image, truth, known)])
     return found
+
+
+def _hemicubes(
+    scene: Scene, settings: Settings, known: np.ndarray
+) -> tuple[np.ndarray, Records, Subdivision]:
+    """Return E/pi of patches by hemicubes, mean of the channels, (n,), what they tell, and the patches."""
+    session, emits = Session(), not settings.sample_emission
+    outputs = ("combined",) if emits else ("direct", "indirect")
+    changes = {"directions": "hemicube", "hemicube": WIDTH, "samples": 0, "outputs": outputs}
+    lightmap = finished(session.bake(scene, replace(settings, **changes)))
+    parts, kept, compute = session._kept._parts, session._kept.samples, session._devices.compute
+    radiance = np.zeros((len(parts.patches) + 2, 3))
+    gathered = sum(lightmap.passes[name] for name in outputs)[0][known]
+    radiance[1:-1] = parts.surfaces.reflectance * gathered + emits * parts.surfaces.emission
+    rows = np.concatenate([_downloaded(compute, piece.cache, kept.sampling) for piece in kept.pieces])
+    session.close()
+
+    # Of what is no patch nothing is known: it is dark, and far away.
+    seen, geometry = rows.reshape(-1, 3 * WIDTH, WIDTH), parts.geometry
+    places = np.full((len(radiance), 3), np.inf)
+    places[1:-1] = geometry.center
+    frame = frames(geometry.normal, rotations(settings.seed, np.arange(len(seen))))
+    told = []
+    for some in np.array_split(np.arange(len(seen)), max(1, len(seen) // 1024)):
+        distance = np.linalg.norm(places[seen[some]] - geometry.center[some][:, None, None], axis=-1)
+        told.append(records(WIDTH, frame[some], radiance.mean(axis=1)[seen[some]], distance))
+    joined = Records(*(np.concatenate([vars(part)[name] for part in told]) for name in vars(told[0])))
+    return joined.light, joined, parts
+
+
+def _downloaded(compute: Compute, cache: cl.Buffer, sampling: Sampling) -> np.ndarray:
+    """Return kept samples, (n, samples) uint16 or uint32."""
+    values = np.empty(cache.size // sampling.sample_bytes, f"u{sampling.sample_bytes}")
+    cl.enqueue_copy(compute.queue, values, cache)
+    return values.reshape(-1, sampling.samples)
 
 
 def _bake(scene: Scene, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
@@ -178,7 +259,7 @@ def _draw(figures: dict, out: Path) -> None:
     )
     for column, (scene, lights) in enumerate(figures.items()):
         for axes, (light, curves) in zip(panels[:, column], lights.items(), strict=True):
-            for (name, points), style in zip(curves.items(), ("k*", "s-", "o--"), strict=True):
+            for (name, points), style in zip(curves.items(), STYLES, strict=False):
                 cost, error = 100 * np.array(points).T
                 axes.plot(cost, error, style, ms=5, label=name)
             axes.set_title(f"{scene}: {light}", fontsize=8)

@@ -48,6 +48,7 @@ class DirectLighting:
         self._lamps = [lamp.relative_to(parts.triangles.origin) for lamp in shining_lights(scene)]
         self._shadow_rays: Casting | None = None
         self._elsewhere = elsewhere
+        self._near: NearFaces | None = None
         self.warnings: list[str] = []
         self.l1 = self._no_l1()
 
@@ -71,7 +72,13 @@ class DirectLighting:
         """Return E/pi of the sampled light, (n, 3) float32; yield the fraction done."""
         if not self._samples_any:
             return np.zeros((self._ray_scene.count, 3), np.float32)
-        light, self.l1 = yield from self._casting().sampled()
+        casting = self._casting()
+        work = casting.sampled()
+        if casting is self._elsewhere:
+            # Other processes cast meanwhile.
+            yield next(work)
+            self._near = self.near_faces()
+        light, self.l1 = yield from work
         return light
 
     def glimpse(self) -> Generator[float, None, np.ndarray]:
@@ -106,7 +113,7 @@ class DirectLighting:
 
     def near_faces(self) -> NearFaces:
         """Return what faces nearby do to the patches."""
-        return NearFaces(*self._in_contact(), self.lit_by_backs(self._ray_scene))
+        return self._near or NearFaces(*self._in_contact(), self.lit_by_backs(self._ray_scene))
 
     def lit_by_backs(self, points: RayScene) -> np.ndarray:
         """Return which patches of a ray scene see the back of a surface that shines, (n,) bool.
@@ -132,7 +139,7 @@ class DirectLighting:
     def of(self, points: RayScene, settings: Settings) -> DirectLighting:
         """Return the same light as it comes to the patches of another ray scene, by other numbers of rays."""
         other = copy(self)
-        other._ray_scene, other._settings, other.warnings = points, settings, []
+        other._ray_scene, other._settings, other.warnings, other._near = points, settings, [], None
         other._shadow_rays, other.l1 = self._cast_from(points, settings), other._no_l1()
         return other
 

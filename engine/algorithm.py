@@ -273,7 +273,7 @@ def _finished(
     shown = yield from _quiet(stages, store, denoising, texels, solution, made, lit)
     yield stages.begin(stages.images)
     if seams:
-        store.hide_seams(texels.job.parts.triangles, seams.result())
+        store.hide_seams(texels.job.parts.triangles, _in_sight(store, seams.result(), lit, solution))
     passes = {
         name: store.final(shown[name]) if name in shown else store.finished(values, lit.values.get(name))
         for name, values in made.items()
@@ -283,6 +283,14 @@ def _finished(
         passes |= summing_up(groups, passes["combined"])
     yield stages.end()
     return passes
+
+
+def _in_sight(store: LightmapStore, seams: Seams, lit: DisplayLight, solution: Solution) -> Seams:
+    """Return seams without those under walls, which part the light of both sides."""
+    if lit.visible.all():
+        return seams
+    shown = store.texels(channel_sum(solution.irradiance), lit.light)
+    return lit.unparted(seams, shown, store.known)
 
 
 def _summary(

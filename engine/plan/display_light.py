@@ -21,6 +21,7 @@ from ..finish.display_samples import (
 )
 from ..finish.light_edges import PatchLight
 from ..finish.outputs import Outputs
+from ..finish.parted_seams import without_parted
 from ..finish.push_out import WaysOut, joined_ways, pushed_barycentrics, ways_out
 from ..finish.store import is_hidden
 from ..finish.texel_means import TexelMeans
@@ -29,6 +30,7 @@ from ..finish.wall_fit import WallFit
 from ..gather.half_light import HalfLight
 from ..patches.geometry import PatchGeometry, TexelSteps
 from ..patches.patch_list import PatchList
+from ..patches.seams import Seams
 from ..patches.subdivision import Subdivision
 from ..progress import part_of
 from ..scene.color import channel_sum
@@ -87,6 +89,12 @@ class DisplayLight:
     def means(self, resolution: int) -> TexelMeans:
         """Return what texels show of the samples."""
         return TexelMeans(self.samples, self.visible, resolution)
+
+    def unparted(self, seams: Seams, shown: np.ndarray, known: np.ndarray) -> Seams:
+        """Return seams without those under walls; see `without_parted`."""
+        covered = np.zeros(known.shape, bool)
+        covered.ravel()[self.samples.keys(known.shape[1])[~self.visible]] = True
+        return without_parted(seams, covered, shown[..., 0], known)
 
     def beside_walls(self, shown: np.ndarray, known: np.ndarray) -> WallFit | None:
         """Return what texels beside thin walls show; None where there are none. See `WallFit`."""

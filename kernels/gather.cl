@@ -11,15 +11,16 @@
     defects[(size_t)column * count + patch] = all - irradiance[patch]; \
 } while (0)
 
-// Four samples at a time; one patch a group, `slots` from `first` on. EVEN: all samples weigh the same.
+// Four samples at a time, all of them or every `stride`th four, of neighbouring patches others; one patch a group,
+// `slots` from `first` on. EVEN: all samples weigh the same; else none is left out.
 __kernel void gather(__global const Front4 *cache, __global const float4 *multiplier,
-                     __global const float4 *radiance, LIGHT_ARGUMENTS, const int quads, const int first,
-                     __local float4 *partial)
+                     __global const float4 *radiance, LIGHT_ARGUMENTS, const int quads, const int stride,
+                     const int first, __local float4 *partial)
 {
-    const int slot = get_group_id(0);
+    const int slot = get_group_id(0), begin = (first + slot) % stride;
     __global const Front4 *row = cache + (size_t)slot * quads;
     float4 sum = (float4)(0.0f);
-    for (int i = get_local_id(0); i < quads; i += get_local_size(0)) {
+    for (int i = begin + stride * get_local_id(0); i < quads; i += stride * get_local_size(0)) {
         const Front4 seen = row[i];
 #ifdef EVEN
         sum += (radiance[seen.x] + radiance[seen.y]) + (radiance[seen.z] + radiance[seen.w]);
@@ -30,7 +31,7 @@ __kernel void gather(__global const Front4 *cache, __global const float4 *multip
 #endif
     }
 #ifdef EVEN
-    sum /= 4.0f * quads;
+    sum /= 4.0f * ((quads - begin + stride - 1) / stride);
 #endif
     sum = sum_of_group(sum, partial);
     if (get_local_id(0) == 0)

@@ -17,6 +17,9 @@ from .l1_gather import L1Gather, NoL1
 from .static_light import StaticLight
 from .sweep import Light
 
+#: A sparse sweep gathers from one of so many fours of samples, where a patch has so many samples at least.
+_STRIDE, _MANY = 8, 1024
+
 
 class _Gather:
     """The gather kernel, for samples of an identity."""
@@ -30,6 +33,7 @@ class _Gather:
         multiplier = np.zeros(4, np.float32) if sampling.multiplier is None else sampling.multiplier
         self._multiplier = upload(compute, multiplier)
         self._quads = np.int32(sampling.samples // 4)
+        self.can_be_sparse = sampling.even and sampling.samples >= _MANY
 
     def gather(self, rows: Rows, static_light: cl.Buffer, light: Light, column: int) -> None:
         """Gather for the patches whose samples these are."""
@@ -37,7 +41,8 @@ class _Gather:
         self._gather(
             self._queue, (group * (rows.last - rows.first),), (group,),
             rows.cache, self._multiplier, light.radiance, static_light, *light.outputs(column),
-            self._quads, np.int32(rows.first), cl.LocalMemory(16 * group),
+            self._quads, np.int32(_STRIDE if light.sparse else 1), np.int32(rows.first),
+            cl.LocalMemory(16 * group),
         )  # fmt: skip
 
     def take(self, gathered: cl.Buffer, light: Light, column: int) -> None:
@@ -65,6 +70,11 @@ class CachedSweep:
         self._compute, self._kept, self._identity, self._checkpoint = compute, kept, identity, checkpoint
         self._kernels = _Gather(compute, kept.sampling)
         self._static, self._l1, self._begun = static, l1, False
+
+    @property
+    def can_be_sparse(self) -> bool:
+        """True if a few of the samples of each patch are enough to begin with."""
+        return self._kernels.can_be_sparse
 
     def gather(self, light: Light, column: int) -> Generator[float, None, None]:
         """Gather; see `sweep.Sweep.gather`."""

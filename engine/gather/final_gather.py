@@ -35,6 +35,8 @@ class FinalGather:
     sampled_light  (n, 3) float32, E/pi of the light that shadow rays sample
     """
 
+    sparse = False
+
     def __init__(self, compute: Compute, sweep: Sweep, sampled_light: np.ndarray) -> None:
         self._compute, self._sweep, self.count = compute, sweep, len(sampled_light)
         self._sampled_light = upload_float4(compute, sampled_light)

@@ -15,11 +15,13 @@ class Light(Protocol):
     count         patches that gather
     radiance      float4 of each patch that is seen + 1; entry 0 and the last, of the surroundings, are black
     patches_seen  float of each patch: the fraction of its view that patches take
+    sparse        True to gather from a few of the samples, by sweeps that can; see `Radiosity.sparse`
     """
 
     count: int
     radiance: cl.Buffer
     patches_seen: cl.Buffer
+    sparse: bool
 
     def outputs(self, column: int) -> tuple:
         """Return what the kernels of kernels/gather.cl take to write a column of the ring."""

@@ -232,9 +232,20 @@ def _device_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
     sweep, choice = _remote_sweep(job) or _kept_sweep(job) or _new_sweep(job)
     radiosity = DeviceRadiosity(
         job.opencl, sweep, job.parts.surfaces.reflectance, job.surroundings.emission, job.area,
-        job.sampled_light, job.gathers_direct, job.columns, job.indirect,
+        job.sampled_light, job.gathers_direct, job.columns, job.indirect, _begins_sparse(job, sweep),
     )  # fmt: skip
     return radiosity, choice
+
+
+def _begins_sparse(job: SolveJob, sweep: Sweep) -> bool:
+    """Return whether the first sweeps gather from a few samples of each patch.
+
+    They do where many sweeps are to come: not from light that is known.
+    """
+    if not isinstance(sweep, CachedSweep) or not sweep.can_be_sparse:
+        return False
+    settings = job.settings
+    return settings.accelerated and settings.tolerance > 0 and job.indirect is None
 
 
 def _remote_sweep(job: SolveJob) -> tuple[Sweep, Choice] | None:

@@ -27,6 +27,7 @@ class DeviceRadiosity:
     emission      float4 of each patch + 1, on the device, radiance that the patches see; entry 0 is black
     radiance      float4 of each patch + 1; entry 0 and the last, of the surroundings, are black
     patches_seen  float of each patch: the fraction of its view that other patches take
+    sparse        see `solve.Radiosity`: True for sweeps that can be sparse
     """
 
     def __init__(
@@ -40,8 +41,9 @@ class DeviceRadiosity:
         gathers_direct: bool,
         columns: int,
         indirect: np.ndarray | None = None,
+        sparse: bool = False,
     ) -> None:
-        self._compute, self._queue, self._sweep = compute, compute.queue, sweep
+        self._compute, self._queue, self._sweep, self.sparse = compute, compute.queue, sweep, sparse
         self.count, self.area = len(reflectance), float(area.sum(dtype=np.float64))
         self.columns, self._pairs = columns, np.triu_indices(columns)
         names = ("begin", "products", "mix_iterates", "balance", "add_up")

@@ -12,7 +12,7 @@ from .solver import PLAIN_COLUMNS, Step, Sums
 
 
 class HostRadiosity:
-    """See `solve.Radiosity`.
+    """See `solve.Radiosity`; its sweeps are never sparse.
 
     reflectance     (n, 3) float32
     emission        (n, 3) float32, radiance that the patches themselves see as they gather
@@ -22,6 +22,8 @@ class HostRadiosity:
     columns         see `solve.Radiosity`
     indirect        (n, 3) float32, E/pi of reflected light to begin with; None for none
     """
+
+    sparse = False
 
     def __init__(
         self,

@@ -52,6 +52,7 @@ class ResumedSolver(Solver):
         state["direct"] = self._direct
         state["steps"] = np.array([(step.change, step.relative, step.flux) for step in self._steps])
         state["factors"] = np.array(self._factors)
+        state["refined"] = np.array([self._sparse, self._refined])
         if self._anderson is not None:
             state["mixed"], state["size"] = self._anderson.state()
         return state
@@ -63,5 +64,6 @@ class ResumedSolver(Solver):
         self._direct = state["direct"]
         self._steps = [Step(*step) for step in state["steps"].tolist()]
         self._factors = state["factors"].tolist()
+        self._sparse, self._refined = bool(state["refined"][0]), int(state["refined"][1])
         if self._anderson is not None:
             self._anderson.restore(state["mixed"], state["size"])

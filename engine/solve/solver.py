@@ -21,6 +21,10 @@ _DARK = 1e-4
 #: The least light that weights are made with: float32 holds the square of its reciprocal.
 _DARKEST = 1e-15
 
+#: Sweeps that are left, at least, to those from all samples of each patch, and the residual from which on
+#: these begin, times the tolerance.
+_FULL_SWEEPS, _NEARLY = 3, 4.0
+
 #: One accelerated sweep is not believed to cut the error by more than this factor.
 _MOST_GAIN = 4.0
 
@@ -88,6 +92,9 @@ class Radiosity(Protocol):
     count    patches
     area     sum over all patches, m^2
     columns  iterates that are kept, in a ring: `anderson.COLUMNS` for acceleration, else PLAIN_COLUMNS
+    sparse   True while sweeps gather from a few of the samples of each patch: what these miss is noise, which
+             the first sweep from all of them takes out but for its mean. A solver ends it, and leaves it out
+             of the sweep that gives direct light
 
     For a warm start the first irradiance contains reflected light; if patches gather direct light, too, a
     sweep for that alone comes first, and the last column holds the reflected light meanwhile.
@@ -99,6 +106,7 @@ class Radiosity(Protocol):
     count: int
     area: float
     columns: int
+    sparse: bool
 
     def sweep(self, column: int) -> Generator[float, None, None]:
         """Gather from the current radiance into a column of the ring; yield the fraction done."""
@@ -217,6 +225,9 @@ class Solver:
     gathers_direct  True if the patches gather light at first: the first sweep then gives the direct light
                     of emission and surroundings
     warm            True if the radiosity begins with reflected light, see `Radiosity`
+
+    A sparse radiosity is first solved by cheap sweeps, then by a few from all samples of each patch: that
+    solution is right but for noise, which averages remove at once, and the ambient light of the noise's mean.
     """
 
     gathers_finally = False
@@ -237,6 +248,7 @@ class Solver:
         self._direct = sampled_light
         self._steps: list[Step] = []
         self._factors: list[float] = []
+        self._sparse, self._refined = radiosity.sparse, 0
         self._gathered: np.ndarray | None = None
         self._total = 0.0
 
@@ -280,6 +292,9 @@ class Solver:
 
     def iteration(self) -> Generator[float, None, None]:
         """Sweep once, on a warm start for direct light before; yield the fraction done."""
+        if self._sparse and self._nearly_done:
+            self._refine()
+        self._radiosity.sparse = self._sparse and (bool(self._steps) or not self._gathers_direct)
         parts = 2 if self._gathers_direct and self._warm and not self._steps else 1
         if parts > 1:
             for done in self._sweep_direct():
@@ -296,6 +311,17 @@ class Solver:
             self._factors.append(_schwarz_quotient(sums.products, self._newest))
         weights, ambient = self._mixture(sums)
         self._steps.append(self._radiosity.mix(weights, ambient, max(_DARK * sums.total, _DARKEST)))
+
+    @property
+    def _nearly_done(self) -> bool:
+        """True once sweeps from all samples are due."""
+        left = self._limit - self.iterations
+        return left <= _FULL_SWEEPS or self.residual <= _NEARLY * self._tolerance
+
+    def _refine(self) -> None:
+        """Let sweeps to come gather from all samples, another operator: older iterates do not count."""
+        self._sparse, self._refined = False, self.iterations
+        self._anderson = self._anderson and Anderson()
 
     @property
     def _least_share(self) -> float:
@@ -331,7 +357,7 @@ class Solver:
         weights[self._newest] = 1
         if self._anderson is not None:
             weights = self._anderson.weights(self._newest, sums.products)
-            if not self._steps and not self._warm:
+            if self.iterations == self._refined and not self._warm:
                 lost = np.maximum(self._radiosity.area - sums.seen, 1e-3 * self._radiosity.area)
                 ambient = np.maximum(sums.reflected, 0) / lost
         return weights, ambient
@@ -342,7 +368,8 @@ class Solver:
 
         Relative to its own: in a room beside a sunlit square, the mean of both says nothing. The next
         accelerated step is what acceleration believes to be missing; plain steps go on shrinking by the
-        larger of the last two factors, since early bounces may meet dark surfaces.
+        larger of the last two factors, since early bounces may meet dark surfaces. The first step from all
+        samples tells how noisy the sparse ones were, not how much light was missing.
         """
         if self._steps and self._steps[-1].change == 0:
             return 0.0
@@ -351,12 +378,14 @@ class Solver:
         if self._anderson is None:
             return _geometric_rest(self._steps[-1].relative, max(self._factors[-2:]))
         before, last = self._steps[-2:]
+        if self._refined and self.iterations == self._refined + 2:
+            before = self._steps[self._refined - 1]
         return max(last.relative, before.relative / _MOST_GAIN)
 
     @property
     def converged(self) -> bool:
         """True once the residual is at or below the tolerance."""
-        return self.residual <= self._tolerance
+        return not self._sparse and self.residual <= self._tolerance
 
     @property
     def done(self) -> bool:

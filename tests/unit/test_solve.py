@@ -181,3 +181,57 @@ def test_settings_name_what_is_wrong():
     for name in ("visibility", "directions"):
         with pytest.raises(SettingsError, match=name):
             check_settings(dataclasses.replace(Settings(), **{name: "magic"}))
+
+
+class FewViews(Views):
+    """Gathers from one factor of eight, eight times as large, while a radiosity is sparse."""
+
+    def __init__(self, factors):
+        super().__init__(factors)
+        self.of = None
+        self.full = 0
+        kept = np.random.default_rng(3).random(self._factors.shape) < 1 / 8
+        self._few = self._factors * kept
+        self._few *= self._factors.sum(axis=1, keepdims=True) / self._few.sum(axis=1, keepdims=True)
+
+    def iteration(self, radiance):
+        if not self.of.sparse:
+            self.full += 1
+            return (yield from super().iteration(radiance))
+        return (yield from Views(self._few).iteration(radiance))
+
+
+def solve_sparsely(rho, gathers_direct=False, **settings):
+    """Return solver, gather and error of a closed room of 337 patches whose first sweeps are sparse."""
+    random = np.random.default_rng(2)
+    factors = random.random((337, 337))
+    factors /= factors.sum(axis=1, keepdims=True)
+    emission = np.repeat(random.random((337, 1)).astype(np.float32) ** 8, 3, axis=1)
+    reflectance, area = np.full((337, 3), rho, np.float32), np.full(337, 1 / 337, np.float32)
+    gather, nothing = FewViews(factors), np.zeros((337, 3), np.float32)
+    gather.of = radiosity = HostRadiosity(
+        gather, reflectance, emission, area, nothing, gathers_direct, COLUMNS
+    )
+    radiosity.sparse = True
+    solver = Solver(radiosity, nothing, Settings(**settings), gathers_direct)
+    while not solver.done:
+        for _ in solver.iteration():
+            pass
+    if gathers_direct:
+        assert np.allclose(solver.direct, factors @ emission, rtol=1e-5)
+    truth = np.linalg.solve(np.eye(337) - rho * factors, emission[:, 0].astype(float))
+    return solver, gather, np.abs(solver.irradiance[:, 0] / (factors @ truth) - 1).mean()
+
+
+@pytest.mark.parametrize("gathers_direct", [False, True])
+@pytest.mark.parametrize("rho", [0.3, 0.6, 0.9])
+def test_a_few_samples_do_for_all_but_the_last_sweeps(rho, gathers_direct):
+    solver, gather, error = solve_sparsely(rho, gathers_direct)
+    assert solver.converged and error < Settings().tolerance
+    assert 2 <= gather.full - gathers_direct <= 3 < solver.iterations
+
+
+@pytest.mark.parametrize("limit", [1, 2, 3, 4, 5])
+def test_the_last_sweeps_allowed_are_from_all_samples(limit):
+    solver, gather, _ = solve_sparsely(0.9, iterations=limit)
+    assert solver.iterations == limit and gather.full == min(limit, 3)

@@ -214,6 +214,8 @@ def _as_seen(what: DisplayJob, settled: np.ndarray, hidden: np.ndarray) -> np.nd
 
     hidden: (n,) bool, patches that nobody sees
     """
+    if not hidden.any():
+        return settled
     if what.solved is what.job:
         return _seen_beside_hidden(what.job.parts, settled, hidden)
     patches, entries = what.job.parts.patches, what.solved.parts.texel_to_patch
@@ -234,7 +236,8 @@ def _groups_beside_hidden(
     of_patches = _seen_beside_hidden(parts, light[group], hidden)
     changed = np.zeros(len(light), bool)
     changed[group[hidden]] = True
-    seen = np.flatnonzero(changed[group] & of_patches.any(axis=1))
+    seen = np.flatnonzero(changed[group])
+    seen = seen[of_patches[seen].any(axis=1)]
     number = np.bincount(group[seen], minlength=len(light))[changed]
     sums = segment_sums(of_patches[seen], group[seen], len(light))[changed]
     result = light.copy()

@@ -9,6 +9,7 @@ apart, too: they are dark, and would darken the foot of a box that is sunk in a 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 import pyopencl as cl
@@ -67,7 +68,7 @@ class PatchGroups:
         rows, group = values.reshape(len(values), -1), self.group
 
         # Few patches emit light: black ones add nothing.
-        bright = np.flatnonzero(rows.any(axis=1))
+        bright = np.flatnonzero(reduce(np.logical_or, rows.T))
         if len(bright) < _BRIGHT * len(rows):
             rows, group = rows[bright], group[bright]
         sums = segment_sums(rows, group, len(self._members))

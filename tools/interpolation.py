@@ -141,7 +141,7 @@ def _measure(make: Callable[[], Scene], resolution: int, more: dict) -> dict[str
     for samples in FEWER:
         light, _ = _bake(scene, replace(settings, samples=samples))
         found["fewer samples"].append([samples / FULL, _error(light, truth, known)])
-    return found | _measure_hemicubes(scene, settings, truth, known)
+    return found | _measure_hemicubes(scene, settings, truth, known) if settings.sample_emission else found
 
 
 def _measure_hemicubes(
@@ -176,26 +176,27 @@ def _measure_hemicubes(
 def _hemicubes(
     scene: Scene, settings: Settings, known: np.ndarray
 ) -> tuple[np.ndarray, Records, Subdivision]:
-    """Return E/pi of patches by hemicubes, mean of the channels, (n,), what they tell, and the patches."""
-    session, emits = Session(), not settings.sample_emission
-    outputs = ("combined",) if emits else ("direct", "indirect")
+    """Return reflected E/pi of patches by hemicubes, mean of the channels, (n,), what they tell, and these."""
+    session, outputs = Session(), ("direct", "indirect")
     changes = {"directions": "hemicube", "hemicube": WIDTH, "samples": 0, "outputs": outputs}
     lightmap = finished(session.bake(scene, replace(settings, **changes)))
     parts, kept, compute = session._kept._parts, session._kept.samples, session._devices.compute
     radiance = np.zeros((len(parts.patches) + 2, 3))
     gathered = sum(lightmap.passes[name] for name in outputs)[0][known]
-    radiance[1:-1] = parts.surfaces.reflectance * gathered + emits * parts.surfaces.emission
+    radiance[1:-1] = parts.surfaces.reflectance * gathered
     rows = np.concatenate([_downloaded(compute, piece.cache, kept.sampling) for piece in kept.pieces])
     session.close()
 
-    # Of what is no patch nothing is known: it is dark, and far away.
+    # Backs are dark, and may be near: records that see them serve nobody. All else that is no patch is far.
     seen, geometry = rows.reshape(-1, 3 * WIDTH, WIDTH), parts.geometry
     places = np.full((len(radiance), 3), np.inf)
     places[1:-1] = geometry.center
+    nearest = 1e-3 * np.sqrt(geometry.area)[:, None, None]
     frame = frames(geometry.normal, rotations(settings.seed, np.arange(len(seen))))
     told = []
     for some in np.array_split(np.arange(len(seen)), max(1, len(seen) // 1024)):
         distance = np.linalg.norm(places[seen[some]] - geometry.center[some][:, None, None], axis=-1)
+        distance = np.where(seen[some] == 0, nearest[some], np.maximum(distance, nearest[some]))
         told.append(records(WIDTH, frame[some], radiance.mean(axis=1)[seen[some]], distance))
     joined = Records(*(np.concatenate([vars(part)[name] for part in told]) for name in vars(told[0])))
     return joined.light, joined, parts

@@ -176,7 +176,7 @@ def _measure_hemicubes(
 def _hemicubes(
     scene: Scene, settings: Settings, known: np.ndarray
 ) -> tuple[np.ndarray, Records, Subdivision]:
-    """Return reflected E/pi of patches by hemicubes, mean of the channels, (n,), what they tell, and these."""
+    """Return reflected E/pi of patches by hemicubes, mean of channels, (n,), what they tell, and these."""
     session, outputs = Session(), ("direct", "indirect")
     changes = {"directions": "hemicube", "hemicube": WIDTH, "samples": 0, "outputs": outputs}
     lightmap = finished(session.bake(scene, replace(settings, **changes)))
@@ -275,7 +275,7 @@ def _draw(figures: dict, out: Path) -> None:
         panels[-1, column].set_xlabel("samples, % of a full bake", fontsize=8)
     for axes in panels[:, 0]:
         axes.set_ylabel("RMSE, % of the mean", fontsize=8)
-    panels[0, 0].legend(fontsize=8)
+    panels[-1, 0].legend(fontsize=7)
     figure.savefig(out, dpi=90)
     pyplot.close(figure)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import mmap
 import os
 import shutil
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -17,8 +18,8 @@ import numpy as np
 from ..gather.half_light import HalfLight
 from ..portable import Portable
 
-#: Where Linux has files in memory.
-_MEMORY = Path("/dev/shm")
+#: Where Linux has files in memory; None on other systems.
+_MEMORY = Path("/dev/shm") if sys.platform == "linux" else None
 
 #: What folders are called; a number follows, that of the process that has made them.
 _NAME = "hemibake-"
@@ -30,10 +31,10 @@ _CHANNELS = 3
 @contextmanager
 def memory_folder() -> Iterator[str]:
     """Make a folder in the memory of this machine, which ends with the context; empty where there is none."""
-    if not os.access(_MEMORY, os.W_OK):
+    if _MEMORY is None or not os.access(_MEMORY, os.W_OK):
         yield ""
         return
-    _remove_orphans()
+    _remove_orphans(_MEMORY)
     folder = tempfile.mkdtemp(prefix=f"{_NAME}{os.getpid()}-", dir=_MEMORY)
     try:
         yield folder
@@ -110,8 +111,10 @@ def _opened(path: str, kind: type, count: int) -> np.ndarray:
 def _file(folder: str, kind: type, count: int) -> str:
     """Return the path of a new file with room for an array, (count, 3). Raises OSError if there is none.
 
-    Linux ends a process that finds no room once it writes.
+    Linux ends a process that finds no room once it writes; other systems have no such folder.
     """
+    if sys.platform != "linux":
+        raise OSError("no files in memory")
     number, path = tempfile.mkstemp(dir=folder)
     try:
         os.posix_fallocate(number, 0, np.dtype(kind).itemsize * _CHANNELS * count)
@@ -123,16 +126,18 @@ def _file(folder: str, kind: type, count: int) -> str:
     return path
 
 
-def _remove_orphans() -> None:
+def _remove_orphans(memory: Path) -> None:
     """Remove the folders of processes that were killed; those of other users stay."""
-    for folder in _MEMORY.glob(f"{_NAME}*-*"):
+    for folder in memory.glob(f"{_NAME}*-*"):
         process = folder.name.removeprefix(_NAME).split("-")[0]
         if process.isdecimal() and not _is_alive(int(process)):
             shutil.rmtree(folder, ignore_errors=True)
 
 
 def _is_alive(process: int) -> bool:
-    """Return whether a process runs, by a signal that does nothing."""
+    """Return whether a process runs, by a signal that does nothing; on Linux alone."""
+    if sys.platform != "linux":
+        return True
     try:
         os.kill(process, 0)
     except ProcessLookupError:

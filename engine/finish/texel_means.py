@@ -30,12 +30,13 @@ class TexelMeans:
     def __init__(self, samples: DisplaySamples, visible: np.ndarray, resolution: int) -> None:
         chosen = np.flatnonzero(visible & (samples.weight > 0))
         keys = samples.keys(resolution)
-        self._all = keys[run_starts(keys)]
+        firsts = run_starts(keys)
+        self._all = keys[firsts]
         self._starts = run_starts(keys[chosen])
         self.texels, self._texel = keys[chosen[self._starts]], run_numbers(self._starts, len(chosen))
         self._chosen, self._weight = chosen, samples.weight[chosen].astype(np.float64)
         self._total = np.bincount(self._texel, self._weight, len(self.texels))
-        self._cut, mostly_seen = self._cut_texels(keys, samples.weight)
+        self._cut, mostly_seen = self._cut_texels(firsts, samples.weight)
         place = _from_centres(samples.position[chosen], keys[chosen], resolution)
         self._centroid = self._sums(place)[self._cut] / self._total[self._cut, None]
         cut = self.texels[self._cut]
@@ -89,17 +90,19 @@ class TexelMeans:
         """Return sums of values of chosen samples, (m, c), times their weights, over each texel, (k, c)."""
         return segment_sums(values * self._weight[:, None], self._texel, len(self.texels))
 
-    def _cut_texels(self, keys: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _cut_texels(self, firsts: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the numbers of texels some of whose samples are hidden or were moved, (t,) int64.
 
         The second array, int64, has the numbers among these of texels half of which at least is seen.
+
+        firsts: the first sample of each texel, (a,) int64; weight: (s,) float32, of all samples
         """
         if not len(self.texels):
             return self._starts, self._starts
         heaviest = np.maximum.reduceat(self._weight, self._starts)
         whole = self._weight > _MOVED * heaviest[self._texel]
         seen = np.bincount(self._texel, whole, len(self.texels))
-        number = np.add.reduceat(weight > 0, run_starts(keys), dtype=np.int64)
+        number = np.add.reduceat(weight > 0, firsts, dtype=np.int64)
         number = number[np.searchsorted(self._all, self.texels)]
         cut = np.flatnonzero(seen < number)
         return cut, np.flatnonzero(2 * seen[cut] >= number[cut])

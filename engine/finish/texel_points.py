@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from ..patches.texel_pieces import TexelClipper, TexelPieces
+from ..runs import run_numbers, run_starts
 from ..scene.triangles import Triangles
 
 #: A texel has a grid where so many of its points lie on a triangle.
@@ -108,8 +109,8 @@ def _shared_out(area: np.ndarray, key: np.ndarray, points: int) -> tuple[np.ndar
     (systematic sampling), so a piece has a point more or less than its area would have at most, and a texel
     all of its points, however many triangles are in it.
     """
-    starts = np.flatnonzero(np.r_[True, np.diff(key) > 0][: len(key)])
-    texel = np.repeat(np.arange(len(starts)), np.diff(np.r_[starts, len(key)]))
+    starts = run_starts(key)
+    texel = run_numbers(starts, len(key))
     ends = np.cumsum(area, dtype=np.float64)
     before = np.r_[0.0, ends][starts]
     covered = np.r_[ends[starts[1:] - 1], ends[-1:]] - before

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...runs import run_starts
+
 #: Bins in which the surface area heuristic looks for a split (Wald 2007).
 _BINS = 16
 
@@ -75,7 +77,7 @@ class Treetop:
         shape = (len(count), _BINS)
         low = np.full((*shape, 3), np.inf, np.float32)
         high = np.full((*shape, 3), -np.inf, np.float32)
-        starts = np.flatnonzero(np.r_[True, key[1:] != key[:-1]])
+        starts = run_starts(key)
         low.reshape(-1, 3)[key[starts]] = np.minimum.reduceat(self._low[members], starts)
         high.reshape(-1, 3)[key[starts]] = np.maximum.reduceat(self._high[members], starts)
         inside = np.bincount(key, minlength=low.size // 3).reshape(shape)

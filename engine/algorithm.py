@@ -274,10 +274,10 @@ def _finished(
     yield stages.begin(stages.images)
     if seams:
         store.hide_seams(texels.job.parts.triangles, _in_sight(store, seams.result(), lit, solution))
-    passes = {
-        name: store.final(shown[name]) if name in shown else store.finished(values, lit.values.get(name))
-        for name, values in made.items()
-    }
+    passes = {name: store.final(texels) for name, texels in shown.items()}
+    left = {name: values for name, values in made.items() if name not in shown}
+    passes |= store.finished(left, lit.values)
+    passes = {name: passes[name] for name in made}
     groups = {name: images for name, images in passes.items() if is_of_light_group(name)}
     if groups:
         passes |= summing_up(groups, passes["combined"])

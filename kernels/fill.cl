@@ -7,6 +7,11 @@
 
 #define FAR 65535  // no known texel within reach
 
+// What is filled are images of several outputs, one after the other, each of all atlases: they share what is known of
+// the texels of an atlas.
+#define ATLAS (get_global_id(2) % atlases)
+#define IN_ATLAS(x, y) ((ATLAS * height + (y)) * width + (x))
+
 // Texels along the row to the nearest known one.
 __kernel void distance_in_row(__global const uchar *known, __global ushort *distance, const int reach,
                               const int width, const int height)
@@ -36,20 +41,20 @@ __kernel void distance_in_column(__global const ushort *in_row, __global ushort 
 
 // A ring of texels, each with the mean of its neighbours on a chart's surface, else in inner rings.
 __kernel void grow(__global const ushort *distance, __global const uchar *surface, const int ring,
-                   __global float4 *image, const int width, const int height)
+                   __global float4 *image, const uint atlases, const int width, const int height)
 {
     TEXEL;
-    if (distance[texel] != ring)
+    if (distance[IN_ATLAS(x, y)] != ring)
         return;
     float4 sum = (float4)(0.0f), surface_sum = (float4)(0.0f);
     float total = 0.0f, surface_total = 0.0f;
     for (int v = max(y - 1, 0); v <= min(y + 1, height - 1); ++v)
         for (int u = max(x - 1, 0); u <= min(x + 1, width - 1); ++u) {
-            if (distance[AT(u, v)] >= ring)
+            if (distance[IN_ATLAS(u, v)] >= ring)
                 continue;
             sum += image[AT(u, v)];
             total += 1.0f;
-            if (surface[AT(u, v)]) {
+            if (surface[IN_ATLAS(u, v)]) {
                 surface_sum += image[AT(u, v)];
                 surface_total += 1.0f;
             }
@@ -79,16 +84,16 @@ __kernel void coarser_states(__global const uchar *fine, const int fine_width, c
 
 // The mean of the known texels in each square.
 __kernel void coarser(__global const uchar *states, __global const float4 *fine, const int fine_width,
-                      const int fine_height, __global float4 *image, const int width, const int height)
+                      const int fine_height, __global float4 *image, const uint atlases, const int width,
+                      const int height)
 {
     TEXEL;
     float4 sum = (float4)(0.0f);
     float total = 0.0f;
     for (int v = 2 * y; v < min(2 * y + 2, fine_height); ++v)
         for (int u = 2 * x; u < min(2 * x + 2, fine_width); ++u) {
-            const size_t i = ((size_t)get_global_id(2) * fine_height + v) * fine_width + u;
-            if (states[i] == KNOWN) {
-                sum += fine[i];
+            if (states[(ATLAS * fine_height + v) * fine_width + u] == KNOWN) {
+                sum += fine[((size_t)get_global_id(2) * fine_height + v) * fine_width + u];
                 total += 1.0f;
             }
         }
@@ -97,12 +102,14 @@ __kernel void coarser(__global const uchar *states, __global const float4 *fine,
 
 // Unknown texels from the coarser image, interpolated: the nearer square of each axis has 3/4. Empty ones are 0.
 __kernel void finer(__global const uchar *states, __global const float4 *coarse, const int coarse_width,
-                    const int coarse_height, __global float4 *image, const int width, const int height)
+                    const int coarse_height, __global float4 *image, const uint atlases, const int width,
+                    const int height)
 {
     TEXEL;
-    if (states[texel] == KNOWN)
+    const uchar state = states[IN_ATLAS(x, y)];
+    if (state == KNOWN)
         return;
-    if (states[texel] == EMPTY) {
+    if (state == EMPTY) {
         image[texel] = (float4)(0.0f);
         return;
     }
@@ -116,19 +123,19 @@ __kernel void finer(__global const uchar *states, __global const float4 *coarse,
 
 // Every unknown texel becomes the mean of its four neighbours, itself where there is none; known ones stay in `image`.
 __kernel void relax(__global const uchar *states, __global const float4 *image, __global const float4 *before,
-                    __global float4 *after, const int width, const int height)
+                    __global float4 *after, const uint atlases, const int width, const int height)
 {
     TEXEL;
-    if (states[texel] != UNKNOWN)
+    if (states[IN_ATLAS(x, y)] != UNKNOWN)
         return;
     const int2 steps[4] = {(int2)(0, -1), (int2)(0, 1), (int2)(-1, 0), (int2)(1, 0)};
     float4 sum = (float4)(0.0f);
     for (int i = 0; i < 4; ++i) {
         const int u = x + steps[i].x, v = y + steps[i].y;
-        size_t other = u >= 0 && u < width && v >= 0 && v < height ? AT(u, v) : texel;
-        if (states[other] == EMPTY)
-            other = texel;
-        sum += states[other] == KNOWN ? image[other] : before[other];
+        const bool inside = u >= 0 && u < width && v >= 0 && v < height;
+        const uchar state = inside ? states[IN_ATLAS(u, v)] : EMPTY;
+        const size_t other = state == EMPTY ? texel : AT(u, v);
+        sum += state == KNOWN ? image[other] : before[other];
     }
     after[texel] = sum / 4.0f;
 }

@@ -1,21 +1,22 @@
-// Texels of one or three channels, in a row in memory, with 0 where nothing is known.
+// Texels of one or three channels, in a row in memory, as an image, with 0 where nothing is known.
 __kernel void spread_channels(__global const float *narrow, const int channels, __global const uchar *known,
-                              __global float4 *image, const uint count)
+                              const uint number, __global float4 *images, const uint count)
 {
     const uint i = get_global_id(0);
     if (i >= count)
         return;
+    __global float4 *image = images + (size_t)number * count;
     if (!known[i])
         image[i] = (float4)(0.0f);
     else
         image[i] = channels == 1 ? (float4)((float3)(narrow[i]), 0.0f) : (float4)(vload3(i, narrow), 0.0f);
 }
 
-__kernel void pack_channels(__global const float4 *image, __global float *narrow, const uint count)
+__kernel void pack_channels(__global const float4 *images, __global float *narrow, const uint count)
 {
-    const uint i = get_global_id(0);
-    if (i < count)
-        vstore3(image[i].xyz, i, narrow);
+    const size_t i = get_global_id(1) * count + get_global_id(0);
+    if (get_global_id(0) < count)
+        vstore3(images[i].xyz, i, narrow);
 }
 
 // Values of patches, `stride` apart, in texels; 0 where there is none. One work item for each channel of a texel.
@@ -29,7 +30,7 @@ __kernel void pick_patches(__global const float *values, const int stride, const
     texels[i] = patch < 0 ? 0.0f : values[(size_t)patch * stride + i % channels];
 }
 
-// Other values in some texels, and what some show. One work item for each channel of a texel.
+// Other values in some texels. One work item for each channel of a texel.
 __kernel void put_texels(__global const float *values, __global const uint *chosen, const int channels,
                          __global float *texels, const uint count)
 {
@@ -38,10 +39,14 @@ __kernel void put_texels(__global const float *values, __global const uint *chos
         texels[(size_t)chosen[i / channels] * channels + i % channels] = values[i];
 }
 
+// What some texels of an output show.
 __kernel void take_texels(__global const float *texels, __global const uint *chosen, const int channels,
-                          __global float *values, const uint count)
+                          const uint number, __global float4 *light, const uint count)
 {
     const uint i = get_global_id(0);
-    if (i < count)
-        values[i] = texels[(size_t)chosen[i / channels] * channels + i % channels];
+    if (i >= count)
+        return;
+    const size_t texel = chosen[i];
+    const float3 shown = channels == 1 ? (float3)(texels[texel]) : vload3(texel, texels);
+    light[(size_t)number * count + i] = (float4)(shown, 0.0f);
 }

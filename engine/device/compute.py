@@ -103,13 +103,13 @@ class Compute:
                 self._kernels[key, name] = Kernel(self._built[key], name, self.device)
         return [self._kernels[key, name] for name in names]
 
-    def run(self, kernel: Kernel, items: int, *arguments: object) -> None:
-        """Run a kernel for at least `items` work items; the kernel has to ignore those beyond.
+    def run(self, kernel: Kernel, items: int, *arguments: object, layers: int = 1) -> None:
+        """Run a kernel for at least `items` work items of each layer; it has to ignore those beyond.
 
         Work groups have one size whatever the number of items, since PoCL compiles a kernel anew for each.
         """
         (size,) = kernel.group(_ITEMS)
-        kernel(self.queue, (-(-items // size) * size,), (size,), *arguments)
+        kernel(self.queue, (-(-items // size) * size, layers), (size, 1), *arguments)
 
     def run_texels(self, kernel: Kernel, shape: tuple[int, ...], *arguments: object) -> None:
         """Run a kernel for at least every texel of images, (images, height, width); see kernels/texel.cl."""

@@ -21,6 +21,7 @@ class Kernel:
         limit = cl.kernel_work_group_info.WORK_GROUP_SIZE
         self.most_items = int(self._kernel.get_work_group_info(limit, device))
         self._sides = device.max_work_item_sizes
+        self._groups: dict[tuple[int, ...], tuple[int, ...]] = {}
 
     def group(self, *sides: int) -> tuple[int, ...]:
         """Return the work group of this kernel that is nearest to one of these sides, powers of two.
@@ -28,6 +29,12 @@ class Kernel:
         Sides are halved, the last first, until the device can run it: how many items that is may depend on
         the kernel, as on the registers that it needs.
         """
+        if sides not in self._groups:
+            self._groups[sides] = self._nearest(sides)
+        return self._groups[sides]
+
+    def _nearest(self, sides: tuple[int, ...]) -> tuple[int, ...]:
+        """Return what `group` returns."""
         fitting = [_halved(side, most) for side, most in zip(sides, self._sides, strict=False)]
         for axis in reversed(range(len(fitting))):
             others = math.prod(fitting) // fitting[axis]

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+import pyopencl as cl
 
 from ..device.buffers import upload, upload_float4
 from ..device.compute import Compute
@@ -47,14 +50,24 @@ class DeviceDisplay:
         texels  (atlases, r, r, 3) or (atlases, r, r, 1) float32, light of those whose centre counts
         values  (s, 3) or (s, 1) float32, light of the points beside centres
         """
-        uploaded = upload(self._compute, texels), texels.shape[-1], largest_of(texels)
-        return self.images_of(DeviceTexels(self._compute, *uploaded), values)
+        largest = max(largest_of(texels), largest_of(values))
+        shown = DeviceTexels(self._compute, upload(self._compute, texels), texels.shape[-1], largest)
+        some = values if len(values) else np.zeros((1, 3), np.float32)
+        light = upload_float4(self._compute, np.broadcast_to(some, (len(some), 3)))
+        images: np.ndarray = self.images_of([shown], light)[0]
+        return images
 
-    def images_of(self, texels: DeviceTexels, values: np.ndarray) -> np.ndarray:
-        """Return the same of texels on the device."""
-        self._images.load(texels.buffer, texels.channels)
+    @property
+    def most(self) -> int:
+        """Outputs whose images fit in the memory that they may take."""
+        return self._images.most
+
+    def images_of(self, outputs: Sequence[DeviceTexels], light: cl.Buffer) -> np.ndarray:
+        """Return lightmaps of several outputs, (outputs, atlases, r, r, 3) float32.
+
+        light: of the points beside centres, float4, one output after the other
+        """
+        self._images.load(outputs)
         if self._fit is not None:
-            some = values if len(values) else np.zeros((1, 3), np.float32)
-            light = upload_float4(self._compute, np.broadcast_to(some, (len(some), 3)))
-            self._fit.fit(self._images.buffer, light, max(texels.largest, largest_of(values)))
+            self._fit.fit(self._images.buffer, light, [texels.largest for texels in outputs])
         return self._images.filled()

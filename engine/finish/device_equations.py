@@ -27,6 +27,7 @@ class DeviceEquations:
     """Equations of those texels that have more to show than the light in their centre.
 
     resolution  width and height of the lightmaps
+    size        texels of all of them
     centres     (atlases, r, r) bool, texels whose light is known at their centre
     beside      points elsewhere, ordered by the texels that they lie in
 
@@ -43,7 +44,7 @@ class DeviceEquations:
     """
 
     def __init__(self, compute: Compute, centres: np.ndarray, beside: LightmapPoints, seams: Seams) -> None:
-        self._compute, self.resolution = compute, centres.shape[1]
+        self._compute, self.resolution, self.size = compute, centres.shape[1], centres.size
         self._kernels = dict(zip(_NAMES, compute.kernels(_SOURCE, *_NAMES), strict=True))
         self.points, self.seams = len(beside), len(seams)
         self.centre = upload(compute, centres.view(np.uint8))

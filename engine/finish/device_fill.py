@@ -22,14 +22,12 @@ _RELAXATIONS = 4
 class _Scale(NamedTuple):
     """One scale of the images.
 
-    shape   images, height, width
+    shape   atlases, height, width
     states  uchar of each texel, see kernels/fill.cl
-    image   float4 of each texel; None at the finest scale
     """
 
     shape: tuple[int, int, int]
     states: cl.Buffer
-    image: cl.Buffer | None
 
 
 class DeviceFill:
@@ -61,37 +59,46 @@ class DeviceFill:
         states = self._buffer(1, shape)
         filled = upload(compute, inside.view(np.uint8))
         self._run("classify", shape, self._distance, filled, np.int32(self._rings), states)
-        self._scales = [_Scale(shape, states, None)]
+        self._scales = [_Scale(shape, states)]
         while max(shape[1:]) > 1:
             self._add_coarser()
             shape = self._scales[-1].shape
-        self._relaxed = self._buffer(16, inside.shape)
+        self._coarse: list[cl.Buffer] = []
+        self._reserve(1)
 
-    def fill(self, image: cl.Buffer) -> None:
-        """Fill images, float4 of each texel."""
+    def _reserve(self, outputs: int) -> None:
+        """Have memory for the images of so many outputs."""
+        self._outputs = outputs
+        self._relaxed = self._buffer(16 * outputs, self._scales[0].shape)
+        self._coarse = [self._buffer(16 * outputs, scale.shape) for scale in self._scales[1:]]
+
+    def fill(self, image: cl.Buffer, outputs: int) -> None:
+        """Fill the images of some outputs, one after the other, float4 of each texel."""
+        if outputs != self._outputs:
+            self._reserve(outputs)
         for ring in range(1, self._rings + 1):
-            self._run("grow", self._scales[0].shape, self._distance, self._surface, np.int32(ring), image)
-        images = [image, *(scale.image for scale in self._scales[1:])]
+            self._fill("grow", self._scales[0].shape, self._distance, self._surface, np.int32(ring), image)
+        images = [image, *self._coarse]
         for index, scale in enumerate(self._scales[1:]):
             finer = self._scales[index]
-            self._run("coarser", scale.shape, finer.states, images[index], *_sides(finer), images[index + 1])
+            self._fill("coarser", scale.shape, finer.states, images[index], *_sides(finer), images[index + 1])
         for index in reversed(range(len(self._scales) - 1)):
             self._extend(index, images[index], images[index + 1])
 
     def _extend(self, index: int, image: cl.Buffer, coarse: cl.Buffer) -> None:
         """Fill the unknown texels of one scale from the coarser one, and relax them."""
         scale, coarser = self._scales[index : index + 2]
-        self._run("finer", scale.shape, scale.states, coarse, *_sides(coarser), image)
+        self._fill("finer", scale.shape, scale.states, coarse, *_sides(coarser), image)
         images = image, self._relaxed
         for number in range(_RELAXATIONS):
             before, after = images[number % 2], images[1 - number % 2]
-            self._run("relax", scale.shape, scale.states, image, before, after)
+            self._fill("relax", scale.shape, scale.states, image, before, after)
 
     def _add_coarser(self) -> None:
         finer = self._scales[-1]
         images, height, width = finer.shape
         shape = (images, (height + 1) // 2, (width + 1) // 2)
-        scale = _Scale(shape, self._buffer(1, shape), self._buffer(16, shape))
+        scale = _Scale(shape, self._buffer(1, shape))
         self._run("coarser_states", shape, finer.states, *_sides(finer), scale.states)
         self._scales.append(scale)
 
@@ -100,8 +107,13 @@ class DeviceFill:
         return cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, size * int(np.prod(shape)))
 
     def _run(self, name: str, shape: tuple[int, ...], *arguments: object) -> None:
-        """Run a kernel for each texel of images."""
+        """Run a kernel for each texel of the atlases."""
         self._compute.run_texels(self._kernels[name], shape, *arguments)
+
+    def _fill(self, name: str, shape: tuple[int, int, int], *arguments: object) -> None:
+        """Run a kernel for each texel of the images of all outputs."""
+        atlases, *sides = shape
+        self._run(name, (self._outputs * atlases, *sides), *arguments, np.uint32(atlases))
 
 
 def _sides(scale: _Scale) -> tuple[np.int32, np.int32]:

@@ -1,11 +1,13 @@
-"""`BilinearFit` on the OpenCL device: all channels at once, in float32 of light that is scaled."""
+"""`BilinearFit` on the OpenCL device: all channels of several images at once, in float32 of scaled light."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import download, zeros
+from ..device.buffers import download, upload, zeros
 from ..device.compute import Compute
 from .device_equations import DeviceEquations
 
@@ -36,62 +38,75 @@ class DeviceFit:
             equations.neighbours, equations.factors, equations.linked, equations.starts, equations.read_by,
             equations.shares,
         )  # fmt: skip
-        names = ("right", "solution", "residual", "direction", "change", "low", "high")
-        self._vectors = {name: zeros(compute, 16 * int(count)) for name in names}
-        self._products, self._more_products = (zeros(compute, 16 * max(1, equations.seams)) for _ in range(2))
-        self._held = zeros(compute, 4 * (int(count) // 4 + 1))
-        self._run_numbers, self._all_points = zeros(compute, 64), zeros(compute, 32)
+        self._rows_of_seams = np.int32(equations.seams)
         self._group = self._kernels["curve"].group(_GROUP)[0]
         self._adding = self._kernels["add_up"].group(_ADDING)[0]
         self._groups = -(-int(count) // self._group)
-        self._sums = zeros(compute, 16 * self._groups)
+        self._size = np.uint32(equations.size)
+        self._reserve(1)
 
-    def fit(self, image: cl.Buffer, light: cl.Buffer, largest: float) -> None:
-        """Give the unknown texels of an image their values.
+    def _reserve(self, images: int) -> None:
+        """Have memory for so many images."""
+        compute, count, seams = self._compute, int(self._count), max(1, self._equations.seams)
+        names = ("right", "solution", "residual", "direction", "change", "low", "high")
+        self._images, self._vectors = images, {name: zeros(compute, 16 * count * images) for name in names}
+        self._products, self._more_products = (zeros(compute, 16 * seams * images) for _ in range(2))
+        self._held = zeros(compute, 4 * (count * images // 4 + 1))
+        self._run_numbers, self._all_points = zeros(compute, 64 * images), zeros(compute, 32 * images)
+        self._sums = zeros(compute, 16 * self._groups * images)
 
-        image    float4 of each texel; those whose centre counts have its light
-        light    float4 of each point beside centres
-        largest  of all their absolute values
+    def fit(self, images: cl.Buffer, light: cl.Buffer, largest: Sequence[float]) -> None:
+        """Give the unknown texels of images their values.
+
+        images   float4 of each texel; those whose centre counts have its light
+        light    float4 of each point beside centres, one image after the other
+        largest  of each image, of all absolute values
         """
-        scale = np.float32(largest if largest > 0 else 1)
-        self._start(image, light, np.float32(1 / scale))
+        if len(largest) != self._images:
+            self._reserve(len(largest))
+        scale = np.array([value if value > 0 else 1 for value in largest], np.float32)
+        scales = upload(self._compute, np.stack([scale, 1 / scale], axis=1))
+        self._start(images, light, scales)
         self._bound()
         cl.enqueue_fill_buffer(self._compute.queue, self._held, np.zeros(1, np.uint8), 0, self._held.size)
         for first, steps in ((True, _STEPS), (False, _FEWER)):
             self._descend(first, steps)
             vectors = self._vectors
             self._run("hold", vectors["low"], vectors["high"], vectors["solution"], self._held)
-        self._run("keep_texels", self._equations.texels, self._vectors["solution"], scale, image)
+        solution = self._vectors["solution"]
+        self._run("keep_texels", self._equations.texels, solution, scales, images, self._size)
 
     def _run(self, name: str, *arguments: object) -> None:
-        """Run a kernel for each unknown."""
-        self._compute.run(self._kernels[name], int(self._count), *arguments, self._count)
+        """Run a kernel for each unknown of each image."""
+        self._compute.run(self._kernels[name], int(self._count), *arguments, self._count, layers=self._images)
 
     def _run_seams(self, name: str, *arguments: object) -> None:
-        """Run a kernel for each seam."""
+        """Run a kernel for each seam of each image."""
         count = self._equations.seams
         if count:
-            self._compute.run(self._kernels[name], count, *arguments, np.int32(count))
+            arguments = *arguments, self._count, np.int32(count)
+            self._compute.run(self._kernels[name], count, *arguments, layers=self._images)
 
     def _summed(self, name: str, made: np.int32, *arguments: object) -> None:
         """Run a kernel that sums over unknowns; make a number of the run of it."""
         local = cl.LocalMemory(16 * self._group)
-        size = (self._groups * self._group,)
+        size = (self._groups * self._group, self._images)
         queue = self._compute.queue
-        self._kernels[name](queue, size, (self._group,), *arguments, self._sums, self._count, local)
+        self._kernels[name](queue, size, (self._group, 1), *arguments, self._count, local)
         self._kernels["add_up"](
-            queue, (self._adding,), (self._adding,), self._sums, np.int32(self._groups), made,
+            queue, (self._adding, self._images), (self._adding, 1), self._sums, np.int32(self._groups), made,
             self._run_numbers, cl.LocalMemory(16 * self._adding),
         )  # fmt: skip
 
-    def _start(self, image: cl.Buffer, light: cl.Buffer, scale: np.float32) -> None:
+    def _start(self, images: cl.Buffer, light: cl.Buffer, scales: cl.Buffer) -> None:
         """Start at the mean of points, carried to texels that none reads; find the ranges of points."""
         equations, vectors = self._equations, self._vectors
         reached, resolution = self._held, np.int32(equations.resolution)
         self._run(
-            "sum_points", equations.texels, equations.centre, image, equations.neighbours, equations.ranges,
-            equations.positions, equations.weights, light, scale, vectors["right"], vectors["solution"],
-            reached, vectors["residual"], vectors["direction"], resolution,
+            "sum_points", equations.texels, equations.centre, images, equations.neighbours, equations.ranges,
+            equations.positions, equations.weights, light, scales, vectors["right"],
+            vectors["solution"], reached, vectors["residual"], vectors["direction"], resolution, self._size,
+            np.int32(equations.points),
         )  # fmt: skip
         for number in (2, 3):
             self._run(
@@ -111,10 +126,11 @@ class DeviceFit:
         self._run("widen_ranges", equations.neighbours, equations.linked, *own, *bounds)
         self._run_seams("ranges_of_seams", equations.columns, *bounds, *seams)
         self._kernels["range_of_all"](
-            self._compute.queue, (self._adding,), (self._adding,), *own, self._all_points, self._count,
-            cl.LocalMemory(32 * self._adding),
+            self._compute.queue, (self._adding, self._images), (self._adding, 1), *own, self._all_points,
+            self._count, cl.LocalMemory(32 * self._adding),
         )  # fmt: skip
-        self._run("bound", equations.starts, equations.read_by, *seams, self._all_points, *bounds)
+        listed = equations.starts, equations.read_by
+        self._run("bound", *listed, *seams, self._all_points, *bounds, self._rows_of_seams)
 
     def _descend(self, first: bool, steps: int) -> None:
         """Run conjugate gradients of what is not held, preconditioned by the diagonal (Shewchuk 1994)."""
@@ -125,16 +141,19 @@ class DeviceFit:
         self._difference(solution)
         self._summed(
             "begin_run", _ENOUGH if first else _ENERGY, *self._rows, inverse, vectors["right"], self._held,
-            solution, self._products, residual, direction,
+            solution, self._products, residual, direction, self._sums, self._rows_of_seams,
         )  # fmt: skip
         for step in range(steps):
             if step % _LOOK == 0 and self._done():
                 return
             self._difference(direction)
             self._summed(
-                "curve", _STEP, *self._rows, self._held, direction, self._products, vectors["change"]
+                "curve", _STEP, *self._rows, self._held, direction, self._products, vectors["change"],
+                self._sums, self._rows_of_seams,
+            )  # fmt: skip
+            self._summed(
+                "advance", _RATIO, inverse, direction, vectors["change"], run, solution, residual, self._sums
             )
-            self._summed("advance", _RATIO, inverse, direction, vectors["change"], run, solution, residual)
             self._run("turn", inverse, residual, run, direction)
 
     def _difference(self, values: cl.Buffer) -> None:
@@ -143,6 +162,6 @@ class DeviceFit:
         self._run_seams("differences", equations.columns, equations.entries, values, self._products)
 
     def _done(self) -> bool:
-        """Return whether every channel has little energy left."""
-        numbers = download(self._compute, self._run_numbers, (4, 4))
-        return bool((numbers[_ENERGY] <= numbers[_ENOUGH]).all())
+        """Return whether every channel of every image has little energy left."""
+        numbers = download(self._compute, self._run_numbers, (self._images, 4, 4))
+        return bool((numbers[:, _ENERGY] <= numbers[:, _ENOUGH]).all())

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pyopencl as cl
 
@@ -11,12 +13,16 @@ from .device_fill import DeviceFill
 
 _SOURCE = ("texel.cl", "images.cl")
 
+#: Images of several outputs that are made together take this much memory of the device, bytes, three times.
+_MEMORY = 1 << 28
+
 
 class DeviceImages:
-    """Images, float4 of each texel on the device, whose unknown texels are filled.
+    """Images of several outputs, float4 of each texel on the device, whose unknown texels are filled.
 
     known  (atlases, r, r) bool, texels that are loaded
     fill   fills what is not known by then
+    most   outputs that fit in the memory that their images may take
 
     The host hands over and gets texels in a row in memory.
     """
@@ -25,21 +31,28 @@ class DeviceImages:
         self._compute, self._shape, self._fill = compute, known.shape, fill
         self._spread, self._pack = compute.kernels(_SOURCE, "spread_channels", "pack_channels")
         self._known = upload(compute, known.view(np.uint8))
-        self._count = np.uint32(known.size)
-        self.buffer = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * known.size)
+        self._count, self._outputs = np.uint32(known.size), 0
+        self.most = max(1, _MEMORY // (16 * known.size))
 
-    def load(self, texels: cl.Buffer, channels: int) -> None:
-        """Take the known texels of a buffer of float with one or three channels."""
-        self._compute.run(
-            self._spread, int(self._count), texels, np.int32(channels), self._known, self.buffer, self._count
-        )
+    def load(self, outputs: Sequence[DeviceTexels]) -> None:
+        """Take the known texels of some outputs."""
+        size = 16 * int(self._count)
+        if len(outputs) != self._outputs:
+            flags, self._outputs = cl.mem_flags.READ_WRITE, len(outputs)
+            self.buffer = cl.Buffer(self._compute.context, flags, size * self._outputs)
+        for number, texels in enumerate(outputs):
+            self._compute.run(
+                self._spread, int(self._count), texels.buffer, np.int32(texels.channels), self._known,
+                np.uint32(number), self.buffer, self._count,
+            )  # fmt: skip
 
     def filled(self) -> np.ndarray:
-        """Fill the others; return the images, (atlases, r, r, 3) float32."""
-        self._fill.fill(self.buffer)
-        packed = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, 12 * int(self._count))
-        self._compute.run(self._pack, int(self._count), self.buffer, packed, self._count)
-        return download(self._compute, packed, (*self._shape, 3))
+        """Fill the others; return the images, (outputs, atlases, r, r, 3) float32."""
+        compute, count, outputs = self._compute, int(self._count), self._outputs
+        self._fill.fill(self.buffer, outputs)
+        packed = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 12 * count * outputs)
+        compute.run(self._pack, count, self.buffer, packed, self._count, layers=outputs)
+        return download(compute, packed, (outputs, *self._shape, 3))
 
 
 class DeviceTexels:
@@ -52,7 +65,7 @@ class DeviceTexels:
 
     def __init__(self, compute: Compute, buffer: cl.Buffer, channels: int, largest: float) -> None:
         self._compute, self.buffer, self.channels, self.largest = compute, buffer, channels, largest
-        self._put, self._take = compute.kernels(_SOURCE, "put_texels", "take_texels")
+        (self._put,) = compute.kernels(_SOURCE, "put_texels")
 
     def put(self, chosen: np.ndarray, values: np.ndarray) -> None:
         """Let some texels, (k,) flat indices, show other values, (k, c) float32."""
@@ -64,17 +77,18 @@ class DeviceTexels:
         self._compute.run(self._put, values.size, *buffers, channels, self.buffer, count)
         self.largest = max(self.largest, largest_of(values))
 
-    def take(self, chosen: np.ndarray) -> np.ndarray:
-        """Return what some texels, (k,) flat indices, show, (k, c) float32."""
-        shape = (len(chosen), self.channels)
-        if not len(chosen):
-            return np.zeros(shape, np.float32)
-        count = len(chosen) * self.channels
-        values = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, 4 * count)
-        buffers = (self.buffer, upload(self._compute, chosen.astype(np.uint32)))
-        sizes = np.int32(self.channels), values, np.uint32(count)
-        self._compute.run(self._take, count, *buffers, *sizes)
-        return download(self._compute, values, shape)
+
+def light_at(compute: Compute, outputs: Sequence[DeviceTexels], chosen: np.ndarray) -> cl.Buffer:
+    """Return what some texels, (k,) flat indices, show of each output, float4, one output after the other."""
+    count = np.uint32(len(chosen))
+    light = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * max(1, len(chosen) * len(outputs)))
+    if len(chosen):
+        (take,) = compute.kernels(_SOURCE, "take_texels")
+        texels = upload(compute, chosen.astype(np.uint32))
+        for number, output in enumerate(outputs):
+            arguments = output.buffer, texels, np.int32(output.channels), np.uint32(number)
+            compute.run(take, len(chosen), *arguments, light, count)
+    return light
 
 
 def largest_of(values: np.ndarray) -> float:

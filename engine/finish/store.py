@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import upload
 from ..device.compute import Compute
@@ -13,7 +14,7 @@ from ..patches.seams import Seams
 from ..scene.triangles import Triangles
 from .device_display import DeviceDisplay
 from .device_fill import DeviceFill
-from .device_images import DeviceImages, DevicePatches, DeviceTexels, largest_of
+from .device_images import DeviceImages, DevicePatches, DeviceTexels, largest_of, light_at
 from .dilation import Dilation
 from .display_fit import DisplayFit
 from .display_samples import no_samples
@@ -76,8 +77,8 @@ class LightmapStore:
         """Return the patches' values as images with hidden texels filled and charts dilated."""
         if self._compute is None:
             return self._dilated(self.image(values))
-        channels = values.reshape(len(values), -1)
-        return self._filled(self._compute, self._on_device(self._compute).texels(channels), channels.shape[1])
+        image: np.ndarray = self._filled(self._compute, [self._on_patches(self._compute, values, None)])[0]
+        return image
 
     def refine(self, means: TexelMeans) -> None:
         """Let texels show the means of their samples."""
@@ -102,7 +103,7 @@ class LightmapStore:
         images = self._scattered(values)
         if samples is not None:
             texels = images.reshape(-1, images.shape[-1])
-            texels[self._means.shown] = self._means.of(samples)[:, : texels.shape[1]]
+            texels[self._means.shown] = self._means.of(samples)
             if self._walls is not None:
                 self._walls.fit(texels, samples)
         return images
@@ -113,18 +114,28 @@ class LightmapStore:
             return _coloured(self._dilated(texels))
         return self._fit.images(texels, texels.reshape(-1, texels.shape[-1])[self._thin_texels])
 
-    def finished(self, values: np.ndarray, samples: np.ndarray | None) -> np.ndarray:
-        """Return the images to keep, as `final` does of `texels`: these need not leave the device for it."""
-        if self._compute is None or (samples is not None and self._walls is not None):
-            return self.final(self.texels(values, samples))
-        channels = values.reshape(len(values), -1)
-        buffer = self._on_device(self._compute).texels(channels)
-        texels = DeviceTexels(self._compute, buffer, channels.shape[1], largest_of(channels))
-        if samples is not None:
-            texels.put(self._means.shown, self._means.of(samples)[:, : texels.channels])
-        if isinstance(self._fit, DeviceDisplay):
-            return self._fit.images_of(texels, texels.take(self._thin_texels))
-        return _coloured(self._filled(self._compute, buffer, texels.channels))
+    def finished(
+        self, values: Mapping[str, np.ndarray], samples: Mapping[str, np.ndarray]
+    ) -> dict[str, np.ndarray]:
+        """Return the images to keep of outputs, by name, as `final` does of `texels`.
+
+        Texels need not leave the device for it, and several outputs are made together.
+
+        values   (n, 3) or (n,) float32 of each output, of the patches
+        samples  (s, 3) or (s,) float32 of the same, of the samples of texels; empty if there are none
+        """
+        compute = self._compute
+        if compute is None or (samples and self._walls is not None):
+            return {name: self.final(self.texels(light, samples.get(name))) for name, light in values.items()}
+        names, images, most = list(values), list[np.ndarray](), self._filling(compute).most
+        for first in range(0, len(names), most):
+            together = names[first : first + most]
+            shown = [self._on_patches(compute, values[name], samples.get(name)) for name in together]
+            if isinstance(self._fit, DeviceDisplay):
+                images.extend(self._fit.images_of(shown, light_at(compute, shown, self._thin_texels)))
+            else:
+                images.extend(self._filled(compute, shown))
+        return dict(zip(names, images, strict=True))
 
     @property
     def known(self) -> np.ndarray:
@@ -177,7 +188,9 @@ class LightmapStore:
     def _dilated(self, images: np.ndarray) -> np.ndarray:
         """Return images with hidden texels filled and charts dilated."""
         if self._compute is not None:
-            return self._filled(self._compute, upload(self._compute, images), images.shape[-1])
+            texels = DeviceTexels(self._compute, upload(self._compute, images), images.shape[-1], np.nan)
+            dilated: np.ndarray = self._filled(self._compute, [texels])[0]
+            return dilated
         if not self._dilations:
             self._dilations = [Dilation(mask, self._rings) for mask in self.known]
         filled = images.copy()
@@ -191,14 +204,35 @@ class LightmapStore:
             self._device = DevicePatches(compute, self._patch.reshape(self.has_patch.shape))
         return self._device
 
-    def _filled(self, compute: Compute, texels: cl.Buffer, channels: int) -> np.ndarray:
-        """Return texels on the device as images with hidden texels filled and charts dilated."""
+    def _on_patches(self, compute: Compute, values: np.ndarray, samples: np.ndarray | None) -> DeviceTexels:
+        """Return what `texels` does, on the device; thin walls part nothing."""
+        channels = values.reshape(len(values), -1)
+        buffer = self._on_device(compute).texels(channels)
+        texels = DeviceTexels(compute, buffer, channels.shape[1], largest_of(channels))
+        if samples is not None:
+            texels.put(self._means.shown, self._means.of(samples))
+        return texels
+
+    def _filling(self, compute: Compute) -> DeviceImages | DeviceDisplay:
+        """Return what makes the images to keep."""
+        return self._fit if isinstance(self._fit, DeviceDisplay) else self._plain_fill(compute)
+
+    def _plain_fill(self, compute: Compute) -> DeviceImages:
+        """Return what fills hidden texels and dilates charts."""
         if self._gutters is None:
             known = self.known
             fill = DeviceFill(compute, known, known, np.zeros_like(known), self._rings, self._rings)
             self._gutters = DeviceImages(compute, known, fill)
-        self._gutters.load(texels, channels)
-        return self._gutters.filled()
+        return self._gutters
+
+    def _filled(self, compute: Compute, outputs: Sequence[DeviceTexels]) -> np.ndarray:
+        """Return texels of outputs as images with hidden texels filled and charts dilated.
+
+        (outputs, atlases, r, r, 3) float32
+        """
+        gutters = self._plain_fill(compute)
+        gutters.load(outputs)
+        return gutters.filled()
 
 
 def _coloured(images: np.ndarray) -> np.ndarray:

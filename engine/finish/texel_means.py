@@ -65,9 +65,9 @@ class TexelMeans:
         return np.concatenate([self.texels, self.beyond])
 
     def of(self, values: np.ndarray) -> np.ndarray:
-        """Return the light of texels that are `shown`, (k + b, 3) float32.
+        """Return the light of texels that are `shown`, (k + b, c) float32.
 
-        values: (s, 3) or (s,), of the samples
+        values: (s, c) or (s,), of the samples
         """
         chosen = (values if values.ndim == 2 else values[:, None])[self._chosen].astype(np.float64)
         means = self._sums(chosen) / self._total[:, None]
@@ -76,7 +76,7 @@ class TexelMeans:
             off = means[self._cut] - np.einsum("td,tdc->tc", self._centroid, planes[:, 1:])
             means[self._cut] = self._planes.bounded(off, chosen, np.arange(len(off)))
             means = np.concatenate([means, self._light_beyond(planes, chosen)])
-        return np.broadcast_to(means, (len(means), 3)).astype(np.float32)
+        return means.astype(np.float32)
 
     def _light_beyond(self, planes: np.ndarray, chosen: np.ndarray) -> np.ndarray:
         """Return the light of texels `beyond`, (b, c), from planes (t, 3, c) and chosen samples' (m, c)."""

@@ -6,10 +6,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from engine.device.buffers import upload, upload_float4
 from engine.device.compute import Compute
 from engine.direct.contact import NearFaces
+from engine.finish import device_images
 from engine.finish.bilinear import footprints
 from engine.finish.device_display import DeviceDisplay
+from engine.finish.device_images import DeviceTexels, largest_of
 from engine.finish.display_fit import DisplayFit
 from engine.finish.display_samples import DisplaySamples
 from engine.finish.lightmap_points import LightmapPoints, thin_patches
@@ -182,7 +185,9 @@ def test_store_makes_the_same_images_with_and_without_opencl(compute: Compute, c
     texels = expected.texels(values, None)
     assert (made.texels(values, None) == texels).all() and texels.shape[-1] == channels
     np.testing.assert_allclose(made.final(texels), expected.final(texels), rtol=1e-6)
-    assert (made.finished(values, None) == made.final(texels)).all()
+    together = made.finished({"some": values, "double": 2 * values}, {})
+    assert list(together) == ["some", "double"] and (together["some"] == made.final(texels)).all()
+    assert (together["double"] == made.final(2 * texels)).all()
 
 
 @pytest.mark.parametrize("channels", [1, 3])
@@ -202,4 +207,42 @@ def test_means_of_samples_are_put_in_texels_on_the_device(compute: Compute, chan
     samples = DisplaySamples(atlas, shows, position, weight, np.zeros(131, np.int32), corners)
     store.refine(TexelMeans(samples, random.random(131) < 0.8, resolution))
     values, light = (random.normal(size=(n, channels)).astype(np.float32) for n in (count, 131))
-    assert (store.finished(values, light) == store.final(store.texels(values, light))).all()
+    made = store.finished({"combined": values}, {"combined": light})["combined"]
+    assert (made == store.final(store.texels(values, light))).all()
+
+
+@pytest.mark.parametrize("memory", [1, 1 << 28])
+def test_outputs_that_are_made_together_have_the_bits_of_each_alone(
+    compute: Compute, monkeypatch: pytest.MonkeyPatch, memory: int
+) -> None:
+    """Outputs of other ranges settle after other numbers of steps; also of one channel, and of both signs."""
+    monkeypatch.setattr(device_images, "_MEMORY", memory)
+    case, random = strips(5), np.random.default_rng(11)
+    centres, beside, *_ = case
+    display = DeviceDisplay(compute, *case)
+    shown, light = [], []
+    for scale, channels in ((1.0, 3), (1e-6, 3), (1e22, 1), (1.0, 3), (0.0, 3)):
+        texels = scale * random.normal(size=(*centres.shape, channels)).astype(np.float32)
+        values = scale * random.normal(size=(len(beside), channels)).astype(np.float32)
+        shown.append(texels), light.append(values)
+    alone = np.array([display.images(*pair) for pair in zip(shown, light, strict=True)])
+    together = DeviceDisplay(compute, *case)
+    made = []
+    for first in range(0, len(shown), together.most):
+        some = slice(first, first + together.most)
+        outputs = [
+            DeviceTexels(
+                compute,
+                upload(compute, texels),
+                texels.shape[-1],
+                max(largest_of(texels), largest_of(values)),
+            )
+            for texels, values in zip(shown[some], light[some], strict=True)
+        ]
+        points = np.concatenate([np.broadcast_to(values, (len(values), 3)) for values in light[some]])
+        made += list(together.images_of(outputs, upload_float4(compute, points)))
+    assert (
+        len(made) == len(alone)
+        and (np.array(made) == alone).all()
+        and alone.any(axis=(1, 2, 3, 4)).sum() == 4
+    )

@@ -61,7 +61,7 @@ def test_whole_texels_show_the_bits_of_their_means():
     values = np.random.default_rng(3).uniform(0, 2, len(samples)).astype(np.float32)
     means = TexelMeans(samples, np.ones(len(samples), bool), RESOLUTION)
     expected = values.reshape(-1, ACROSS**2).astype(np.float64).mean(axis=1).astype(np.float32)
-    assert np.array_equal(means.of(values)[:, 1], expected) and len(means.shown) == len(expected)
+    assert np.array_equal(means.of(values)[:, 0], expected) and len(means.shown) == len(expected)
 
 
 def test_nothing_leaves_the_range_of_all_samples():

@@ -6,8 +6,10 @@
 #define TRIANGLE 2
 #define SKY_MAP 3
 
-// Solid angle above which triangles are sampled by direction instead of by area, sr.
-#define WIDE 0.01f
+// Solid angle above which triangles are sampled by direction instead of by area, sr: points spread by area take half the
+// time. Of triangles of one radiance samples only tell what fraction is seen, so that they may be wider.
+#define WIDE 0.1f
+#define WIDE_UNEVEN 0.01f
 
 float unit_float(const uint bits) { return (bits >> 8) * (1.0f / 16777216.0f); }
 
@@ -114,16 +116,22 @@ Sample sample_sun(__global const Emitter *e, const float2 u)
     return s;
 }
 
-// A direction into a spherical triangle, uniform in solid angle (Arvo 1995); angle is its solid angle.
+// A direction into a spherical triangle, uniform in solid angle (Arvo 1995); angle is its solid angle (Van Oosterom
+// and Strackee 1983). Products of edges keep their digits where a triangle is small.
 float3 in_spherical_triangle(const float3 a, const float3 b, const float3 c, const float2 u, float *angle)
 {
-    const float3 ab = normalize(cross(a, b)), bc = normalize(cross(b, c)), ca = normalize(cross(c, a));
-    const float alpha = acos(clamp(-dot(ca, ab), -1.0f, 1.0f));
-    const float beta = acos(clamp(-dot(ab, bc), -1.0f, 1.0f));
-    const float gamma = acos(clamp(-dot(bc, ca), -1.0f, 1.0f));
-    *angle = alpha + beta + gamma - M_PI_F;
-    const float phi = u.x * *angle - alpha;
-    const float s = sin(phi), t = cos(phi), sin_alpha = sin(alpha), cos_alpha = cos(alpha);
+    const float3 ab = b - a, ac = c - a;
+    const float volume = fabs(dot(a, cross(ab, ac)));
+    *angle = 2.0f * atan2(volume, 1.0f + dot(a, b) + dot(b, c) + dot(c, a));
+
+    // The angle at the first corner: what its two sides' planes have in common is the volume.
+    const float along = dot(cross(a, ab), cross(a, ac));
+    const float scale = rsqrt(fmax(along * along + volume * volume, 1e-36f));
+    const float cos_alpha = scale * along, sin_alpha = scale * volume;
+    const float turn = u.x * *angle * M_1_PI_F, sine = sinpi(turn), cosine = cospi(turn);
+    const float s = sine * cos_alpha - cosine * sin_alpha, t = cosine * cos_alpha + sine * sin_alpha;
+
+    // The third corner moves along its side until the triangle is as large as it shall be.
     const float p = t - cos_alpha, v = s + sin_alpha * dot(a, b);
     const float bottom = (v * s + p * t) * sin_alpha;
     const float q = clamp(((v * t - p * s) * cos_alpha - v) / (fabs(bottom) < 1e-12f ? 1e-12f : bottom), -1.0f, 1.0f);
@@ -165,7 +173,8 @@ Sample sample_triangle(__global const Emitter *e, const Glow *glow, const Receiv
     Sample s = {(float3)(0.0f, 0.0f, 1.0f), 1.0f, (float3)(0.0f)};
     float2 w;
     float weight;
-    if (twice * 0.5f > WIDE * dot(middle, middle) || size > 0.25f * dot(middle, middle)) {
+    const float wide = e->uniform ? WIDE : WIDE_UNEVEN;
+    if (twice * 0.5f > wide * dot(middle, middle) || size > 0.25f * dot(middle, middle)) {
         const float3 first = normalize(a), second = normalize(a + edge1), third = normalize(a + edge2);
 
         // More samples where the receiver faces them: the cosines of the corners, interpolated (Hart et al. 2020).

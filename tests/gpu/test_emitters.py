@@ -110,3 +110,73 @@ def test_a_quad_in_the_plane_it_is_clipped_to_has_at_most_five_corners_left(comp
     kept = np.isfinite(results).all(axis=2)
     assert (kept.sum(axis=1) == counts).all()
     assert all(kept[i, : counts[i]].all() for i in range(len(counts)))
+
+
+#: Directions into spherical triangles of three unit vectors, for each of `count` points of the unit square.
+DIRECTIONS = """
+__kernel void directions(__global const float4 *corners, __global const float2 *points, const int count,
+                         __global float4 *results)
+{
+    const int i = get_global_id(0), j = get_global_id(1);
+    float angle;
+    const float3 direction = in_spherical_triangle(
+        corners[3 * i].xyz, corners[3 * i + 1].xyz, corners[3 * i + 2].xyz, points[j], &angle);
+    results[count * i + j] = (float4)(direction, angle);
+}
+"""
+
+
+def sampled_directions(compute, corners, points):
+    """Return directions into spherical triangles, (t, m, 3), and their solid angles, (t,).
+
+    corners: (t, 3, 3) unit vectors; points: (m, 2) of the unit square
+    """
+    source = "\n".join([*map(kernel_source, EMITTER_SOURCE), DIRECTIONS])
+    kernel = cl.Kernel(cl.Program(compute.context, source).build(), "directions")
+    padded = np.zeros((len(corners), 3, 4), np.float32)
+    padded[..., :3] = corners
+    results = np.zeros((len(corners), len(points), 4), np.float32)
+    read = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
+    inputs = [cl.Buffer(compute.context, read, hostbuf=array) for array in (padded, np.float32(points))]
+    output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, results.nbytes)
+    kernel(compute.queue, results.shape[:2], None, *inputs, np.int32(len(points)), output)
+    cl.enqueue_copy(compute.queue, results, output)
+    return results[..., :3].astype(float), results[:, 0, 3].astype(float)
+
+
+def exact_triangles(corners):
+    """Return solid angles (L'Huilier 1812) and mean directions (Lambert 1760) of spherical triangles."""
+    following = np.roll(corners, -1, axis=1)
+    normals = np.cross(corners, following)
+    sides = np.arctan2(np.linalg.norm(normals, axis=2), (corners * following).sum(axis=2))
+    half = sides.sum(axis=1) / 2
+    product = np.tan(half / 2) * np.tan((half[:, None] - sides) / 2).prod(axis=1)
+    angles = 4 * np.arctan(np.sqrt(product))
+    vectors = (sides / np.linalg.norm(normals, axis=2))[..., None] * normals / 2
+    return angles, vectors.sum(axis=1) / angles[:, None]
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_directions_fill_spherical_triangles_evenly_however_small_thin_or_wide(compute, mirrored):
+    around = np.radians([(0, 118, 243), (7, 41, 59), (10, 130, 250), (0, 1.5, 90), (200, 203, 206)])
+    height = np.array([1e-2, 1.0, 30.0, 0.4, 3.0])
+    corners = np.stack(
+        [np.cos(around), np.sin(around), np.repeat(height[:, None], 3, axis=1) * (1, 1.07, 0.93)], axis=2
+    )
+    corners /= np.linalg.norm(corners, axis=2, keepdims=True)
+    corners = corners @ np.linalg.qr(np.random.default_rng(11).normal(size=(3, 3)))[0]
+    corners = corners[:, ::-1] if mirrored else corners
+    steps = np.arange(2999)[:, None] * (0.754877666, 0.569840291) % 1
+    directions, angles = sampled_directions(compute, corners, steps)
+    exact, means = exact_triangles(corners)
+    assert angles == pytest.approx(exact, rel=2e-5)
+    assert np.linalg.norm(directions, axis=2) == pytest.approx(1, abs=1e-5)
+
+    # All are within; evenly spread ones have the mean of the triangle.
+    normals = np.cross(corners, np.roll(corners, -1, axis=1))
+    turning = np.sign((normals[:, 0] * corners[:, 2]).sum(axis=1))[:, None, None]
+    inside = turning * np.einsum("tmk,tsk->tms", directions, normals)
+    assert inside.min() > -1e-5
+    extents = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    off = np.linalg.norm(directions.mean(axis=1) - turning[:, 0] * means, axis=1)
+    assert (off < 2e-3 * extents).all()

@@ -16,6 +16,7 @@ from .finish.carried_maps import carried_maps, restored_maps
 from .finish.denoising import Denoising
 from .finish.light_group_maps import summing_up
 from .finish.outputs import Outputs, is_light, is_of_light_group, output_names
+from .finish.parted_seams import without_parted
 from .finish.second_look import SecondLook
 from .finish.store import LightmapStore
 from .lightmap import Lightmap, Report
@@ -249,7 +250,8 @@ def _without_noise(
 
 def _refine(store: LightmapStore, lit: DisplayLight, light: np.ndarray) -> None:
     """Let texels show their samples; light: (n,) float32, E/pi of the patches, sum of the channels."""
-    store.refine(lit.means(store.has_patch.shape[1]))
+    if len(lit.samples):
+        store.refine(lit.means(store.has_patch.shape[1]), lit.hidden)
     if len(lit.inside):
         store.part(lit.beside_walls(store.texels(light, lit.light), store.known))
 
@@ -273,7 +275,8 @@ def _finished(
     shown = yield from _quiet(stages, store, denoising, texels, solution, made, lit)
     yield stages.begin(stages.images)
     if seams:
-        store.hide_seams(texels.job.parts.triangles, _in_sight(store, seams.result(), lit, solution))
+        in_sight = _in_sight(texels.job, store, seams.result(), lit, solution)
+        store.hide_seams(texels.job.parts.triangles, in_sight)
     passes = {name: store.final(texels) for name, texels in shown.items()}
     left = {name: values for name, values in made.items() if name not in shown}
     passes |= store.finished(left, lit.values)
@@ -285,12 +288,14 @@ def _finished(
     return passes
 
 
-def _in_sight(store: LightmapStore, seams: Seams, lit: DisplayLight, solution: Solution) -> Seams:
-    """Return seams without those under walls, which part the light of both sides."""
-    if lit.visible.all():
+def _in_sight(
+    job: SolveJob, store: LightmapStore, seams: Seams, lit: DisplayLight, solution: Solution
+) -> Seams:
+    """Return seams without those that something stands on which parts the light of both sides."""
+    if not job.rays.possible:
         return seams
-    shown = store.texels(channel_sum(solution.irradiance), lit.light)
-    return lit.unparted(seams, shown, store.known)
+    shown = store.texels(channel_sum(solution.irradiance), lit.light if len(lit.samples) else None)
+    return without_parted(seams, job.parts, job.rays, shown, store.known, store.hidden)
 
 
 def _summary(

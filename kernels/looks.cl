@@ -8,18 +8,21 @@ float3 look(const int i, const float3 x, const float3 y, const float3 z)
     return q.x * x + q.y * y + sqrt(fmax(1.0f - dot(q, q), 0.0f)) * z;
 }
 
-// Of the looks from a patch those that may meet a back: what sees more is inside of something. No more are cast than
-// it takes to know.
-#define BACKS (LOOKS / 2)
-
-bool sees_out(const Rays *rays, const float3 start, const float3 normal)
+// Whether so many of the looks from a point meet a back at most. No more are cast than it takes to know.
+bool sees_few_backs(const Rays *rays, const float3 start, const float3 normal, const int most)
 {
     float3 x, y;
     basis(normal, &x, &y);
     int backs = 0;
-    for (int i = 0; backs <= BACKS && i - backs < LOOKS - BACKS; ++i) {
+    for (int i = 0; backs <= most && i - backs < LOOKS - most; ++i) {
         const Hit hit = nearest_hit(rays, start, look(i, x, y, normal), false);
         backs += hit.triangle >= 0 && !hit.front;
     }
-    return backs <= BACKS;
+    return backs <= most;
+}
+
+// A patch that sees more backs than other things is inside of something.
+bool sees_out(const Rays *rays, const float3 start, const float3 normal)
+{
+    return sees_few_backs(rays, start, normal, LOOKS / 2);
 }

@@ -9,6 +9,10 @@
 #define FIRST 3
 #define OUT 1
 
+// Looks from a front that is met which may meet backs, if it is not inside itself: in a corner that a wall ends in
+// fronts see one another.
+#define FEW_BACKS (LOOKS / 4)
+
 // Whether a look sees out: it meets nothing, or a front that sees something else than backs itself. Of a thin
 // wall that ends in another one the front of that is seen from between its sides.
 bool looks_out(const Rays *rays, const Hit *hit, const float3 at, const float height, __global const float *normals)
@@ -16,7 +20,7 @@ bool looks_out(const Rays *rays, const Hit *hit, const float3 at, const float he
     if (hit->triangle < 0 || !hit->front)
         return hit->triangle < 0;
     const float3 normal = vload3(hit->triangle, normals);
-    return sees_out(rays, at + height * normal, normal);
+    return sees_few_backs(rays, at + height * normal, normal, FEW_BACKS);
 }
 
 bool is_inside(const Rays *rays, const Receiver *r, const float3 start, const float3 x, const float3 y,

@@ -1,36 +1,101 @@
-"""Seams under the foot of a wall: light differs on both sides, and shall."""
+"""Seams that something stands on: light differs on both sides, and shall."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from ..device.buffers import download, upload, zeros
+from ..device.compute import Compute
 from ..patches.seams import Seams
+from ..patches.subdivision import Subdivision
+from ..visibility.rays.ray_scene import RayScene
+from .bilinear import footprints
 
-#: Light on both sides of a seam that something covers is another one if it differs by more than this part.
+#: Light on both sides of a seam is another one if it differs by more than this part.
 _DIFFERS = 0.25
 
+#: How high above the surface something has to stand between two patches, in parts of their distance.
+_ABOVE = 0.1
 
-def without_parted(seams: Seams, covered: np.ndarray, light: np.ndarray, known: np.ndarray) -> Seams:
-    """Return seams without those that something stands on which parts the light of both sides.
+#: Something may stand where the surface is even: the cosine between the normals of both sides is larger. What
+#: stands there is steep: the cosine between its normal and theirs is less.
+_EVEN, _STEEP = 0.9, 0.7
 
-    covered  (atlases, r, r) bool, texels with points that nobody sees
-    light    (atlases, r, r) float32, what texels show, sum of the channels
-    known    (atlases, r, r) bool, texels that show what is seen of them
+#: Marks of seams in kernels/seam_sides.cl, and of texels.
+_OTHER_LIGHT = 1
+_SURFACE, _KNOWN = 1, 2
+
+
+def without_parted(
+    seams: Seams, parts: Subdivision, rays: RayScene, light: np.ndarray, known: np.ndarray, hidden: np.ndarray
+) -> Seams:
+    """Return seams without those that something stands on which parts the light of both sides, or hides one.
+
+    parts   the patches, of which `rays` knows the triangles
+    light   (atlases, r, r, 1) float32, what texels show, sum of the channels
+    known   (atlases, r, r) bool, texels that show what is seen of them
+    hidden  (m,) bool, patches that nobody sees, of those on the lightmaps
     """
-    resolution = known.shape[-1]
-    low = np.floor(seams.texel - 0.5).astype(np.int64)
-    part = seams.texel - 0.5 - low
-    under, total, weight = np.zeros(low.shape[:2], bool), np.zeros(low.shape[:2]), np.zeros(low.shape[:2])
+    if not len(seams):
+        return seams
+    patch = parts.patches.on_texels(len(known))
+    marks = _compared(rays.compute, seams, light[..., 0], _KNOWN * known + _SURFACE * (patch >= 0))
+    some = np.flatnonzero(marks)
+    beside = _patches_beside(seams.part(some), patch, known)
+    both = (beside >= 0).all(axis=1)
+    some, beside = some[both], beside[both]
 
-    # What the look-up on each side reads of four texels.
-    for step in ((0, 0), (1, 0), (0, 1), (1, 1)):
-        x, y = (np.clip(low[..., axis] + step[axis], 0, resolution - 1) for axis in (0, 1))
-        read = np.prod([part[..., axis] if step[axis] else 1 - part[..., axis] for axis in (0, 1)], axis=0)
-        at = (seams.atlas, y, x)
-        under |= covered[at] & (read > 0)
-        total += read * known[at] * light[at]
-        weight += read * known[at]
-    sides = total / np.maximum(weight, 1e-30)
-    differs = np.abs(sides[:, 0] - sides[:, 1]) > _DIFFERS * sides.max(axis=1)
-    kept = ~(under.any(axis=1) & differs & (weight > 0).all(axis=1))
-    return Seams(seams.atlas[kept], seams.texel[kept], seams.weight[kept])
+    # Where light differs and both patches are inside, that is of what stands between what is seen.
+    stands = (marks[some] & _OTHER_LIGHT > 0) & hidden[beside].all(axis=1)
+    kept = np.ones(len(seams), bool)
+    kept[some] = ~(stands | _something_between(parts, rays, beside))
+    return seams.part(kept)
+
+
+def _compared(compute: Compute, seams: Seams, light: np.ndarray, texels: np.ndarray) -> np.ndarray:
+    """Return the marks of seams, (p,) uint8, from light and marks of texels, (atlases, r, r)."""
+    (kernel,) = compute.kernels(("footprint.cl", "seam_sides.cl"), "compare_sides")
+    found = zeros(compute, 4 * (len(seams) // 4 + 1))
+    arrays = (
+        seams.texel.astype(np.float32), seams.atlas.astype(np.int32, copy=False),
+        np.ascontiguousarray(light, np.float32), texels.astype(np.uint8),
+    )  # fmt: skip
+    buffers = [upload(compute, array) for array in arrays]
+    size = np.int32(texels.shape[-1]), np.int32(len(seams))
+    compute.run(kernel, len(seams), *buffers, np.float32(_DIFFERS), found, *size)
+    return download(compute, found, (len(seams) // 4 + 1,)).view(np.uint8)[: len(seams)]
+
+
+def _patches_beside(seams: Seams, patch: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Return the patch of the texel that each side reads most of, (p, 2) int32, -1 where there is none.
+
+    patch  (atlases, r, r) int32, of each texel; -1 for none
+    known  (atlases, r, r) bool: these texels come before others
+    """
+    beside = np.empty((len(seams), 2), np.int32)
+    for side in (0, 1):
+        texels, weights = footprints(seams.atlas[:, side], seams.texel[:, side], known.shape[-1])
+        found = patch.ravel()[texels]
+        rank = np.where((found >= 0) & (weights > 0), weights + known.ravel()[texels], -1)
+        most = np.arange(len(seams)), rank.argmax(axis=1)
+        beside[:, side] = np.where(rank[most] > 0, found[most], -1)
+    return beside
+
+
+def _something_between(parts: Subdivision, rays: RayScene, patches: np.ndarray) -> np.ndarray:
+    """Return whether something steep stands between pairs of patches, (m, 2), as (m,) bool."""
+    if not len(patches):
+        return np.zeros(0, bool)
+    ends = [parts.geometry.part(patches[:, side]) for side in (0, 1)]
+    distance = np.linalg.norm(ends[1].center - ends[0].center, axis=1)[:, None]
+    first, second = (end.center + _ABOVE * distance * end.geometric for end in ends)
+    up = ends[0].geometric + ends[1].geometric
+    up /= np.maximum(np.linalg.norm(up, axis=1)[:, None], 1e-20)
+    even = (ends[0].geometric * ends[1].geometric).sum(axis=1) > _EVEN
+    stands = np.zeros(len(patches), bool)
+    for start, end in ((first, second), (second, first)):
+        triangle, _, far = rays.rays.cast(start, end - start)
+        met = even & (triangle >= 0) & (far <= 1)
+        normals = parts.geometry.steps.geometric[np.maximum(triangle, 0)]
+        stands |= met & (np.abs((normals * up).sum(axis=1)) < _STEEP)
+    return stands

@@ -39,7 +39,7 @@ def own_sides(seams: Seams, borders: ChartBorders, resolution: int) -> Seams:
         moved = np.flatnonzero(foreign.any(axis=1))
         texel[moved, side], found = _moved(seams.texel[moved, side], foreign[moved])
         kept[moved[~found]] = False
-    return Seams(seams.atlas[kept], texel[kept], seams.weight[kept])
+    return Seams(seams.atlas, texel, seams.weight).part(kept)
 
 
 class _BorderTexels:

@@ -65,7 +65,11 @@ class LightmapStore:
         """
         self._patch[self._texel[near.hide[self._chosen]]] = -1
         self._device = None
-        hidden = is_hidden(front, near)[self._chosen]
+        self._fill(is_hidden(front, near))
+
+    def _fill(self, hidden: np.ndarray) -> None:
+        """Choose the patches, (n,) bool, whose texels are filled for display."""
+        hidden = hidden[self._chosen]
         if not np.array_equal(hidden, self._hidden):
             self._hidden, self._dilations, self._gutters = hidden, [], None
 
@@ -80,8 +84,9 @@ class LightmapStore:
         image: np.ndarray = self._filled(self._compute, [self._on_patches(self._compute, values, None)])[0]
         return image
 
-    def refine(self, means: TexelMeans) -> None:
-        """Let texels show the means of their samples."""
+    def refine(self, means: TexelMeans, hidden: np.ndarray) -> None:
+        """Let texels show the means of their samples; hidden: (n,) bool, patches that nobody sees."""
+        self._fill(hidden)
         self._means, self._dilations, self._gutters = means, [], None
 
     def part(self, walls: WallFit | None) -> None:
@@ -136,6 +141,11 @@ class LightmapStore:
             else:
                 images.extend(self._filled(compute, shown))
         return dict(zip(names, images, strict=True))
+
+    @property
+    def hidden(self) -> np.ndarray:
+        """Patches that nobody sees, of those on the user's lightmaps, (m,) bool."""
+        return self._hidden
 
     @property
     def known(self) -> np.ndarray:

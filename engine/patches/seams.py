@@ -33,6 +33,10 @@ class Seams:
     def __len__(self) -> int:
         return len(self.weight)
 
+    def part(self, chosen: np.ndarray) -> Seams:
+        """Return some pairs of points, by a mask or their numbers."""
+        return Seams(self.atlas[chosen], self.texel[chosen], self.weight[chosen])
+
 
 def no_seams() -> Seams:
     """Return no seams."""
@@ -71,4 +75,4 @@ def seams_of(edges: ChartEdges, pairs: EdgePairs) -> Seams:
     atlas = edges.atlas[both][pair]
     off = np.abs(texel[:, 1] - texel[:, 0]) > _ONE_POINT
     apart = off[:, 0] | off[:, 1] | (atlas[:, 0] != atlas[:, 1])
-    return Seams(atlas[apart], texel[apart], (length / count)[pair[apart]])
+    return Seams(atlas, texel, (length / count)[pair]).part(apart)

@@ -21,7 +21,6 @@ from ..finish.display_samples import (
 )
 from ..finish.light_edges import PatchLight
 from ..finish.outputs import Outputs
-from ..finish.parted_seams import without_parted
 from ..finish.push_out import WaysOut, joined_ways, pushed_barycentrics, ways_out
 from ..finish.store import is_hidden
 from ..finish.texel_means import TexelMeans
@@ -30,7 +29,6 @@ from ..finish.wall_fit import WallFit
 from ..gather.half_light import HalfLight
 from ..patches.geometry import PatchGeometry, TexelSteps
 from ..patches.patch_list import PatchList
-from ..patches.seams import Seams
 from ..patches.subdivision import Subdivision
 from ..progress import part_of
 from ..scene.color import channel_sum
@@ -54,6 +52,9 @@ _LEAST_RAYS, _LEAST_LIGHT_RAYS = 16, 4
 
 #: Points that gather together: what they take of the device's memory, about 0.5 KiB each, is bounded.
 _BATCH = 1 << 18
+
+#: Patches that see more than this fraction of backs are looked at closer: they may be inside of something.
+_MANY_BACKS = 0.4
 
 #: Texels from hidden ones that what is seen beside them is filled from, and the least part of the brightest
 #: light that counts there.
@@ -89,12 +90,6 @@ class DisplayLight:
     def means(self, resolution: int) -> TexelMeans:
         """Return what texels show of the samples."""
         return TexelMeans(self.samples, self.visible, resolution)
-
-    def unparted(self, seams: Seams, shown: np.ndarray, known: np.ndarray) -> Seams:
-        """Return seams without those under walls; see `without_parted`."""
-        covered = np.zeros(known.shape, bool)
-        covered.ravel()[self.samples.keys(known.shape[1])[~self.visible]] = True
-        return without_parted(seams, covered, shown[..., 0], known)
 
     def beside_walls(self, shown: np.ndarray, known: np.ndarray) -> WallFit | None:
         """Return what texels beside thin walls show; None where there are none. See `WallFit`."""
@@ -139,7 +134,7 @@ def light_in_texels(
         return _nothing(why)
     front = solution.gathered[:, 3]
     light = channel_sum(solution.irradiance)
-    known = PatchLight(light, front, is_hidden(front, near))
+    known = PatchLight(light, front, _nobody_sees(what, front, near))
     asked = what.job.settings.texel_samples
     samples, count = display_samples(compute, what.job.parts, atlases, known, asked)
     if not len(samples):
@@ -155,6 +150,22 @@ def light_in_texels(
         for batch, done in _batches(samples):
             lit.append((yield from part_of(*done, light_at(what, radiance, batch, settings))))
     return _joined(what, lit, known.hidden, count)
+
+
+def _nobody_sees(what: DisplayJob, front: np.ndarray, near: NearFaces) -> np.ndarray:
+    """Return which patches nobody sees, (n,) bool.
+
+    Those inside of something may see the front of what ends there, as a wall's inside that of a ceiling.
+    front: (n,) float32, the fraction of each patch's view that no back takes
+    """
+    hidden = is_hidden(front, near)
+    unsure = np.flatnonzero(~hidden & ~near.shine & (front < 1 - _MANY_BACKS))
+    if len(unsure):
+        parts = what.job.parts
+        points = what.job.rays.of(parts.part(unsure))
+        ways = ways_out(points, len(unsure), 1.0, parts.geometry.steps.geometric)
+        hidden[unsure] = ways.without(what.lighting.lit_by_backs(points)).inside
+    return hidden
 
 
 def light_groups_in_texels(

@@ -81,6 +81,46 @@ def test_a_thin_wall_on_one_floor_parts_light_from_dark(first):
     assert shown(lightmap, floor_points(hall, ends)) == pytest.approx(lamp_light(LAMP, ends), rel=0.15)
 
 
+def halved_floor(first, cut, thickness):
+    """Return `walled_floor` with a hall whose charts end at x = `cut`, and the scene."""
+    atlas = Atlas(SETTINGS.resolution)
+    left, right = box_faces((0, 0, 0), (cut, 0.8, 0.8)), box_faces((cut, 0, 0), (1.6, 0.8, 0.8))
+    faces = np.concatenate([left[[0, 1, 2, 4, 5]], right[[0, 1, 3, 4, 5]]])
+    hall = quads(faces, atlas.charts(faces), [0] * len(faces), atlas.resolution, "Hall")
+    wall = block(atlas, (first, -0.03, -0.03), (first + thickness, 0.83, 0.83), "Wall")
+    return hall, scene_of([hall, wall], [lamp(LAMP)], 0.0)
+
+
+def ends(x):
+    """Return points of a floor at some x up to its walls."""
+    return np.stack(np.meshgrid(x, np.linspace(0.01, 0.79, 40), indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+#: Where a wall begins, which part of it is before the end of a chart, and its thickness.
+UNDER_WALLS = [(0.813, 0, 0.02), (0.829, 0.5, 0.02), (0.8, 0.5, 0.05), (0.829, 0.3, 0.12)]
+MORE_UNDER_WALLS = [
+    (0.8, 1, 0.02), (0.836, 0.3, 0.02), (0.829, 1, 0.05), (0.8, 0.3, 0.08), (0.829, 0.5, 0.08),
+    (0.8, 1, 0.12), (0.813, 0, 0.16), (0.8, 0.5, 0.16),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("first", "part", "thickness"), [*UNDER_WALLS, *(long(*row) for row in MORE_UNDER_WALLS)]
+)
+def test_charts_that_end_under_a_wall_show_each_side_its_own_light(first, part, thickness):
+    """At its lit face, under it, at its dark face; texels there have a point or several, or are hidden."""
+    cut = first + part * thickness
+    hall, scene = halved_floor(first, cut, thickness)
+    lightmap = drive(scene, SETTINGS)
+    left, right = (replace(hall, positions=hall.positions[part:], uvs=hall.uvs[part:]) for part in (0, 10))
+    foot = lamp_light(LAMP, line(first)).max()
+    beyond = ends(first + thickness + np.arange(0.0005, 0.3, 0.007))
+    assert shown(lightmap, floor_points(right, beyond)).max() <= 0.01 * foot
+    before = ends(first - np.arange(0.0005, 0.1, 0.003))
+    off = shown(lightmap, floor_points(left, before)) - lamp_light(LAMP, before)
+    assert np.abs(off).max() <= 0.13 * foot and abs(off.mean()) <= 0.03 * foot
+
+
 def rooms_side_by_side(low, high):
     """Return a lit room from 0 to 0.8 m and a dark one between two corners."""
     atlas = Atlas(SETTINGS.resolution)

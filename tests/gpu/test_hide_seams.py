@@ -60,3 +60,21 @@ def test_every_output_has_less_than_a_tenth_of_the_steps_and_the_same_texels_els
         assert (display[inside] == plain.passes[name][inside]).all(), name
         assert np.isfinite(display).all() and display.min() >= 0
     assert max(fitted.passes[name].max() for name in ("ambient_occlusion", "shadow_mask Lamp")) <= 1
+
+
+def test_a_sharp_ridge_that_is_shaded_smooth_stays_hidden():
+    """From the patches beside it each side hides the other, but nothing stands there."""
+    slopes = [
+        rectangle((-1, -1, 0), (1, 0, 1.3), (0, 2, 0)),
+        rectangle((0, -1, 1.3), (1, 0, -1.3), (0, 2, 0)),
+    ]
+    roof = quads(np.stack(slopes), [(3, 4, 17, 31), (27, 5, 19, 29)], [0, 0], 53, "Roof")
+    roof = replace(roof, normals=np.full_like(roof.normals, (0, 0, 1)))
+    lamp = Light("Lamp", "point", np.array([-1.1, 0.1, 2.0]), np.eye(3), np.full(3, 9, np.float32), 0.1)
+    world = np.full(3, 0.03, np.float32)
+    scene = Scene((roof,), (material("Grey", 0.3),), ("Roof",), world, lights=(lamp,))
+    settings = replace(SETTINGS, outputs=("combined",))
+    plain, fitted = (drive(scene, replace(settings, hide_seams=on)) for on in (False, True))
+    seams = find_seams(join_meshes(scene), 1, 53)
+    assert steps(plain, seams, "combined") > 0.3 * plain.image.mean()
+    assert steps(fitted, seams, "combined") < steps(plain, seams, "combined") / 10

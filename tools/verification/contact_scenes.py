@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import bmesh
+import bpy
 import numpy as np
 
 from tools.verification.scenes import material, world
@@ -91,6 +93,32 @@ def shining_lamp() -> Contacts:
 def wall() -> Contacts:
     """The lit side of a wall of 2 cm on one floor."""
     thin_wall()
+    return Contacts(128, (_line("Room", (0.81, 0.1, 0), (0.81, 0.7, 0), (-1, 0, 0)),))
+
+
+@scene
+def cut_under_wall() -> Contacts:
+    """The same, the charts cut along an edge under the middle of the wall."""
+    return _cut_wall(0.82)
+
+
+@scene
+def cut_beside_wall() -> Contacts:
+    """The same, the charts cut along an edge at its lit side."""
+    return _cut_wall(0.81)
+
+
+def _cut_wall(x: float) -> Contacts:
+    """Add the thin wall to a room that has edges at some x, along which its charts end."""
+    thin_wall()
+    room = bpy.data.objects["Room"]
+    mesh = bmesh.new()
+    mesh.from_mesh(room.data)
+    parts = [*mesh.verts, *mesh.edges, *mesh.faces]
+    bmesh.ops.bisect_plane(mesh, geom=parts, plane_co=(x, 0, 0), plane_no=(1, 0, 0))
+    mesh.to_mesh(room.data)
+    mesh.free()
+    room.hemibake.cut_along_walls = True
     return Contacts(128, (_line("Room", (0.81, 0.1, 0), (0.81, 0.7, 0), (-1, 0, 0)),))
 
 

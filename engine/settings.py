@@ -74,6 +74,16 @@ _OUTPUTS = {
 LIGHT_OUTPUTS = ("combined", "direct", "indirect")
 
 _DIRECTIONAL = ("directional", "dominant_direction", "spherical_harmonics")
+
+#: Outputs that are maps beside the one of all light.
+_BESIDE_COMBINED = (*_DIRECTIONAL, "light_groups")
+
+#: Outputs that tell where light comes from in another way: a bake makes those of one.
+_RULED_OUT = {
+    "directional": {"spherical_harmonics"},
+    "dominant_direction": {"spherical_harmonics"},
+    "spherical_harmonics": {"directional", "dominant_direction"},
+}
 _PATCH_GROUPS = {
     0: Option("Automatic", "Squares of 4 x 4 patches if memory is short"),
     1: Option("Off", "Every patch is solved on its own"),
@@ -367,7 +377,7 @@ class Settings:
     @property
     def only_light(self) -> bool:
         """True if all outputs are black where there is no light."""
-        return set(self.outputs) <= {*LIGHT_OUTPUTS, *_DIRECTIONAL, "light_groups"}
+        return set(self.outputs) <= {*LIGHT_OUTPUTS, *_BESIDE_COMBINED}
 
     @property
     def by_light_groups(self) -> bool:
@@ -405,6 +415,17 @@ def shown_in(panel: str) -> list[str]:
     return [name for name, description in descriptions().items() if description.panel == panel]
 
 
+def with_output(outputs: set[str], wanted: str) -> set[str]:
+    """Return outputs with one more: with Combined if it is a map beside it, without what it rules out."""
+    beside = {"combined"} if wanted in _BESIDE_COMBINED else set()
+    return {*outputs, wanted, *beside} - _RULED_OUT.get(wanted, set())
+
+
+def without_output(outputs: set[str], unwanted: str) -> set[str]:
+    """Return outputs without one, and without the maps beside it."""
+    return outputs - {unwanted, *(_BESIDE_COMBINED if unwanted == "combined" else ())}
+
+
 def check_settings(settings: Settings) -> None:
     """Raise a SettingsError that names the first setting out of its range, or at odds with others."""
     for name, description in descriptions().items():
@@ -425,7 +446,7 @@ def _check_directional(settings: Settings) -> None:
             f"outputs is {', '.join(settings.outputs)}; directional maps go with the lightmap of all light: "
             "choose combined, too."
         )
-    if settings.projected and not {"directional", "dominant_direction"}.isdisjoint(settings.outputs):
+    if settings.projected and not _RULED_OUT["spherical_harmonics"].isdisjoint(settings.outputs):
         raise SettingsError(
             f"outputs is {', '.join(settings.outputs)}; spherical_harmonics tells where light comes from in "
             "another way than directional and dominant_direction: bake one of both."

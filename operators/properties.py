@@ -21,6 +21,7 @@ from .compat import PATH_OPTIONS
 from .file_format import format_properties
 from .lightmap_list import unlisted
 from .lightmap_size import size_properties
+from .output_switches import output_switches
 from .quality_property import follow_hemicube, quality_property
 from .scene.uvs.lightmap_layer import offered_layers
 from .setting_properties import setting_properties
@@ -147,6 +148,7 @@ HemibakeSceneProperties.__annotations__.update(
     setting_properties(kept_with_scene(), _NEW, {"hemicube": follow_hemicube})
 )
 HemibakeSceneProperties.__annotations__["quality"] = quality_property()
+HemibakeSceneProperties.__annotations__.update(output_switches())
 HemibakeSceneProperties.__annotations__.update(size_properties())
 HemibakeSceneProperties.__annotations__.update(chart_properties())
 HemibakeSceneProperties.__annotations__.update(format_properties())

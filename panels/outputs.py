@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..operators.output_switches import output_switches
 from .sidebar import SubPanel, split_properties
 
 #: Settings that only some formats have.
@@ -25,12 +26,16 @@ class HEMIBAKE_PT_outputs(SubPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, settings = self.layout, context.scene.hemibake
-        layout.column().prop(settings, "outputs", expand=True)
         split_properties(layout)
+        maps = layout.column(align=True, heading="Maps")
+        for name in output_switches():
+            maps.prop(settings, name)
         if "ambient_occlusion" in settings.outputs:
             layout.prop(settings, "ao_samples")
             layout.prop(settings, "ao_distance")
-        for name in ("directory", "file_name", "file_format", *_OF_FORMAT[settings.file_format]):
+        layout.prop(settings, "directory")
+        layout.prop(settings, "file_name", placeholder="Automatic")
+        for name in ("file_format", *_OF_FORMAT[settings.file_format]):
             layout.prop(settings, name)
 
 

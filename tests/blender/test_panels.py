@@ -89,7 +89,7 @@ def test_panels_show_every_setting_once(devices):
     groups = (bpy.context.scene.hemibake, part("operators.preferences").machine_properties())
     settings = [name for name in shown if any(name in group.bl_rna.properties for group in groups)]
     people = {name for name, known in part("engine.settings").descriptions().items() if known.panel}
-    hidden = {"ao_samples", "ao_distance"}
+    hidden = {"ao_samples", "ao_distance", "outputs"}
     own = {
         "uv_layer",
         "directory",
@@ -105,6 +105,10 @@ def test_panels_show_every_setting_once(devices):
         "exr_codec",
     }
     own |= set(part("operators.chart_settings").CHART_PROPERTIES)
+    own |= {
+        f"makes_{item.identifier}"
+        for item in bpy.context.scene.hemibake.bl_rna.properties["outputs"].enum_items
+    }
     assert set(settings) == (people | own) - hidden
     assert len(settings) == len(set(settings))
 
@@ -223,6 +227,35 @@ def test_ambient_occlusion_shows_its_settings():
 
     bpy.context.scene.hemibake.outputs = {"combined", "ambient_occlusion"}
     assert {"ao_samples", "ao_distance"} <= set(draw("HEMIBAKE_PT_outputs"))
+
+
+@pytest.mark.parametrize(
+    ("before", "switch", "after"),
+    [
+        ({"combined"}, "indirect", {"combined", "indirect"}),
+        ({"combined", "direct"}, "combined", {"direct"}),
+        ({"direct"}, "direct", {"direct"}),
+        ({"direct"}, "light_groups", {"combined", "direct", "light_groups"}),
+        ({"combined", "light_groups", "directional", "direct"}, "combined", {"direct"}),
+        ({"combined", "light_groups"}, "combined", {"combined", "light_groups"}),
+        (
+            {"combined", "directional", "dominant_direction"},
+            "spherical_harmonics",
+            {"combined", "spherical_harmonics"},
+        ),
+        ({"combined", "spherical_harmonics"}, "directional", {"combined", "directional"}),
+    ],
+)
+def test_an_output_is_switched_by_itself_with_what_it_needs(before, switch, after):
+    import bpy
+
+    settings = bpy.context.scene.hemibake
+    settings.outputs = before
+    name = f"makes_{switch}"
+    setattr(settings, name, not getattr(settings, name))
+    assert settings.outputs == after
+    assert all(getattr(settings, f"makes_{output}") == (output in after) for output in (*before, *after))
+    part("engine.settings").check_settings(part("operators.bake_settings").read_settings(settings))
 
 
 @pytest.mark.parametrize("role", ["BAKED", "OCCLUDER", "IGNORED"])

@@ -1,0 +1,36 @@
+"""The outputs of a scene's bakes as switches: views of the setting, of which each turns one output on or off.
+
+A click on Blender's own row of flags takes all others away unless Shift is held. The last output that is on
+stays on.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+from bpy.props import BoolProperty
+
+from ..engine.setting import Option
+from ..engine.settings import descriptions, with_output, without_output
+
+
+def output_switches() -> dict[str, Any]:
+    """Return the annotations of a group that has the setting `outputs`, by the switches' names."""
+    options = descriptions()["outputs"].values.options
+    return {f"makes_{output}": _switch(output, option) for output, option in options.items()}
+
+
+def _switch(output: str, option: Option) -> Any:
+    """Return the switch of an output: Blender takes nothing but plain functions."""
+
+    def is_on(properties: bpy.types.bpy_struct) -> bool:
+        return output in properties.outputs
+
+    def turn(properties: bpy.types.bpy_struct, on: bool) -> None:
+        left = (with_output if on else without_output)(set(properties.outputs), output)
+        if left:
+            properties.outputs = left
+
+    labels = {"name": option.label, "description": option.text}
+    return BoolProperty(get=is_on, set=turn, options={"SKIP_SAVE"}, **labels)

@@ -48,6 +48,11 @@ class HemibakeLightmapProperties(bpy.types.PropertyGroup):
         description="Light groups that the last bake of the lightmap wrote maps of, as a JSON list",
         options={"HIDDEN"},
     )
+    beside: StringProperty(
+        name="Beside",
+        description="Lightmap that this is a map beside, of another output; empty for a lightmap itself",
+        options={"HIDDEN"},
+    )
     packing: StringProperty(
         name="Packing",
         description="Digest of how the charts of the lightmap were packed last",
@@ -171,7 +176,8 @@ class HemibakeSlotProperties(bpy.types.PropertyGroup):
 
 def _known_atlases(owner: bpy.types.bpy_struct, context: bpy.types.Context, text: str) -> list[str]:
     """Return the lightmaps that a field offers: Blender itself looks which of them fit the text."""
-    return [*(entry.name for entry in context.scene.hemibake.lightmaps), *unlisted(context.scene)]
+    listed = [entry.name for entry in context.scene.hemibake.lightmaps if not entry.beside]
+    return [*listed, *unlisted(context.scene)]
 
 
 class HemibakeObjectProperties(bpy.types.PropertyGroup):

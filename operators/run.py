@@ -324,10 +324,12 @@ class Run:
     def _keep_images(self) -> None:
         """Write on the scene which images it has from now on."""
         scene = find(bpy.data.scenes, self._context.scene_uid)
-        for name, uid in zip(self._names, self._images, strict=False):
+        atlases = self._read.scene.atlases
+        for index, (name, uid) in enumerate(zip(self._names, self._images, strict=False)):
             image = find(bpy.data.images, uid)
             if scene is not None and image is not None:
-                images.remember(scene, name, image)
+                beside = "" if index < len(atlases) else atlases[index % len(atlases)]
+                images.remember(scene, name, image, beside)
 
     def _remember_use(self, lightmap: Lightmap) -> None:
         """Write on the scene which maps each atlas has beside light, and how much of it has patches.

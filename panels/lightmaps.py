@@ -34,6 +34,16 @@ class HEMIBAKE_UL_lightmaps(bpy.types.UIList):
         for text in _figures(context.scene, item):
             facts.label(text=text)
 
+    def filter_items(
+        self, context: bpy.types.Context, data: bpy.types.PropertyGroup, name: str
+    ) -> tuple[list[int], list[int]]:
+        """Return which entries are shown: lightmaps, not the maps of other outputs beside them."""
+        entries, shown = getattr(data, name), self.bitflag_filter_item
+        found = [shown] * len(entries)
+        if self.filter_name:
+            found = bpy.types.UI_UL_list.filter_items_by_name(self.filter_name, shown, entries)
+        return [0 if entry.beside else flag for entry, flag in zip(entries, found, strict=True)], []
+
 
 class HEMIBAKE_PT_lightmaps(SubPanel, bpy.types.Panel):
     """List of the lightmaps, with what assigns objects to them."""
@@ -54,7 +64,7 @@ class HEMIBAKE_PT_lightmaps(SubPanel, bpy.types.Panel):
             layout.label(text=f"{name}: {objects}, not baked yet", icon="BLANK1")
         entry = active_lightmap(scene)
         if entry is not None:
-            draw_text(layout, _facts(entry, len(members(scene, entry.name))), line_width(context))
+            draw_text(layout, _facts(scene, entry), line_width(context))
         row = layout.row(align=True)
         row.operator("hemibake.lightmap_assign", text="Assign")
         row.operator("hemibake.lightmap_select", text="Select")
@@ -71,13 +81,15 @@ def _figures(scene: bpy.types.Scene, entry: bpy.types.PropertyGroup) -> tuple[st
     return width, str(len(members(scene, entry.name))), f"{entry.used:.0f}%" if entry.image else "–"
 
 
-def _facts(entry: bpy.types.PropertyGroup, objects: int) -> str:
-    """Return the same in words, with the image."""
-    known = counted(objects, "object")
+def _facts(scene: bpy.types.Scene, entry: bpy.types.PropertyGroup) -> str:
+    """Return the same in words, with the image and the maps beside it."""
+    known = counted(len(members(scene, entry.name)), "object")
     if entry.image is None:
         return f"{known}, not baked yet"
     width, height = entry.image.size
-    return f"'{entry.image.name}': {width} x {height} texels, {known}, {entry.used:.0f}% used"
+    facts = f"'{entry.image.name}': {width} x {height} texels, {known}, {entry.used:.0f}% used"
+    beside = sum(other.beside == entry.name for other in scene.hemibake.lightmaps)
+    return f"{facts}, and {counted(beside, 'map')} of other outputs" if beside else facts
 
 
 CLASSES = (HEMIBAKE_UL_lightmaps, HEMIBAKE_PT_lightmaps)

@@ -43,8 +43,10 @@ def lightmap_image(scene: bpy.types.Scene, atlas: str, resolution: int, changes:
     return image
 
 
-def remember(scene: bpy.types.Scene, atlas: str, image: bpy.types.Image) -> None:
+def remember(scene: bpy.types.Scene, atlas: str, image: bpy.types.Image, beside: str = "") -> None:
     """Write on a scene which image an atlas has; an undo step must follow.
+
+    beside: the atlas that it is a map beside, of another output; empty if it is the atlas itself
 
     An undo frees images that no step knows, and leaves scenes that no step has changed as they are: a
     pointer from such a scene to such an image would bring Blender down.
@@ -53,7 +55,7 @@ def remember(scene: bpy.types.Scene, atlas: str, image: bpy.types.Image) -> None
     if entry is None:
         entry = scene.hemibake.lightmaps.add()
         entry.name = atlas
-    entry.image = image
+    entry.image, entry.beside = image, beside
 
 
 def show(image: bpy.types.Image, pixels: np.ndarray) -> None:

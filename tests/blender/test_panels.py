@@ -380,7 +380,29 @@ def test_light_groups_are_assigned_and_mixed_in_their_panel():
     scene.world, scene.hemibake.outputs = None, {"combined"}
     shown = draw("HEMIBAKE_PT_light_groups")
     assert shown.count("lightgroup") == 1 and shown.count("default_value") == 4
-    assert shown[-6:] == ["Day", "default_value", "default_value", "Ungrouped", *["default_value"] * 2]
+    assert shown[-7:-1] == ["Day", "default_value", "default_value", "Ungrouped", *["default_value"] * 2]
+    assert shown[-1] == "The preview mixes the maps of the groups"
+    scene.hemibake.lightmaps[0].light_groups = "[]"
+    assert draw("HEMIBAKE_PT_light_groups") is None
+
+
+def test_maps_beside_lightmaps_are_no_lightmaps_in_the_list():
+    import bpy
+
+    furnace()
+    scene = bpy.context.scene
+    scene.hemibake.outputs = {"combined", "direct", "directional"}
+    bpy.ops.hemibake.bake()
+    entries = {entry.name: entry.beside for entry in scene.hemibake.lightmaps}
+    assert entries.pop("Lightmap") == "" and len(entries) == 5 and set(entries.values()) == {"Lightmap"}
+    holder = type("Holder", (), {"bitflag_filter_item": 1 << 30, "filter_name": ""})()
+    flags, order = bpy.types.HEMIBAKE_UL_lightmaps.filter_items(
+        holder, bpy.context, scene.hemibake, "lightmaps"
+    )
+    assert flags == [1 << 30] + [0] * 5 and order == []
+    assert "and 5 maps of other outputs" in " ".join(draw("HEMIBAKE_PT_lightmaps"))
+    known = part("operators.properties")._known_atlases
+    assert known(bpy.context.active_object, bpy.context, "") == ["Lightmap"]
 
 
 def test_own_materials_are_shown_while_the_preview_is_in_their_place():

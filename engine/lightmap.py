@@ -49,6 +49,7 @@ class Report:
     warnings    sentences for the user
     integrator  what summed the hemicubes: "opencl", or "glsl" for OpenGL's compute shaders
     paces       seconds that a unit of each stage took, in this bake or earlier ones, see `BakeStages`
+    resumed     what it went on from, of a bake that was interrupted, in sentences
     energy      where the light goes; None without an iteration, and where hemicubes are summed at once, by
                 method "paper" or without OpenCL: these do not tell what part of a view patches take
     """
@@ -67,6 +68,7 @@ class Report:
     warnings: tuple[str, ...] = ()
     integrator: str = "opencl"
     paces: dict[str, float] = field(default_factory=dict)
+    resumed: tuple[str, ...] = ()
     energy: Energy | None = None
 
 

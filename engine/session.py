@@ -117,8 +117,8 @@ class Session:
         kept.checkpoints.finish()
         stages.learn()
         warnings = (*lightmap.report.warnings, *(workers.warnings if workers else ()))
-        reasons = (*lightmap.report.reasons, *kept.checkpoints.reasons)
-        report = replace(lightmap.report, paces=dict(self._paces), warnings=warnings, reasons=reasons)
+        resumed = tuple(kept.checkpoints.resumed)
+        report = replace(lightmap.report, paces=dict(self._paces), warnings=warnings, resumed=resumed)
         lightmap = replace(lightmap, report=report)
         self._keep(devices, kept, settings)
         return lightmap

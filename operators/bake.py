@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import sys
+import time
 import traceback
+from collections.abc import Sequence
+from pathlib import Path
 
 import bpy
 
@@ -15,6 +18,7 @@ from .log import log
 from .modal import ModalOperator
 from .run import Run
 from .telling import tell
+from .user_files import kept_checkpoint_since
 from .viewports import restart_renders
 from .warm_up import warm_up
 from .window_bake import WindowBake
@@ -37,7 +41,13 @@ class HEMIBAKE_OT_bake(ModalBake, bpy.types.Operator):
     bl_idname = "hemibake.bake"
     bl_label = "Bake Lightmaps"
     bl_options = {"UNDO"}
-    cancelled = "Bake cancelled"
+
+    @property
+    def cancelled(self) -> str:
+        """What the user is told who cancels: whether it was for nothing."""
+        if kept_checkpoint_since(self._began):
+            return "Bake cancelled. With the same scene and settings the next one goes on from there"
+        return "Bake cancelled"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -66,7 +76,7 @@ class HEMIBAKE_OT_bake(ModalBake, bpy.types.Operator):
         last_failure.forget()
         warm_up()
         run = Run(context, owner.bake_in_worker(), made_uvs=lambda: push_undo("Make Lightmap UVs"))
-        self._window = WindowBake(context, run)
+        self._window, self._began = WindowBake(context, run), time.time()
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 

@@ -423,6 +423,7 @@ class Run:
             "visibility": facts.visibility,
             "samples": facts.samples,
             "reasons": list(facts.reasons),
+            "resumed": list(facts.resumed),
             "iterations": int(facts.iterations),
             "residual": _number(facts.residual),
             "converged": bool(facts.converged),

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import bpy
 
+from ..engine.resume.checkpoint_folder import CheckpointFolder
 from .extension import EXTENSION
 
 #: Length at which the log becomes the old log, bytes.
@@ -34,6 +35,12 @@ def cache_size() -> int:
         with suppress(OSError):
             size += path.lstat().st_size if path.is_file() else 0
     return size
+
+
+def kept_checkpoint_since(time: float) -> bool:
+    """Return whether a bake has written a checkpoint at or after a time, as of `time.time`."""
+    folder = cache_folder()
+    return folder is not None and CheckpointFolder(str(folder), 1).written_since(time)
 
 
 def clear_cache() -> None:

@@ -30,6 +30,7 @@ class HEMIBAKE_PT_last_bake(SubPanel, bpy.types.Panel):
         if report:
             draw_text(layout, summary(report), width)
             draw_text(layout, energy_balance(report), width)
+            draw_text(layout, " ".join(report.get("resumed", ())), width)
             for warning, names, fix in warnings_with_objects(report):
                 _draw_warning(layout.box(), warning, _present(context, names), fix, width)
         layout.operator("hemibake.copy_report", text="Copy Report", icon="COPYDOWN")

@@ -27,12 +27,12 @@ class Checkpoints:
 
     cache_dir, limit  see `CheckpointFolder`
     interval          seconds between two times of writing, and before the first
-    reasons           sentences for the report: what the bake went on from
+    resumed           sentences for the report: what the bake went on from
     """
 
     def __init__(self, cache_dir: str | None = None, limit: int = 0, interval: float = 0) -> None:
         self.folder, self.time = CheckpointFolder(cache_dir, limit), WritingTime(interval)
-        self.reasons: list[str] = []
+        self.resumed: list[str] = []
         self._used: list[Checkpoint] = []
 
     def of(self, key: Callable[[], str]) -> Checkpoint:
@@ -110,9 +110,9 @@ class Checkpoint:
         """Keep light under a key, in place of what was kept before."""
         self._write(_LIGHT, {_KEY: np.frombuffer(key().encode(), np.uint8), **arrays})
 
-    def tell(self, reason: str) -> None:
+    def tell(self, sentence: str) -> None:
         """Add a sentence to the report."""
-        self._shared.reasons.append(reason)
+        self._shared.resumed.append(sentence)
 
     def remove(self) -> None:
         """Remove it."""

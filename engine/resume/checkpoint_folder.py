@@ -36,6 +36,10 @@ class CheckpointFolder:
         """True if there is no checkpoint."""
         return not self._entries()
 
+    def written_since(self, time: float) -> bool:
+        """Return whether a checkpoint was written at or after a time, as of `time.time`."""
+        return any(_age(entry) >= time for entry in self._entries())
+
     def files(self, key: str) -> list[Path]:
         """Return the files of a checkpoint, those that are being written left out."""
         if self._path is None:

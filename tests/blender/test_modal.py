@@ -5,6 +5,7 @@ and for the context; all else, the worker process too, is real.
 """
 
 import itertools
+import os
 import time
 from types import SimpleNamespace
 
@@ -170,6 +171,22 @@ def test_escape_leaves_nothing_behind(operator, context, window):
     assert operator.modal(context, ESCAPE) == {"CANCELLED"}
     assert window.is_as_before()
     assert snapshot() == before
+
+
+@pytest.mark.parametrize(("age", "goes_on"), [(0, True), (3600, False)])
+def test_whoever_cancels_is_told_whether_the_next_bake_goes_on(operator, context, window, age, goes_on):
+    folder = part("operators.user_files").cache_folder() / "resume" / "of a scene"
+    furnace()
+    operator.invoke(context, None)
+    drive(operator, context, until=image_shown)
+    folder.mkdir(parents=True)
+    try:
+        os.utime(folder, (time.time() - age,) * 2)
+        operator.modal(context, ESCAPE)
+    finally:
+        folder.rmdir()
+    assert operator.reports[-1][1].startswith("Bake cancelled")
+    assert ("goes on from there" in operator.reports[-1][1]) == goes_on
 
 
 def test_window_that_draws_slowly_is_redrawn_seldom(operator, context, window, monkeypatch):

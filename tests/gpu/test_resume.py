@@ -51,7 +51,7 @@ def interrupted(settings: Settings, enough, scene=ROOM) -> bool:
 
 def went_on(lightmap: Lightmap) -> list[str]:
     """Return the sentences of what a bake went on from."""
-    return [reason for reason in lightmap.report.reasons if "went on from" in reason]
+    return list(lightmap.report.resumed)
 
 
 def files(folder) -> list:

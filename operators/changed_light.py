@@ -28,6 +28,10 @@ from .scene.targets import NOTHING_CHANGED, changed_themselves, changed_uids
 
 Bake = Generator[Progress | None, None, Lightmap]
 
+#: Why objects are baked: of themselves, and where it is not known how much light has changed.
+_CHANGED = "Baked since they are new, or their shape, place or materials have changed: {}."
+_LIGHTS_DIFFER = "Baked since lights, shining objects or the world have changed: {}."
+
 #: What a bake leaves as it was where it is not known how much light has changed.
 _OTHERS_STAY = (
     "Only what has changed was baked: its shadows and its reflected light on all else are as before. "
@@ -65,18 +69,18 @@ def find_changed_light(
     Raises SceneError if none is.
     """
     changes = yield from _changes(read, settings, bake, stages, known)
-    uids, notes = changed_uids(read, wanted), []
+    uids, own = changed_uids(read, wanted), changed_themselves(read, wanted)
     if changes is None:
-        notes = [_OTHERS_STAY] if 0 < len(uids) < len(read.fingerprints) else []
+        notes = _named(_LIGHTS_DIFFER, uids - own)
+        notes += [_OTHERS_STAY] if 0 < len(uids) < len(read.fingerprints) else []
     else:
-        own = changed_themselves(read, wanted)
         earlier = {obj.session_uid: obj.hemibake.light_change for obj in bpy.data.objects}
         changes = {uid: change + earlier.get(uid, 0.0) for uid, change in changes.items()}
         lit = {uid for uid in wanted - own if changes.get(uid, 0.0) > settings.tolerance}
         uids, notes = own | lit, _notes(lit, set(changes) - own - lit, settings.tolerance)
     if not uids:
         raise SceneError(NOTHING_CHANGED)
-    return ChangedLight(uids, changes, tuple(notes))
+    return ChangedLight(uids, changes, (*_named(_CHANGED, own), *notes))
 
 
 def remember_light(
@@ -127,19 +131,17 @@ def _changes(
 
 def _notes(lit: set[int], left: set[int], tolerance: float) -> list[str]:
     """Return sentences on the objects whose light has changed, and on those that stay as they were."""
-    notes, limit = [], f"{100 * tolerance:g} %"
-    if lit:
-        notes.append(
-            naming(f"Baked since their light can have changed by more than {limit}: {{}}.", _names(lit))
-        )
-    if left:
-        sentence = f"Left as they were, since their light has changed by no more than {limit}: {{}}."
-        notes.append(naming(sentence, _names(left)))
-    return notes
+    limit = f"{100 * tolerance:g} %"
+    return [
+        *_named(f"Baked since their light can have changed by more than {limit}: {{}}.", lit),
+        *_named(f"Left as they were, since their light has changed by no more than {limit}: {{}}.", left),
+    ]
 
 
-def _names(uids: set[int]) -> list[str]:
-    return [obj.name for obj in bpy.data.objects if obj.session_uid in uids]
+def _named(sentence: str, uids: set[int]) -> list[str]:
+    """Return a sentence with the names of objects, none without objects."""
+    names = [obj.name for obj in bpy.data.objects if obj.session_uid in uids]
+    return [naming(sentence, names)] if names else []
 
 
 def _write(changes: dict[int, float]) -> None:

@@ -21,8 +21,8 @@ from .place import Place
 from .read import Entry, ReadScene
 from .scene_context import SceneContext
 
-NOTHING_SELECTED = "No selected object gets a lightmap. Select what is to be baked, or let the target be All."
-NOTHING_CHANGED = "Nothing has changed since it was baked. To bake all the same, let the target be All."
+NOTHING_SELECTED = "No selected object gets a lightmap. Select what is to be baked, or choose the target All."
+NOTHING_CHANGED = "Nothing has changed since it was baked. Choose the target All to bake anyway."
 
 
 def target_uids(context: SceneContext, target: str) -> set[int]:

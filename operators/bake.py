@@ -58,7 +58,9 @@ class HEMIBAKE_OT_bake(ModalBake, bpy.types.Operator):
         last_failure.forget()
         run = Run(context, owner.bake(), watched=False)
         try:
-            tell_report(self, run.finish(run.drain(Console().show)), run.failure)
+            report = run.finish(run.drain(Console().show))
+            run.show_preview_anew()
+            tell_report(self, report, run.failure)
             if not bpy.app.background:
                 push_undo()
         except (EngineError, KeyboardInterrupt) as error:
@@ -82,6 +84,7 @@ class HEMIBAKE_OT_bake(ModalBake, bpy.types.Operator):
 
     def _ended(self, context: bpy.types.Context, value: Lightmap) -> set[str]:
         report = self._window.run.finish(value)
+        self._window.run.show_preview_anew()
         self._window.leave()
         restart_renders(context.window_manager)
         tell_report(self, report, self._window.run.failure)

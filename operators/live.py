@@ -114,7 +114,9 @@ class HEMIBAKE_OT_live(ModalBake, bpy.types.Operator):
     def _begin_to_follow(self, context: bpy.types.Context, report: dict) -> None:
         """Show the lightmaps of the first bake; an undo step knows all that was made for them."""
         tell_report(self, report, self._window.run.failure)
-        if not shows_preview(context.scene):
+        if shows_preview(context.scene):
+            self._window.run.show_preview_anew()
+        else:
             show_preview(context.scene, context.evaluated_depsgraph_get())
             show_materials(context)
         push_undo(self.bl_label)

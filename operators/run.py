@@ -6,13 +6,13 @@ import json
 import math
 import time
 from collections.abc import Callable, Generator, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import asdict, replace
 
 import bpy
 import numpy as np
 
-from ..engine.errors import EngineError, OverlapError
+from ..engine.errors import EngineError, OverlapError, SceneError
 from ..engine.finish.outputs import output_names
 from ..engine.lightmap import Energy, Lightmap
 from ..engine.naming import fix_of, naming, objects_of
@@ -34,6 +34,7 @@ from .result.contents import chosen_names, lightmap_contents
 from .result.destination import Destination, choose_destination
 from .result.directional_images import directional_kind
 from .result.kept_texels import KeptTexels
+from .result.preview import renew_preview, shows_preview
 from .run_stages import RunStages
 from .scene import SceneChangedError, SceneContext, read_scene, visible_meshes
 from .scene.overlaps import without_overlaps
@@ -290,6 +291,12 @@ class Run:
         if scene is not None:
             scene.hemibake.report = json.dumps(report)
         return report
+
+    def show_preview_anew(self) -> None:
+        """Let objects that show their lightmaps show what was baked; an undo step must follow."""
+        with suppress(SceneError):
+            if shows_preview(self._context.scene):
+                renew_preview(self._context.scene, self._context.evaluated_depsgraph_get())
 
     def _show_finished(self, lightmap: Lightmap) -> np.ndarray:
         """Put finished lightmaps into all images; return their pixels, (images, h, w, 3)."""

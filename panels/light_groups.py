@@ -5,7 +5,9 @@ from __future__ import annotations
 import bpy
 
 from ..operators.result.light_mixer import mixed_groups
+from ..operators.result.preview import shows_preview
 from .sidebar import SubPanel, split_properties
+from .wrapped_text import draw_text, line_width
 
 #: Part of a row that the name of a light group takes.
 _NAME = 0.4
@@ -19,7 +21,7 @@ class HEMIBAKE_PT_light_groups(SubPanel, bpy.types.Panel):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         settings = context.scene.hemibake
-        return "light_groups" in settings.outputs or settings.light_mixer is not None
+        return "light_groups" in settings.outputs or _has_maps(context.scene)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, view_layer = self.layout, context.view_layer
@@ -33,8 +35,18 @@ class HEMIBAKE_PT_light_groups(SubPanel, bpy.types.Panel):
         for owner in (context.object, context.scene.world):
             if owner is not None:
                 column.prop_search(owner, "lightgroup", view_layer, "lightgroups", text=owner.name)
+        if not _has_maps(context.scene):
+            draw_text(layout, "A bake gives a map for each group", line_width(context), "INFO")
+            return
         if context.scene.hemibake.light_mixer is not None:
             _draw_mixer(layout.column(), context.scene.hemibake.light_mixer)
+        if not shows_preview(context.scene):
+            draw_text(layout, "The preview mixes the maps of the groups", line_width(context), "INFO")
+
+
+def _has_maps(scene: bpy.types.Scene) -> bool:
+    """Return whether the last bake of a lightmap wrote maps of light groups, too."""
+    return any(entry.light_groups not in ("", "[]") for entry in scene.hemibake.lightmaps)
 
 
 def _draw_mixer(layout: bpy.types.UILayout, mixer: bpy.types.NodeTree) -> None:

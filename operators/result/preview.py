@@ -77,6 +77,21 @@ def hide_preview(objects: Sequence[bpy.types.Object]) -> None:
     remove_unused_previews()
 
 
+def renew_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Let a scene that shows its lightmaps show those of now: new objects, maps and places, own materials.
+
+    Slots that were added for the preview stay where they are: the mesh may be in Edit Mode.
+    """
+    shown = list(previewed(scene))
+    for obj in shown:
+        _give_back(obj)
+        obj.hemibake.slots.clear()
+    remove_unused_previews()
+    if shown:
+        show_preview(scene, depsgraph)
+    hide_preview([obj for obj in shown if not has_preview(obj)])
+
+
 def set_preview_aside(scene: bpy.types.Scene) -> None:
     """Give the objects of a scene their own materials until `refresh_preview`, as before an undo.
 

@@ -144,6 +144,35 @@ def test_values_of_the_mixer_outlive_preview_bake_and_other_groups(lit):
     assert lit.hemibake.light_mixer == tree and group_nodes(lit)["Night"][1].default_value == 3.0
 
 
+@pytest.mark.parametrize("what", ["renamed", "added", "none"])
+def test_an_open_preview_mixes_the_groups_of_the_next_bake(lit, what):
+    import bpy
+
+    bpy.ops.hemibake.bake()
+    bpy.ops.hemibake.preview()
+    group_nodes(lit)["Night"][1].default_value = 3.0
+    layer = bpy.context.view_layer
+    if what == "renamed":
+        layer.lightgroups["Day"].name = "Dusk"
+    elif what == "added":
+        layer.lightgroups.add(name="Dawn")
+    else:
+        lit.hemibake.outputs = {"combined"}
+    bpy.ops.hemibake.bake()
+    groups = {
+        "renamed": ["Night", "Nobody", "Dusk", "Ungrouped"],
+        "added": ["Day", "Night", "Nobody", "Dawn", "Ungrouped"],
+        "none": [],
+    }[what]
+    (preview,) = [item for item in bpy.data.materials if item.name == "Card (lightmap)"]
+    shown = preview.node_tree.nodes
+    images = {node.image.name for node in shown if node.type == "TEX_IMAGE"}
+    assert images == ({f"Lightmap light group {name}" for name in groups} or {"Lightmap"})
+    if groups:
+        assert set(group_nodes(lit)) == set(groups)
+        assert group_nodes(lit)["Night"][1].default_value == 3.0
+
+
 def test_without_maps_of_groups_the_preview_shows_all_light(lit):
     import bpy
 

@@ -376,7 +376,9 @@ def test_light_groups_are_assigned_and_mixed_in_their_panel():
     scene.world = bpy.data.worlds.new("Sky")
     shown = draw("HEMIBAKE_PT_light_groups")
     assert shown.count("name") == 1 and shown.count("lightgroup") == 2 and "Mixer" not in shown
+    assert "A bake gives a map for each group" in shown
     part("operators.result.light_mixer").light_mixer(scene, ["Day", "Ungrouped"])
+    scene.hemibake.lightmaps.add().light_groups = '["Day", "Ungrouped"]'
     scene.world, scene.hemibake.outputs = None, {"combined"}
     shown = draw("HEMIBAKE_PT_light_groups")
     assert shown.count("lightgroup") == 1 and shown.count("default_value") == 4

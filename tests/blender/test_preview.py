@@ -227,6 +227,34 @@ def test_every_number_of_an_instance_has_its_place(count):
         assert tuple(found) == (*place.offset, place.scale, place.image)
 
 
+@pytest.mark.parametrize("mode", ["OBJECT", "EDIT"])
+def test_an_open_preview_follows_the_next_bake(baked, mode):
+    """New objects and other lightmaps show; hidden, all is as it was."""
+    import bpy
+
+    room, bare, own = baked
+    bpy.ops.hemibake.preview()
+    new = square("New", uvs=None)
+    new.location, new.scale, new.hemibake.atlas = (0.6, 0.2, 0.4), (0.2, 0.2, 0.2), "Another"
+    own.hemibake.atlas = "Another"
+    surface = bpy.data.materials["Object's"]
+    bpy.context.view_layer.objects.active = bare
+    bpy.ops.object.mode_set(mode=mode)
+    bpy.ops.hemibake.bake()
+    assert bpy.context.mode.startswith(mode)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    for obj, name in ((room, "Lightmap"), (bare, "Lightmap"), (own, "Another"), (new, "Another")):
+        (slot,) = obj.material_slots
+        (texture,) = [node for node in slot.material.node_tree.nodes if node.type == "TEX_IMAGE"]
+        assert texture.image.name == name == obj.hemibake.image.name
+    previews = [item for item in bpy.data.materials if "hemibake_preview" in item]
+    assert len(previews) == len({obj.material_slots[0].material for obj in (room, bare, own, new)})
+    bpy.ops.hemibake.preview()
+    assert [len(obj.data.materials) for obj in (room, bare, own, new)] == [1, 0, 1, 0]
+    assert own.material_slots[0].material == surface
+    assert not [item for item in bpy.data.materials if "hemibake_preview" in item]
+
+
 def test_slots_that_are_filled_or_added_meanwhile_stay_and_are_baked(baked):
     """Whoever gives an object another material while the preview is shown wants that one."""
     import bpy

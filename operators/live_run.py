@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import bpy
 
-from ..engine.errors import EngineError, SceneError
+from ..engine.errors import EngineError
 from ..engine.finish.outputs import output_names
 from ..engine.lightmap import Lightmap
 from ..engine.progress import Progress, finished
@@ -41,7 +41,8 @@ class LiveRun(Run):
     lightmap  what was finished last; None before the first bake has come to its end
     resting   True while the worker has nothing to do
     ending    True once changes are not taken over any more
-    outdated  True once somebody has chosen other settings than it has begun with
+    outdated  True once it has to begin anew: somebody has chosen other settings, or the scene has other
+              lightmaps or light groups than it has begun with
     """
 
     def __init__(self, context: bpy.types.Context, made_uvs: Callable[[], None] = lambda: None) -> None:
@@ -115,7 +116,7 @@ class LiveRun(Run):
         """Take over what changes, and show what the worker makes of it."""
         while True:
             if time.perf_counter() > self._next_look:
-                self.outdated = self._chosen_settings() != self._begun_with
+                self.outdated |= self._chosen_settings() != self._begun_with
                 self._next_look = time.perf_counter() + _LOOKS
             if self._watch.changed and not self.ending and not self.outdated:
                 yield from self._send(self._watch.objects)
@@ -141,7 +142,7 @@ class LiveRun(Run):
 
     def _take(self, lightmap: Lightmap) -> None:
         """Take the finished lightmap of the scene that was sent last."""
-        self.lightmap, self.resting = lightmap, True
+        self.lightmap, self.resting, self._took = lightmap, True, time.perf_counter() - self._start
         self._of_lightmap = self._read
 
     def _send(self, everything: bool) -> Steps:
@@ -159,11 +160,12 @@ class LiveRun(Run):
         self._guessed = not everything
         scene = self._read.scene
         if image_names(scene.atlases, output_names(scene, self._settings)) != self._names:
-            raise SceneError("Lightmaps, or maps of them, were added or taken away. Start Live again.")
+            self.outdated = True
+            return
         changes = changes_between(self._sent, scene)
         if changes is None or not changes.empty:
             owner.worker().update(scene if changes is None else changes)
-            self.resting = False
+            self._start, self.resting = time.perf_counter(), False
         elif self.resting:
             # An undo may have brought older pixels.
             self._of_lightmap = self._read
@@ -204,9 +206,11 @@ class LiveRun(Run):
     def keep(self) -> dict:
         """End, store the lightmaps that were finished last, and return the report.
 
-        What is remembered of the scene is as it was when they were: it may have been read again since.
+        What is remembered of the scene is as it was when they were: it may have been read again since. Their
+        time is that from the last change until they were finished.
         """
         self._end()
+        self._start = time.perf_counter() - self._took
         self._read = self._whole = self._of_lightmap
         return self.finish(self.lightmap)
 

@@ -257,17 +257,31 @@ def test_disabling_the_extension_ends_live_and_stores_the_lightmap(operator, con
     assert not any("live_watch" in handler.__module__ for handler in handlers)
 
 
-def test_lightmaps_that_are_added_end_live_with_a_remedy(operator, context, window):  # noqa: F811
+@pytest.mark.parametrize("what", ["lightmap", "light group"])
+def test_lightmaps_or_groups_that_are_added_start_it_anew(operator, context, window, what):  # noqa: F811
     import bpy
 
-    room, _ = lit_room()
+    room, lamp = lit_room()
+    bpy.context.scene.hemibake.outputs = {"combined", "light_groups"}
     start(operator, context)
     settle(operator, context)
-    room.hemibake.atlas = "Another"
-    room.location.x = 0.01
+    owner = part("operators.worker_owner").owner
+    before = owner.running
+    if what == "lightmap":
+        room.hemibake.atlas, room.location.x = "Another", 0.01
+    else:
+        bpy.context.view_layer.lightgroups.add(name="Night")
+        lamp.lightgroup, lamp.data.energy = "Night", 11
     bpy.context.view_layer.update()
-    assert drive(operator, context) == {"CANCELLED"} and window.is_as_before()
-    assert "Start Live again" in operator.reports[-1][1]
+    drive(operator, context, until=lambda: owner.running is not before and owner.running.following)
+    names = {"Another" if what == "lightmap" else "Lightmap light group Night"}
+    assert names <= {entry.name for entry in bpy.context.scene.hemibake.lightmaps}
+    operator.invoke(context, None)
+    assert drive(operator, context) == {"FINISHED"} and window.is_as_before()
+    shown = room.material_slots[0].material.node_tree.nodes
+    mixed = [node.image.name for node in shown if node.type == "TEX_IMAGE"]
+    lightmap = room.hemibake.image.name
+    assert mixed == [f"{lightmap} light group {'Ungrouped' if what == 'lightmap' else 'Night'}"]
 
 
 def shown_colours(obj) -> list[tuple[float, ...]]:

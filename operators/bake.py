@@ -107,12 +107,20 @@ def tell_report(operator: bpy.types.Operator, report: dict, failure: str | None)
     """Report warnings, then what was done, and last what could not be."""
     for warning in report["warnings"]:
         tell(operator, "WARNING", warning)
-    where = ", ".join(report["files"]) or "packed into the .blend"
-    done = f"Baked {summary(report)}: {where}"
-    log("\n".join([done, *map(str, report["devices"].values()), *report["warnings"], failure or ""]))
+    done = f"Baked {summary(report)}: {brief_paths(report['files'])}"
+    devices = map(str, report["devices"].values())
+    log("\n".join([done, *report["files"], *devices, *report["warnings"], failure or ""]))
     operator.report({"INFO"}, done)
     if failure:
         operator.report({"ERROR"}, failure)
+
+
+def brief_paths(files: Sequence[str]) -> str:
+    """Return where the files of lightmaps are, briefly: the status bar has one line."""
+    if not files:
+        return "packed into the .blend"
+    first = Path(files[0])
+    return str(first) if len(files) == 1 else f"{first.name} and {len(files) - 1} more in {first.parent}"
 
 
 def push_undo(message: str = HEMIBAKE_OT_bake.bl_label) -> None:

@@ -9,6 +9,7 @@ from collections.abc import Generator
 import bpy
 
 from ..engine.errors import EngineError, SceneError
+from ..engine.naming import counted
 from ..engine.progress import finished
 from .changes import Changes
 from .check import Checked, check_scene
@@ -76,10 +77,9 @@ class HEMIBAKE_OT_check(bpy.types.Operator):
         counts = dict.fromkeys(("ERROR", "WARNING", "INFO"), 0)
         for finding in checked.findings:
             counts[finding.severity] += 1
-        errors, warnings, notes = counts.values()
-        self.report(
-            {"INFO"}, f"{errors} errors, {warnings} warnings, {notes} notes: see Check in the sidebar"
-        )
+        words = zip(counts.values(), ("error", "warning", "note"), strict=True)
+        found = ", ".join(counted(number, word) for number, word in words if number) or "Nothing"
+        self.report({"INFO"}, f"{found} found: see Check in the sidebar")
         return {"FINISHED"}
 
 

@@ -58,8 +58,14 @@ def energy_balance(report: dict[str, Any]) -> str:
     energy = report.get("energy") or {}
     if not energy.get("emitted") or None in energy.values():
         return ""
-    parts = [f"{energy[name] / energy['emitted']:.1%} {name}" for name in ("absorbed", "escaped", "residual")]
-    return f"Energy: {energy['emitted']:.3g} W = {' + '.join(parts)}, off by {abs(energy['missing']):.2%}"
+    emitted = energy["emitted"]
+    parts = [f"{_percent(energy[name] / emitted)} {name}" for name in ("absorbed", "escaped", "residual")]
+    return f"Energy: {emitted:.3g} W = {' + '.join(parts)}, off by {abs(energy['missing']):.2%}"
+
+
+def _percent(part: float) -> str:
+    """Return a part in percent; none of it has no sign."""
+    return f"{round(part, 3) + 0.0:.1%}"
 
 
 def warnings_with_objects(report: dict[str, Any]) -> list[tuple[str, list[str], str]]:

@@ -38,10 +38,13 @@ def progress_line(progress: Progress) -> str:
 
 
 def _wrapped(line: str) -> str:
-    """Return a line in as many as fit the window: Blender shows errors in a pop-up that does not wrap."""
+    """Return a line in as many as fit the window: Blender shows errors in a pop-up that does not wrap.
+
+    A space ends each, since the status bar has them in one line again.
+    """
     scale = bpy.context.preferences.system.ui_scale
     width = bpy.context.window.width / scale if bpy.context.window and scale else _UNKNOWN
-    return "\n".join(textwrap.wrap(line, max(_SHORTEST, int(_SHARE * width / _LETTER))))
+    return " \n".join(textwrap.wrap(line, max(_SHORTEST, int(_SHARE * width / _LETTER))))
 
 
 def _without_window() -> bool:

@@ -10,20 +10,21 @@ import bpy
 #: Blender's font of the interface.
 _FONT = 0
 
-#: What tabs, margins and an icon take from the width of a region, and the least that is left for words; of
-#: one whose width is unknown. Pixels of an unscaled interface.
-_MARGIN, _LEAST, _UNKNOWN = 104, 80, 600
+#: What tabs and margins take from the width of a region, and an icon in a box from a line; the least that is
+#: left for words; the width of a region where it is unknown. Pixels of an unscaled interface.
+_MARGIN, _ICON, _LEAST, _UNKNOWN = 66, 38, 80, 600
 
 
 def draw_text(layout: bpy.types.UILayout, text: str, width: float, icon: str = "NONE") -> None:
     """Show a text in as many lines of `width` pixels as it takes, below each other beside the icon."""
-    column = layout.column(align=True)
-    for number, line in enumerate(_wrapped(text, width)):
+    column, scale = layout.column(align=True), _scale()
+    room = width if icon == "NONE" else max(_LEAST * scale, width - _ICON * scale)
+    for number, line in enumerate(_wrapped(text, room)):
         column.label(text=line, icon="BLANK1" if number and icon != "NONE" else icon)
 
 
 def line_width(context: bpy.types.Context) -> float:
-    """Return the pixels that the words of a line may take in the region that is drawn."""
+    """Return the pixels that a line may take in the region that is drawn, its icon included."""
     scale, region = _scale(), context.region
     width = _UNKNOWN * scale if region is None else region.width
     return max(_LEAST * scale, width - _MARGIN * scale)

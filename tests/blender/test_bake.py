@@ -82,6 +82,10 @@ def test_report_tells_what_was_done(tmp_path):
     assert {"read", "hemicubes", "store", "total"} <= set(facts["seconds"])
     assert set(facts["devices"]) == {"gl", "cl"}
     assert facts["files"] == [str(tmp_path / "lightmaps" / "scene_Lightmap.exr")]
+    brief = part("operators.bake").brief_paths
+    assert brief(facts["files"]) == facts["files"][0] and brief([]) == "packed into the .blend"
+    more = [*facts["files"], *(str(tmp_path / "lightmaps" / f"other {number}.exr") for number in range(3))]
+    assert brief(more) == f"scene_Lightmap.exr and 3 more in {tmp_path / 'lightmaps'}"
     assert facts["warnings"] == []
 
 

@@ -302,6 +302,10 @@ def test_where_the_light_went_is_told_if_it_is_known():
 
     for energy, line in (
         (ENERGY, "Energy: 12.3 W = 97.1% absorbed + 2.8% escaped + 0.1% residual, off by 0.08%"),
+        (
+            {**ENERGY, "residual": -1e-5},
+            "Energy: 12.3 W = 97.1% absorbed + 2.8% escaped + 0.0% residual, off by 0.08%",
+        ),
         (None, ""),
         ({**dict.fromkeys(ENERGY, 0.0)}, ""),
         ({**ENERGY, "emitted": None}, ""),
@@ -352,6 +356,9 @@ def test_text_is_wrapped_between_words_by_their_width():
     assert " ".join(narrow) == " ".join(wide) == text and len(narrow) > len(wide) > 2
     assert wrapped("mmm mmm", 60) == ["mmm mmm"] or len(wrapped("mmm mmm", 60)) > len(wrapped("iii iii", 60))
     assert wrapped("One.\nTwo.", 500) == ["One.", "Two."]
+    beside_icon = []
+    part("panels.wrapped_text").draw_text(Layout(beside_icon), text, 190, "INFO")
+    assert len(beside_icon) > len(wide)
 
 
 def test_preset_is_custom_once_a_value_differs():

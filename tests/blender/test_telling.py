@@ -49,7 +49,7 @@ def test_an_error_is_wrapped_for_the_pop_up_of_a_window(monkeypatch):
     telling.tell(told, "ERROR", sentence)
     telling.tell(told, "WARNING", sentence)
     (_, error), (_, warning) = told.reports
-    assert warning == sentence == error.replace("\n", " ")
+    assert warning == sentence == error.replace("\n", "")
     assert max(map(len, error.splitlines())) < 100 and len(error.splitlines()) > 4
 
 

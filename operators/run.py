@@ -353,6 +353,17 @@ class Run:
             if atlas in known and atlas not in kept:
                 known[atlas].used = 100 * float(has_patch.mean())
 
+    def _deleted(self) -> list[str]:
+        """Return a note about objects that were baked and are not in the scene any more, if there are any."""
+        present = {obj.session_uid for obj in self._context.scene.objects}
+        baked = dict.fromkeys(uid for uid, _ in self._read.objects if uid in self._unwrapped)
+        names = [self._unwrapped[uid][0] for uid in baked if uid not in present]
+        sentence = (
+            "Deleted during the bake: {}. All else still has their shadows and the light that they reflect. "
+            "Bake again."
+        )
+        return [naming(sentence, names)] if names else []
+
     def _lost_uvs(self) -> dict[int, str]:
         """Return session uid and name of the objects that lost their lightmap UVs, as an undo makes them."""
         return {
@@ -411,6 +422,8 @@ class Run:
     ) -> dict:
         facts = lightmap.report
         notes = [*self._read.notes, *facts.warnings, *clipped]
+        with suppress(SceneError):
+            notes += self._deleted()
         if lost:
             sentence = "These objects lost their lightmap UVs during the bake, as by an undo: {}. Bake again."
             notes.append(naming(sentence, list(lost.values())))

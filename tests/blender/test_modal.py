@@ -189,6 +189,22 @@ def test_whoever_cancels_is_told_whether_the_next_bake_goes_on(operator, context
     assert ("goes on from there" in operator.reports[-1][1]) == goes_on
 
 
+def test_objects_that_are_deleted_in_mid_bake_are_named(operator, context, window):
+    import bpy
+
+    furnace()
+    gone, renamed = square("Gone", uvs=None), square("Renamed", uvs=None)
+    for obj, x in ((gone, 0.2), (renamed, 0.7)):
+        obj.location, obj.scale = (x, 0.3, 0.4), (0.2, 0.2, 0.2)
+    operator.invoke(context, None)
+    drive(operator, context, until=image_shown)
+    bpy.data.objects.remove(gone)
+    renamed.name = "Other"
+    assert drive(operator, context) == {"FINISHED"}
+    (note,) = [text for text in report()["warnings"] if "Deleted" in text]
+    assert "'Gone'" in note and "Renamed" not in note and renamed.hemibake.image is not None
+
+
 def test_window_that_draws_slowly_is_redrawn_seldom(operator, context, window, monkeypatch):
     window_bake = part("operators.window_bake")
     monkeypatch.setattr(window_bake, "_PERIODS", (0.2, 2.0))

@@ -51,6 +51,9 @@ _FINDING = ("Visibility rays", "Visibility raster")
 #: A stage that was shorter than this tells nothing about a longer one, s.
 _SHORTEST = 0.02
 
+#: A stage that takes this long tells as much as all bakes before it, s.
+_LONG = 1.0
+
 
 @dataclass(frozen=True)
 class Extent:
@@ -199,12 +202,18 @@ class BakeStages(Schedule):
         return self._about(solution, 1.0, image)
 
     def learn(self) -> None:
-        """Keep the paces of this bake for the next one; patches that an earlier bake had made tell none."""
+        """Keep the paces of this bake for the next one; patches that an earlier bake had made tell none.
+
+        What begins and ends a stage weighs most in short ones: beside the pace of earlier bakes theirs counts
+        little. The mean of both is geometric, as in `Stage`.
+        """
         for stage, name in self._names.items():
             if stage is self.patches and self._found:
                 continue
             if stage.seconds > _SHORTEST and stage.done > 0:
-                self._paces[name] = stage.seconds / stage.done
+                pace = stage.seconds / stage.done
+                trust = stage.seconds / (stage.seconds + _LONG)
+                self._paces[name] = self._paces.get(name, pace) ** (1 - trust) * pace**trust
 
     def _stage(self, name: str, amount: float, guess: float) -> Stage:
         stage = Stage(name, amount)

@@ -183,6 +183,18 @@ def test_paces_of_a_bake_serve_the_next_one(clock):
     assert paces["Patches"] == pytest.approx(3 / stages.patches.amount) and "Images" not in paces
 
 
+def test_short_bake_hardly_changes_the_pace_of_a_long_one(clock):
+    """What begins and ends a stage took thirty times as long as its work."""
+    paces, known = {}, []
+    for seconds, amount in ((40.0, 1.0), (0.06, 5e-5), (0.06, 5e-5)):
+        stages = BakeStages(Extent.of(furnace(0.5, 1.0)), Settings(resolution=48), paces)
+        stages.images.amount *= amount
+        assert finished(stages.run(stages.images, work(clock, seconds, 3))) is None
+        stages.learn()
+        known.append(paces["Images"])
+    assert known[0] < known[1] < known[2] < 1.6 * known[0]
+
+
 def test_seconds_are_told_as_a_user_reads_them():
     assert [format_seconds_left(seconds) for seconds in (0, 11.2, 60, 3599.5)] == [
         "0 s left", "12 s left", "1 min 0 s left", "60 min 0 s left",

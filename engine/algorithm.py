@@ -14,8 +14,10 @@ from .direct.contact import NearFaces
 from .direct.lighting import DirectLighting
 from .finish.carried_maps import carried_maps, restored_maps
 from .finish.denoising import Denoising
+from .finish.device_values import Values
 from .finish.light_group_maps import summing_up
-from .finish.outputs import Outputs, is_light, is_of_light_group, output_names
+from .finish.made_outputs import Outputs
+from .finish.outputs import is_light, is_of_light_group, output_names
 from .finish.parted_seams import without_parted
 from .finish.second_look import SecondLook
 from .finish.store import LightmapStore
@@ -186,7 +188,7 @@ def _made(
     atlases: int,
     near: NearFaces,
     solution: Solution,
-) -> Generator[Progress, None, tuple[dict[str, np.ndarray], DisplayLight]]:
+) -> Generator[Progress, None, tuple[dict[str, Values], DisplayLight]]:
     """Return every output of the patches, (n, 3) or (n,) float32, by name; and of the samples of texels.
 
     atlases: lightmaps of the user's; near: of the patches
@@ -208,7 +210,7 @@ def _quiet(
     denoising: Denoising,
     texels: DisplayJob,
     solution: Solution,
-    made: dict[str, np.ndarray],
+    made: dict[str, Values],
     lit: DisplayLight,
 ) -> Generator[Progress, None, dict[str, np.ndarray]]:
     """Return maps without noise, what texels show, (atlases, r, r, 3) float32, by name; none if it stays.
@@ -263,7 +265,7 @@ def _finished(
     texels: DisplayJob,
     solution: Solution,
     seams: Future[Seams] | None,
-    made: dict[str, np.ndarray],
+    made: dict[str, Values],
     lit: DisplayLight,
 ) -> Generator[Progress, None, dict[str, np.ndarray]]:
     """Return the images to keep, (atlases, r, r, 3) float32, by name.
@@ -277,7 +279,7 @@ def _finished(
     if seams:
         in_sight = _in_sight(texels.job, store, seams.result(), lit, solution)
         store.hide_seams(texels.job.parts.triangles, in_sight)
-    passes = {name: store.final(texels) for name, texels in shown.items()}
+    passes = {name: store.final(image) for name, image in shown.items()}
     left = {name: values for name, values in made.items() if name not in shown}
     passes |= store.finished(left, lit.values)
     passes = {name: passes[name] for name in made}

@@ -86,8 +86,8 @@ class Lightmap:
                "ambient_occlusion" (1 where nothing is near), "shadow_mask NAME" for each light (1
                where it is seen whole), "light_group NAME" for each group of light (E/pi; together they are
                "combined"), and, signed, "L0", "L1 x", "L1 y", "L1 z" and "dominant_direction"
-               (see `finish.outputs.directional_maps`), "SH L0" and signed "SH L1 x", "SH L1 y", "SH L1 z"
-               (see `finish.outputs.projected_maps`)
+               (see `finish.directional_maps.directional_maps`), "SH L0" and signed "SH L1 x", "SH L1 y",
+               "SH L1 z" (see `finish.directional_maps.projected_maps`)
     """
 
     atlases: tuple[str, ...]

@@ -50,3 +50,18 @@ __kernel void take_texels(__global const float *texels, __global const uint *cho
     const float3 shown = channels == 1 ? (float3)(texels[texel]) : vload3(texel, texels);
     light[(size_t)number * count + i] = (float4)(shown, 0.0f);
 }
+
+// The bits of the largest absolute value: those of numbers from 0 on are in the order of the numbers.
+#define EACH 64
+__kernel void largest_value(__global const float *values, const int stride, const int channels, const uint count,
+                            __global uint *largest)
+{
+    uint most = 0;
+    for (int k = 0; k < EACH; ++k) {
+        const size_t i = k * get_global_size(0) + get_global_id(0);
+        if (i < count)
+            most = max(most, as_uint(fabs(values[i / channels * stride + i % channels])));
+    }
+    if (most)
+        atomic_max(largest, most);
+}

@@ -66,7 +66,7 @@ class Block:
         """Return the L1 of the same light, (last - first, 3, 3) float32."""
         with self._sources.working():
             self._gathered(self._sources.table(light))
-            return finished(self._gather.gather_l1())
+            return np.asarray(finished(self._gather.gather_l1()))
 
     def _gathered(self, radiance: cl.Buffer) -> np.ndarray:
         return finished(self._gather.gather_from(radiance))

@@ -30,7 +30,7 @@ def final_l1(shipment: Shipment, first: int, last: int, squares: Squares, light:
     scene = prepared(shipment)
     with scene.working():
         gather, _ = _gathered(scene, squares, (first, last), light)
-        return finished(gather.gather_l1())
+        return np.asarray(finished(gather.gather_l1()))
 
 
 def _gathered(

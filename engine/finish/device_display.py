@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import upload, upload_float4
+from ..device.buffers import upload_float4
 from ..device.compute import Compute
 from ..patches.seams import Seams
 from .device_equations import DeviceEquations
 from .device_fill import DeviceFill
 from .device_fit import DeviceFit
-from .device_images import DeviceImages, DeviceTexels, largest_of
+from .device_images import DeviceImages, DeviceTexels, texels_of
 from .display_fit import RINGS
 from .lightmap_points import LightmapPoints
 
@@ -50,10 +50,10 @@ class DeviceDisplay:
         texels  (atlases, r, r, 3) or (atlases, r, r, 1) float32, light of those whose centre counts
         values  (s, 3) or (s, 1) float32, light of the points beside centres
         """
-        largest = max(largest_of(texels), largest_of(values))
-        shown = DeviceTexels(self._compute, upload(self._compute, texels), texels.shape[-1], largest)
+        shown = texels_of(self._compute, texels)
         some = values if len(values) else np.zeros((1, 3), np.float32)
         light = upload_float4(self._compute, np.broadcast_to(some, (len(some), 3)))
+        shown.shown_with(light, len(some))
         images: np.ndarray = self.images_of([shown], light)[0]
         return images
 

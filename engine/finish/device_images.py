@@ -7,14 +7,26 @@ from collections.abc import Sequence
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import download, upload
+from ..device.buffers import download, upload, upload_rows, zeros
 from ..device.compute import Compute
 from .device_fill import DeviceFill
+from .device_values import DeviceValues, Values
 
 _SOURCE = ("texel.cl", "images.cl")
 
 #: Images of several outputs that are made together take this much memory of the device, bytes, three times.
 _MEMORY = 1 << 28
+
+
+#: Values that a work item looks at for the largest, as in kernels/images.cl.
+_EACH = 64
+
+
+def texels_of(compute: Compute, texels: np.ndarray) -> DeviceTexels:
+    """Return what texels show for themselves, (..., c) float32, on the device."""
+    buffer, channels, largest = upload(compute, texels), texels.shape[-1], Largest(compute)
+    largest.take(buffer, channels, channels, texels.size // channels)
+    return DeviceTexels(compute, buffer, channels, largest)
 
 
 class DeviceImages:
@@ -60,12 +72,16 @@ class DeviceTexels:
 
     buffer    float of each texel and channel
     channels  of each texel
-    largest   no value is larger, nor a negative one
     """
 
-    def __init__(self, compute: Compute, buffer: cl.Buffer, channels: int, largest: float) -> None:
-        self._compute, self.buffer, self.channels, self.largest = compute, buffer, channels, largest
+    def __init__(self, compute: Compute, buffer: cl.Buffer, channels: int, largest: Largest) -> None:
+        self._compute, self.buffer, self.channels, self._largest = compute, buffer, channels, largest
         (self._put,) = compute.kernels(_SOURCE, "put_texels")
+
+    @property
+    def largest(self) -> float:
+        """No value is larger, nor a negative one."""
+        return self._largest.value
 
     def put(self, chosen: np.ndarray, values: np.ndarray) -> None:
         """Let some texels, (k,) flat indices, show other values, (k, c) float32."""
@@ -75,7 +91,29 @@ class DeviceTexels:
         buffers = [upload(self._compute, array) for array in arrays]
         channels, count = np.int32(self.channels), np.uint32(values.size)
         self._compute.run(self._put, values.size, *buffers, channels, self.buffer, count)
-        self.largest = max(self.largest, largest_of(values))
+        self._largest.take(buffers[0], self.channels, self.channels, len(values))
+
+    def shown_with(self, light: cl.Buffer, count: int) -> None:
+        """Be shown with light of so many points beside centres, float4."""
+        self._largest.take(light, 4, 3, count)
+
+
+class Largest:
+    """The largest absolute value of all that it has taken."""
+
+    def __init__(self, compute: Compute) -> None:
+        self._compute, self._found = compute, zeros(compute, 4)
+        (self._kernel,) = compute.kernels(_SOURCE, "largest_value")
+
+    def take(self, values: cl.Buffer, stride: int, channels: int, count: int) -> None:
+        """Take float of `count` rows that are `stride` apart."""
+        sizes = np.int32(stride), np.int32(channels), np.uint32(count * channels)
+        self._compute.run(self._kernel, -(-count * channels // _EACH), values, *sizes, self._found)
+
+    @property
+    def value(self) -> float:
+        """Return it; 0 of nothing."""
+        return float(download(self._compute, self._found, (1,))[0])
 
 
 def light_at(compute: Compute, outputs: Sequence[DeviceTexels], chosen: np.ndarray) -> cl.Buffer:
@@ -91,11 +129,6 @@ def light_at(compute: Compute, outputs: Sequence[DeviceTexels], chosen: np.ndarr
     return light
 
 
-def largest_of(values: np.ndarray) -> float:
-    """Return the largest absolute value."""
-    return float(max(values.max(initial=0), -values.min(initial=0)))
-
-
 class DevicePatches:
     """Where patches are on the lightmaps.
 
@@ -107,29 +140,22 @@ class DevicePatches:
         (self._pick,) = compute.kernels(_SOURCE, "pick_patches")
         self._patch = upload(compute, patch)
 
-    def texels(self, values: np.ndarray) -> cl.Buffer:
-        """Return the patches' values, (n, c) float32, as float of each texel and channel; 0 elsewhere."""
-        compute, channels = self._compute, values.shape[1]
+    def texels(self, values: Values) -> DeviceTexels:
+        """Return what texels show of the patches' values, (n, c) float32; 0 elsewhere."""
+        compute = self._compute
+        if isinstance(values, DeviceValues):
+            (rows, stride), channels = (values.buffer, 3), 3
+        else:
+            (rows, stride), channels = upload_rows(compute, values), values.shape[1]
         count = int(np.prod(self._shape)) * channels
         texels = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 4 * count)
-        rows, stride = _rows_in_memory(values.astype(np.float32, copy=False))
         sizes = np.int32(stride), np.int32(channels)
-        compute.run(self._pick, count, upload(compute, rows), *sizes, self._patch, texels, np.uint32(count))
-        return texels
+        compute.run(self._pick, count, rows, *sizes, self._patch, texels, np.uint32(count))
+        largest = Largest(compute)
+        largest.take(rows, stride, channels, len(values))
+        return DeviceTexels(compute, texels, channels, largest)
 
-    def images(self, values: np.ndarray) -> np.ndarray:
+    def images(self, values: Values) -> np.ndarray:
         """Return the same as (atlases, r, r, c) float32 of the host."""
-        return download(self._compute, self.texels(values), (*self._shape, values.shape[1]))
-
-
-def _rows_in_memory(values: np.ndarray) -> tuple[np.ndarray, int]:
-    """Return values, (n, c), with all that lies between their rows in memory, and how far apart these are.
-
-    Light is often three of four columns, which would take longer to copy than to upload.
-    """
-    (apart, step), (count, channels) = values.strides, values.shape
-    size = values.itemsize
-    if step != size or apart % size or apart < channels * size:
-        return values, channels
-    shape = ((count - 1) * (apart // size) + channels,)
-    return np.lib.stride_tricks.as_strided(values, shape, (size,), writeable=False), apart // size
+        texels = self.texels(values)
+        return download(self._compute, texels.buffer, (*self._shape, texels.channels))

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..device.buffers import upload
 from ..device.compute import Compute
 from ..direct.contact import NearFaces
 from ..patches.patch_list import PatchList
@@ -14,7 +13,8 @@ from ..patches.seams import Seams
 from ..scene.triangles import Triangles
 from .device_display import DeviceDisplay
 from .device_fill import DeviceFill
-from .device_images import DeviceImages, DevicePatches, DeviceTexels, largest_of, light_at
+from .device_images import DeviceImages, DevicePatches, DeviceTexels, light_at, texels_of
+from .device_values import Values
 from .dilation import Dilation
 from .display_fit import DisplayFit
 from .display_samples import no_samples
@@ -73,7 +73,7 @@ class LightmapStore:
         if not np.array_equal(hidden, self._hidden):
             self._hidden, self._dilations, self._gutters = hidden, [], None
 
-    def image(self, values: np.ndarray) -> np.ndarray:
+    def image(self, values: Values) -> np.ndarray:
         """Return the patches' values, (n, 3) or (n,), as (atlases, r, r, 3) float32, 0 elsewhere."""
         return _coloured(self._scattered(values))
 
@@ -99,7 +99,7 @@ class LightmapStore:
         where = centres, beside, seams, self.has_patch, self._rings
         self._fit = DisplayFit(*where) if self._compute is None else DeviceDisplay(self._compute, *where)
 
-    def texels(self, values: np.ndarray, samples: np.ndarray | None) -> np.ndarray:
+    def texels(self, values: Values, samples: np.ndarray | None) -> np.ndarray:
         """Return what every texel shows for itself, (atlases, r, r, 3) or (atlases, r, r, 1) float32.
 
         values   (n, 3) or (n,) float32, of the patches
@@ -120,7 +120,7 @@ class LightmapStore:
         return self._fit.images(texels, texels.reshape(-1, texels.shape[-1])[self._thin_texels])
 
     def finished(
-        self, values: Mapping[str, np.ndarray], samples: Mapping[str, np.ndarray]
+        self, values: Mapping[str, Values], samples: Mapping[str, np.ndarray]
     ) -> dict[str, np.ndarray]:
         """Return the images to keep of outputs, by name, as `final` does of `texels`.
 
@@ -186,11 +186,11 @@ class LightmapStore:
         centres[self._thin_texels] = False
         return centres.reshape(self.has_patch.shape), points.part(order)
 
-    def _scattered(self, values: np.ndarray) -> np.ndarray:
+    def _scattered(self, values: Values) -> np.ndarray:
         """Return the patches' values, (n, 3) or (n,), as (atlases, r, r, 3 or 1) float32, 0 elsewhere."""
-        channels = values.reshape(len(values), -1)
         if self._compute is not None:
-            return self._on_device(self._compute).images(channels)
+            return self._on_device(self._compute).images(_rows(values))
+        channels = np.asarray(_rows(values))
         image = np.take(channels, self._patch, axis=0, mode="clip")
         image[self._patch < 0] = 0
         return image.reshape(*self.has_patch.shape, channels.shape[1])
@@ -198,8 +198,7 @@ class LightmapStore:
     def _dilated(self, images: np.ndarray) -> np.ndarray:
         """Return images with hidden texels filled and charts dilated."""
         if self._compute is not None:
-            texels = DeviceTexels(self._compute, upload(self._compute, images), images.shape[-1], np.nan)
-            dilated: np.ndarray = self._filled(self._compute, [texels])[0]
+            dilated: np.ndarray = self._filled(self._compute, [texels_of(self._compute, images)])[0]
             return dilated
         if not self._dilations:
             self._dilations = [Dilation(mask, self._rings) for mask in self.known]
@@ -214,11 +213,9 @@ class LightmapStore:
             self._device = DevicePatches(compute, self._patch.reshape(self.has_patch.shape))
         return self._device
 
-    def _on_patches(self, compute: Compute, values: np.ndarray, samples: np.ndarray | None) -> DeviceTexels:
+    def _on_patches(self, compute: Compute, values: Values, samples: np.ndarray | None) -> DeviceTexels:
         """Return what `texels` does, on the device; thin walls part nothing."""
-        channels = values.reshape(len(values), -1)
-        buffer = self._on_device(compute).texels(channels)
-        texels = DeviceTexels(compute, buffer, channels.shape[1], largest_of(channels))
+        texels = self._on_device(compute).texels(_rows(values))
         if samples is not None:
             texels.put(self._means.shown, self._means.of(samples))
         return texels
@@ -243,6 +240,11 @@ class LightmapStore:
         gutters = self._plain_fill(compute)
         gutters.load(outputs)
         return gutters.filled()
+
+
+def _rows(values: Values) -> Values:
+    """Return values, (n, c) or (n,), as (n, c)."""
+    return values.reshape(len(values), -1) if isinstance(values, np.ndarray) else values
 
 
 def _coloured(images: np.ndarray) -> np.ndarray:

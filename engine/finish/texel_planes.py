@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ..runs import run_numbers
+from ..runs import run_numbers, run_starts
 from ..segment_sums import segment_sums
 
 #: Variance of places, texels squared, which light has no slope over: that of noise stays small.
@@ -36,10 +36,20 @@ class TexelPlanes:
         around: np.ndarray,
         resolution: int,
     ) -> None:
-        self._count, self._starts, self._weight = (len(texels), len(around)), starts, weight
-        self._number = run_numbers(starts, len(place))
-        self._basis = np.concatenate([np.ones((len(place), 1)), place], axis=1)
-        self._steps = steps_around(texels, around, resolution)
+        # Of all texels only those count that planes go through.
+        steps = steps_around(texels, around, resolution)
+        used = np.zeros(len(texels), bool)
+        for texel, *_ in steps:
+            used[texel] = True
+        new = np.cumsum(used) - 1
+        self._steps = [(new[texel], there, shift) for texel, there, shift in steps]
+        number = run_numbers(starts, len(place))
+        self._chosen = np.flatnonzero(used[number])
+        self._number = new[number[self._chosen]]
+        self._starts, self._weight = run_starts(self._number), weight[self._chosen]
+        self._count = int(used.sum()), len(around)
+        places = place[self._chosen]
+        self._basis = np.concatenate([np.ones((len(places), 1)), places], axis=1)
 
         # Normal equations; across a line that all samples lie on there is no slope.
         sums = self._sums(self._basis[:, :, None] * self._basis[:, None])
@@ -54,7 +64,7 @@ class TexelPlanes:
 
         values: (m, c), of the samples
         """
-        sums = self._sums(self._basis[:, :, None] * values[:, None])
+        sums = self._sums(self._basis[:, :, None] * values[self._chosen, None])
         right = np.zeros((self._count[1], 3, values.shape[1]))
         for texel, there, shift in self._steps:
             right[there] += shift @ sums[texel]
@@ -67,13 +77,15 @@ class TexelPlanes:
         values  (m, c), of the samples: nothing leaves the range of all of them
         number  (p,) int64, of the planes
         """
-        least, most = (reduce.reduceat(values, self._starts) for reduce in (np.minimum, np.maximum))
+        mine = values[self._chosen]
+        least, most = (reduce.reduceat(mine, self._starts) for reduce in (np.minimum, np.maximum))
         low, high = np.full((2, self._count[1], values.shape[1]), [[[np.inf]], [[-np.inf]]])
         for texel, there, _ in self._steps:
             low[there] = np.minimum(low[there], least[texel])
             high[there] = np.maximum(high[there], most[texel])
         beyond = _BEYOND * (high - low)
-        low, high = np.maximum(low - beyond, least.min(axis=0)), np.minimum(high + beyond, most.max(axis=0))
+        low = np.maximum(low - beyond, [column.min() for column in values.T])
+        high = np.minimum(high + beyond, [column.max() for column in values.T])
         within: np.ndarray = np.clip(light, low[number], high[number])
         return within
 

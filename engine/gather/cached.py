@@ -12,6 +12,7 @@ from ..device.compute import Compute
 from ..resume.checkpoint import Checkpoint
 from ..visibility.identity import Identity, Sampling, identity_options
 from ..visibility.rays.identity import GatheredBuffers, RayIdentity
+from .device_l1 import L1
 from .kept_samples import Backs, KeptSamples, Rows
 from .l1_gather import L1Gather, NoL1
 from .static_light import StaticLight
@@ -85,7 +86,7 @@ class CachedSweep:
             self._kernels.gather(rows, self._static.light, light, column)
         yield 1.0
 
-    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+    def gather_l1(self) -> Generator[float, None, L1]:
         """Gather L1; see `sweep.Sweep.gather_l1`."""
         for rows in self._kept.pieces:
             for done in self._l1.gather(rows, self._static.l1):
@@ -137,7 +138,7 @@ class StreamSweep:
                 pass
         cl.enqueue_copy(self._compute.queue, light.patches_seen, self._backs.patches_seen)
 
-    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+    def gather_l1(self) -> Generator[float, None, L1]:
         """Return the L1 that the last sweep gathered; see `sweep.Sweep.gather_l1`."""
         yield 1.0
         return self._l1.values()
@@ -165,7 +166,7 @@ class RayStreamSweep:
         yield from self._identity.gather(self._count, light.radiance, seen)
         self._kernels.take(self._gathered, light, column)
 
-    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+    def gather_l1(self) -> Generator[float, None, L1]:
         """Return the L1 that the last sweep gathered; see `sweep.Sweep.gather_l1`."""
         yield 1.0
         return self._l1.values()

@@ -10,6 +10,7 @@ import pyopencl as cl
 
 from ..device.buffers import download, upload_float4, zeros
 from ..device.compute import Compute
+from .device_l1 import L1
 from .sweep import Sweep
 
 
@@ -24,7 +25,7 @@ class LightGather(Protocol):
         """Gather from radiance on the device; see `FinalGather.gather_from`."""
         ...
 
-    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+    def gather_l1(self) -> Generator[float, None, L1]:
         """Return the L1 of what was gathered last; see `Sweep.gather_l1`."""
         ...
 
@@ -63,6 +64,6 @@ class FinalGather:
         yield from self._sweep.gather(self, 0)
         return download(self._compute, self._gathered, (self.count, 4))
 
-    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+    def gather_l1(self) -> Generator[float, None, L1]:
         """Return the L1 of what was gathered last; see `Sweep.gather_l1`."""
         return (yield from self._sweep.gather_l1())

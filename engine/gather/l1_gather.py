@@ -7,11 +7,12 @@ from collections.abc import Generator
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import download_colors, zeros
+from ..device.buffers import zeros
 from ..device.compute import Compute
 from ..settings import Settings
 from ..visibility.identity import Sampling
 from ..visibility.views.directions import r2_sequence
+from .device_l1 import DeviceL1
 from .kept_samples import Rows
 from .row_kernel import RowKernel
 
@@ -43,7 +44,7 @@ class L1Gather:
     def __init__(
         self, compute: Compute, sampling: Sampling, receivers: cl.Buffer, settings: Settings, count: int
     ) -> None:
-        self._compute, self._count = compute, count
+        self._compute, self._receivers, self._count = compute, receivers, count
         pattern = _disk(sampling.samples)
         self._gather = RowKernel(compute, sampling, receivers, settings, pattern, "gather_l1", "gather_l1.cl")
         self.result = zeros(compute, 48 * count)
@@ -62,12 +63,9 @@ class L1Gather:
         """
         yield from self._gather.run(rows, self._radiance, static_l1, self.result)
 
-    def values(self) -> np.ndarray:
-        """Return the L1 of all patches, (n, 3, 3) float32: of each axis of the world its rgb.
-
-        In memory one axis follows the other.
-        """
-        return download_colors(self._compute, self.result, self._count, 3).transpose(1, 0, 2)
+    def values(self) -> DeviceL1:
+        """Return the L1 of all patches."""
+        return DeviceL1(self._compute, self.result, self._receivers, self._count)
 
 
 def _disk(count: int) -> np.ndarray:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import Protocol
 
-import numpy as np
 import pyopencl as cl
+
+from .device_l1 import L1
 
 
 class Light(Protocol):
@@ -33,7 +34,7 @@ class Sweep(Protocol):
     def gather(self, light: Light, column: int) -> Generator[float, None, None]:
         """Gather from `light.radiance` into a column of its ring; yield the fraction done."""
 
-    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+    def gather_l1(self) -> Generator[float, None, L1]:
         """Return the L1 of the light of the last `gather`, (n, 3, 3) float32; yield the fraction done.
 
         Of each axis of the world its rgb, see kernels/tilt.cl; without the light that shadow rays sample.

@@ -20,7 +20,7 @@ from ..finish.display_samples import (
     on_lightmap,
 )
 from ..finish.light_edges import PatchLight
-from ..finish.outputs import Outputs
+from ..finish.made_outputs import Outputs
 from ..finish.push_out import WaysOut, joined_ways, pushed_barycentrics, ways_out
 from ..finish.store import is_hidden
 from ..finish.texel_means import TexelMeans
@@ -280,7 +280,8 @@ def light_at(
     last, _ = last_gather(what.solved, what.choice, receivers, settings)
     yield from part_of(0.3, 0.8, last.gather_from(radiance))
     outputs, geometry = Outputs(what.scene, settings, lighting), points.parts.geometry
-    values = yield from part_of(0.8, 1.0, outputs.make(last, geometry))
+    made = yield from part_of(0.8, 1.0, outputs.make(last, geometry))
+    values = {name: np.asarray(light) for name, light in made.items()}
     normals = geometry.normal if settings.denoise else np.zeros((0, 3), np.float32)
     visible = ~(is_hidden(last.gathered[:, 3], lighting.near_faces()) | ways.inside)
     return LitSamples(points.samples, ways, visible, normals, last.irradiance, values)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..finish.outputs import light_output
+from ..finish.made_outputs import light_output
 from ..progress import part_of
 from ..settings import Settings
 from ..solve.solver import Solution

@@ -10,6 +10,7 @@ import pyopencl as cl
 
 from ..device.buffers import download, upload, upload_float4, zeros
 from ..device.compute import Compute
+from ..gather.device_l1 import L1
 from ..gather.sweep import Sweep
 from .solver import Balance, Step, Sums
 
@@ -122,7 +123,7 @@ class DeviceRadiosity:
         )  # fmt: skip
         return Balance(*(self._read_sums(len(fields(Balance))) * self.area))
 
-    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+    def gather_l1(self) -> Generator[float, None, L1]:
         """Return the L1 of the last sweep; see `solve.Radiosity.gather_l1`."""
         return (yield from self._sweep.gather_l1())
 

@@ -6,6 +6,7 @@ from collections.abc import Generator
 
 import numpy as np
 
+from ..gather.device_l1 import L1
 from ..lightmap import Energy
 from .interpolated_gather import InterpolatedGather
 from .last_gather import LastGather
@@ -69,7 +70,7 @@ class GroupedSolution:
         """Return where the light of the groups goes; see `solver.Solution.energy`."""
         return self._solver.energy(emission)
 
-    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+    def gather_l1(self) -> Generator[float, None, L1]:
         """Return the L1 of the last gather; see `solver.Radiosity.gather_l1`."""
         return (yield from self.last.gather_l1())
 

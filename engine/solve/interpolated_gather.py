@@ -64,7 +64,7 @@ class InterpolatedGather:
             for layer in layers[1:]:
                 layer[patches, :3] = last.direct - sampled[patches]
             if self._directional:
-                self._l1.append((yield from last.gather_l1()))
+                self._l1.append(np.asarray((yield from last.gather_l1())))
 
         def fit(squares: Interpolation, layers: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
             values, fits = squares.fit(layers, beside, self._tolerance)
@@ -142,7 +142,7 @@ class InterpolatedGather:
 
         A patch has it from the groups from which it has its light.
         """
-        l1, front = (yield from self._solver.gather_l1()), self._solver.gathered[:, 3:]
+        l1, front = np.asarray((yield from self._solver.gather_l1())), self._solver.gathered[:, 3:]
         axes = [np.concatenate([l1[:, axis], front], axis=1) for axis in range(3)]
         nothing, own = np.zeros(len(self.gathered), np.float32), iter(self._l1)
         fitting = iter(self._fitting)

@@ -7,6 +7,7 @@ from collections.abc import Generator
 import numpy as np
 import pyopencl as cl
 
+from ..gather.device_l1 import L1
 from ..gather.final_gather import LightGather
 
 
@@ -53,7 +54,7 @@ class LastGather:
             self.direct = self.gathered[:, :3]
         self.done = True
 
-    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+    def gather_l1(self) -> Generator[float, None, L1]:
         """Return the L1 of all light but the sampled, (n, 3, 3) float32; see `Sweep.gather_l1`."""
         return (yield from self._final.gather_l1())
 

@@ -8,6 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
+from ..gather.device_l1 import L1
 from ..lightmap import Energy
 from ..settings import Settings
 from .anderson import Anderson
@@ -127,7 +128,7 @@ class Radiosity(Protocol):
         direct    (n, 3) float32, E/pi of light that was not reflected
         """
 
-    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+    def gather_l1(self) -> Generator[float, None, L1]:
         """Return the L1 of the last sweep, (n, 3, 3) float32, see `Sweep.gather_l1`; yield the fraction done.
 
         Raises DeviceError where no directions are known.
@@ -146,7 +147,7 @@ class Solution(Protocol):
     def iteration(self) -> Generator[float, None, None]:
         """Sweep once; yield the fraction done."""
 
-    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+    def gather_l1(self) -> Generator[float, None, L1]:
         """Return the L1 of the light of the last iteration; see `Radiosity.gather_l1`."""
         ...
 
@@ -331,7 +332,7 @@ class Solver:
         """
         return _DARK if self._anderson is None else 1.0
 
-    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+    def gather_l1(self) -> Generator[float, None, L1]:
         """Return the L1 of the last sweep; see `Radiosity.gather_l1`."""
         return (yield from self._radiosity.gather_l1())
 

@@ -6,13 +6,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from engine.device.buffers import upload, upload_float4
+from engine.device.buffers import upload_float4
 from engine.device.compute import Compute
 from engine.direct.contact import NearFaces
 from engine.finish import device_images
 from engine.finish.bilinear import footprints
 from engine.finish.device_display import DeviceDisplay
-from engine.finish.device_images import DeviceTexels, largest_of
+from engine.finish.device_images import texels_of
 from engine.finish.display_fit import DisplayFit
 from engine.finish.display_samples import DisplaySamples
 from engine.finish.lightmap_points import LightmapPoints, thin_patches
@@ -230,15 +230,10 @@ def test_outputs_that_are_made_together_have_the_bits_of_each_alone(
     made = []
     for first in range(0, len(shown), together.most):
         some = slice(first, first + together.most)
-        outputs = [
-            DeviceTexels(
-                compute,
-                upload(compute, texels),
-                texels.shape[-1],
-                max(largest_of(texels), largest_of(values)),
-            )
-            for texels, values in zip(shown[some], light[some], strict=True)
-        ]
+        outputs = [texels_of(compute, texels) for texels in shown[some]]
+        for texels, values in zip(outputs, light[some], strict=True):
+            points = upload_float4(compute, np.broadcast_to(values, (len(values), 3)))
+            texels.shown_with(points, len(values))
         points = np.concatenate([np.broadcast_to(values, (len(values), 3)) for values in light[some]])
         made += list(together.images_of(outputs, upload_float4(compute, points)))
     assert (

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from engine.finish.carried_maps import carried_maps, restored_maps
-from engine.finish.outputs import directional_maps, dominant_direction, projected_maps
+from engine.finish.directional_maps import directional_maps, dominant_direction, projected_maps
 
 RANDOM = np.random.default_rng(8)
 SHAPE = (2, 7, 11)

@@ -1,0 +1,37 @@
+"""The L1 of what patches gather, left on the OpenCL device; see kernels/tilt.cl."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+import pyopencl as cl
+
+from ..device.buffers import download_colors
+from ..device.compute import Compute
+
+
+class DeviceL1:
+    """L1 of n patches; NumPy reads it as an array.
+
+    buffer     3 float4 of each patch, x, y and z
+    receivers  records of the patches, see `RayScene.receivers`
+    """
+
+    def __init__(self, compute: Compute, buffer: cl.Buffer, receivers: cl.Buffer, count: int) -> None:
+        self.compute, self.buffer, self.receivers, self._count = compute, buffer, receivers, count
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        """Return it as (n, 3, 3) float32: of each axis of the world its rgb.
+
+        In memory one axis follows the other.
+        """
+        values = download_colors(self.compute, self.buffer, self._count, 3).transpose(1, 0, 2)
+        return values if dtype is None else values.astype(dtype, copy=False)
+
+
+#: L1 of the host, (n, 3, 3) float32, or of the device.
+L1: TypeAlias = np.ndarray | DeviceL1

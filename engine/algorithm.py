@@ -22,7 +22,6 @@ from .finish.parted_seams import without_parted
 from .finish.second_look import SecondLook
 from .finish.store import LightmapStore
 from .lightmap import Lightmap, Report
-from .patches.areas import surface_areas
 from .patches.occluders import place_occluders
 from .patches.seams import Seams
 from .plan.choice import Choice
@@ -114,13 +113,13 @@ def _bake(
 
     # Faces that touch patches hide them, or lie back to back with them.
     yield stages.begin(stages.choosing)
-    near = lighting.near_faces()
+    near = kept.near_faces(lighting)
     parts = replace(parts, back_to_back=bool(near.back_to_back.any()))
 
     # All other light is gathered: through hemicubes drawn in every iteration (IV.B), or what is kept of them.
     job = SolveJob(
         graphics, compute, parts, rays, lighting.emission_left, lighting.sky_left, sampled,
-        surface_areas(parts.triangles, parts.patches, parts.geometry), settings, remote, kept,
+        kept.areas(parts), settings, remote, kept,
         last.indirect if last else None,
     )  # fmt: skip
     solution, choice, solved = choose_solver(job)

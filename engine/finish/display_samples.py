@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.compute import Compute
 from ..patches.subdivision import Subdivision
 from ..patches.texel_pieces import TexelClipper, TexelPieces, joined_pieces
 from ..portable import Portable
@@ -76,21 +75,20 @@ def joined_samples(several: list[DisplaySamples]) -> DisplaySamples:
 
 
 def display_samples(
-    compute: Compute, parts: Subdivision, atlases: int, known: PatchLight, points: int
+    clipper: TexelClipper, parts: Subdivision, atlases: int, known: PatchLight, points: int
 ) -> tuple[DisplaySamples, int]:
     """Return so many `points` in each texel of the first atlases that shows more than its centre.
 
     These are texels that are partly covered, show several faces, or lie on an edge of light or of what is
     hidden. Where they would have too many points together each has fewer, at last every second or third texel
-    alone. The number tells how many each has.
+    alone. The number tells how many each has. The clipper is of the triangles.
     """
     triangles, resolution = parts.triangles, parts.patches.resolution
     own = parts.patches.on_texels(atlases)
-    edge, at_an_end = find_edges(compute, own, known)
+    edge, at_an_end = find_edges(clipper.compute, own, known)
     edge |= _between(edge) & (own >= 0)
 
     # Of texels between others of their chart it shows in the light whether they need points.
-    clipper = TexelClipper(compute, triangles, resolution)
     border = clipper.border_pieces(edge | at_an_end)
     several = at_an_end & _shows_several(parts, border, own)
     chosen, points = _affordable((several | edge).ravel(), points)

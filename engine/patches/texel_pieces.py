@@ -50,27 +50,27 @@ def joined_pieces(several: list[TexelPieces]) -> TexelPieces:
 
 
 class TexelClipper:
-    """Clips triangles of lightmaps at texels, on the OpenCL device."""
+    """Clips triangles of lightmaps at texels, on the OpenCL device, which keeps what it needs of them."""
 
     def __init__(self, compute: Compute, triangles: Triangles, resolution: int) -> None:
-        self._compute, self._triangles, self._resolution = compute, triangles, resolution
+        self.compute, self._triangles, self._resolution = compute, triangles, resolution
         self._kernels = dict(zip(_NAMES, compute.kernels(_SOURCE, *_NAMES), strict=True))
         self._uvs = upload(compute, triangles.uvs.astype(np.float32, copy=False))
+        self._listed: dict[int, tuple] = {}
 
     def border_pieces(self, wanted: np.ndarray) -> TexelPieces:
         """Return the pieces of wanted texels, (atlases, r, r) bool, that triangles touch and do not fill.
 
         A texel that no border of a triangle crosses may have a piece here, too: one triangle fills it.
         """
-        triangle, row = self._rows(len(wanted))
-        if not len(triangle):
-            return self._pieces(triangle, row, np.zeros(0, np.float32))
-        compute, count = self._compute, len(triangle)
-        rows = (
-            self._uvs, upload(compute, triangle), upload(compute, row),
-            upload(compute, self._triangles.atlas.astype(np.int32, copy=False)),
-            upload(compute, wanted.view(np.uint8)), np.int32(self._resolution),
-        )  # fmt: skip
+        if len(wanted) not in self._listed:
+            self._listed[len(wanted)] = self._list_rows(len(wanted))
+        count, *buffers = self._listed[len(wanted)]
+        if not count:
+            none = np.zeros(0, np.int32)
+            return self._pieces(none, none, np.zeros(0, np.float32))
+        compute = self.compute
+        rows = (self._uvs, *buffers, upload(compute, wanted.view(np.uint8)), np.int32(self._resolution))
 
         # Count, then list.
         starts, none = zeros(compute, 4 * count), zeros(compute, 4)
@@ -87,7 +87,7 @@ class TexelClipper:
     def pieces_at(self, triangle: np.ndarray, texel: np.ndarray) -> TexelPieces:
         """Return what triangles, (m,), cover of texels, (m,), of their own atlases, where it is anything."""
         count = len(texel)
-        areas = zeros(self._compute, 4 * max(1, count))
+        areas = zeros(self.compute, 4 * max(1, count))
         self._run("piece_areas", count, self._uvs, *self._where(triangle, texel), areas)
         return self._pieces(triangle, texel, self._read(areas, count, "f4"))
 
@@ -97,10 +97,16 @@ class TexelClipper:
         Points in a row are those of an R2 sequence: they spread evenly over a piece, and over several.
         """
         count = len(piece)
-        points = zeros(self._compute, 12 * max(1, count))
+        points = zeros(self.compute, 12 * max(1, count))
         where = self._where(pieces.triangle, pieces.texel, piece)
         self._run("points_within", count, self._uvs, *where, points)
         return self._read(points, 3 * count, "f4").reshape(count, 3)
+
+    def _list_rows(self, atlases: int) -> tuple:
+        """Return how many rows `_rows` returns, these on the device, and the atlas of each triangle."""
+        triangle, row = self._rows(atlases)
+        arrays = (triangle, row, self._triangles.atlas.astype(np.int32, copy=False))
+        return len(triangle), *(upload(self.compute, array) for array in arrays if len(triangle))
 
     def _rows(self, atlases: int) -> tuple[np.ndarray, np.ndarray]:
         """Return each triangle of the first atlases with each row of texels that it touches, (m,) int32."""
@@ -122,16 +128,16 @@ class TexelClipper:
     def _where(self, *arrays: np.ndarray) -> tuple:
         """Return arrays on the device, as int32, and the resolution."""
         buffers = [
-            upload(self._compute, values.astype(np.int32, copy=False))
+            upload(self.compute, values.astype(np.int32, copy=False))
             if len(values)
-            else zeros(self._compute, 8)
+            else zeros(self.compute, 8)
             for values in arrays
         ]
         return (*buffers, np.int32(self._resolution))
 
     def _read(self, buffer: cl.Buffer, count: int, kind: str) -> np.ndarray:
-        return download(self._compute, buffer, (count,)).view(kind) if count else np.zeros(0, kind)
+        return download(self.compute, buffer, (count,)).view(kind) if count else np.zeros(0, kind)
 
     def _run(self, name: str, count: int, *arguments: object) -> None:
         if count:
-            self._compute.run(self._kernels[name], count, *arguments, np.int32(count))
+            self.compute.run(self._kernels[name], count, *arguments, np.int32(count))

@@ -135,8 +135,8 @@ def light_in_texels(
     front = solution.gathered[:, 3]
     light = channel_sum(solution.irradiance)
     known = PatchLight(light, front, _nobody_sees(what, front, near))
-    asked = what.job.settings.texel_samples
-    samples, count = display_samples(compute, what.job.parts, atlases, known, asked)
+    asked, clipper = what.job.settings.texel_samples, what.job.kept.clipper(compute, what.job.parts)
+    samples, count = display_samples(clipper, what.job.parts, atlases, known, asked)
     if not len(samples):
         return _nothing("No texel shows more than its centre.")
     settings = _settings_of_samples(what.job.settings, count)

@@ -6,19 +6,26 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import fields, replace
 from pathlib import Path
 
+import numpy as np
+
 from ..device.compute import Compute
 from ..device.graphics import Graphics
+from ..direct.contact import NearFaces
+from ..direct.lighting import DirectLighting
 from ..finish.seam_sides import display_seams
 from ..gather.kept_samples import KeptSamples
+from ..patches.areas import surface_areas
 from ..patches.patch_list import PatchList
 from ..patches.seams import Seams
 from ..patches.subdivision import Subdivision, subdivide
 from ..patches.surfaces import patch_surfaces
+from ..patches.texel_pieces import TexelClipper
 from ..resume.checkpoint import Checkpoints
 from ..scene.digests import geometry_digest, surfaces_digest
 from ..scene.model import Scene
 from ..settings import Settings
 from ..visibility.identity import directional_options
+from ..visibility.open_sky import open_sky
 from ..visibility.rays.ray_scene import RayScene
 from .last_light import LastLight
 
@@ -29,6 +36,9 @@ _LEAVING_VISIBILITY = frozenset({
     "kept_budget", "light_samples", "outputs", "sample_emission", "scheduler", "texel_samples", "tolerance",
     "warm_start",
 })  # fmt: skip
+
+#: A larger sky, bytes, is not kept to be compared with the next one.
+_MOST_SKY = 1 << 26
 
 #: What is kept takes this part of the device's memory by default.
 _PART = 4
@@ -54,6 +64,10 @@ class Kept:
     _follows: bool
     _rays: RayScene | None
     _seams: Future[Seams] | None
+    _areas: np.ndarray | None
+    _near: NearFaces | None
+    _clipper: TexelClipper | None
+    _sky: tuple[np.ndarray, np.ndarray | None] | None = None
 
     def __init__(self) -> None:
         self.key = None
@@ -64,6 +78,7 @@ class Kept:
     def clear(self) -> None:
         """Drop everything."""
         self._parts = self._rays = self._seams = self.samples = None
+        self._areas = self._near = self._clipper = None
         self._follows = False
 
     def subdivide(
@@ -86,7 +101,7 @@ class Kept:
             self._parts = subdivide(graphics, compute, scene, settings, triangles)
         elif surfaces != self._surfaces_key:
             made = patch_surfaces(compute, scene, self._parts.geometry, settings.resolution)
-            self._parts = replace(self._parts, surfaces=made)
+            self._parts, self._near = replace(self._parts, surfaces=made), None
         self.key, self._surfaces_key = key, surfaces
         return self._parts
 
@@ -103,6 +118,32 @@ class Kept:
             self._seams = thread.submit(display_seams, parts.triangles, atlases, parts.patches.resolution)
             thread.shutdown(wait=False)
         return self._seams
+
+    def areas(self, parts: Subdivision) -> np.ndarray:
+        """Return the area that each patch stands for; see `patches.areas.surface_areas`."""
+        if self._areas is None:
+            self._areas = surface_areas(parts.triangles, parts.patches, parts.geometry)
+        return self._areas
+
+    def near_faces(self, lighting: DirectLighting) -> NearFaces:
+        """Return what faces nearby do to the patches; it changes with what they emit alone."""
+        if self._near is None:
+            self._near = lighting.near_faces()
+        return self._near
+
+    def clipper(self, compute: Compute, parts: Subdivision) -> TexelClipper:
+        """Return what clips the triangles at texels."""
+        if self._clipper is None:
+            self._clipper = TexelClipper(compute, parts.triangles, parts.patches.resolution)
+        return self._clipper
+
+    def open_sky(self, sky: np.ndarray) -> np.ndarray | None:
+        """Return E/pi of all of a sky; see `visibility.open_sky.open_sky`. That of the last one is kept."""
+        last = self._sky
+        if last is None or not (last[0] is sky or np.array_equal(last[0], sky)):
+            last = sky, open_sky(sky)
+        self._sky = last if sky.nbytes <= _MOST_SKY else None
+        return last[1]
 
     def light_on(self, patches: PatchList, settings: Settings) -> LastLight | None:
         """Return the light of the last bake on patches for a warm start; None without one."""

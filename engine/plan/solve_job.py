@@ -67,7 +67,7 @@ class SolveJob:
     @cached_property
     def surroundings(self) -> Surroundings:
         """What patches see beside each other's fronts, on the OpenCL device."""
-        return surroundings(self.opencl, self.emission, self.sky)
+        return surroundings(self.opencl, self.emission, self.sky, self.kept.open_sky)
 
     @cached_property
     def checkpoint(self) -> Checkpoint:

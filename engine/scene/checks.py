@@ -116,13 +116,13 @@ def check_references(mesh: Mesh, scene: Scene) -> None:
         raise SceneError(
             f"Object '{mesh.name}' names atlas {mesh.atlas} of {len(scene.atlases)}. Give it one of these."
         )
-    used = np.unique(mesh.material)
-    if len(used) and not 0 <= used[0] <= used[-1] < len(scene.materials):
+    least, most = (int(end()) if len(mesh.material) else 0 for end in (mesh.material.min, mesh.material.max))
+    if len(mesh.material) and not 0 <= least <= most < len(scene.materials):
         raise SceneError(
-            f"Object '{mesh.name}' names materials {used[0]} to {used[-1]} of {len(scene.materials)}. "
+            f"Object '{mesh.name}' names materials {least} to {most} of {len(scene.materials)}. "
             "Give its faces one of them."
         )
-    for material in (scene.materials[index] for index in used):
+    for material in (scene.materials[index] for index in np.flatnonzero(np.bincount(mesh.material))):
         for texture in _textures(material):
             if texture.uv_map not in mesh.texture_uvs:
                 raise SceneError(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -123,11 +123,16 @@ class Surroundings:
         return self.sky, self.width, self.height, self.open_sky
 
 
-def surroundings(compute: Compute, emission: np.ndarray, sky: np.ndarray) -> Surroundings:
-    """Upload emission, (n, 3) float32, and sky, (h, w, 3) float32."""
+def surroundings(
+    compute: Compute,
+    emission: np.ndarray,
+    sky: np.ndarray,
+    whole: Callable[[np.ndarray], np.ndarray | None] = open_sky,
+) -> Surroundings:
+    """Upload emission, (n, 3) float32, and sky, (h, w, 3) float32, with what `whole` makes of the sky."""
     backs = compute.shared.of(emission, "float4", lambda: upload_float4(compute, emission, first=1))
     pixels = upload_float4(compute, sky.reshape(-1, 3))
     size = np.int32(sky.shape[1]), np.int32(sky.shape[0])
-    table = open_sky(sky)
+    table = whole(sky)
     known = None if table is None else upload_float4(compute, table)
     return Surroundings(backs, np.uint32(len(emission) + 1), pixels, *size, known, not sky.any())

@@ -11,6 +11,7 @@ from engine.finish.push_out import pushed_barycentrics
 from engine.finish.texel_means import TexelMeans
 from engine.patches.geometry import PatchGeometry, texel_steps
 from engine.patches.patch_list import PatchList
+from engine.patches.texel_pieces import TexelClipper
 from tests.gpu.test_texel_pieces import nasty_uvs, triangles_of
 
 RESOLUTION = 13
@@ -41,7 +42,8 @@ def parts_of(uvs):
 
 def display_samples(compute, parts, atlases, known, points):
     """Return the samples, which have as many points in each texel as asked for."""
-    samples, found = module.display_samples(compute, parts, atlases, known, points)
+    clipper = TexelClipper(compute, parts.triangles, RESOLUTION)
+    samples, found = module.display_samples(clipper, parts, atlases, known, points)
     assert found == points
     return samples
 
@@ -158,7 +160,8 @@ def test_too_many_points_become_fewer_in_every_texel_and_then_in_fewer_texels(
     """The border of a square half a texel off covers 22 texels in part."""
     monkeypatch.setattr(module, "_MOST_POINTS", most)
     parts = parts_of(SQUARE + 0.5 / 13)
-    samples, found = module.display_samples(compute, parts, 1, even(parts), 16)
+    clipper = TexelClipper(compute, parts.triangles, RESOLUTION)
+    samples, found = module.display_samples(clipper, parts, 1, even(parts), 16)
     assert found == points and len(samples) == points * texels
     assert len(np.unique(samples.texel)) == texels
 

@@ -1,6 +1,7 @@
 """A bake of the geometry of the last one has the light of a bake of its own, but looks for nothing."""
 
 import dataclasses
+from collections import Counter
 
 import numpy as np
 import pyopencl as cl
@@ -128,6 +129,38 @@ def test_what_changes_visibility_is_found_anew(session, edit):
     again = finished(session.bake(scene, settings))
     assert not was_kept(again)
     assert_same(again, finished(bake(scene, settings)))
+
+
+def test_what_follows_from_geometry_alone_is_made_once(session, monkeypatch):
+    """Faces near patches are looked for again by other materials, and another sky is summed up again."""
+    made = Counter()
+
+    def counted(name):
+        real = getattr(kept, name)
+
+        def call(*arguments):
+            made[name] += 1
+            return real(*arguments)
+
+        return call
+
+    for name in ("surface_areas", "TexelClipper", "open_sky"):
+        monkeypatch.setattr(kept, name, counted(name))
+    near_faces = kept.DirectLighting.near_faces
+
+    def near(lighting):
+        made[lighting._ray_scene.count] += 1
+        return near_faces(lighting)
+
+    monkeypatch.setattr(kept.DirectLighting, "near_faces", near)
+    settings = dataclasses.replace(SETTINGS, texel_samples=16)
+    session.forget()
+    scenes = (ROOM, RELIT["lamp"][0], coloured(ROOM, 0, reflectance=RED), RELIT["world"][0])
+    relit = [finished(session.bake(scene, settings)) for scene in scenes]
+    assert made["surface_areas"] == made["TexelClipper"] == 1 and made["open_sky"] == 2
+    assert made[relit[0].report.patches] == 3
+    for scene, lightmap in zip(scenes, relit, strict=True):
+        assert_same(lightmap, finished(bake(scene, settings)))
 
 
 @pytest.mark.parametrize(

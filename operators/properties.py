@@ -273,7 +273,7 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
     instances: StringProperty(
         name="Instances",
         description="Where the charts of the instances are that the object makes, as JSON: object, "
-        "persistent_id, image, scale, offset",
+        "persistent_id, image, atlas, scale, offset",
         options={"HIDDEN"},
         override=_OVERRIDABLE,
     )

@@ -387,8 +387,9 @@ class Run:
         instances: dict[int, list[dict]] = {}
         for uid, name, number, place in self._read.instances:
             if uid in editable and name not in lost.values():
-                entry = {"object": name, "persistent_id": number, "image": image[place.atlas].name}
-                instances.setdefault(uid, []).append({**entry, "scale": place.scale, "offset": place.offset})
+                where = {"image": image[place.atlas].name, "atlas": place.atlas}
+                known = {"object": name, "persistent_id": number, **where}
+                instances.setdefault(uid, []).append({**known, "scale": place.scale, "offset": place.offset})
         for uid, entries in instances.items():
             editable[uid].hemibake.instances = json.dumps(entries)
         for uid, place in self._read.objects:

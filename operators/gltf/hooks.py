@@ -74,11 +74,11 @@ class LightmapHooks:
         else:
             surface = self._surfaces.of_mesh(entry.data.name, matrix)
         if surface is None or surface.place is None:
-            self.dark.append(node.name if surface is None else surface.source.name)
+            self.dark.append(_name(entry) if surface is None else surface.source.name)
             return
         if surface.place.image not in self._lightmaps:
             return
-        _, layers = self._layers[id(node.mesh)]
+        _, layers = self._layers.get(id(node.mesh), (node.mesh, ()))
         if surface.place.layer not in layers:
             self.lost.append(surface.source.name)
             return
@@ -93,9 +93,14 @@ class LightmapHooks:
     def _lit_primitive(
         self, primitive: gltf2_io.MeshPrimitive, place: LitPlace, lightmap: EncodedLightmap, number: int
     ) -> gltf2_io.MeshPrimitive:
-        """Return a primitive whose second UV set is that of the lightmap, which is in one of some number."""
+        """Return a primitive whose second UV set is that of the lightmap, which is in one of some number.
+
+        One without UVs, as of loose edges, stays as it is.
+        """
         made = copy.copy(primitive)
         sets, first = dict(primitive.attributes), f"TEXCOORD_{number}"
+        if first not in sets:
+            return made
         moved = _moved(sets[first], place)
         if "TEXCOORD_1" in sets:
             sets[first] = sets["TEXCOORD_1"]
@@ -103,6 +108,11 @@ class LightmapHooks:
         swapped = number if "TEXCOORD_1" in primitive.attributes else 1
         made.material = self._materials.lit(primitive.material, lightmap, swapped)
         return made
+
+
+def _name(entry: object) -> str:
+    """Return the name of the object that an entry of the exporter's tree shows, or that makes it."""
+    return (entry.blender_object or entry.original_object).name
 
 
 def _moved(accessor: gltf2_io.Accessor, place: LitPlace) -> gltf2_io.Accessor:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
+from ..result.instance_places import instance_image
 from ..scene.objects.items import SceneItem, scene_items
 from ..scene.objects.visible import visible_objects
 from ..scene.uvs.lightmap_layer import lightmap_layer
@@ -121,7 +122,7 @@ def _own_place(obj: bpy.types.Object) -> LitPlace | None:
 
 def _place(item: SceneItem, entry: dict | None, scene: bpy.types.Scene) -> LitPlace | None:
     """Return where the light of an instance is, as the last bake has written it down."""
-    image = entry and bpy.data.images.get(entry["image"])
+    image = entry and instance_image(scene, entry)
     if not image:
         return None
     layer = item.source.hemibake.uv_layer or lightmap_layer(item.source, scene.hemibake.uv_layer)

@@ -62,7 +62,7 @@ def instance_places(
             continue
         source = instance.object.original
         entry = baked.get((instance.parent.original, source.name, tuple(instance.persistent_id)))
-        image = entry and bpy.data.images.get(entry["image"])
+        image = entry and instance_image(scene, entry)
         if image:
             bits = instance.random_id & 0xFFFFFFFF
             place = InstancePlace(bits, image, entry["scale"], tuple(entry["offset"]))
@@ -73,6 +73,15 @@ def instance_places(
             place = InstancePlace(name_hash(source.name), own.image, own.uv_scale, tuple(own.uv_offset))
             others.append(place)
     return places
+
+
+def instance_image(scene: bpy.types.Scene, entry: dict) -> bpy.types.Image | None:
+    """Return the lightmap of an instance, whatever it is called now, by what a bake has written down of it.
+
+    Bakes of earlier versions wrote its name only.
+    """
+    lightmap = scene.hemibake.lightmaps.get(entry.get("atlas", ""))
+    return lightmap.image if lightmap and lightmap.image else bpy.data.images.get(entry["image"])
 
 
 def place_table(places: Sequence[InstancePlace], images: Sequence[bpy.types.Image]) -> PlaceTable:

@@ -9,6 +9,8 @@ import pytest
 
 from tests.blender.gltf_file import GltfFile, unique_rows
 from tests.blender.things import (
+    CUBE,
+    INWARD,
     SQUARE_UVS,
     bpy_link,
     files_below,
@@ -268,6 +270,119 @@ def test_lightmaps_in_the_file_have_the_light(tmp_path, kind, mime, ending):
     exact = math.pi * values[..., :3]
     step = extension["intensity"] / 255 if kind == "PNG" else exact.max(axis=-1, keepdims=True) / 128
     assert (np.abs(irradiance - exact) < 0.51 * step).all()
+
+
+@pytest.mark.parametrize("ending", [".glb", ".gltf"])
+def test_names_that_file_systems_and_uris_refuse(tmp_path, ending):
+    """Of folder, file, objects, materials and lightmaps; an export replaces an earlier one."""
+    names = ['a/b\\c:*?"<>|', "Ünïcödé 木 🌞", "100%20 #frag&x=1", " lead", "dot.", "..", "CON", "con"]
+    objects = []
+    for number, name in enumerate(names):
+        objects.append(square(name, SQUARE_UVS, material(name)))
+        objects[-1].location.x, objects[-1].hemibake.atlas = 10 * number, name
+    bake()
+    folder = tmp_path / "fol der%20 #1"
+    folder.mkdir()
+    files = []
+    for _ in range(2):
+        file = export(folder / f"sce ne #1%20{ending}")
+        for obj in objects:
+            assert_object_lit(file, obj)
+            (primitive,) = file.primitives(file.nodes(obj.name)[0])
+            assert file.image_bytes(file.lightmap(primitive["material"])[1]).startswith(b"#?RADIANCE")
+        files.append(files_below(folder).keys())
+    assert files[0] == files[1] and len([name for name in files[0] if str(name).endswith(".exr")]) == len(
+        names
+    )
+
+
+def test_objects_of_one_mesh_that_are_mirrored_or_sheared(tmp_path):
+    """Without faces, with loose edges, and in two lightmaps."""
+    import bpy
+
+    first = square("First", SQUARE_UVS, material("Grey"))
+    first.data.vertices.add(2)
+    first.data.edges.add(1)
+    first.data.edges[-1].vertices = (4, 5)
+    first.scale = (-1, 2, 1)
+    mesh_object("Dots", [(0, 0, 5), (1, 0, 5)], [])
+    twin, parent, *sheared = (
+        bpy_link(bpy.data.objects.new(name, None if name == "Parent" else first.data))
+        for name in ("Twin", "Parent", "Sheared", "Sheared Too")
+    )
+    twin.location.x, twin.scale = 50, (1, 1, -3)
+    parent.location.y, parent.scale = 200, (1, 5, 1)
+    for number, obj in enumerate(sheared):
+        obj.parent, obj.rotation_euler, obj.location.x = parent, (0.4, 0.5, 0.6 + 0.01 * number), 30 * number
+    sheared[1].hemibake.atlas = "Other"
+    bake()
+    file = export(tmp_path / "mirrored.glb")
+    for obj in (first, twin, *sheared):
+        assert_object_lit(file, obj)
+    image = sheared[1].hemibake.image
+    assert image_of(file, file.primitives(file.nodes("Sheared Too")[0])[0]) == image.name != "Lightmap"
+
+
+def test_slots_that_are_empty_linked_to_the_object_or_missing(tmp_path):
+    box = mesh_object("Box", CUBE, INWARD, surface=material("First"))
+    for surface in (None, material("Third"), box.data.materials[0]):
+        box.data.materials.append(surface)
+    box.data.polygons.foreach_set("material_index", [0, 1, 2, 3, 7, 0])
+    box.material_slots[2].link, box.material_slots[2].material = "OBJECT", material("Object's")
+    bake()
+    file = export(tmp_path / "slots.glb")
+    assert_object_lit(file, box)
+    (node,) = file.nodes("Box")
+    used = [file.json["materials"][primitive["material"]]["name"] for primitive in file.primitives(node)]
+    assert {"First", "Object's"} <= set(used) and "Third" not in used
+
+
+def test_instances_of_a_library_whose_objects_have_names_of_ours(tmp_path):
+    """Their lightmaps are called something else since the bake."""
+    import bpy
+
+    source, collection = square("Shown", SQUARE_UVS, material("Theirs")), bpy.data.collections.new("Shared")
+    bpy.context.scene.collection.children.link(collection)
+    collection.objects.link(source)
+    library = tmp_path / "library.blend"
+    bpy.data.libraries.write(str(library), {collection})
+    bpy.data.objects.remove(source)
+    bpy.data.collections.remove(collection)
+    for mesh in list(bpy.data.meshes):
+        bpy.data.meshes.remove(mesh)
+    with bpy.data.libraries.load(str(library), link=True) as (_, wanted):
+        wanted.collections = ["Shared"]
+    own = square("Shown", SQUARE_UVS, material("Ours"))
+    own.location.x = 50
+    for number in range(3):
+        place = bpy_link(bpy.data.objects.new(f"Place {number}", None))
+        place.instance_type, place.instance_collection = "COLLECTION", bpy.data.collections["Shared"]
+        place.location.x = 5 * number
+    bpy.context.view_layer.update()
+    bake()
+    for image in bpy.data.images:
+        image.name = f"My {image.name}"
+    file = export(tmp_path / "library.glb")
+    assert sorted(float(round(rows[0, 0])) for rows in world_corners(file)) == [0, 5, 10, 50]
+    assert len({image["name"] for image in file.json["images"]}) == 4
+
+
+def test_lightmaps_and_maps_beside_them_that_were_deleted(tmp_path, capfd):
+    import bpy
+
+    kept, dark = square("Kept", SQUARE_UVS, material("Kept")), square("Dark", SQUARE_UVS, material("Dark"))
+    dark.hemibake.atlas, dark.location.x = "Gone", 50
+    bpy.context.scene.hemibake.outputs = {"combined", "directional"}
+    bake()
+    bpy.data.images.remove(bpy.data.images["Gone"])
+    bpy.data.images.remove(bpy.data.images["Lightmap L1 x"])
+    assert_object_lit(export(tmp_path / "deleted.glb"), kept)
+    assert "'Dark'" in capfd.readouterr().out
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "deleted.glb", "deleted.Lightmap.exr", "hemibake.json"
+    }  # fmt: skip
+    bpy.data.images.remove(bpy.data.images["Lightmap"])
+    assert "Bake first" in refusal(tmp_path / "deleted.glb")
 
 
 def test_files_beside_it(tmp_path):

@@ -471,6 +471,23 @@ def test_object_that_is_deleted_or_edited_while_it_is_unwrapped(unwrap_operator,
     assert "Lightmap" in kept.data.uv_layers and "Lightmap" in edited.data.uv_layers
 
 
+def test_object_that_can_have_no_uvs_is_deleted_while_others_are_packed(
+    unwrap_operator, context, monkeypatch
+):
+    import bpy
+
+    unwrap_process, made = part("operators.scene.uvs.unwrap_process"), []
+    new_worker = unwrap_process.new_worker
+    monkeypatch.setattr(unwrap_process, "new_worker", lambda *job: made.append(new_worker(*job)) or made[-1])
+    left, kept = furnace("Left"), furnace("Kept")
+    left.data.attributes.new("Lightmap", "FLOAT", "POINT")
+    unwrap_operator.invoke(context, None)
+    drive(unwrap_operator, context, until=lambda: bool(made and made[0].process))
+    bpy.data.objects.remove(left)
+    assert drive(unwrap_operator, context) == {"FINISHED"}
+    assert "Lightmap" in kept.data.uv_layers
+
+
 def test_process_that_unwraps_dies_and_is_replaced(unwrap_operator, context, monkeypatch):
     """The first of two is killed; the object has its UVs nevertheless."""
     unwrap_process, made = part("operators.scene.uvs.unwrap_process"), []

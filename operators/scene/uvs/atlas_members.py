@@ -1,0 +1,98 @@
+"""The other objects of an atlas: they make room for new charts, or keep the atlas to themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+
+import bpy
+
+from ....engine.naming import naming
+from ...changes import Changes
+from ...lookup import find
+from ..scene_context import SceneContext
+from .known_charts import is_made
+from .lightmap_layer import lightmap_layer
+from .multi_user import multi_user_sources
+from .object_lookup import ObjectLookup
+from .uv_modifier import has_uvs, uv_modifier, uv_source
+from .uv_page import Page
+from .uv_targets import Target, Users
+
+
+class AtlasMembers:
+    """Objects of a scene that had lightmap UVs before others of their atlas have got some.
+
+    movable  session uids of objects whose charts may be packed again, if their UVs are as they were made
+    """
+
+    def __init__(
+        self, context: SceneContext, objects: ObjectLookup, uv_layer: str, movable: frozenset[int]
+    ) -> None:
+        self._context, self._objects = context, objects
+        self._uv_layer, self._movable = uv_layer, movable
+
+    def users_to_move(self, fresh: Sequence[Target]) -> Generator[None, None, list[Users]]:
+        """Return the users of meshes that are packed again with new ones of their atlas.
+
+        Of an atlas all are, or none: those with tiles do not count. Raises MeshChangedError.
+        """
+        multi_user = multi_user_sources(self._uv_layer)
+        others: dict[str, list[int]] = {target.atlas: [] for target in fresh}
+        for obj in self._without({uid for target in fresh for uid in target.uids}):
+            if obj.hemibake.atlas in others and uv_source(obj, self._uv_layer) not in multi_user:
+                others[obj.hemibake.atlas].append(obj.session_uid)
+        users: list[Users] = []
+        for members in others.values():
+            found: list[Users] = []
+            for uid in members:
+                yield from self._objects.pause()
+                obj = self._objects[uid]
+                if not self._may_move(obj):
+                    break
+                found.append(Users((uid,), lightmap_layer(obj, self._uv_layer)))
+            else:
+                users += found
+        return users
+
+    def leave_to_them(self, pages: Sequence[Page], changes: Changes) -> list[str]:
+        """Give a page a new atlas where others, or an earlier page, have its atlas; return notes on it."""
+        taken = {obj.hemibake.atlas for obj in bpy.data.objects}
+        full = {obj.hemibake.atlas for obj in self._without({uid for page in pages for uid in page.uids})}
+        notes = []
+        for page in pages:
+            if page.atlas in full:
+                fresh = next(
+                    name for number in range(1, 10**6) if (name := f"{page.atlas}.{number:03d}") not in taken
+                )
+                taken.add(fresh)
+                objects = self._objects.of(page.uids)
+                _move(objects, page.atlas, fresh, changes)
+                sentence = f"New lightmap UVs were made for {{}}: they have the lightmap '{fresh}'."
+                notes.append(naming(sentence, [obj.name for obj in objects]))
+            elif page.atlas is not None:
+                full.add(page.atlas)
+        return notes
+
+    def _without(self, fresh: set[int]) -> list[bpy.types.Object]:
+        """Return the objects of the scene that have lightmap UVs, but for those with new ones."""
+        meshes = [obj for obj in self._context.scene.objects if obj.type == "MESH"]
+        return [obj for obj in meshes if obj.session_uid not in fresh and has_uvs(obj, self._uv_layer)]
+
+    def _may_move(self, obj: bpy.types.Object) -> bool:
+        """Return whether the charts of an object may be packed again: its own UVs, as they were made."""
+        own = obj.data.is_editable and uv_modifier(obj, self._uv_layer) is None
+        movable = own and obj.session_uid in self._movable
+        return movable and is_made([obj], lightmap_layer(obj, self._uv_layer))
+
+
+def _move(objects: Sequence[bpy.types.Object], atlas: str, fresh: str, changes: Changes) -> None:
+    """Let objects go from one atlas to another."""
+    for obj in objects:
+        changes.add(lambda uid=obj.session_uid: _set_atlas(uid, atlas))
+        obj.hemibake.atlas = fresh
+
+
+def _set_atlas(uid: int, atlas: str) -> None:
+    obj = find(bpy.data.objects, uid)
+    if obj is not None:
+        obj.hemibake.atlas = atlas

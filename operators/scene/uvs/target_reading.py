@@ -1,0 +1,80 @@
+"""Reads the meshes that are to be unwrapped, a few at a time, with the charts they keep and their areas."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator, Sequence
+from dataclasses import replace
+
+import bpy
+
+from ....engine.unwrap.polygon_mesh import PolygonMesh, areas
+from ..objects.visible import visible_objects
+from ..scene_context import SceneContext
+from ..slices import row_slices
+from .known_charts import digest_of, known_charts, layer_uvs
+from .object_lookup import ObjectLookup
+from .uv_targets import Leave, Target, Users, own_target
+from .wall_cuts import loops_along_walls, walls_of
+
+#: Longest time that areas are measured before a window has its turn, s.
+_SLICE = 0.015
+
+#: Numbers that the area of a triangle takes: its corners, and what is made of them.
+_NUMBERS = 27
+
+
+class TargetReader:
+    """Reads objects' own meshes.
+
+    leave    called with an object that can have no lightmap UVs, and why
+    digests  what tells the UVs of charts that are kept from others, by the mesh's name
+    """
+
+    def __init__(self, context: SceneContext, objects: ObjectLookup, leave: Leave) -> None:
+        self._context, self._objects, self._leave = context, objects, leave
+        self.digests: dict[str, str] = {}
+
+    def read(self, users: Sequence[Users], keeps_charts: bool) -> Generator[None, None, list[Target]]:
+        """Read meshes, with the charts that they have if these are kept; raises MeshChangedError."""
+        targets = []
+        for mesh in users:
+            yield from self._objects.pause()
+            objects = self._objects.of(mesh.uids)
+            target = own_target(objects, mesh.layer, self._leave)
+            if target is not None:
+                if keeps_charts and mesh.layer in objects[0].data.uv_layers:
+                    target = self._with_charts(objects[0], target)
+                elif objects[0].hemibake.cut_along_walls:
+                    target = replace(target, mesh=self._parted(objects[0], target.mesh))
+                targets.append(target)
+        return targets
+
+    def _with_charts(self, obj: bpy.types.Object, target: Target) -> Target:
+        """Return a target with the charts that its layer has."""
+        uvs = layer_uvs(obj.data, target.layer)
+        self.digests[target.mesh.name] = digest_of(uvs)
+        return replace(target, charts=known_charts(target.mesh, uvs))
+
+    def _parted(self, obj: bpy.types.Object, mesh: PolygonMesh) -> PolygonMesh:
+        """Return an object's mesh, parted along walls that stand on its edges."""
+        others = [other for other in visible_objects(self._context) if other != obj]
+        walls = walls_of(others, self._context.evaluated_depsgraph_get())
+        return replace(mesh, parted=loops_along_walls(obj, mesh, walls))
+
+
+def with_areas(targets: Sequence[Target]) -> Generator[None, None, list[Target]]:
+    """Return targets with their areas, which are measured some triangles at a time."""
+    measured, began = [], time.perf_counter()
+    for target in targets:
+        mesh, area = target.mesh, 0.0
+        if target.area > 0:
+            measured.append(target)
+            continue
+        for rows in row_slices(len(mesh.triangles), _NUMBERS):
+            if time.perf_counter() - began > _SLICE:
+                yield None
+                began = time.perf_counter()
+            area += float(areas(mesh.positions[mesh.corners[mesh.triangles[rows]]]).sum())
+        measured.append(replace(target, area=area))
+    return measured

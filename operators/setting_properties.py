@@ -88,10 +88,14 @@ def _number(span: Span, default: float, labels: dict[str, Any]) -> Any:
     limits = {"soft_min": -(-low // scale), "soft_max": min(span.high // scale, _LARGEST)}
     if unit == "m":
         return FloatProperty(default=default, subtype="DISTANCE", **limits, **labels)
+    if unit == "s":
+        return FloatProperty(default=default, subtype="TIME_ABSOLUTE", **limits, **labels)
     if isinstance(default, float):
         return FloatProperty(default=default, precision=4, step=0.1, **limits, **labels)
     if unit:
         labels["description"] += f", in {unit}"
+    if unit == "MiB":
+        labels["name"] += " (MiB)"
     limits = {name: int(value) for name, value in limits.items()}
     return IntProperty(default=default // scale, **limits, **labels)
 

@@ -46,8 +46,8 @@ def _draw_size(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) ->
             layout.prop(settings, name)
         layout.prop(settings, "lightmap_count")
         return
-    for name in ("texels_per_metre", "largest_width"):
-        layout.prop(settings, name)
+    layout.prop(settings, "texels_per_metre", text="Texels / m")
+    layout.prop(settings, "largest_width")
     layout.label(text=f"About {settings.planned_width:,} x {settings.planned_width:,} texels", icon="BLANK1")
 
 

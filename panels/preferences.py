@@ -15,6 +15,10 @@ from ..operators.user_files import cache_folder, cache_size, log_file
 from .sidebar import split_properties
 from .wrapped_text import draw_text, line_width
 
+#: What empty texts stand for, and why there is no scheduler.
+_EMPTY = {"opencl_device": "Automatic", "scheduler": "One device"}
+_NO_DASK = "Needs Hemibake's package with Dask"
+
 #: Share of a row that a path has, beside a button.
 _BESIDE = 0.8
 
@@ -28,11 +32,18 @@ class HEMIBAKE_AP_preferences(HemibakePreferences, bpy.types.AddonPreferences):
         settings = layout.column()
         split_properties(settings)
         for name in shown_in(PREFERENCES):
-            row = settings.row()
-            row.enabled = name != "scheduler" or find_spec("distributed") is not None
-            row.prop(self, name)
+            _draw_setting(settings.row(), self, name)
         _draw_test(layout.box(), width)
         _draw_files(layout.box())
+
+
+def _draw_setting(row: bpy.types.UILayout, owner: HemibakePreferences, name: str) -> None:
+    """Show a setting, with what is used where a text is empty; greyed with the reason where nothing can."""
+    row.enabled = name != "scheduler" or find_spec("distributed") is not None
+    if name in _EMPTY:
+        row.prop(owner, name, placeholder=_EMPTY[name] if row.enabled else _NO_DASK)
+    else:
+        row.prop(owner, name)
 
 
 def _draw_devices(layout: bpy.types.UILayout, width: float) -> None:

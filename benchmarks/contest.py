@@ -18,6 +18,7 @@ import numpy as np
 
 from benchmarks.curves import Point
 from tools.headless import MODULE, quiet_stdout
+from tools.verification.areas import bake_areas
 from tools.verification.cycles import RealisedScene
 from tools.verification.difference import Difference, compare, weight_of
 
@@ -52,32 +53,54 @@ def best_of_two(work: Callable[[], tuple[float, Any]]) -> tuple[float, Any]:
 
 
 class Reference:
-    """Two independent bakes of Cycles, kept in a folder.
+    """Two independent bakes of Cycles, kept in a folder: at the centres of texels, and of their areas.
 
-    samples  of each half
-    seconds  of both when they were made
+    Each baker is measured against what it gives with endless samples: a texel of Cycles is the light at its
+    centre, one of Hemibake the mean of what surfaces cover of it.
+
+    samples  of a texel, in each half
+    seconds  of all when they were made
     """
 
-    def __init__(self, cycles: RealisedScene, read, name: str, samples: int, cache: Path) -> None:
-        key = _digest(read.scene, samples)
-        path = cache / f"reference-{name}-{samples}-{key}.npz"
+    def __init__(
+        self, context: bpy.types.Context, cycles: RealisedScene, read, settings, case: str, samples: int,
+        cache: Path,
+    ) -> None:  # fmt: skip
+        """Bake, or read what an earlier run has kept of the same scene in the folder `cache`."""
+        path = cache / f"references-{case}-{samples}-{_digest(read.scene, samples)}.npz"
         if not path.exists():
-            with quiet_stdout():
-                halves, seconds = [], 0.0
-                for seed in _HALVES:
-                    halves.append(cycles.bake(samples, seed))
-                    seconds += cycles.seconds
-                colour = cycles.colour()
             cache.mkdir(parents=True, exist_ok=True)
-            np.savez_compressed(path, first=halves[0], second=halves[1], colour=colour, seconds=seconds)
+            np.savez_compressed(path, **_reference(context, cycles, read, settings, samples))
         with np.load(path) as kept:
-            self._halves, self._colour = (kept["first"], kept["second"]), kept["colour"]
+            self._centres = kept["first"], kept["second"]
+            self._areas = kept["first_areas"], kept["second_areas"]
+            self._colour, self._share = kept["colour"], kept["share"]
             self.seconds = float(kept["seconds"])
         self.samples = samples
 
-    def compare(self, image: np.ndarray, known: np.ndarray) -> Difference:
-        """Return how far an image, (atlases, h, w, 3), is from Cycles on the known texels."""
-        return compare(image, known, weight_of(self._colour), self._halves)[0]
+    def compare_centres(self, image: np.ndarray, known: np.ndarray) -> Difference:
+        """Return how far an image, (atlases, h, w, 3), is from the light at the centres of known texels."""
+        return compare(image, known, weight_of(self._colour), self._centres)[0]
+
+    def compare_areas(self, image: np.ndarray, known: np.ndarray) -> Difference:
+        """Return how far an image, (atlases, h, w, 3), is from the mean light of known texels."""
+        return compare(image, known, self._share, self._areas)[0]
+
+
+def _reference(
+    context: bpy.types.Context, cycles: RealisedScene, read, settings, samples: int
+) -> dict[str, Any]:
+    """Return what a `Reference` keeps, by name."""
+    began = time.perf_counter()
+    with quiet_stdout():
+        centres = [cycles.bake(samples, seed) for seed in _HALVES]
+        colour = cycles.colour()
+        areas = bake_areas(context, read, settings, samples)
+    return {
+        "first": centres[0], "second": centres[1], "colour": colour,
+        "first_areas": areas.bakes[0], "second_areas": areas.bakes[1], "share": areas.share,
+        "seconds": time.perf_counter() - began,
+    }  # fmt: skip
 
 
 def hemibake_curve(
@@ -89,7 +112,7 @@ def hemibake_curve(
 ) -> tuple[list[dict[str, Any]], np.ndarray]:
     """Bake with every configuration; one above the limit in seconds ends those with its visibility.
 
-    known_of tells the known texels of a lightmap. Returns a record for each, and the known texels.
+    known_of tells the texels of a lightmap whose centres are known. Returns records, and these texels.
     """
     _, lightmap = operator_bake(context, configurations[0])
     known = known_of(lightmap)
@@ -98,7 +121,7 @@ def hemibake_curve(
         if values.get("visibility") in too_slow:
             continue
         seconds, lightmap = best_of_two(lambda values=values: operator_bake(context, values))
-        figures = reference.compare(lightmap.image, known)
+        figures = reference.compare_areas(lightmap.display, lightmap.known)
         report = lightmap.report
         stages = {stage: float(passed) for stage, passed in report.seconds.items()}
         records.append({**values, "seconds": seconds, **_errors(figures), "method": report.method,
@@ -126,7 +149,7 @@ def cycles_curve(
     records, samples = [], _FIRST
     while samples <= _LAST:
         seconds, image = best_of_two(lambda samples=samples: bake(samples, persistent))
-        figures = reference.compare(image[..., :3], known)
+        figures = reference.compare_centres(image[..., :3], known)
         records.append({"samples": samples, "seconds": seconds, "persistent": persistent, **_errors(figures)})
         if seconds > limit or 0 < figures.rmse < target:
             break

@@ -133,7 +133,9 @@ def _measure(case: _Case, path: Path | None, options: Options) -> dict[str, Any]
             read, chosen = read_for_bake(bpy.context)
         known_of = partial(known_texels, scene=read.scene, settings=chosen)
         with realised(bpy.context, read, case.resolution) as cycles:
-            reference = contest.Reference(cycles, read, case.name, case.samples, Path(options.cache))
+            reference = contest.Reference(
+                bpy.context, cycles, read, chosen, case.name, case.samples, Path(options.cache)
+            )
             ours, known = contest.hemibake_curve(bpy.context, reference, known_of, configurations(), limit)
             theirs = {
                 device: contest.cycles_curve(cycles, reference, known, device, min(_TARGETS), limit)
@@ -160,10 +162,8 @@ def _open_demo(path: Path | None) -> None:
 def _open_living_room(path: Path) -> None:
     import bpy
 
-    from tools.bake import replace_world
-
     bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False)
-    replace_world((1.0, 1.0, 1.0))
+    _whiten_world()
 
 
 def _open_house(path: Path) -> None:
@@ -174,10 +174,17 @@ def _open_house(path: Path) -> None:
 
 
 def _open_complex(path: Path) -> None:
-    from tools.bake import import_obj, replace_world
+    import bpy
 
-    import_obj(str(path))
-    replace_world((1.0, 1.0, 1.0))
+    bpy.ops.wm.obj_import(filepath=str(path))
+    _whiten_world()
+
+
+def _whiten_world() -> None:
+    """Give the open scene a constant background."""
+    from tools.headless import load
+
+    load("operators.command_line.command").replace_world((1.0, 1.0, 1.0))
 
 
 _OPENERS: dict[str, Callable] = {

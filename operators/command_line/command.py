@@ -69,7 +69,7 @@ def prepare(options: argparse.Namespace) -> None:
         _open_scene(options.scene.resolve())
     choose_part(options)
     if options.world is not None:
-        _replace_world(options.world)
+        replace_world(options.world)
     apply_settings(options)
 
 
@@ -178,7 +178,7 @@ _EXPORTED = (".glb", ".gltf")
 _OPENERS = {".blend": _open_blend, ".glb": _import_gltf, ".gltf": _import_gltf, ".obj": _import_obj}
 
 
-def _replace_world(radiance: tuple[float, float, float]) -> None:
+def replace_world(radiance: tuple[float, float, float]) -> None:
     """Give the scene a constant background."""
     import bpy
 

@@ -177,8 +177,8 @@ class Settings:
         False,
         "Adaptive",
         "On a processor, solve bounces for squares of 4 x 4 patches with four times the rays; only patches "
-        "around which the light of these does not lie in a plane gather for themselves. Off, and on a card, "
-        "every patch gathers",
+        "around which the light of these does not lie in a plane gather for themselves. Off, on a card, and "
+        "in maps of fewer than 16,384 texels on surfaces, every patch gathers",
         Switch(),
     )
     light_samples: int = described(

@@ -17,8 +17,9 @@ MORE_RAYS = 4
 #: to each process in each sweep. No memory decides, so that the bits are the same for any devices.
 _MOST_SHARED = 1 << 22
 
-#: Fewer patches than this gather for themselves, all of them: that takes no time.
-_FEWEST = 4096
+#: Fewer patches than this gather for themselves, all of them: in squares of coarse texels light does not lie
+#: in a plane, and what they save is lost by sorting patches.
+_FEWEST = 1 << 14
 
 
 def memory_budget(job: SolveJob) -> int:

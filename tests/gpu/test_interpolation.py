@@ -10,6 +10,7 @@ from engine import Settings
 from engine.device.compute import Compute
 from engine.finish.outputs import MAPS_OF
 from engine.patches.subdivision import subdivide
+from engine.plan import memory
 from engine.solve.interpolation import Interpolation
 from engine.solve.patch_groups import PatchGroups, leaders
 from engine.visibility.rays.ray_scene import RayScene
@@ -19,6 +20,12 @@ from tests.analytic.scenes import nine_quad_room
 from tests.rows import long
 
 WIDTH = 4
+
+
+@pytest.fixture
+def few_are_enough(monkeypatch):
+    """Let light be interpolated in rooms of so few patches that each would gather for itself."""
+    monkeypatch.setattr(memory, "_FEWEST", 4096)
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +110,7 @@ def test_other_light_of_a_patch_hides_what_is_left_over(room):
 
 
 @pytest.mark.parametrize("outputs", [("combined", "direct", "indirect"), long(("combined",))])
-def test_adaptive_bakes_show_the_same_light(outputs):
+def test_adaptive_bakes_show_the_same_light(few_are_enough, outputs):
     """A ceiling behind a panel, which sees backs, is not taken for what is around it."""
     if not Compute().processor:
         pytest.skip("graphics cards gather for every patch")
@@ -130,7 +137,7 @@ def test_adaptive_bakes_show_the_same_light(outputs):
 
 
 @pytest.mark.parametrize("output", ["directional", long("spherical_harmonics")])
-def test_adaptive_bakes_tell_where_light_comes_from(output):
+def test_adaptive_bakes_tell_where_light_comes_from(few_are_enough, output):
     if not Compute().processor:
         pytest.skip("graphics cards gather for every patch")
     settings = Settings(
@@ -153,7 +160,7 @@ def test_adaptive_bakes_tell_where_light_comes_from(output):
 
 
 def test_few_patches_gather_for_themselves():
-    settings = Settings(resolution=32, samples=64, visibility="rays", texel_samples=1)
+    settings = Settings(resolution=113, samples=64, visibility="rays", texel_samples=1)
     plain, adaptive = (drive(nine_quad_room(), replace(settings, adaptive=on)) for on in (False, True))
     assert np.array_equal(plain.image, adaptive.image)
 
@@ -182,7 +189,7 @@ def test_patches_inside_of_things_and_outside_are_not_one(graphics, compute):
         assert not np.intersect1d(leader[one], leader[other]).size
 
 
-def test_light_at_the_foot_of_a_sunk_box_is_that_without_groups():
+def test_light_at_the_foot_of_a_sunk_box_is_that_without_groups(few_are_enough):
     if not Compute().processor:
         pytest.skip("graphics cards gather for every patch")
     settings = Settings(

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from engine import Light, Lightmap, Scene, Settings, SettingsError, bake, finished
-from engine.plan import choose
+from engine.device.compute import Compute
+from engine.plan import choose, memory
 from engine.scene.model import OCCLUDER
 from tests.analytic.drive import drive
 from tests.analytic.scenes import nine_quad_room
@@ -147,8 +148,12 @@ def test_a_group_is_a_bake_of_its_light_alone():
     ],
     ids=["accelerated", "fitted", "paper", "adaptive", "coarse", "beside other maps"],
 )
-def test_maps_of_groups_sum_up_to_all_light(changes):
-    assert_sums(drive(room(), dataclasses.replace(SETTINGS, **changes)))
+def test_maps_of_groups_sum_up_to_all_light(monkeypatch, changes):
+    monkeypatch.setattr(memory, "_FEWEST", 4096)
+    lightmap = drive(room(), dataclasses.replace(SETTINGS, **changes))
+    assert_sums(lightmap)
+    interpolated = changes.get("adaptive", False) and Compute().processor
+    assert any("with more rays each" in reason for reason in lightmap.report.reasons) == interpolated
 
 
 @needs_library

@@ -6,10 +6,11 @@ from typing import Any
 
 from engine import Settings
 
-#: Rays a patch sends out, shadow rays a patch sends to each light, tolerance.
+#: Rays a patch sends out, shadow rays a patch sends to each light, tolerance, whether light is interpolated.
 _RAYS = (
-    (32, 4, 0.02), (64, 8, 0.01), (128, 16, 0.005), (256, 32, 0.005), (512, 64, 0.002), (1024, 128, 0.002),
-    (2048, 256, 0.001), (4096, 512, 0.001),
+    (32, 4, 0.02, False), (64, 8, 0.01, False), (128, 16, 0.005, False), (256, 32, 0.005, False),
+    (256, 32, 0.005, True), (512, 64, 0.002, False), (1024, 128, 0.002, False), (2048, 256, 0.001, False),
+    (4096, 512, 0.001, False),
 )  # fmt: skip
 
 #: Width of the hemicubes, shadow rays a patch sends to each light, tolerance.
@@ -21,12 +22,13 @@ _HEMICUBES = (
 
 def configurations() -> list[dict[str, Any]]:
     """Return values of settings, the coarsest first: rays, then hemicubes."""
-    rays = [dict(zip(("samples", "light_samples", "tolerance"), row, strict=True)) for row in _RAYS]
+    names = ("samples", "light_samples", "tolerance", "adaptive")
+    rays = [dict(zip(names, row, strict=True)) for row in _RAYS]
     hemicubes = [
         dict(zip(("hemicube", "light_samples", "tolerance"), row, strict=True)) for row in _HEMICUBES
     ]
     return [{"visibility": "rays", **row} for row in rays] + [
-        {"visibility": "raster", **row} for row in hemicubes
+        {"visibility": "raster", **row, "adaptive": False} for row in hemicubes
     ]
 
 

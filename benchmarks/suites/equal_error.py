@@ -228,7 +228,7 @@ def _curves(record: dict[str, Any]) -> str:
 
 
 def _values(point: dict[str, Any]) -> dict[str, Any]:
-    names = ("visibility", "samples", "hemicube", "light_samples", "tolerance")
+    names = ("visibility", "samples", "hemicube", "light_samples", "tolerance", "adaptive")
     return {name: point[name] for name in names if name in point}
 
 

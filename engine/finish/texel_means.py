@@ -50,7 +50,8 @@ class TexelMeans:
         self.beyond = hidden[near]
         self._plane = np.concatenate([mostly_seen[texel] for texel, _, _ in steps])
         self._target = np.concatenate([(np.cumsum(near) - 1)[there] for _, there, _ in steps])
-        self._step = np.concatenate([np.tile(-shift[1:, 0], (len(there), 1)) for _, there, shift in steps])
+        back = [np.tile(np.negative(step, dtype=float), (len(there), 1)) for _, there, step in steps]
+        self._step = np.concatenate(back)
 
     @cached_property
     def hidden(self) -> np.ndarray:

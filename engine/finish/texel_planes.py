@@ -42,7 +42,7 @@ class TexelPlanes:
         for texel, *_ in steps:
             used[texel] = True
         new = np.cumsum(used) - 1
-        self._steps = [(new[texel], there, shift) for texel, there, shift in steps]
+        self._steps = [(new[texel], there, step) for texel, there, step in steps]
         number = run_numbers(starts, len(place))
         self._chosen = np.flatnonzero(used[number])
         self._number = new[number[self._chosen]]
@@ -54,8 +54,8 @@ class TexelPlanes:
         # Normal equations; across a line that all samples lie on there is no slope.
         sums = self._sums(self._basis[:, :, None] * self._basis[:, None])
         normal = np.zeros((len(around), 3, 3))
-        for texel, there, shift in self._steps:
-            normal[there] += shift @ sums[texel] @ shift.T
+        for texel, there, step in self._steps:
+            normal[there] += _shifted(_shifted(sums[texel], step).transpose(0, 2, 1), step).transpose(0, 2, 1)
         normal[:, (1, 2), (1, 2)] += _STEADY * normal[:, :1, 0]
         self._inverse = np.linalg.inv(normal)
 
@@ -66,8 +66,8 @@ class TexelPlanes:
         """
         sums = self._sums(self._basis[:, :, None] * values[self._chosen, None])
         right = np.zeros((self._count[1], 3, values.shape[1]))
-        for texel, there, shift in self._steps:
-            right[there] += shift @ sums[texel]
+        for texel, there, step in self._steps:
+            right[there] += _shifted(sums[texel], step)
         planes: np.ndarray = self._inverse @ right
         return planes
 
@@ -95,12 +95,22 @@ class TexelPlanes:
         return segment_sums(rows, self._number, self._count[0]).reshape(self._count[0], *values.shape[1:])
 
 
+def _shifted(moments: np.ndarray, step: tuple[int, int]) -> np.ndarray:
+    """Return sums over samples of (1, x, y) times anything, (t, 3, c), about centres a step away.
+
+    Row by row: a product of many small matrices calls the linear algebra of NumPy for each.
+    """
+    right, up = step
+    one, x, y = moments.transpose(1, 0, 2)
+    return np.stack([one, right * one + x, up * one + y], axis=1)
+
+
 def steps_around(
     texels: np.ndarray, around: np.ndarray, resolution: int
-) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+) -> list[tuple[np.ndarray, np.ndarray, tuple[int, int]]]:
     """Return, for each of 3 x 3 steps, the numbers of texels that lead to others, of these, and the step.
 
-    The step, (3, 3), makes (1, x, y) from a centre in `around` of what it is from the other texel's.
+    The step, texels along u and v, is from a centre in `around` to that of the other texel.
     """
     found = []
     row, column = np.divmod(around % resolution**2, resolution)
@@ -111,6 +121,5 @@ def steps_around(
             inside = (row + up >= 0) & (row + up < resolution) & (column + right >= 0)
             inside &= column + right < resolution
             there = np.flatnonzero(inside & (texels[number] == key)) if len(texels) else row[:0]
-            shift = np.array([[1.0, 0.0, 0.0], [right, 1.0, 0.0], [up, 0.0, 1.0]])
-            found.append((number[there], there, shift))
+            found.append((number[there], there, (right, up)))
     return found

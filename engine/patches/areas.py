@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..runs import run_starts
 from ..scene.triangles import Triangles
 from .connected_texels import connected_texels
 from .geometry import PatchGeometry
@@ -50,7 +51,8 @@ def _parts_of_charts(
 
     # Any patch of a triangle tells its chart.
     some = np.full(len(surface), -1)
-    some[geometry.triangle] = np.arange(len(patches))
+    last = np.append(run_starts(geometry.triangle)[1:], len(patches)) - 1
+    some[geometry.triangle[last]] = last
     listed = np.flatnonzero(some >= 0)
     key = surface[listed] * (int(chart.max(initial=0)) + 1) + chart[some[listed]]
     return np.unique(key, return_inverse=True)[1].reshape(-1), listed

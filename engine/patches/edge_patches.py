@@ -28,7 +28,7 @@ def away_from_edges(
 
     texel_to_patch: that of `index_map`
     """
-    found = _at_ends_of_charts(patches, texel_to_patch > 0, geometry)
+    found = _at_ends_of_charts(patches, texel_to_patch, geometry)
     if not len(found):
         return patches
     border = BorderTexels(patches.key[found], patches.triangle[found])
@@ -38,14 +38,14 @@ def away_from_edges(
     return replace(patches, barycentric=barycentric)
 
 
-def _at_ends_of_charts(patches: PatchList, known: np.ndarray, geometry: PatchGeometry) -> np.ndarray:
-    """Return the patches on an edge of their triangle beyond which no texel is a patch, (k,) int64.
-
-    known: (atlases, r, r) bool, the texels that are patches
-    """
-    around = np.pad(known, ((0, 0), (1, 1), (1, 1)))
-    inner = around[:, :-2, 1:-1] & around[:, 2:, 1:-1] & around[:, 1:-1, :-2] & around[:, 1:-1, 2:]
-    beside = np.flatnonzero(~inner.ravel()[patches.key])
+def _at_ends_of_charts(patches: PatchList, texel_to_patch: np.ndarray, geometry: PatchGeometry) -> np.ndarray:
+    """Return the patches on an edge of their triangle beyond which no texel is a patch, (k,) int64."""
+    around = np.pad(texel_to_patch > 0, ((0, 0), (1, 1), (1, 1)))
+    outer = around[:, :-2, 1:-1] & around[:, 2:, 1:-1]
+    outer &= around[:, 1:-1, :-2]
+    outer &= around[:, 1:-1, 2:]
+    np.greater(around[:, 1:-1, 1:-1], outer, out=outer)
+    beside = texel_to_patch.ravel()[np.flatnonzero(outer)].astype(np.int64) - 1
     distance, outward = _edges(geometry.part(beside), patches.resolution)
     row, column = np.divmod(patches.texel[beside], patches.resolution)
     step = np.where(np.abs(outward) > _LEADING, np.sign(outward), 0).astype(np.int64)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 import pyopencl as cl
@@ -112,13 +113,15 @@ class TexelClipper:
         """Return each triangle of the first atlases with each row of texels that it touches, (m,) int32."""
         triangles, resolution = self._triangles, self._resolution
         chosen = np.flatnonzero(triangles.atlas < atlases)
-        v = triangles.uvs[:, :, 1][chosen] * np.float64(resolution)
-        first = np.clip(np.floor(v.min(axis=1)), 0, resolution).astype(np.int64)
-        last = np.clip(np.ceil(v.max(axis=1)), first, resolution).astype(np.int64)
+        corners = [np.ascontiguousarray(triangles.uvs[:, corner, 1]) for corner in range(3)]
+        low, high = (reduce(choose, corners)[chosen] for choose in (np.minimum, np.maximum))
+        first = np.clip(np.floor(low * np.float64(resolution)), 0, resolution).astype(np.int32)
+        last = np.clip(np.ceil(high * np.float64(resolution)), first, resolution).astype(np.int32)
         count = last - first
-        index = np.repeat(np.arange(len(chosen)), count)
-        row = np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count) + first[index]
-        return chosen[index].astype(np.int32), row.astype(np.int32)
+        before = np.cumsum(count) - count
+        row = np.arange(count.sum(), dtype=np.int32)
+        row += np.repeat((first - before).astype(np.int32), count)
+        return np.repeat(chosen.astype(np.int32), count), row
 
     def _pieces(self, triangle: np.ndarray, texel: np.ndarray, area: np.ndarray) -> TexelPieces:
         """Return pieces that have an area."""

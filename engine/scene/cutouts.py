@@ -114,7 +114,7 @@ def _alpha_uvs(scene: Scene) -> np.ndarray:
     """Return (t, 3, 2) float32: each corner on the alpha map of its material, 0 without one."""
     parts = [np.zeros((len(mesh.positions), 3, 2), np.float32) for mesh in scene.meshes]
     for uvs, mesh in zip(parts, scene.meshes, strict=True):
-        for index in np.unique(mesh.material):
+        for index in np.flatnonzero(np.bincount(mesh.material)):
             texture = scene.materials[index].alpha_map
             if texture is not None:
                 chosen = mesh.material == index

@@ -10,6 +10,9 @@ from .connected_texels import connected_texels
 from .geometry import PatchGeometry
 from .patch_list import PatchList
 
+#: Keys are numbered by a table unless it would be so many times as long as they are many.
+_SPARSE = 4
+
 
 def surface_areas(triangles: Triangles, patches: PatchList, geometry: PatchGeometry) -> np.ndarray:
     """Return the area that each patch stands for, (n,) float32, m^2.
@@ -55,7 +58,17 @@ def _parts_of_charts(
     some[geometry.triangle[last]] = last
     listed = np.flatnonzero(some >= 0)
     key = surface[listed] * (int(chart.max(initial=0)) + 1) + chart[some[listed]]
-    return np.unique(key, return_inverse=True)[1].reshape(-1), listed
+    return _numbered(key), listed
+
+
+def _numbered(keys: np.ndarray) -> np.ndarray:
+    """Return 0, 1, ... for keys, (k,) int64 from 0 on, in their order; equal ones have the same number."""
+    if keys.max(initial=0) > _SPARSE * len(keys):
+        return np.unique(keys, return_inverse=True)[1].reshape(-1)
+    there = np.zeros(keys.max(initial=0) + 1, bool)
+    there[keys] = True
+    numbers: np.ndarray = (np.cumsum(there) - 1)[keys]
+    return numbers
 
 
 def _ratios(part: np.ndarray, whole: np.ndarray, listed: np.ndarray) -> np.ndarray:

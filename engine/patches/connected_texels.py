@@ -15,15 +15,16 @@ def connected_texels(known: np.ndarray) -> np.ndarray:
     Texels of a row are joined as runs, and runs with those of the next row that they share a column with.
     """
     _, height, width = known.shape
-    steps = np.diff(np.pad(known.reshape(-1, width), [(0, 0), (1, 1)]).astype(np.int8), axis=1)
-    (row, start), (_, end) = np.nonzero(steps == 1), np.nonzero(steps == -1)
+    padded = np.pad(known.reshape(-1, width), [(0, 0), (1, 1)])
+    before, after = padded[:, :-1], padded[:, 1:]
 
     # Numbers along all rows, one behind the other: those of the next row are larger by the pitch.
     pitch = width + 1
-    starts, ends = row * pitch + start, row * pitch + end
+    starts, ends = np.flatnonzero(after > before), np.flatnonzero(before > after)
+    row = starts // pitch
     first = np.searchsorted(ends, starts + pitch, side="right")
     last = np.where((row + 1) % height > 0, np.searchsorted(starts, ends + pitch, side="left"), first)
     count = last - first
     above = np.repeat(np.arange(len(row)), count)
     below = np.arange(len(above)) - np.repeat(np.cumsum(count) - count - first, count)
-    return np.repeat(components(len(row), above, below), end - start)
+    return np.repeat(components(len(row), above, below), ends - starts)

@@ -9,25 +9,21 @@ apart, too: they are dark, and would darken the foot of a box that is sunk in a 
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import reduce
 
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import upload
+from ..device.buffers import download, upload, upload_once
+from ..device.compute import Compute
 from ..direct.contact import patches_inside
 from ..patches.subdivision import Subdivision
 from ..patches.surfaces import PatchSurfaces
 from ..scene.color import channel_sum
-from ..segment_sums import segment_sums
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receivers import RECEIVER_SOURCE
 
 #: Squares of patches that a work group has along u and v, where the device allows that size.
 _SQUARES = 8
-
-#: Sums leave black patches out where less than this part of all is bright.
-_BRIGHT = 0.5
 
 
 class PatchGroups:
@@ -50,10 +46,12 @@ class PatchGroups:
         """
         self.width = width
         self.group, self.leader = numbered(leader)
+        self._means = _GroupMeans(rays.compute, parts, leader, self.leader, width)
         self._members = np.bincount(self.group, minlength=len(self.leader)).astype(np.float32)
         self.area = self.mean(area) * self._members
         surfaces = PatchSurfaces(self.mean(parts.surfaces.reflectance), self.mean(parts.surfaces.emission))
-        entries = np.concatenate([[0], self.group + 1]).astype(np.uint32)
+        entries = np.zeros(len(self.group) + 1, np.uint32)
+        np.add(self.group, 1, out=entries[1:], casting="unsafe")
         self.parts = replace(
             parts,
             patches=parts.patches.part(self.leader),
@@ -65,15 +63,37 @@ class PatchGroups:
 
     def mean(self, values: np.ndarray) -> np.ndarray:
         """Return the mean over each square of the patches' values, (n, ...) -> (m, ...) float32."""
-        rows, group = values.reshape(len(values), -1), self.group
+        if not values.any():
+            return np.zeros((len(self.leader), *values.shape[1:]), np.float32)
+        return self._means.of(values)
 
-        # Few patches emit light: black ones add nothing.
-        bright = np.flatnonzero(reduce(np.logical_or, rows.T))
-        if len(bright) < _BRIGHT * len(rows):
-            rows, group = rows[bright], group[bright]
-        sums = segment_sums(rows, group, len(self._members))
-        means: np.ndarray = sums / self._members[:, None]
-        return means.reshape(len(self._members), *values.shape[1:]).astype(np.float32)
+
+class _GroupMeans:
+    """Means over groups, on the OpenCL device.
+
+    leader   (n,) uint32, the patch that each follows
+    leading  (m,) int64, those that lead
+    """
+
+    def __init__(
+        self, compute: Compute, parts: Subdivision, leader: np.ndarray, leading: np.ndarray, width: int
+    ) -> None:
+        self._compute, self._count, patches = compute, len(leading), parts.patches
+        (self._kernel,) = compute.kernels("group_means.cl", "group_means")
+        some = leader, leading.astype(np.uint32), patches.atlas[leading]
+        self._groups = (
+            upload_once(compute, parts.texel_to_patch), np.int32(patches.resolution), np.int32(width),
+            upload_once(compute, patches.texel), *(upload(compute, array) for array in some),
+        )  # fmt: skip
+
+    def of(self, values: np.ndarray) -> np.ndarray:
+        """Return the means of values, (n, ...), (m, ...) float32."""
+        compute, channels = self._compute, values.size // len(values)
+        count = self._count * channels
+        means = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * count)
+        given = upload(compute, values.astype(np.float32, copy=False)), np.int32(channels)
+        compute.run(self._kernel, count, *self._groups, *given, means, np.uint32(count))
+        return download(compute, means, (self._count, *values.shape[1:]))
 
 
 def numbered(leader: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -81,7 +101,7 @@ def numbered(leader: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     leader: (n,) uint32, the patch that each follows
     """
-    leading = np.flatnonzero(leader == np.arange(len(leader)))
+    leading = np.flatnonzero(leader == np.arange(len(leader), dtype=np.uint32))
     number = np.zeros(len(leader), np.int64)
     number[leading] = np.arange(len(leading))
     return number[leader], leading
@@ -95,8 +115,9 @@ def leaders(rays: RayScene, parts: Subdivision, radiance: np.ndarray, width: int
     compute, patches, radiance = rays.compute, parts.patches, channel_sum(radiance)
     (group_patches,) = compute.kernels((*RECEIVER_SOURCE, "patch_groups.cl"), "group_patches")
     inside = patches_inside(rays, len(patches)).view(np.uint8)
-    arrays = (parts.texel_to_patch, patches.texel, parts.geometry.material, radiance, inside)
-    lookup, texels, materials, light, apart = (upload(compute, array) for array in arrays)
+    lookup, texels = upload_once(compute, parts.texel_to_patch), upload_once(compute, patches.texel)
+    arrays = (parts.geometry.material, radiance, inside)
+    materials, light, apart = (upload(compute, array) for array in arrays)
     leaders = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * len(patches))
     squares = -(-patches.resolution // (_SQUARES * width)) * _SQUARES
     group = group_patches.group(_SQUARES, _SQUARES, 1)

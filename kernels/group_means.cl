@@ -1,0 +1,33 @@
+// Means over groups of patches (patch_groups.cl), of which each lies in one square of texels. Summed in double where
+// the device has it.
+
+#ifdef cl_khr_fp64
+#pragma OPENCL EXTENSION cl_khr_fp64 : enable
+typedef double Sum;
+#else
+typedef float Sum;
+#endif
+
+// One work item for each channel of a group. chosen: the patches that lead groups; pages: their atlases.
+__kernel void group_means(__global const uint *texel_to_patch, const int resolution, const int width,
+                          __global const int *texels, __global const uint *leaders, __global const uint *chosen,
+                          __global const int *pages, __global const float *values, const int channels,
+                          __global float *means, const uint count)
+{
+    const uint i = get_global_id(0);
+    if (i >= count)
+        return;
+    const uint leader = chosen[i / channels];
+    const int texel = texels[leader], x0 = texel % resolution / width * width, y0 = texel / resolution / width * width;
+    const size_t page = (size_t)pages[i / channels] * resolution * resolution;
+    Sum sum = 0, members = 0;
+    for (int y = y0; y < min(y0 + width, resolution); ++y)
+        for (int x = x0; x < min(x0 + width, resolution); ++x) {
+            const uint entry = texel_to_patch[page + (size_t)y * resolution + x];
+            if (entry == 0 || texels[entry - 1] != y * resolution + x || leaders[entry - 1] != leader)
+                continue;
+            sum += values[(size_t)(entry - 1) * channels + i % channels];
+            members += 1;
+        }
+    means[i] = sum / members;
+}

@@ -277,7 +277,7 @@ def _finished(
     yield stages.begin(stages.images)
     if seams:
         in_sight = _in_sight(texels.job, store, seams.result(), lit, solution)
-        store.hide_seams(texels.job.parts.triangles, in_sight)
+        store.hide_seams(texels.job.kept.thin_patches(texels.job.compute, texels.job.parts), in_sight)
     passes = {name: store.final(image) for name, image in shown.items()}
     left = {name: values for name, values in made.items() if name not in shown}
     passes |= store.finished(left, lit.values)

@@ -13,14 +13,14 @@ float off_mean(const float before, const float value, const float after, const f
     return fabs(value - 0.5f * (before + after)) / fmax(largest, 1e-30f);
 }
 
-// patches: of each texel, -1 for none; a neighbour without one counts as equal. off: how far the light is from the mean
+// entries: the patch + 1 of each texel, 0 for none; a neighbour without one counts as equal. off: how far the light is from the mean
 // along a row or column. marks: an edge of what is seen of backs, or of what is hidden; no neighbour along an axis.
-__kernel void find_edges(__global const int *patches, __global const float *light, __global const float *front,
+__kernel void find_edges(__global const uint *entries, __global const float *light, __global const float *front,
                          __global const uchar *hidden, const float least, __global float *off,
                          __global uchar *marks, const int width, const int height)
 {
     TEXEL;
-    const int own = patches[texel];
+    const int own = (int)entries[texel] - 1;
     off[texel] = 0.0f;
     marks[texel] = own < 0 ? AT_AN_END : 0;
     if (own < 0)
@@ -29,8 +29,8 @@ __kernel void find_edges(__global const int *patches, __global const float *ligh
     for (int axis = 0; axis < 2; ++axis) {
         const int2 step = axis ? (int2)(0, 1) : (int2)(1, 0);
         const bool first = axis ? y == 0 : x == 0, last = axis ? y == height - 1 : x == width - 1;
-        const int before = first ? -1 : patches[AT(x - step.x, y - step.y)];
-        const int after = last ? -1 : patches[AT(x + step.x, y + step.y)];
+        const int before = first ? -1 : (int)entries[AT(x - step.x, y - step.y)] - 1;
+        const int after = last ? -1 : (int)entries[AT(x + step.x, y + step.y)] - 1;
         const int lower = before < 0 ? own : before, upper = after < 0 ? own : after;
         off[texel] = fmax(off[texel], off_mean(light[lower], light[own], light[upper], least));
         edge |= off_mean(front[lower], front[own], front[upper], 1.0f) > EDGE_OF_BACKS;
@@ -39,7 +39,7 @@ __kernel void find_edges(__global const int *patches, __global const float *ligh
     }
     for (int v = max(y - 1, 0); v <= min(y + 1, height - 1); ++v)
         for (int u = max(x - 1, 0); u <= min(x + 1, width - 1); ++u) {
-            const int other = patches[AT(u, v)];
+            const int other = (int)entries[AT(u, v)] - 1;
             edge |= other >= 0 && hidden[other] != hidden[own];
         }
     marks[texel] |= edge ? ON_EDGE : 0;

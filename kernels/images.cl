@@ -21,13 +21,13 @@ __kernel void pack_channels(__global const float4 *images, __global float *narro
 
 // Values of patches, `stride` apart, in texels; 0 where there is none. One work item for each channel of a texel.
 __kernel void pick_patches(__global const float *values, const int stride, const int channels,
-                           __global const int *patches, __global float *texels, const uint count)
+                           __global const uint *entries, __global float *texels, const uint count)
 {
     const uint i = get_global_id(0);
     if (i >= count)
         return;
-    const int patch = patches[i / channels];
-    texels[i] = patch < 0 ? 0.0f : values[(size_t)patch * stride + i % channels];
+    const uint entry = entries[i / channels];
+    texels[i] = entry == 0 ? 0.0f : values[(size_t)(entry - 1) * stride + i % channels];
 }
 
 // Other values in some texels. One work item for each channel of a texel.

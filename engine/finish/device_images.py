@@ -132,13 +132,13 @@ def light_at(compute: Compute, outputs: Sequence[DeviceTexels], chosen: np.ndarr
 class DevicePatches:
     """Where patches are on the lightmaps.
 
-    patch  (atlases, r, r) int32, the patch that each texel shows, -1 for none
+    entries  (atlases, r, r) uint32, the patch + 1 that each texel shows, 0 for none
     """
 
-    def __init__(self, compute: Compute, patch: np.ndarray) -> None:
-        self._compute, self._shape = compute, patch.shape
+    def __init__(self, compute: Compute, entries: np.ndarray) -> None:
+        self._compute, self._shape = compute, entries.shape
         (self._pick,) = compute.kernels(_SOURCE, "pick_patches")
-        self._patch = upload(compute, patch)
+        self._entries = upload(compute, entries)
 
     def texels(self, values: Values) -> DeviceTexels:
         """Return what texels show of the patches' values, (n, c) float32; 0 elsewhere."""
@@ -150,7 +150,7 @@ class DevicePatches:
         count = int(np.prod(self._shape)) * channels
         texels = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 4 * count)
         sizes = np.int32(stride), np.int32(channels)
-        compute.run(self._pick, count, rows, *sizes, self._patch, texels, np.uint32(count))
+        compute.run(self._pick, count, rows, *sizes, self._entries, texels, np.uint32(count))
         largest = Largest(compute)
         largest.take(rows, stride, channels, len(values))
         return DeviceTexels(compute, texels, channels, largest)

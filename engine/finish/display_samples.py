@@ -86,7 +86,7 @@ def display_samples(
     triangles, resolution = parts.triangles, parts.patches.resolution
     own = parts.patches.on_texels(atlases)
     edge, at_an_end = find_edges(clipper.compute, own, known)
-    edge |= _between(edge) & (own >= 0)
+    edge |= _between(edge) & (own > 0)
 
     # Of texels between others of their chart it shows in the light whether they need points.
     border = clipper.border_pieces(edge | at_an_end)
@@ -97,8 +97,8 @@ def display_samples(
     key = border.atlas.astype(np.int64) * resolution**2 + border.texel
     filled = chosen.copy()
     filled[key] = False
-    patch = own.ravel()[np.flatnonzero(filled)]
-    patch = patch[patch >= 0]
+    entry = own.ravel()[np.flatnonzero(filled)]
+    patch = entry[entry > 0].astype(np.int64) - 1
     whole = clipper.pieces_at(parts.patches.triangle[patch], parts.patches.texel[patch])
     pieces = joined_pieces([border.part(chosen[key]), whole])
     return _samples_of(clipper, triangles, pieces, resolution, points), points
@@ -138,7 +138,7 @@ def _shows_several(parts: Subdivision, border: TexelPieces, own: np.ndarray) -> 
     several[key[order[bent]]] = True
 
     # Of texels whose centre nobody covers, slivers are left to those beside them.
-    several &= (own.ravel() >= 0) | (covered > _SLIVER)
+    several &= (own.ravel() > 0) | (covered > _SLIVER)
     return several.reshape(own.shape)
 
 

@@ -39,23 +39,23 @@ class PatchLight:
     hidden: np.ndarray
 
 
-def find_edges(compute: Compute, patches: np.ndarray, known: PatchLight) -> tuple[np.ndarray, np.ndarray]:
+def find_edges(compute: Compute, entries: np.ndarray, known: PatchLight) -> tuple[np.ndarray, np.ndarray]:
     """Return texels on an edge, and those at an end of their chart along an axis, two (atlases, r, r) bool.
 
-    patches  (atlases, r, r) int32, of each texel; -1 for none, which is at an end
+    entries  (atlases, r, r) uint32, the patch + 1 of each texel; 0 for none, which is at an end
 
     An edge is where light or the backs in view are not the mean of the neighbours', and both sides of a
     border of what is hidden.
     """
     (kernel,) = compute.kernels(("texel.cl", "edges.cl"), "find_edges")
-    off, marks = zeros(compute, 4 * patches.size), zeros(compute, 4 * (patches.size // 4 + 1))
+    off, marks = zeros(compute, 4 * entries.size), zeros(compute, 4 * (entries.size // 4 + 1))
     values = (values.astype(np.float32, copy=False) for values in (known.light, known.front))
     least = np.float32(_DARK * float(known.light.mean()))
-    buffers = [upload(compute, array) for array in (patches, *values, known.hidden.view(np.uint8))]
-    compute.run_texels(kernel, patches.shape, *buffers, least, off, marks)
-    found = download(compute, marks, (patches.size // 4 + 1,)).view(np.uint8)[: patches.size]
-    found = found.reshape(patches.shape)
-    steps, lit = download(compute, off, patches.shape), np.flatnonzero(patches >= 0)
+    buffers = [upload(compute, array) for array in (entries, *values, known.hidden.view(np.uint8))]
+    compute.run_texels(kernel, entries.shape, *buffers, least, off, marks)
+    found = download(compute, marks, (entries.size // 4 + 1,)).view(np.uint8)[: entries.size]
+    found = found.reshape(entries.shape)
+    steps, lit = download(compute, off, entries.shape), np.flatnonzero(entries)
     noise = float(np.median(steps.ravel()[lit[:: 1 + len(lit) // _FOR_NOISE]])) if len(lit) else 0.0
     edge = (steps > max(_EDGE, _ABOVE_NOISE * noise)) | (found & _ON_EDGE > 0)
     return edge, found & _AT_AN_END > 0

@@ -38,10 +38,10 @@ def without_parted(
     """
     if not len(seams):
         return seams
-    patch = parts.patches.on_texels(len(known))
-    marks = _compared(rays.compute, seams, light[..., 0], _KNOWN * known + _SURFACE * (patch >= 0))
+    entries = parts.patches.on_texels(len(known))
+    marks = _compared(rays.compute, seams, light[..., 0], _KNOWN * known + _SURFACE * (entries > 0))
     some = np.flatnonzero(marks)
-    beside = _patches_beside(seams.part(some), patch, known)
+    beside = _patches_beside(seams.part(some), entries, known)
     both = (beside >= 0).all(axis=1)
     some, beside = some[both], beside[both]
 
@@ -66,16 +66,16 @@ def _compared(compute: Compute, seams: Seams, light: np.ndarray, texels: np.ndar
     return download(compute, found, (len(seams) // 4 + 1,)).view(np.uint8)[: len(seams)]
 
 
-def _patches_beside(seams: Seams, patch: np.ndarray, known: np.ndarray) -> np.ndarray:
+def _patches_beside(seams: Seams, entries: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Return the patch of the texel that each side reads most of, (p, 2) int32, -1 where there is none.
 
-    patch  (atlases, r, r) int32, of each texel; -1 for none
-    known  (atlases, r, r) bool: these texels come before others
+    entries  (atlases, r, r) uint32, the patch + 1 of each texel; 0 for none
+    known    (atlases, r, r) bool: these texels come before others
     """
     beside = np.empty((len(seams), 2), np.int32)
     for side in (0, 1):
         texels, weights = footprints(seams.atlas[:, side], seams.texel[:, side], known.shape[-1])
-        found = patch.ravel()[texels]
+        found = entries.ravel()[texels].astype(np.int32) - 1
         rank = np.where((found >= 0) & (weights > 0), weights + known.ravel()[texels], -1)
         most = np.arange(len(seams)), rank.argmax(axis=1)
         beside[:, side] = np.where(rank[most] > 0, found[most], -1)

@@ -10,7 +10,6 @@ from ..device.compute import Compute
 from ..direct.contact import NearFaces
 from ..patches.patch_list import PatchList
 from ..patches.seams import Seams
-from ..scene.triangles import Triangles
 from .device_display import DeviceDisplay
 from .device_fill import DeviceFill
 from .device_images import DeviceImages, DevicePatches, DeviceTexels, light_at, texels_of
@@ -18,7 +17,7 @@ from .device_values import Values
 from .dilation import Dilation
 from .display_fit import DisplayFit
 from .display_samples import no_samples
-from .lightmap_points import LightmapPoints, thin_patches
+from .lightmap_points import LightmapPoints
 from .texel_means import TexelMeans
 from .wall_fit import WallFit
 
@@ -54,7 +53,7 @@ class LightmapStore:
         self._means = TexelMeans(no_samples(), np.zeros(0, bool), resolution)
         self._thin_texels = self._texel[:0]
         on_texels = patches.on_texels(atlases)
-        self.has_patch, self._patch = on_texels >= 0, on_texels.ravel()
+        self.has_patch, self._entry = on_texels > 0, on_texels.ravel()
 
     def hide(self, front: np.ndarray, near: NearFaces) -> None:
         """Choose the patches whose texels are filled for display.
@@ -63,7 +62,7 @@ class LightmapStore:
                objects see backs only
         near   of the patches: those that a face hides are dark, whatever they see beyond that face
         """
-        self._patch[self._texel[near.hide[self._chosen]]] = -1
+        self._entry[self._texel[near.hide[self._chosen]]] = 0
         self._device = None
         self._fill(is_hidden(front, near))
 
@@ -93,9 +92,12 @@ class LightmapStore:
         """Let texels beside thin walls show what these part."""
         self._walls = walls
 
-    def hide_seams(self, triangles: Triangles, seams: Seams) -> None:
-        """Let `final` images show the same on both sides of the seams between charts of a scene."""
-        centres, beside = self._light_points(triangles)
+    def hide_seams(self, thin: tuple[np.ndarray, LightmapPoints], seams: Seams) -> None:
+        """Let `final` images show the same on both sides of the seams between charts of a scene.
+
+        thin: patches that are not at their texel's centre, see `thin_patches`
+        """
+        centres, beside = self._light_points(*thin)
         where = centres, beside, seams, self.has_patch, self._rings
         self._fit = DisplayFit(*where) if self._compute is None else DeviceDisplay(self._compute, *where)
 
@@ -171,12 +173,11 @@ class LightmapStore:
         plain: np.ndarray = ~self._hidden & ~refined[self._texel]
         return plain
 
-    def _light_points(self, triangles: Triangles) -> tuple[np.ndarray, LightmapPoints]:
+    def _light_points(self, thin: np.ndarray, points: LightmapPoints) -> tuple[np.ndarray, LightmapPoints]:
         """Return which texels show their light at their centre, (atlases, r, r) bool; thin ones' points."""
         plain = self._plain
         counts = np.zeros(len(self._patches), bool)
         counts[self._chosen] = plain
-        thin, points = thin_patches(self._compute, triangles, self._patches)
         points = points.part(counts[thin])
         texels = points.texels(self._patches.resolution)
         order = np.argsort(texels, kind="stable")
@@ -191,8 +192,8 @@ class LightmapStore:
         if self._compute is not None:
             return self._on_device(self._compute).images(_rows(values))
         channels = np.asarray(_rows(values))
-        image = np.take(channels, self._patch, axis=0, mode="clip")
-        image[self._patch < 0] = 0
+        image = np.take(channels, self._entry.astype(np.int64) - 1, axis=0, mode="clip")
+        image[self._entry == 0] = 0
         return image.reshape(*self.has_patch.shape, channels.shape[1])
 
     def _dilated(self, images: np.ndarray) -> np.ndarray:
@@ -210,7 +211,7 @@ class LightmapStore:
     def _on_device(self, compute: Compute) -> DevicePatches:
         """Return where the patches are on the lightmaps, on the device."""
         if self._device is None:
-            self._device = DevicePatches(compute, self._patch.reshape(self.has_patch.shape))
+            self._device = DevicePatches(compute, self._entry.reshape(self.has_patch.shape))
         return self._device
 
     def _on_patches(self, compute: Compute, values: Values, samples: np.ndarray | None) -> DeviceTexels:

@@ -61,7 +61,9 @@ class DeviceBorder:
         """Return the nearest patch of the same surface + 1 of each border texel, or 0, (m,) uint32.
 
         Same surface: the same mesh, and at most twice as far away in the world as on the lightmap. The second
-        array, (m,) bool, tells where the triangle's nearest point lies within the texel. own: of `index_map`.
+        array, (m,) bool, tells where the triangle's nearest point lies within the texel.
+
+        own: that of `PatchList.on_texels`
         """
         count = len(self._border)
         nearest, inside = np.empty(count, np.uint32), np.empty(count, np.uint8)

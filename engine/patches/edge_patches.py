@@ -26,7 +26,7 @@ def away_from_edges(
 
     A point on the edge where two walls meet would look past the other wall.
 
-    texel_to_patch: that of `index_map`
+    texel_to_patch: that of `PatchList.on_texels`
     """
     found = _at_ends_of_charts(patches, texel_to_patch, geometry)
     if not len(found):

@@ -49,11 +49,11 @@ class PatchList:
         return int(np.searchsorted(self.key, atlases * self.resolution**2))
 
     def on_texels(self, atlases: int) -> np.ndarray:
-        """Return the patch on each texel of the first atlases, (atlases, r, r) int32, -1 for none."""
+        """Return the patch + 1 on each texel of the first atlases, (atlases, r, r) uint32; 0 for none."""
         count = self.count_in(atlases)
-        numbers = np.full((atlases, self.resolution, self.resolution), -1, np.int32)
-        numbers.ravel()[self.key[:count]] = np.arange(count, dtype=np.int32)
-        return numbers
+        entries = np.zeros((atlases, self.resolution, self.resolution), np.uint32)
+        entries.ravel()[self.key[:count]] = np.arange(1, count + 1, dtype=np.uint32)
+        return entries
 
     def part(self, chosen: slice | np.ndarray) -> PatchList:
         """Return some patches, by a mask or their numbers."""

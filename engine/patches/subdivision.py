@@ -19,7 +19,7 @@ from .geometry import PatchGeometry, patch_geometry
 from .patch_file import list_or_load_patches
 from .patch_list import PatchList
 from .surfaces import PatchSurfaces, patch_surfaces
-from .texel_to_patch import add_thin_patches, index_map
+from .texel_to_patch import add_thin_patches
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def subdivide(
     """
     triangles = join_meshes(scene, before)
     covered = list_or_load_patches(graphics, scene, triangles, settings)
-    own, geometry = index_map(covered, len(scene.atlases)), patch_geometry(triangles, covered)
+    own, geometry = covered.on_texels(len(scene.atlases)), patch_geometry(triangles, covered)
     covered = away_from_edges(compute, geometry, covered, own)
     geometry = geometry.at(covered)
     texels = covered_texels(scene, geometry)

@@ -17,13 +17,6 @@ from .host_border_texels import HostBorder
 from .patch_list import PatchList
 
 
-def index_map(patches: PatchList, atlases: int) -> np.ndarray:
-    """Return the patch + 1 that lies on each texel, (atlases, r, r) uint32; 0 where none does."""
-    texel_to_patch = np.zeros((atlases, patches.resolution, patches.resolution), np.uint32)
-    texel_to_patch.ravel()[patches.key] = np.arange(1, len(patches) + 1, dtype=np.uint32)
-    return texel_to_patch
-
-
 def add_thin_patches(
     compute: Compute | None,
     geometry: PatchGeometry,
@@ -33,7 +26,8 @@ def add_thin_patches(
 ) -> tuple[PatchList, PatchGeometry, np.ndarray]:
     """Give every touched texel a patch; return the grown patch list, its geometry and the whole index map.
 
-    texel_to_patch: that of `index_map`, which is changed; border: all other texels that a triangle touches
+    texel_to_patch  that of `PatchList.on_texels`, which is changed
+    border          all other texels that a triangle touches
     """
     if not len(border):
         return patches, geometry, texel_to_patch
@@ -47,7 +41,7 @@ def add_thin_patches(
         middle = texels.middles(thin, patches.resolution)
         patches = _with_thin(patches, border.part(thin), middle)
         geometry = geometry.at(patches)
-        texel_to_patch = index_map(patches, len(texel_to_patch))
+        texel_to_patch = patches.on_texels(len(texel_to_patch))
         own = texel_to_patch.ravel()[border.texel[thin]]
         nearest, _ = texels.nearest_patches(patches, texel_to_patch)
         nearest[thin] = own

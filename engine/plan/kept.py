@@ -12,6 +12,7 @@ from ..device.compute import Compute
 from ..device.graphics import Graphics
 from ..direct.contact import NearFaces
 from ..direct.lighting import DirectLighting
+from ..finish.lightmap_points import LightmapPoints, thin_patches
 from ..finish.seam_sides import display_seams
 from ..gather.kept_samples import KeptSamples
 from ..patches.areas import surface_areas
@@ -67,6 +68,7 @@ class Kept:
     _areas: np.ndarray | None
     _near: NearFaces | None
     _clipper: TexelClipper | None
+    _thin: tuple[np.ndarray, LightmapPoints] | None
     _sky: tuple[np.ndarray, np.ndarray | None] | None = None
 
     def __init__(self) -> None:
@@ -78,7 +80,7 @@ class Kept:
     def clear(self) -> None:
         """Drop everything."""
         self._parts = self._rays = self._seams = self.samples = None
-        self._areas = self._near = self._clipper = None
+        self._areas = self._near = self._clipper = self._thin = None
         self._follows = False
 
     def subdivide(
@@ -130,6 +132,12 @@ class Kept:
         if self._near is None:
             self._near = lighting.near_faces()
         return self._near
+
+    def thin_patches(self, compute: Compute | None, parts: Subdivision) -> tuple[np.ndarray, LightmapPoints]:
+        """Return the patches that are not at their texel's centre; see `lightmap_points.thin_patches`."""
+        if self._thin is None:
+            self._thin = thin_patches(compute, parts.triangles, parts.patches)
+        return self._thin
 
     def clipper(self, compute: Compute, parts: Subdivision) -> TexelClipper:
         """Return what clips the triangles at texels."""

@@ -7,7 +7,6 @@ from engine import Scene, Settings, bake, finished
 from engine.patches.edge_patches import away_from_edges
 from engine.patches.geometry import patch_geometry
 from engine.patches.patch_list import list_patches
-from engine.patches.texel_to_patch import index_map
 from engine.scene.triangles import join_meshes
 from tests.analytic.scenes import material, quads, room_walls
 
@@ -41,7 +40,7 @@ def test_only_patches_on_edges_move_and_stay_within_their_texels(graphics, compu
     scene = cube(shift)
     triangles = join_meshes(scene)
     patches = list_patches(graphics, scene, triangles, RESOLUTION)
-    geometry, own = patch_geometry(triangles, patches), index_map(patches, 1)
+    geometry, own = patch_geometry(triangles, patches), patches.on_texels(1)
     places = {}
     for device in (compute, None):
         moved = away_from_edges(device, geometry, patches, own)

@@ -8,7 +8,7 @@ from engine import Material, Scene, SceneError
 from engine.patches.coverage import border_texels, check_overlap, covered_texels
 from engine.patches.geometry import patch_geometry
 from engine.patches.patch_list import list_patches
-from engine.patches.texel_to_patch import add_thin_patches, index_map
+from engine.patches.texel_to_patch import add_thin_patches
 from engine.scene.triangles import join_meshes
 from tests.analytic.scenes import furnace, nine_quad_room, quads, rectangle
 
@@ -23,7 +23,7 @@ def one_quad(chart, resolution=16, name="Quad"):
 def grown(graphics, compute, scene, resolution):
     triangles = join_meshes(scene)
     covered = list_patches(graphics, scene, triangles, resolution)
-    own = index_map(covered, len(scene.atlases))
+    own = covered.on_texels(len(scene.atlases))
     border, geometry = border_texels(graphics, triangles, own), patch_geometry(triangles, covered)
     return covered, *add_thin_patches(compute, geometry, covered, own, border)
 

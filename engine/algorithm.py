@@ -111,10 +111,12 @@ def _bake(
     last = kept.light_on(parts.patches, settings)
     sampled = yield from _direct_light(stages, store, outputs, lighting, last)
 
-    # Faces that touch patches hide them, or lie back to back with them.
+    # Faces that touch patches hide them, whose light is not seen, or lie back to back with them.
     yield stages.begin(stages.choosing)
     near = kept.near_faces(lighting)
-    parts = replace(parts, back_to_back=bool(near.back_to_back.any()))
+    parts = replace(
+        parts, surfaces=parts.surfaces.black_at(near.hide), back_to_back=bool(near.back_to_back.any())
+    )
 
     # All other light is gathered: through hemicubes drawn in every iteration (IV.B), or what is kept of them.
     job = SolveJob(

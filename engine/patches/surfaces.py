@@ -36,6 +36,14 @@ class PatchSurfaces:
         red, green, blue = (self.emission != 0).T
         return np.flatnonzero(red | green | blue)
 
+    def black_at(self, patches: np.ndarray) -> PatchSurfaces:
+        """Return the same, but that some patches, (n,) bool, reflect nothing."""
+        if not patches.any():
+            return self
+        reflectance = self.reflectance.copy()
+        reflectance[patches] = 0
+        return PatchSurfaces(reflectance, self.emission)
+
 
 def patch_surfaces(
     compute: Compute | None, scene: Scene, geometry: PatchGeometry, resolution: int

@@ -141,7 +141,8 @@ def light_in_texels(
         return _nothing("No texel shows more than its centre.")
     settings = _settings_of_samples(what.job.settings, count)
     settled = _as_seen(what, solution.settled, known.hidden)
-    radiance, remote = radiance_of(what.solved, settled), what.job.remote
+    seen = _with_seen_surfaces(what, what.solved, known.hidden)
+    radiance, remote = radiance_of(seen, settled), what.job.remote
     if remote is not None:
         sent = HalfLight.of(compute, radiance, what.solved.count)
         lit = yield from remote.light_at(samples, sent, what.choice, settings)
@@ -180,22 +181,26 @@ def light_groups_in_texels(
     settings = of_all_light(_settings_of_samples(what.job.settings, lit.count))
     side_by_side = np.concatenate([group.settled for group in groups], axis=1)
     seen = _as_seen(what, side_by_side, lit.hidden).reshape(len(side_by_side), len(groups), 3)
+    solved = [_with_seen_surfaces(what, group.solved, lit.hidden) for group in groups]
     light: list[np.ndarray] = []
     for batch, done in _batches(lit.samples):
         points = _Points(what, batch, settings)
-        light.append((yield from part_of(*done, _gather_groups(what, groups, seen, points))))
+        light.append((yield from part_of(*done, _gather_groups(what, solved, seen, points))))
     return list(np.concatenate(light, axis=1))
 
 
 def _gather_groups(
-    what: DisplayJob, groups: list[SettledGroup], seen: np.ndarray, points: _Points
+    what: DisplayJob, solved: list[SolveJob], seen: np.ndarray, points: _Points
 ) -> Generator[float, None, np.ndarray]:
-    """Return E/pi of light groups at points of texels, (g, s, 3) float32, from that of patches, (m, g, 3)."""
+    """Return E/pi of light groups at points of texels, (g, s, 3) float32, from that of patches, (m, g, 3).
+
+    solved: of each group, with surfaces as they are seen
+    """
     lighting = what.lighting.of(points.rays, points.settings)
     sampled = yield from part_of(0.0, 0.3, lighting.gather_by_group())
-    parts, settled = [group.solved for group in groups], list(seen.transpose(1, 0, 2))
+    settled = list(seen.transpose(1, 0, 2))
     receivers = Receivers(points.parts, points.rays, sampled[0])
-    gathering = gather_light_groups(parts, settled, what.choice, receivers, sampled, points.settings)
+    gathering = gather_light_groups(solved, settled, what.choice, receivers, sampled, points.settings)
     return (yield from part_of(0.3, 1.0, gathering))
 
 
@@ -232,6 +237,13 @@ def _as_seen(what: DisplayJob, settled: np.ndarray, hidden: np.ndarray) -> np.nd
     patches, entries = what.job.parts.patches, what.solved.parts.texel_to_patch
     group = entries.reshape(len(entries), -1)[patches.atlas, patches.texel].astype(np.int64) - 1
     return _groups_beside_hidden(what.job.parts, group, settled, hidden)
+
+
+def _with_seen_surfaces(what: DisplayJob, solved: SolveJob, hidden: np.ndarray) -> SolveJob:
+    """Return a job whose hidden patches reflect what those beside them do, as in `_as_seen`."""
+    surfaces = solved.parts.surfaces
+    seen = replace(surfaces, reflectance=_as_seen(what, surfaces.reflectance, hidden))
+    return replace(solved, parts=replace(solved.parts, surfaces=seen))
 
 
 def _groups_beside_hidden(

@@ -234,13 +234,16 @@ def test_a_lamp_in_contact_with_a_ceiling_leaves_no_mark_beside_it(gap):
     assert found.mean(axis=1) == pytest.approx(expected, rel=0.05)
 
 
-@pytest.mark.parametrize("texel_samples", [16, long(1)])
-def test_a_closed_case_that_shines_on_its_far_side_shows_nothing_of_its_inside(texel_samples):
-    """Its side is 2 mm from points of the ceiling, here a black floor, that stand for a centimetre of it."""
+@pytest.mark.parametrize(("texel_samples", "reflectance"), [(16, 0.0), (16, 0.9), long(1, 0.9)])
+def test_a_closed_case_that_shines_on_its_far_side_shows_nothing_of_its_inside(texel_samples, reflectance):
+    """Its side is 2 mm from points of the ceiling, here a floor, that stand for a centimetre of it.
+
+    Texels of the floor that reach out from under the case send out nothing of what they see inside of it.
+    """
     floor = floor_under_sky()
     case = occluder(box_faces((0.607, 0.2, 0), (1.0, 0.6, 0.1))[:, ::-1], "Case")
     case = replace(case, material=np.repeat(np.arange(6) == 1, 2).astype(case.material.dtype))
-    scene = scene_of([floor, case], reflectance=0.0)
+    scene = scene_of([floor, case], reflectance=reflectance)
     scene = replace(scene, materials=(*scene.materials, material("Shining", 0.0, 3.0)))
     lightmap = drive(scene, replace(SETTINGS, texel_samples=texel_samples))
     beside = line(0.607 - np.array([0.001, 0.01, 0.02, 0.05]))

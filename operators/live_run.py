@@ -20,7 +20,8 @@ from .bake_settings import read_settings
 from .live_watch import LiveWatch
 from .lookup import find_all
 from .result.preview import refresh_preview
-from .run import ATTEMPTS, Bake, Run, Steps, image_names
+from .result.shown_images import image_names
+from .run import ATTEMPTS, Bake, Run, Steps
 from .scene import SceneChangedError, read_lamps, read_scene, store_edits, visible_meshes
 from .scene.uvs.uv_modifier import has_uvs
 from .worker_owner import owner
@@ -80,7 +81,7 @@ class LiveRun(Run):
 
     def _hold_pixels(self) -> None:
         """Pack the images: of those in files Cycles shows the files, not the pixels that follow the scene."""
-        for image in find_all(bpy.data.images, self._images):
+        for image in find_all(bpy.data.images, self._images.uids):
             if image.packed_file is None:
                 image.pack()
 
@@ -89,7 +90,7 @@ class LiveRun(Run):
 
         path: of that file; under another name than before it has lightmaps of its own
         """
-        targets = find_all(bpy.data.images, self._images)
+        targets = find_all(bpy.data.images, self._images.uids)
         if len(targets) == len(self._names):
             with suppress(EngineError):
                 self._paths = {image.session_uid: image.filepath_raw for image in targets}
@@ -129,7 +130,7 @@ class LiveRun(Run):
                 yield RESTING
             elif step is not None:
                 if step.intermediate is not None:
-                    self._show(step.intermediate)
+                    self._images.show(step.intermediate)
                 yield step
             else:
                 yield None

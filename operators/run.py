@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing, suppress
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import bpy
 import numpy as np
 
 from ..engine.errors import EngineError, OverlapError, SceneError
 from ..engine.finish.outputs import output_names
-from ..engine.lightmap import Energy, Lightmap
-from ..engine.naming import fix_of, naming, objects_of
+from ..engine.lightmap import Lightmap
+from ..engine.naming import naming
 from ..engine.plan.stages import Extent
 from ..engine.progress import Progress, finished
-from ..engine.scene.light_groups import light_group_names
 from ..engine.scene.model import Scene
 from ..engine.settings import Settings
+from .bake_report import bake_report
 from .bake_settings import read_settings
 from .changed_light import ChangedLight, find_changed_light, forget_light, remember_light
 from .changes import Changes
@@ -29,19 +28,20 @@ from .file_format import chosen_format
 from .lightmap_size import chosen_width, width_for
 from .lookup import find
 from .result import images
+from .result.baked_marks import mark_lightmaps, mark_objects
 from .result.clipping import clipping_notes
 from .result.contents import chosen_names, lightmap_contents
 from .result.destination import Destination, choose_destination
-from .result.directional_images import directional_kind
 from .result.kept_texels import KeptTexels
 from .result.preview import renew_preview, shows_preview
+from .result.shown_images import ShownImages, image_names
 from .run_stages import RunStages
 from .scene import SceneChangedError, SceneContext, read_scene, visible_meshes
 from .scene.overlaps import without_overlaps
 from .scene.targets import only_targets, target_uids
-from .scene.uvs.lightmap_layer import lightmap_layer
+from .scene.uvs.baked_uvs import BakedUvs
 from .scene.uvs.unwrap import unwrap_missing
-from .scene.uvs.uv_modifier import has_uvs, uv_source
+from .scene.uvs.uv_modifier import has_uvs
 from .user_files import keep_paces
 from .worker_owner import owner
 
@@ -73,7 +73,7 @@ class Run:
         self._context, self._bake = SceneContext(context), bake
         self._watched, self._made_uvs = watched, made_uvs
         self._changes = Changes()
-        self._images: list[int] = []
+        self._images: ShownImages | None = None
         self._check: IdleCheck | None = None
         self._unwraps = False
         self._changed: ChangedLight | None = None
@@ -155,9 +155,7 @@ class Run:
             for uid, obj in visible.items()
             if uid not in skipped and (uid in wanted or has_uvs(obj, layer))
         ]
-        self._unwrapped = {
-            obj.session_uid: (obj.name, uv_source(obj, layer)) for obj in usable if has_uvs(obj, layer)
-        }
+        self._uvs = BakedUvs(usable, layer)
         notes = [*made.notes, *_missing([name for uid, name in wanted.items() if uid not in visible])]
         self._read = yield from self._stages.include(
             self._stages.reading,
@@ -195,6 +193,9 @@ class Run:
         self._stages.expect(self._read.scene, self._settings, len(self._names))
         partial = self._target != "ALL"
         self._kept = KeptTexels(self._context, self._read, self._names, self._settings, partial)
+        self._images = ShownImages(
+            self._context, atlases, self._names, self._settings.resolution, self._kept, self._changes
+        )
 
     def _destination_of(self, blend: str) -> Destination:
         """Return where the lightmaps of a .blend at a path go; raises EngineError if they cannot."""
@@ -231,7 +232,7 @@ class Run:
                 except StopIteration as end:
                     return end.value
                 if progress is not None and progress.intermediate is not None:
-                    self._show(progress.intermediate)
+                    self._images.show(progress.intermediate)
                 yield progress
 
     def _leave_out_overlaps(self, error: OverlapError) -> None:
@@ -256,12 +257,12 @@ class Run:
 
         Returns whether anything is kept: an undo step must then follow.
         """
-        kept = keep_images and bool(self._images)
+        kept = keep_images and self._images is not None and bool(self._images.uids)
         try:
             self._work.close()
         finally:
             if kept:
-                self._keep_images()
+                self._images.keep()
             else:
                 self._changes.take_back()
         return kept
@@ -269,24 +270,26 @@ class Run:
     def finish(self, lightmap: Lightmap) -> dict:
         """Store a lightmap and return the report, JSON-ready; an undo step must follow.
 
-        The residual is None if a single iteration could not tell it. If the files cannot be written
-        `failure` says so, and the lightmaps are packed into the .blend.
+        If the files cannot be written `failure` says so, and the lightmaps are packed into the .blend.
         """
         start = time.perf_counter()
         pixels = self._show_finished(lightmap)
-        targets = [find(bpy.data.images, uid) for uid in self._images]
+        targets = self._images.found()
         files, clipped = self._store(targets, pixels, lightmap)
-        self._keep_images()
-        self._remember_use(lightmap)
-        lost = self._lost_uvs()
-        self._remember_images(targets, lost)
+        self._images.keep()
+        entries = self._context.scene.hemibake.lightmaps
+        mark_lightmaps(entries, lightmap, self._read, self._settings, self._kept)
+        lost = self._uvs.lost()
+        mark_objects(self._read, targets, self._uv_layer, lost)
         self._remember_light(lost)
         self._seconds["store"] = time.perf_counter() - start
         self._stages.has_saved()
         owner.paces.update(lightmap.report.paces)
         keep_paces(owner.paces)
-        names = [image.name for image in targets]
-        report = self._report(lightmap, names, files, clipped, lost)
+        facts, names = lightmap.report, [image.name for image in targets]
+        seconds = {**self._seconds, **facts.seconds, "total": time.perf_counter() - self._start}
+        notes = [*self._read.notes, *facts.warnings, *clipped, *self._notes_on_result(lost)]
+        report = bake_report(self._read, facts, lost, seconds, names, files, notes)
         scene = find(bpy.data.scenes, self._context.scene_uid)
         if scene is not None:
             scene.hemibake.report = json.dumps(report)
@@ -300,9 +303,7 @@ class Run:
 
     def _show_finished(self, lightmap: Lightmap) -> np.ndarray:
         """Put finished lightmaps into all images; return their pixels, (images, h, w, 3)."""
-        pixels = self._kept.merge(np.concatenate(list(lightmap.passes.values())))
-        self._show(pixels)
-        return pixels
+        return self._images.show(np.concatenate(list(lightmap.passes.values())))
 
     def _store(
         self, targets: list[bpy.types.Image], pixels: np.ndarray, lightmap: Lightmap
@@ -317,112 +318,29 @@ class Run:
         notes = clipping_notes(self._read, files[-len(pixels) :], lightmap.has_patch)
         return [str(self._destination.folder / file.name) for file in files], list(notes)
 
-    def _show(self, lightmaps: np.ndarray) -> None:
-        """Put lightmaps, (m, h, w, 3), into the first m images; images that are gone are made anew."""
-        scene = self._context.scene
-        for index, pixels in enumerate(self._kept.merge(lightmaps)):
-            image = find(bpy.data.images, self._images[index]) if index < len(self._images) else None
-            if image is None:
-                name, resolution = self._names[index], self._settings.resolution
-                image = images.lightmap_image(scene, name, resolution, self._changes)
-            images.show(image, pixels)
-            self._images[index : index + 1] = [image.session_uid]
-
-    def _keep_images(self) -> None:
-        """Write on the scene which images it has from now on."""
+    def _remember_light(self, lost: dict[int, str]) -> None:
+        """Write down what the next bake of changed objects compares with."""
         scene = find(bpy.data.scenes, self._context.scene_uid)
-        atlases = self._read.scene.atlases
-        for index, (name, uid) in enumerate(zip(self._names, self._images, strict=False)):
-            image = find(bpy.data.images, uid)
-            if scene is not None and image is not None:
-                beside = "" if index < len(atlases) else atlases[index % len(atlases)]
-                images.remember(scene, name, image, beside)
-
-    def _remember_use(self, lightmap: Lightmap) -> None:
-        """Write on the scene which maps each atlas has beside light, and how much of it has patches.
-
-        That is known where all of its objects were baked.
-        """
-        known = self._context.scene.hemibake.lightmaps
-        groups = light_group_names(self._read.scene) if self._settings.by_light_groups else []
-        kept = {atlas for atlas, _ in self._kept.objects()}
-        for atlas, has_patch in zip(lightmap.atlases, lightmap.has_patch, strict=True):
-            if atlas in known:
-                known[atlas].directional = directional_kind(self._settings.outputs)
-                known[atlas].light_groups = json.dumps(groups)
-            if atlas in known and atlas not in kept:
-                known[atlas].used = 100 * float(has_patch.mean())
+        baked = set(self._read.fingerprints) - set(lost)
+        if self._target == "SELECTED":
+            forget_light(baked)
+        elif scene is not None:
+            remember_light(scene, self._whole, baked, self._changed)
 
     def _deleted(self) -> list[str]:
         """Return a note about objects that were baked and are not in the scene any more, if there are any."""
         present = {obj.session_uid for obj in self._context.scene.objects}
-        baked = dict.fromkeys(uid for uid, _ in self._read.objects if uid in self._unwrapped)
-        names = [self._unwrapped[uid][0] for uid in baked if uid not in present]
+        baked = dict.fromkeys(uid for uid, _ in self._read.objects)
+        names = self._uvs.names(uid for uid in baked if uid not in present)
         sentence = (
             "Deleted during the bake: {}. All else still has their shadows and the light that they reflect. "
             "Bake again."
         )
         return [naming(sentence, names)] if names else []
 
-    def _lost_uvs(self) -> dict[int, str]:
-        """Return session uid and name of the objects that lost their lightmap UVs, as an undo makes them."""
-        return {
-            obj.session_uid: self._unwrapped[obj.session_uid][0]
-            for obj in bpy.data.objects
-            if obj.session_uid in self._unwrapped and self._has_lost_uvs(obj)
-        }
-
-    def _has_lost_uvs(self, obj: bpy.types.Object) -> bool:
-        """Return whether an object has no lightmap UVs any more, or other ones than it was baked with."""
-        _, source = self._unwrapped[obj.session_uid]
-        return not has_uvs(obj, self._uv_layer) or uv_source(obj, self._uv_layer) != source
-
-    def _remember_images(self, targets: list[bpy.types.Image], lost: dict[int, str]) -> None:
-        """Write on each baked object which image, of the first output, and which UV layer belong to it.
-
-        lost: objects without lightmap UVs, which stay as they are
-        """
-        image = dict(zip(self._read.scene.atlases, targets, strict=False))
-        editable = {obj.session_uid: obj for obj in bpy.data.objects if obj.is_editable}
-        instances: dict[int, list[dict]] = {}
-        for uid, name, number, place in self._read.instances:
-            if uid in editable and name not in lost.values():
-                where = {"image": image[place.atlas].name, "atlas": place.atlas}
-                known = {"object": name, "persistent_id": number, **where}
-                instances.setdefault(uid, []).append({**known, "scale": place.scale, "offset": place.offset})
-        for uid, entries in instances.items():
-            editable[uid].hemibake.instances = json.dumps(entries)
-        for uid, place in self._read.objects:
-            if uid in editable and uid not in lost:
-                properties = editable[uid].hemibake
-                properties.image = image[place.atlas]
-                properties.uv_layer = lightmap_layer(editable[uid], self._uv_layer)
-                properties.uv_scale, properties.uv_offset = place.scale, place.offset
-        for uid, fingerprint in self._read.fingerprints.items():
-            if uid in editable and uid not in lost:
-                editable[uid].hemibake.fingerprint = fingerprint
-
-    def _remember_light(self, lost: dict[int, str]) -> None:
-        """Write down what the next bake of changed objects compares with."""
-        scene, baked = (
-            find(bpy.data.scenes, self._context.scene_uid),
-            set(self._read.fingerprints) - set(lost),
-        )
-        if self._target == "SELECTED":
-            forget_light(baked)
-        elif scene is not None:
-            remember_light(scene, self._whole, baked, self._changed)
-
-    def _report(
-        self,
-        lightmap: Lightmap,
-        names: list[str],
-        files: list[str],
-        clipped: list[str],
-        lost: dict[int, str],
-    ) -> dict:
-        facts = lightmap.report
-        notes = [*self._read.notes, *facts.warnings, *clipped]
+    def _notes_on_result(self, lost: dict[int, str]) -> list[str]:
+        """Return sentences on objects that are gone or without their UVs, and on lightmaps without files."""
+        notes = []
         with suppress(SceneError):
             notes += self._deleted()
         if lost:
@@ -432,53 +350,10 @@ class Run:
             notes.append(
                 "The .blend is not saved yet: the lightmaps are packed into it. Save it to write files."
             )
-        notes = list(dict.fromkeys(notes))
-        seconds = {**self._seconds, **facts.seconds, "total": time.perf_counter() - self._start}
-        return {
-            "objects": sum(uid not in lost for uid, _ in self._read.objects),
-            "instances": sum(name not in lost.values() for _, name, *_ in self._read.instances),
-            "triangles": self._read.triangles,
-            "scene_bytes": self._read.bytes,
-            "patches": int(facts.patches),
-            "method": facts.method,
-            "visibility": facts.visibility,
-            "samples": facts.samples,
-            "reasons": list(facts.reasons),
-            "resumed": list(facts.resumed),
-            "iterations": int(facts.iterations),
-            "residual": _number(facts.residual),
-            "converged": bool(facts.converged),
-            "energies": [_number(energy) for energy in facts.energies],
-            "energy": _energy(facts.energy),
-            "seconds": {stage: round(float(value), 4) for stage, value in seconds.items()},
-            "devices": dict(facts.devices),
-            "images": names,
-            "files": files,
-            "warnings": notes,
-            "objects_of_warnings": [objects_of(note) for note in notes],
-            "fixes_of_warnings": [fix_of(note) for note in notes],
-        }
+        return notes
 
 
 def _missing(names: list[str]) -> list[str]:
     """Return a note about objects that were to be baked and are not there any more, if there are any."""
     sentence = "Deleted or hidden while the scene was being read, so not baked: {}."
     return [naming(sentence, names)] if names else []
-
-
-def _number(value: float) -> float | None:
-    """Return a number as JSON takes it: None if it is NaN or infinite."""
-    return float(value) if math.isfinite(value) else None
-
-
-def _energy(energy: Energy | None) -> dict[str, float | None] | None:
-    """Return where the light of a bake goes as JSON takes it: W, and what is missing as a fraction."""
-    if energy is None:
-        return None
-    return {name: _number(value) for name, value in {**asdict(energy), "missing": energy.missing}.items()}
-
-
-def image_names(atlases: Sequence[str], outputs: Sequence[str]) -> list[str]:
-    """Return the name of every image: the atlas, and for outputs after the first what it shows, too."""
-    labels = [name.replace("_", " ", 1) for name in outputs[1:]]
-    return [*atlases, *(f"{atlas} {label}" for label in labels for atlas in atlases)]

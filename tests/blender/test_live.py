@@ -156,7 +156,7 @@ def test_nothing_happens_while_nothing_changes(operator, context, window, monkey
     bpy.context.scene.cursor.location.x = 3
     settle(operator, context)
     run = owner.running.run
-    run._show(pixels(bpy.data.images["Lightmap"])[None, ..., :3])
+    run._images.show(pixels(bpy.data.images["Lightmap"])[None, ..., :3])
     bpy.context.view_layer.update()
     assert sent == [] and not run._watch.changed
 

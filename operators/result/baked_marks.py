@@ -1,0 +1,66 @@
+"""What a bake writes on the scene's list of lightmaps and on objects: the preview and later bakes read it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+
+import bpy
+
+from ...engine.lightmap import Lightmap
+from ...engine.scene.light_groups import light_group_names
+from ...engine.settings import Settings
+from ..scene import ReadScene
+from ..scene.uvs.lightmap_layer import lightmap_layer
+from .directional_images import directional_kind
+from .kept_texels import KeptTexels
+
+
+def mark_lightmaps(
+    entries: bpy.types.bpy_prop_collection,
+    lightmap: Lightmap,
+    read: ReadScene,
+    settings: Settings,
+    kept: KeptTexels,
+) -> None:
+    """Write on each lightmap in a scene's list which maps it has beside light, and how much of it is used.
+
+    The latter is known where all of its objects were baked.
+    """
+    groups = light_group_names(read.scene) if settings.by_light_groups else []
+    partial = {atlas for atlas, _ in kept.objects()}
+    for atlas, has_patch in zip(lightmap.atlases, lightmap.has_patch, strict=True):
+        if atlas in entries:
+            entries[atlas].directional = directional_kind(settings.outputs)
+            entries[atlas].light_groups = json.dumps(groups)
+        if atlas in entries and atlas not in partial:
+            entries[atlas].used = 100 * float(has_patch.mean())
+
+
+def mark_objects(
+    read: ReadScene, images: Sequence[bpy.types.Image], uv_layer: str, lost: Mapping[int, str]
+) -> None:
+    """Write on each baked object which image, of the first output, and which UV layer belong to it.
+
+    images  atlas after atlas, of the first output first
+    lost    session uids and names of objects without lightmap UVs, which stay as they are
+    """
+    image_of = dict(zip(read.scene.atlases, images, strict=False))
+    editable = {obj.session_uid: obj for obj in bpy.data.objects if obj.is_editable}
+    instances: dict[int, list[dict]] = {}
+    for uid, name, number, place in read.instances:
+        if uid in editable and name not in lost.values():
+            where = {"image": image_of[place.atlas].name, "atlas": place.atlas}
+            known = {"object": name, "persistent_id": number, **where}
+            instances.setdefault(uid, []).append({**known, "scale": place.scale, "offset": place.offset})
+    for uid, entries in instances.items():
+        editable[uid].hemibake.instances = json.dumps(entries)
+    for uid, place in read.objects:
+        if uid in editable and uid not in lost:
+            properties = editable[uid].hemibake
+            properties.image = image_of[place.atlas]
+            properties.uv_layer = lightmap_layer(editable[uid], uv_layer)
+            properties.uv_scale, properties.uv_offset = place.scale, place.offset
+    for uid, fingerprint in read.fingerprints.items():
+        if uid in editable and uid not in lost:
+            editable[uid].hemibake.fingerprint = fingerprint

@@ -129,6 +129,9 @@ def _measure(case: _Case, path: Path | None, options: Options) -> dict[str, Any]
     with tempfile.TemporaryDirectory(prefix="hemibake-bench-") as folder:
         settings = bpy.context.scene.hemibake
         settings.resolution, settings.directory = case.resolution, folder
+
+        # Cycles leaves seams as they are.
+        settings.hide_seams = False
         with quiet_stdout():
             read, chosen = read_for_bake(bpy.context)
         known_of = partial(known_texels, scene=read.scene, settings=chosen)

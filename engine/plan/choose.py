@@ -94,7 +94,7 @@ def _solver(job: SolveJob) -> tuple[Solver, Choice]:
 
 def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Choice, SolveJob]:
     """Return what solves for squares of patches, then gathers for each patch."""
-    leader = leaders(job.rays, job.parts, job.first_radiance, width)
+    leader = leaders(job.rays, job.parts, job.first_radiance, job.kept.inside(job.rays), width)
     if job.remote is not None:
         job.remote.of_groups(leader, width)
     groups = PatchGroups(job.rays, job.parts, job.area, leader, width)
@@ -145,7 +145,8 @@ def _interpolated(
         receivers = Receivers(parts, job.rays.of(parts), job.sampled_light[chosen])
         return last_gather(squares, choice, receivers, job.settings)[0]
 
-    smaller = numbered(leaders(job.rays, job.parts, job.first_radiance, _SMALLER))
+    inside = job.kept.inside(job.rays)
+    smaller = numbered(leaders(job.rays, job.parts, job.first_radiance, inside, _SMALLER))
     widths = ((groups.group, groups.leader, groups.width), (*smaller, _SMALLER))
     return InterpolatedGather(
         solver,

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..device.compute import Compute
 from ..device.graphics import Graphics
-from ..direct.contact import NearFaces
+from ..direct.contact import NearFaces, patches_inside
 from ..direct.lighting import DirectLighting
 from ..finish.lightmap_points import LightmapPoints, thin_patches
 from ..finish.seam_sides import display_seams
@@ -66,6 +66,7 @@ class Kept:
     _rays: RayScene | None
     _seams: Future[Seams] | None
     _areas: np.ndarray | None
+    _inside: np.ndarray | None
     _near: NearFaces | None
     _clipper: TexelClipper | None
     _thin: tuple[np.ndarray, LightmapPoints] | None
@@ -80,7 +81,7 @@ class Kept:
     def clear(self) -> None:
         """Drop everything."""
         self._parts = self._rays = self._seams = self.samples = None
-        self._areas = self._near = self._clipper = self._thin = None
+        self._areas = self._inside = self._near = self._clipper = self._thin = None
         self._follows = False
 
     def subdivide(
@@ -132,6 +133,12 @@ class Kept:
         if self._near is None:
             self._near = lighting.near_faces()
         return self._near
+
+    def inside(self, rays: RayScene) -> np.ndarray:
+        """Return which patches are inside of something, (n,) bool; see `direct.contact.patches_inside`."""
+        if self._inside is None:
+            self._inside = patches_inside(rays, rays.count)
+        return self._inside
 
     def thin_patches(self, compute: Compute | None, parts: Subdivision) -> tuple[np.ndarray, LightmapPoints]:
         """Return the patches that are not at their texel's centre; see `lightmap_points.thin_patches`."""

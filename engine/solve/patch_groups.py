@@ -15,7 +15,6 @@ import pyopencl as cl
 
 from ..device.buffers import download, upload, upload_once
 from ..device.compute import Compute
-from ..direct.contact import patches_inside
 from ..patches.subdivision import Subdivision
 from ..patches.surfaces import PatchSurfaces
 from ..scene.color import channel_sum
@@ -107,16 +106,19 @@ def numbered(leader: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return number[leader], leading
 
 
-def leaders(rays: RayScene, parts: Subdivision, radiance: np.ndarray, width: int) -> np.ndarray:
+def leaders(
+    rays: RayScene, parts: Subdivision, radiance: np.ndarray, inside: np.ndarray, width: int
+) -> np.ndarray:
     """Return the patch that each patch follows, (n,) uint32; kernels/patch_groups.cl.
 
-    radiance: (n, 3) float32, what each sends out before any bounce; width: of a square, texels
+    radiance  (n, 3) float32, what each sends out before any bounce
+    inside    (n,) bool, patches inside of something, see `patches_inside`
+    width     of a square, texels
     """
     compute, patches, radiance = rays.compute, parts.patches, channel_sum(radiance)
     (group_patches,) = compute.kernels((*RECEIVER_SOURCE, "patch_groups.cl"), "group_patches")
-    inside = patches_inside(rays, len(patches)).view(np.uint8)
     lookup, texels = upload_once(compute, parts.texel_to_patch), upload_once(compute, patches.texel)
-    arrays = (parts.geometry.material, radiance, inside)
+    arrays = (parts.geometry.material, radiance, inside.view(np.uint8))
     materials, light, apart = (upload(compute, array) for array in arrays)
     leaders = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * len(patches))
     squares = -(-patches.resolution // (_SQUARES * width)) * _SQUARES

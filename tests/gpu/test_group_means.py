@@ -7,6 +7,7 @@ import pytest
 
 from engine import Settings
 from engine.device.compute import Compute
+from engine.direct.contact import patches_inside
 from engine.patches.subdivision import subdivide
 from engine.solve.patch_groups import PatchGroups, leaders
 from engine.visibility.rays.ray_scene import RayScene
@@ -29,7 +30,9 @@ def test_means_are_those_of_the_members(graphics, compute: Compute, resolution: 
     )
     parts = replace(parts, surfaces=replace(parts.surfaces, emission=emission))
     rays, area = RayScene(compute, parts), random.random(count).astype(np.float32)
-    groups = PatchGroups(rays, parts, area, leaders(rays, parts, light, width), width)
+    groups = PatchGroups(
+        rays, parts, area, leaders(rays, parts, light, patches_inside(rays, len(light)), width), width
+    )
     members = np.bincount(groups.group)
     assert len(np.unique(members)) > 2 and width**2 / 2 < members.max() <= width**2
     assert groups.parts.patches.atlas.any()

@@ -8,6 +8,7 @@ import pytest
 from benchmarks.rooms import cornell_box
 from engine import Settings
 from engine.device.compute import Compute
+from engine.direct.contact import patches_inside
 from engine.finish.outputs import MAPS_OF
 from engine.patches.subdivision import subdivide
 from engine.plan import memory
@@ -34,7 +35,13 @@ def room(graphics, compute):
     parts = subdivide(graphics, compute, nine_quad_room(), Settings(resolution=128))
     rays = RayScene(compute, parts)
     dark = np.zeros((len(parts.patches), 3), np.float32)
-    groups = PatchGroups(rays, parts, parts.geometry.area, leaders(rays, parts, dark, WIDTH), WIDTH)
+    groups = PatchGroups(
+        rays,
+        parts,
+        parts.geometry.area,
+        leaders(rays, parts, dark, patches_inside(rays, len(dark)), WIDTH),
+        WIDTH,
+    )
     return parts, groups, Interpolation(rays, parts, groups.group, groups.leader, WIDTH)
 
 
@@ -177,7 +184,7 @@ def test_patches_inside_of_things_and_outside_are_not_one(graphics, compute):
     parts = subdivide(graphics, compute, sunk_box(), Settings(resolution=160))
     rays = RayScene(compute, parts)
     dark = np.zeros((len(parts.patches), 3), np.float32)
-    leader = leaders(rays, parts, dark, WIDTH)
+    leader = leaders(rays, parts, dark, patches_inside(rays, len(dark)), WIDTH)
     center, radius = parts.geometry.center + parts.triangles.origin, 0.2
     on_floor = np.abs(center[:, 2]) < 1e-4
     inside = on_floor & (np.abs(center[:, :2] - (-0.01, 0.04)).max(axis=1) < radius)

@@ -103,8 +103,15 @@ void basis(const float3 z, float3 *x, float3 *y)
     *y = (float3)(b, sign + z.y * z.y * a, -z.y);
 }
 
+// A point of the unit disk from one of the unit square, by area. Sine and cosine, of an eighth of a turn to each side of
+// a quarter, are polynomials whose largest error is the least, below that of rounding: libraries of processors take
+// four times as long.
 float2 disk(const float2 u)
 {
-    const float radius = sqrt(u.x), angle = 2.0f * u.y;
-    return radius * (float2)(cospi(angle), sinpi(angle));
+    const float quarters = 4.0f * u.y, quarter = rint(quarters), x = quarters - quarter, z = x * x;
+    const float sine = x * (1.57079637f + z * (-0.64596349f + z * (0.0796802267f - z * 0.00460217707f)));
+    const float cosine = 1.0f + z * (-1.23370051f + z * (0.253669232f + z * (-0.0208602883f + z * 0.000904021668f)));
+    const int turn = (int)quarter;
+    const float radius = turn & 2 ? -sqrt(u.x) : sqrt(u.x);
+    return radius * (turn & 1 ? (float2)(-sine, cosine) : (float2)(cosine, sine));
 }

@@ -99,7 +99,7 @@ def _bake(
     parts = kept.subdivide(graphics, compute, scene, settings)
     check_patch_count(len(parts.patches))
     store = LightmapStore(parts.patches, len(atlases), settings.dilation, compute)
-    seams = kept.seams(parts, len(atlases)) if settings.hide_seams else None
+    areas, seams = kept.areas(parts), kept.seams(parts, len(atlases)) if settings.hide_seams else None
     yield stages.listed(parts.surfaces.reflectance)
 
     # Lamps, small bright surfaces and bright sky are sampled with shadow rays (direct light). The room
@@ -121,8 +121,7 @@ def _bake(
     # All other light is gathered: through hemicubes drawn in every iteration (IV.B), or what is kept of them.
     job = SolveJob(
         graphics, compute, parts, rays, lighting.emission_left, lighting.sky_left, sampled,
-        kept.areas(parts), settings, remote, kept,
-        last.indirect if last else None,
+        areas.result(), settings, remote, kept, last.indirect if last else None,
     )  # fmt: skip
     solution, choice, solved = choose_solver(job)
     yield stages.chosen(choice)

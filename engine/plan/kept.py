@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import fields, replace
 from pathlib import Path
@@ -21,6 +22,7 @@ from ..patches.seams import Seams
 from ..patches.subdivision import Subdivision, subdivide
 from ..patches.surfaces import patch_surfaces
 from ..patches.texel_pieces import TexelClipper
+from ..progress import Made
 from ..resume.checkpoint import Checkpoints
 from ..scene.digests import geometry_digest, surfaces_digest
 from ..scene.model import Scene
@@ -65,7 +67,7 @@ class Kept:
     _follows: bool
     _rays: RayScene | None
     _seams: Future[Seams] | None
-    _areas: np.ndarray | None
+    _areas: Future[np.ndarray] | None
     _inside: np.ndarray | None
     _near: NearFaces | None
     _clipper: TexelClipper | None
@@ -117,15 +119,13 @@ class Kept:
     def seams(self, parts: Subdivision, atlases: int) -> Future[Seams]:
         """Begin to find the seams of the first `atlases` lightmaps, in a thread beside the devices."""
         if self._seams is None:
-            thread = ThreadPoolExecutor(1, "seams")
-            self._seams = thread.submit(display_seams, parts.triangles, atlases, parts.patches.resolution)
-            thread.shutdown(wait=False)
+            self._seams = _in_thread(display_seams, parts.triangles, atlases, parts.patches.resolution)
         return self._seams
 
-    def areas(self, parts: Subdivision) -> np.ndarray:
-        """Return the area that each patch stands for; see `patches.areas.surface_areas`."""
+    def areas(self, parts: Subdivision) -> Future[np.ndarray]:
+        """Begin to find the area that each patch stands for, in a thread; see `surface_areas`."""
         if self._areas is None:
-            self._areas = surface_areas(parts.triangles, parts.patches, parts.geometry)
+            self._areas = _in_thread(surface_areas, parts.triangles, parts.patches, parts.geometry)
         return self._areas
 
     def near_faces(self, lighting: DirectLighting) -> NearFaces:
@@ -173,6 +173,14 @@ class Kept:
             return
         if self.samples.bytes > (budget or compute.device.global_mem_size // _PART):
             self.samples = None
+
+
+def _in_thread(make: Callable[..., Made], *arguments: object) -> Future[Made]:
+    """Begin to make something beside the devices."""
+    thread = ThreadPoolExecutor(1, "kept")
+    begun = thread.submit(make, *arguments)
+    thread.shutdown(wait=False)
+    return begun
 
 
 def visibility_settings(settings: Settings) -> tuple:

@@ -390,17 +390,16 @@ def _seen_beside_hidden(parts: Subdivision, light: np.ndarray, hidden: np.ndarra
     side, is bright or dark together.
     """
     filled, known, left = light.copy(), ~hidden, np.flatnonzero(hidden)
-    total = channel_sum(filled)
+    total, beside = channel_sum(filled), _patches_beside(parts, left)
     for _ in range(_FILLED):
-        beside = _patches_beside(parts, left)
         counts = (beside > 0) & known[beside - 1]
         reached = counts.any(axis=1)
-        mine, beside, counts = left[reached], beside[reached], counts[reached].astype(np.float32)
-        sums = np.einsum("hk,hkc->hc", counts, filled[beside - 1])
-        filled[mine] = sums * _darkened(total, beside, counts)[:, None]
+        mine, near, counts = left[reached], beside[reached], counts[reached].astype(np.float32)
+        sums = np.einsum("hk,hkc->hc", counts, filled[near - 1])
+        filled[mine] = sums * _darkened(total, near, counts)[:, None]
         total[mine] = channel_sum(filled[mine])
         known[mine] = True
-        left = left[~reached]
+        left, beside = left[~reached], beside[~reached]
     filled[left] = 0
     return filled
 
@@ -425,7 +424,6 @@ def _patches_beside(parts: Subdivision, patches: np.ndarray) -> np.ndarray:
     step = np.arange(9)
     y, x = row[:, None] + step // 3 - 1, column[:, None] + step % 3 - 1
     inside = (y >= 0) & (y < resolution) & (x >= 0) & (x < resolution)
-    last = resolution - 1
-    atlas = parts.patches.atlas[patches, None]
-    beside = parts.texel_to_patch[atlas, np.clip(y, 0, last), np.clip(x, 0, last)]
+    rows = parts.patches.atlas[patches, None].astype(np.int64) * resolution + y
+    beside = parts.texel_to_patch.ravel().take(rows * resolution + x, mode="clip")
     return np.where(inside, beside, 0).astype(np.int64)

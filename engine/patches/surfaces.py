@@ -66,6 +66,8 @@ def patch_surfaces(
 
 def _constants(colors: list[np.ndarray], geometry: PatchGeometry) -> np.ndarray:
     """Return the colour of each patch's material, (n, 3) float32."""
+    if not np.any(colors):
+        return np.zeros((len(geometry.triangle), 3), np.float32)
     of_triangle = np.stack(colors).astype(np.float32).take(geometry.triangles.material, axis=0)
     return of_triangle.take(geometry.triangle, axis=0)
 

@@ -11,8 +11,8 @@ from pathlib import Path
 class DrawingRates:
     """The highest rates at which a device drew hemicubes of one width, texels a second, in a file.
 
-    Of scenes by the power of two of their triangles: fewer are drawn no slower, so the rates of these bound
-    that of a scene. A file that cannot be read or written is as good as none.
+    Of scenes by the power of two of their triangles: fewer are drawn no slower, so each rate of these bounds
+    that of a scene, and the lowest most closely. A file that cannot be read or written is as good as none.
 
     folder  of the file; None for no file
     device  name of the OpenGL renderer
@@ -26,7 +26,7 @@ class DrawingRates:
         """Return the rate that drawing a scene will hardly exceed; infinite where nothing is known of it."""
         known = self._known().get(self._name, {})
         rates = [rate for size, rate in known.items() if int(size) <= triangles.bit_length()]
-        return max(rates, default=math.inf)
+        return min(rates, default=math.inf)
 
     def learn(self, triangles: int, rate: float) -> None:
         """Note a rate that was measured."""

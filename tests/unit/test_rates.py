@@ -14,7 +14,7 @@ def test_smaller_scenes_bound_larger_ones_and_not_the_other_way(tmp_path):
     rates.learn(100_000, 2e5)
     assert rates.bound(999) == 5e6
     assert rates.bound(500) == math.inf
-    assert rates.bound(1_000_000) == 5e6
+    assert rates.bound(50_000) == 5e6 and rates.bound(1_000_000) == 2e5
 
 
 def test_the_highest_rate_of_a_size_is_kept_for_later_sessions(tmp_path):

@@ -12,7 +12,7 @@ from dask.utils import parse_bytes
 from ..device.buffers import download
 from ..gather.final_gather import FinalGather
 from ..gather.half_light import HalfLight
-from ..plan.choose import keeping_sweep
+from ..plan.choose_sweep import keeping_sweep
 from ..plan.trial import make_identity, untried_visibility
 from ..progress import finished
 from .prepared_scene import prepared

@@ -8,9 +8,9 @@ from ..finish.display_samples import DisplaySamples
 from ..gather.final_gather import FinalGather
 from ..gather.half_light import HalfLight
 from ..plan.choice import Choice
-from ..plan.choose import Receivers, final_gather
 from ..plan.display_light import light_at
 from ..plan.lit_samples import LitSamples
+from ..plan.receivers import Receivers, final_gather
 from ..plan.trial import untried_visibility
 from ..progress import finished
 from ..settings import Settings

@@ -1,22 +1,16 @@
-"""Chooses how patches gather and who solves for their light: by the settings, by memory, by a trial."""
+"""Chooses who solves for the light of patches: every patch or groups of them, on the device or the host."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from ..gather.cached import CachedSweep, RayStreamSweep, StreamSweep
-from ..gather.final_gather import FinalGather, LightGather
+from ..gather.cached import CachedSweep
 from ..gather.glsl_cached import fits_glsl_cache
 from ..gather.hemicube_gather import Gather, GlslGather, PaperGather
-from ..gather.kept_samples import Backs, KeptSamples
-from ..gather.l1_gather import L1Gather, NoL1
-from ..gather.remote import RemoteFinal, RemoteSweep
-from ..gather.static_light import StaticLight
 from ..gather.sweep import Sweep
-from ..patches.subdivision import Subdivision
 from ..scene.digests import digest_of
 from ..settings import Settings
 from ..solve.darkness import Darkness
@@ -29,24 +23,13 @@ from ..solve.last_gather import LastGather
 from ..solve.patch_groups import PatchGroups, leaders, numbered
 from ..solve.resumed_solver import ResumedSolver
 from ..solve.solver import Radiosity, Solution, Solver
-from ..visibility.identity import Identity, Sampling
 from ..visibility.raster.tiles import IDENTITY_BYTES, plan_tiles
-from ..visibility.rays.identity import RayIdentity
-from ..visibility.rays.ray_scene import RayScene
-from ..visibility.samples import expected_samples, ray_count
+from ..visibility.samples import ray_count
 from .choice import Choice
-from .memory import MORE_RAYS, group_width, is_adaptive, is_kept, memory_budget, memory_clause
+from .choose_sweep import choose_sweep
+from .memory import MORE_RAYS, group_width, is_adaptive
+from .receivers import Receivers, last_gather, separates_direct
 from .solve_job import SolveJob
-from .trial import IDENTITIES, choose_identity, make_identity, untried_visibility
-
-#: Why nothing is looked for.
-_KEPT = "Visibility was kept from the last bake: no geometry, UVs, transparency or setting of it has changed."
-
-#: Why only some of it is looked for.
-_MOVED = "Visibility was kept from the last bake, and found again where something has moved."
-
-#: Why only the rest is looked for.
-_RESUMED = "Visibility that a bake before it was cancelled had found was kept; the rest was found now."
 
 #: What a plane through the light of groups may leave over, as a fraction of all light, times the root of the
 #: rays of a patch: about the error of these.
@@ -154,73 +137,10 @@ def _interpolated(
         job.sampled_light,
         squares.sampled_light,
         _TOLERANCE / math.sqrt(ray_count(job.settings)),
-        _separates_direct(job, job.settings),
+        separates_direct(job, job.settings),
         job.settings.directional,
         last_of,
     )
-
-
-@dataclass(frozen=True)
-class Receivers:
-    """Points that gather once light has settled: patches, or points of texels.
-
-    sampled_light  (n, 3) float32, E/pi of the light that shadow rays sample
-    """
-
-    parts: Subdivision
-    rays: RayScene
-    sampled_light: np.ndarray
-
-
-def last_gather(
-    solved: SolveJob, choice: Choice, receivers: Receivers, settings: Settings
-) -> tuple[LastGather, int]:
-    """Return what gathers from the patches of a job, and how many samples it takes of all receivers together.
-
-    The receivers look for themselves, but see the patches of the job.
-    """
-    final: LightGather
-    if solved.remote is not None:
-        lit = receivers.sampled_light
-        final, samples = RemoteFinal(solved.opencl, solved.remote, lit, solved.count), choice.samples
-    else:
-        final, samples = final_gather(solved, choice.visibility, receivers, settings)
-    reflectance = solved.parts.surfaces.reflectance
-    last = LastGather(
-        final,
-        receivers.sampled_light,
-        solved.emission,
-        reflectance,
-        settings.bounces,
-        _separates_direct(solved, settings),
-    )
-    return last, last.gathers * len(receivers.sampled_light) * samples
-
-
-def final_gather(
-    solved: SolveJob, visibility: str, receivers: Receivers, settings: Settings
-) -> tuple[FinalGather, int]:
-    """Return what gathers on this device from the patches of a job, and the samples of each receiver."""
-    lookers = looking(solved, receivers, settings)
-    identity = make_identity(lookers, visibility)
-    return FinalGather(solved.opencl, _stream(lookers, identity), receivers.sampled_light), identity.samples
-
-
-def looking(solved: SolveJob, receivers: Receivers, settings: Settings) -> SolveJob:
-    """Return what receivers look for that see the patches of a job."""
-    parts = replace(receivers.parts, texel_to_patch=solved.parts.texel_to_patch)
-    return replace(
-        solved,
-        parts=parts,
-        rays=receivers.rays,
-        sampled_light=receivers.sampled_light,
-        settings=settings,
-    )
-
-
-def _separates_direct(solved: SolveJob, settings: Settings) -> bool:
-    """Return whether what is gathered before any bounce is an output, or a part of one."""
-    return solved.gathers_direct and not {"direct", "indirect"}.isdisjoint(settings.outputs)
 
 
 def _by_hemicubes(job: SolveJob) -> bool:
@@ -230,7 +150,7 @@ def _by_hemicubes(job: SolveJob) -> bool:
 
 def _device_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
     """Return the light of all patches on the OpenCL device, gathered through identities."""
-    sweep, choice = _remote_sweep(job) or _kept_sweep(job) or _new_sweep(job)
+    sweep, choice = choose_sweep(job)
     radiosity = DeviceRadiosity(
         job.opencl, sweep, job.parts.surfaces.reflectance, job.surroundings.emission, job.area,
         job.sampled_light, job.gathers_direct, job.columns, job.indirect, _begins_sparse(job, sweep),
@@ -247,57 +167,6 @@ def _begins_sparse(job: SolveJob, sweep: Sweep) -> bool:
         return False
     settings = job.settings
     return settings.accelerated and settings.tolerance > 0 and job.indirect is None
-
-
-def _remote_sweep(job: SolveJob) -> tuple[Sweep, Choice] | None:
-    """Return how devices of other processes gather, None if this process does."""
-    if job.remote is None:
-        return None
-    choice = Choice(
-        "cached",
-        untried_visibility(job.settings),
-        expected_samples(job.settings),
-        (job.remote.describe(),),
-    )
-    return RemoteSweep(job.opencl, job.remote, job.count), choice
-
-
-def _kept_sweep(job: SolveJob) -> tuple[Sweep, Choice] | None:
-    """Return how what an earlier bake has kept becomes light, None if there is nothing that holds."""
-    kept = job.kept.samples
-    if kept is None or not kept.pieces or not kept.holds_for(job.parts, job.rays, job.emission):
-        return None
-    sampling, found = kept.sampling, kept.complete
-    why = _KEPT if found else _MOVED if kept.moved else _RESUMED
-    facts = (sampling.name, sampling.samples, (why,))
-    choice = Choice("cached", *facts, found=found, found_again=kept.moved)
-    return _cached(job, kept, None if found else make_identity(job, sampling.name)), choice
-
-
-def _new_sweep(job: SolveJob) -> tuple[Sweep, Choice]:
-    """Return how identities become light."""
-    followed, job.kept.samples = job.kept.samples, None
-    identity, reasons, pace = _resumed_identity(job) or _last_identity(job, followed) or choose_identity(job)
-    sweep, method, reason = _choose_sweep(job, identity)
-    resumed = job.checkpoint.rows_from_the_first(identity.name) / job.count if method == "cached" else 0.0
-    facts = (method, identity.name, identity.samples, (*reasons, reason))
-    return sweep, Choice(*facts, pace=pace, resumed=resumed)
-
-
-def _resumed_identity(job: SolveJob) -> tuple[Identity, list[str], float] | None:
-    """Return the way in which an interrupted bake has begun to find what patches see, None if none has."""
-    begun = sorted(name for name in IDENTITIES if job.checkpoint.rows_from_the_first(name))
-    if not begun:
-        return None
-    return make_identity(job, begun[0]), [f"A bake that was interrupted has begun with {begun[0]}."], math.nan
-
-
-def _last_identity(job: SolveJob, last: KeptSamples | None) -> tuple[Identity, list[str], float] | None:
-    """Return the way in which a bake that follows its scene has found what patches see; None if none has."""
-    if last is None or not job.settings.warm_start:
-        return None
-    name = last.sampling.name
-    return make_identity(job, name), [f"It is found by {name}, as in the last bake."], math.nan
 
 
 def _host_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
@@ -324,52 +193,3 @@ def _choose_gather(job: SolveJob) -> tuple[Gather, Choice]:
     reason = f"Hemicubes are drawn anew in every iteration: {why}."
     paper = PaperGather(job.graphics, job.compute, *seen)
     return paper, Choice("paper", "raster", samples, (reason,), paper.integrator)
-
-
-def _choose_sweep(job: SolveJob, identity: Identity) -> tuple[Sweep, str, str]:
-    """Return how identities become light, the method's name, and why."""
-    sizes = memory_clause(job, identity.row_bytes * job.count)
-    if is_kept(job, identity):
-        return keeping_sweep(job, identity), "cached", f"It is kept: {sizes}."
-    why = f"It is found anew in every iteration: {sizes}."
-    if job.settings.method == "stream":
-        why = "It is found anew in every iteration: the settings ask for it."
-    return _stream(job, identity), "stream", why
-
-
-def keeping_sweep(job: SolveJob, identity: Identity) -> Sweep:
-    """Return a sweep that finds what patches see at first, and leaves it to the next bake."""
-    sampling = Sampling.of(identity)
-    seen = (job.parts, job.rays, job.emission, job.settings.directional)
-    job.kept.samples = KeptSamples(job.opencl, sampling, *seen)
-    return _cached(job, job.kept.samples, identity)
-
-
-def _stream(job: SolveJob, identity: Identity) -> Sweep:
-    """Return how identities become light without being kept."""
-    sampling = Sampling.of(identity)
-    l1, sources = _l1_gather(job, sampling), len(job.emission)
-    if isinstance(identity, RayIdentity):
-        return RayStreamSweep(job.opencl, identity, job.count, sources, l1)
-    fitting = max(min(memory_budget(job), job.settings.batch_bytes) // identity.row_bytes, identity.batch)
-    backs = Backs(job.opencl, job.count, sources, job.settings.directional)
-    return StreamSweep(job.opencl, identity, backs, static_light(job, sampling), job.count, fitting, l1)
-
-
-def _cached(job: SolveJob, kept: KeptSamples, identity: Identity | None) -> Sweep:
-    """Return how what is kept, or is to be found by an identity first, becomes light."""
-    sampling = kept.sampling
-    l1 = _l1_gather(job, sampling)
-    return CachedSweep(job.opencl, kept, identity, static_light(job, sampling), l1, job.checkpoint)
-
-
-def static_light(job: SolveJob, sampling: Sampling) -> StaticLight:
-    """Return what sums up the light that no bounce changes."""
-    return StaticLight(job.opencl, sampling, job.surroundings, job.rays.receivers, job.settings, job.count)
-
-
-def _l1_gather(job: SolveJob, sampling: Sampling) -> L1Gather | NoL1:
-    """Return what gathers L1 for directional maps, if the settings ask for any."""
-    if not job.settings.directional:
-        return NoL1()
-    return L1Gather(job.opencl, sampling, job.rays.receivers, job.settings, job.count)

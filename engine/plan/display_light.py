@@ -38,10 +38,10 @@ from ..settings import Settings
 from ..solve.solver import Solution
 from ..visibility.samples import ray_count
 from .choice import Choice
-from .choose import Receivers, last_gather
 from .light_group_gather import gather_light_groups, of_all_light
 from .light_group_solver import SettledGroup
 from .lit_samples import LitSamples
+from .receivers import Receivers, last_gather
 from .solve_job import SolveJob
 
 #: What a point that was pushed out of something weighs: it counts where no other point of its texel is seen.

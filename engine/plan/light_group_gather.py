@@ -12,7 +12,8 @@ from ..progress import part_of
 from ..settings import Settings
 from ..visibility.identity import Sampling
 from .choice import Choice
-from .choose import Receivers, last_gather, looking, static_light
+from .choose_sweep import static_light
+from .receivers import Receivers, last_gather, looking
 from .solve_job import SolveJob
 from .trial import make_identity
 

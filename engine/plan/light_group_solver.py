@@ -16,9 +16,11 @@ from ..solve.grouped_solution import GroupedSolution
 from ..solve.interpolated_gather import InterpolatedGather
 from ..solve.solver import Solution, Solver, Sums
 from .choice import Choice
-from .choose import Receivers, solver_like, static_light
+from .choose import solver_like
+from .choose_sweep import static_light
 from .kept import Kept
 from .light_group_gather import gather_light_groups, of_all_light
+from .receivers import Receivers
 from .solve_job import SolveJob
 
 #: Light below this is not made brighter: float32 would not hold the factor.

@@ -12,8 +12,8 @@ from ..progress import part_of
 from ..settings import Settings
 from ..solve.solver import Solution
 from ..visibility.samples import ray_count
-from .choose import Receivers, last_gather
 from .display_light import DisplayJob, radiance_of
+from .receivers import Receivers, last_gather
 
 #: Rays of a patch, and those to each light.
 _RAYS, _LIGHT_RAYS = 32, 16

@@ -7,7 +7,7 @@ import pytest
 
 from engine import Light, Lightmap, Scene, Settings, SettingsError, bake, finished
 from engine.device.compute import Compute
-from engine.plan import choose, memory
+from engine.plan import choose_sweep, memory
 from engine.scene.model import OCCLUDER
 from tests.analytic.drive import drive
 from tests.analytic.scenes import nine_quad_room
@@ -183,8 +183,10 @@ def test_accelerated_groups_settle_each_on_its_own():
 def test_what_patches_see_is_found_once(monkeypatch):
     """As long as no back that is seen shines."""
     found = []
-    choose_identity = choose.choose_identity
-    monkeypatch.setattr(choose, "choose_identity", lambda job: found.append(job) or choose_identity(job))
+    choose_identity = choose_sweep.choose_identity
+    monkeypatch.setattr(
+        choose_sweep, "choose_identity", lambda job: found.append(job) or choose_identity(job)
+    )
     drive(room(), SETTINGS)
     assert len(found) == 1
 

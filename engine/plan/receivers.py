@@ -1,0 +1,82 @@
+"""Points that gather once light has settled: patches after groups of them were solved, points of texels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..gather.final_gather import FinalGather, LightGather
+from ..gather.remote import RemoteFinal
+from ..patches.subdivision import Subdivision
+from ..settings import Settings
+from ..solve.last_gather import LastGather
+from ..visibility.rays.ray_scene import RayScene
+from .choice import Choice
+from .choose_sweep import stream_sweep
+from .solve_job import SolveJob
+from .trial import make_identity
+
+
+@dataclass(frozen=True)
+class Receivers:
+    """Points that gather once light has settled: patches, or points of texels.
+
+    sampled_light  (n, 3) float32, E/pi of the light that shadow rays sample
+    """
+
+    parts: Subdivision
+    rays: RayScene
+    sampled_light: np.ndarray
+
+
+def last_gather(
+    solved: SolveJob, choice: Choice, receivers: Receivers, settings: Settings
+) -> tuple[LastGather, int]:
+    """Return what gathers from the patches of a job, and how many samples it takes of all receivers together.
+
+    The receivers look for themselves, but see the patches of the job.
+    """
+    final: LightGather
+    if solved.remote is not None:
+        lit = receivers.sampled_light
+        final, samples = RemoteFinal(solved.opencl, solved.remote, lit, solved.count), choice.samples
+    else:
+        final, samples = final_gather(solved, choice.visibility, receivers, settings)
+    reflectance = solved.parts.surfaces.reflectance
+    last = LastGather(
+        final,
+        receivers.sampled_light,
+        solved.emission,
+        reflectance,
+        settings.bounces,
+        separates_direct(solved, settings),
+    )
+    return last, last.gathers * len(receivers.sampled_light) * samples
+
+
+def final_gather(
+    solved: SolveJob, visibility: str, receivers: Receivers, settings: Settings
+) -> tuple[FinalGather, int]:
+    """Return what gathers on this device from the patches of a job, and the samples of each receiver."""
+    lookers = looking(solved, receivers, settings)
+    identity = make_identity(lookers, visibility)
+    final = FinalGather(solved.opencl, stream_sweep(lookers, identity), receivers.sampled_light)
+    return final, identity.samples
+
+
+def looking(solved: SolveJob, receivers: Receivers, settings: Settings) -> SolveJob:
+    """Return what receivers look for that see the patches of a job."""
+    parts = replace(receivers.parts, texel_to_patch=solved.parts.texel_to_patch)
+    return replace(
+        solved,
+        parts=parts,
+        rays=receivers.rays,
+        sampled_light=receivers.sampled_light,
+        settings=settings,
+    )
+
+
+def separates_direct(solved: SolveJob, settings: Settings) -> bool:
+    """Return whether what is gathered before any bounce is an output, or a part of one."""
+    return solved.gathers_direct and not {"direct", "indirect"}.isdisjoint(settings.outputs)

@@ -26,7 +26,8 @@ from .patches.occluders import place_occluders
 from .patches.seams import Seams
 from .plan.choice import Choice
 from .plan.choose import choose_solver
-from .plan.display_light import DisplayJob, DisplayLight, light_in_texels
+from .plan.display_light import DisplayLight, light_in_texels
+from .plan.display_points import DisplayJob
 from .plan.kept import Kept
 from .plan.last_light import LastLight
 from .plan.light_group_light import light_by_groups

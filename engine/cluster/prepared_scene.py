@@ -19,7 +19,7 @@ from ..direct.lighting import DirectLighting
 from ..gather.half_light import HalfLight
 from ..plan.choice import Choice
 from ..plan.choose import light_alone
-from ..plan.display_light import DisplayJob
+from ..plan.display_points import DisplayJob
 from ..plan.kept import Kept
 from ..plan.solve_job import SolveJob
 from ..plan.trial import untried_visibility

@@ -4,48 +4,40 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import upload_float4
 from ..direct.contact import NearFaces
-from ..direct.lighting import DirectLighting
 from ..finish.display_samples import (
     DisplaySamples,
     display_samples,
     joined_samples,
     no_samples,
-    on_lightmap,
 )
 from ..finish.light_edges import PatchLight
 from ..finish.made_outputs import Outputs
-from ..finish.push_out import WaysOut, joined_ways, pushed_barycentrics, ways_out
+from ..finish.push_out import joined_ways, ways_out
 from ..finish.store import is_hidden
 from ..finish.texel_means import TexelMeans
 from ..finish.thin_walls import in_thin_walls, note_thin_walls
 from ..finish.wall_fit import WallFit
 from ..gather.half_light import HalfLight
-from ..patches.geometry import PatchGeometry, TexelSteps
-from ..patches.patch_list import PatchList
-from ..patches.subdivision import Subdivision
 from ..progress import part_of
 from ..scene.color import channel_sum
-from ..scene.model import Scene
-from ..segment_sums import segment_sums
 from ..settings import Settings
 from ..solve.solver import Solution
 from ..visibility.samples import ray_count
 from .choice import Choice
+from .display_points import DisplayJob, DisplayPoints
+from .hidden_light import as_seen, with_seen_surfaces
 from .light_group_gather import gather_light_groups, of_all_light
 from .light_group_solver import SettledGroup
 from .lit_samples import LitSamples
 from .receivers import Receivers, last_gather
 from .solve_job import SolveJob
-
-#: What a point that was pushed out of something weighs: it counts where no other point of its texel is seen.
-_PUSHED = 1e-3
 
 #: Least rays of a sample, and to each light.
 _LEAST_RAYS, _LEAST_LIGHT_RAYS = 16, 4
@@ -55,10 +47,6 @@ _BATCH = 1 << 18
 
 #: Patches that see more than this fraction of backs are looked at closer: they may be inside of something.
 _MANY_BACKS = 0.4
-
-#: Texels from hidden ones that what is seen beside them is filled from, and the least part of the brightest
-#: light that counts there.
-_FILLED, _FAINTEST = 2, 1e-4
 
 
 @dataclass(frozen=True)
@@ -98,28 +86,6 @@ class DisplayLight:
         return WallFit(self.samples, self.visible, self.light, self.inside, shown, known)
 
 
-@dataclass(frozen=True)
-class DisplayJob:
-    """What light in texels is gathered for.
-
-    job      the patches of all texels
-    solved   the patches that send light out: those of the job, or groups of them
-    """
-
-    scene: Scene
-    job: SolveJob
-    solved: SolveJob
-    choice: Choice
-    lighting: DirectLighting
-    _steps: dict[float, TexelSteps] = field(default_factory=dict)
-
-    def steps(self, side: float) -> TexelSteps:
-        """Return what a sample is of each triangle in the world; a texel has `side` of them along u and v."""
-        if side not in self._steps:
-            self._steps[side] = self.job.parts.geometry.steps.scaled(1 / side)
-        return self._steps[side]
-
-
 def light_in_texels(
     what: DisplayJob, atlases: int, near: NearFaces, solution: Solution
 ) -> Generator[float, None, DisplayLight]:
@@ -140,8 +106,8 @@ def light_in_texels(
     if not len(samples):
         return _nothing("No texel shows more than its centre.")
     settings = _settings_of_samples(what.job.settings, count)
-    settled = _as_seen(what, solution.settled, known.hidden)
-    seen = _with_seen_surfaces(what, what.solved, known.hidden)
+    settled = as_seen(what, solution.settled, known.hidden)
+    seen = with_seen_surfaces(what, what.solved, known.hidden)
     radiance, remote = radiance_of(seen, settled), what.job.remote
     if remote is not None:
         sent = HalfLight.of(compute, radiance, what.solved.count)
@@ -180,17 +146,18 @@ def light_groups_in_texels(
         return []
     settings = of_all_light(_settings_of_samples(what.job.settings, lit.count))
     side_by_side = np.concatenate([group.settled for group in groups], axis=1)
-    seen = _as_seen(what, side_by_side, lit.hidden).reshape(len(side_by_side), len(groups), 3)
-    solved = [_with_seen_surfaces(what, group.solved, lit.hidden) for group in groups]
+    seen = as_seen(what, side_by_side, lit.hidden)
+    seen = seen.reshape(len(side_by_side), len(groups), 3)
+    solved = [with_seen_surfaces(what, group.solved, lit.hidden) for group in groups]
     light: list[np.ndarray] = []
     for batch, done in _batches(lit.samples):
-        points = _Points(what, batch, settings)
+        points = DisplayPoints(what, batch, settings)
         light.append((yield from part_of(*done, _gather_groups(what, solved, seen, points))))
     return list(np.concatenate(light, axis=1))
 
 
 def _gather_groups(
-    what: DisplayJob, solved: list[SolveJob], seen: np.ndarray, points: _Points
+    what: DisplayJob, solved: list[SolveJob], seen: np.ndarray, points: DisplayPoints
 ) -> Generator[float, None, np.ndarray]:
     """Return E/pi of light groups at points of texels, (g, s, 3) float32, from that of patches, (m, g, 3).
 
@@ -225,49 +192,6 @@ def _nothing(*reasons: str) -> DisplayLight:
     return DisplayLight(no_samples(), nothing > 0, normals, nothing, inside, {}, nothing > 0, 1, reasons)
 
 
-def _as_seen(what: DisplayJob, settled: np.ndarray, hidden: np.ndarray) -> np.ndarray:
-    """Return E/pi, (m, 3 g) float32, of the patches that send light out, as the samples see it.
-
-    hidden: (n,) bool, patches that nobody sees
-    """
-    if not hidden.any():
-        return settled
-    if what.solved is what.job:
-        return _seen_beside_hidden(what.job.parts, settled, hidden)
-    patches, entries = what.job.parts.patches, what.solved.parts.texel_to_patch
-    group = entries.reshape(len(entries), -1)[patches.atlas, patches.texel].astype(np.int64) - 1
-    return _groups_beside_hidden(what.job.parts, group, settled, hidden)
-
-
-def _with_seen_surfaces(what: DisplayJob, solved: SolveJob, hidden: np.ndarray) -> SolveJob:
-    """Return a job whose hidden patches reflect what those beside them do, as in `_as_seen`."""
-    surfaces = solved.parts.surfaces
-    seen = replace(surfaces, reflectance=_as_seen(what, surfaces.reflectance, hidden))
-    return replace(solved, parts=replace(solved.parts, surfaces=seen))
-
-
-def _groups_beside_hidden(
-    parts: Subdivision, group: np.ndarray, light: np.ndarray, hidden: np.ndarray
-) -> np.ndarray:
-    """Return light of groups of patches, (m, 3 g) float32, of which those with hidden ones have other light.
-
-    It is the mean of that of visible patches and of what hidden ones at their border have from beside them:
-    of a group nothing farther from its border is seen.
-
-    group: (n,) int64, of each patch; hidden: (n,) bool
-    """
-    of_patches = _seen_beside_hidden(parts, light[group], hidden)
-    changed = np.zeros(len(light), bool)
-    changed[group[hidden]] = True
-    seen = np.flatnonzero(changed[group])
-    seen = seen[of_patches[seen].any(axis=1)]
-    number = np.bincount(group[seen], minlength=len(light))[changed]
-    sums = segment_sums(of_patches[seen], group[seen], len(light))[changed]
-    result = light.copy()
-    result[changed] = sums / np.maximum(number, 1)[:, None]
-    return result
-
-
 def radiance_of(solved: SolveJob, settled: np.ndarray) -> cl.Buffer:
     """Return the radiance of patches of E/pi (m, 3) on the device; see `FinalGather.gather_from`."""
     reflected = solved.parts.surfaces.reflectance * settled if solved.settings.bounces else 0
@@ -281,7 +205,7 @@ def light_at(
 
     radiance: on the device, float4 of each patch that sends light out, between two black entries
     """
-    points = _Points(what, samples, settings)
+    points = DisplayPoints(what, samples, settings)
     ways = points.push_out(what.lighting.lit_by_backs(points.rays))
     yield 0.1
 
@@ -321,53 +245,6 @@ def _joined(what: DisplayJob, lit: list[LitSamples], hidden: np.ndarray, count: 
     return DisplayLight(*found, hidden, count, (reason,), tuple(warnings))
 
 
-class _Points:
-    """Display samples as patches that gather.
-
-    settings  by which they do; each is one of `texel_samples` of its texel
-    parts     as a Subdivision
-    rays      casts rays from them
-    """
-
-    def __init__(self, what: DisplayJob, samples: DisplaySamples, settings: Settings) -> None:
-        self._job, self.settings = what.job, settings
-
-        # A sample stands for a part of its texel.
-        self._side = math.sqrt(settings.texel_samples)
-        self._steps = what.steps(self._side)
-        self._place(samples)
-
-    def _place(self, samples: DisplaySamples) -> None:
-        parts = self._job.parts
-        geometry = PatchGeometry(parts.triangles, self._steps, samples.triangle, samples.barycentric)
-        patches = PatchList(
-            parts.patches.resolution, samples.atlas, samples.texel, samples.triangle, samples.barycentric
-        )
-        self.samples, self.parts = samples, replace(parts, patches=patches, geometry=geometry)
-        self.rays = self._job.rays.of(self.parts)
-
-    def push_out(self, lit: np.ndarray) -> WaysOut:
-        """Move samples that are inside of something to just outside of it; return the ways.
-
-        Those that are moved are not inside any more. lit: (s,) bool, those that a back lights never are.
-        """
-        samples, parts = self.samples, self.parts
-        ways = ways_out(self.rays, len(samples), self._side, self._steps.geometric).without(lit)
-        inside = np.flatnonzero(ways.offset.any(axis=1))
-        if not len(inside):
-            return ways
-        moved, stays = pushed_barycentrics(parts.geometry.part(inside), ways.offset[inside])
-        inside, moved = inside[stays], moved[stays]
-        ways.inside[inside] = False
-        barycentric, weight = samples.barycentric.copy(), samples.weight.copy()
-        position = samples.position.copy()
-        barycentric[inside], weight[inside] = moved, _PUSHED * weight[inside]
-        triangle = samples.triangle[inside]
-        position[inside] = on_lightmap(parts.triangles, triangle, moved, parts.patches.resolution)
-        self._place(replace(samples, barycentric=barycentric, weight=weight, position=position))
-        return ways
-
-
 def _settings_of_samples(settings: Settings, count: int) -> Settings:
     """Return settings for so many samples of each texel, which together have the rays of a patch."""
     hemicube = settings.hemicube >> (int(math.log2(count)) // 2)
@@ -379,51 +256,3 @@ def _settings_of_samples(settings: Settings, count: int) -> Settings:
         light_samples=max(settings.light_samples // count, _LEAST_LIGHT_RAYS),
         ao_samples=max(settings.ao_samples // count, _LEAST_RAYS),
     )
-
-
-def _seen_beside_hidden(parts: Subdivision, light: np.ndarray, hidden: np.ndarray) -> np.ndarray:
-    """Return light of patches, (n, 3 g) float32, in which hidden ones have that of patches beside them.
-
-    Who sees the visible part of a texel whose centre is hidden sees what is beside the centre. Where that is
-    light on one side of a thin wall and dark on the other, it counts as their harmonic mean, which is dark:
-    what is bright would light the foot of the wall on its dark side. The light of g groups of light, side by
-    side, is bright or dark together.
-    """
-    filled, known, left = light.copy(), ~hidden, np.flatnonzero(hidden)
-    total, beside = channel_sum(filled), _patches_beside(parts, left)
-    for _ in range(_FILLED):
-        counts = (beside > 0) & known[beside - 1]
-        reached = counts.any(axis=1)
-        mine, near, counts = left[reached], beside[reached], counts[reached].astype(np.float32)
-        sums = np.einsum("hk,hkc->hc", counts, filled[near - 1])
-        filled[mine] = sums * _darkened(total, near, counts)[:, None]
-        total[mine] = channel_sum(filled[mine])
-        known[mine] = True
-        left, beside = left[~reached], beside[~reached]
-    filled[left] = 0
-    return filled
-
-
-def _darkened(total: np.ndarray, beside: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Return the factors, (h,) float32, that make harmonic means of sums of patches' light.
-
-    total (n,) of all channels together; beside (h, k) int64, patch + 1; counts (h, k) float32, 1 for
-    those that are added up, else 0
-    """
-    light, number = total[beside - 1], channel_sum(counts)
-    bright = np.maximum(light, max(_FAINTEST * float(total.max()), 1e-30))
-    inverse, sums = np.einsum("hk,hk->h", counts, 1 / bright), np.einsum("hk,hk->h", counts, light)
-    factor: np.ndarray = np.minimum(number / np.maximum(inverse, 1e-30) / np.maximum(sums, 1e-30), 1 / number)
-    return factor.astype(np.float32)
-
-
-def _patches_beside(parts: Subdivision, patches: np.ndarray) -> np.ndarray:
-    """Return patch + 1 in the 3 x 3 texels around some patches, (m, 9) int64, 0 for none."""
-    resolution = parts.patches.resolution
-    row, column = np.divmod(parts.patches.texel[patches], resolution)
-    step = np.arange(9)
-    y, x = row[:, None] + step // 3 - 1, column[:, None] + step % 3 - 1
-    inside = (y >= 0) & (y < resolution) & (x >= 0) & (x < resolution)
-    rows = parts.patches.atlas[patches, None].astype(np.int64) * resolution + y
-    beside = parts.texel_to_patch.ravel().take(rows * resolution + x, mode="clip")
-    return np.where(inside, beside, 0).astype(np.int64)

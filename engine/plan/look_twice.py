@@ -12,7 +12,8 @@ from ..progress import part_of
 from ..settings import Settings
 from ..solve.solver import Solution
 from ..visibility.samples import ray_count
-from .display_light import DisplayJob, radiance_of
+from .display_light import radiance_of
+from .display_points import DisplayJob
 from .receivers import Receivers, last_gather
 
 #: Rays of a patch, and those to each light.

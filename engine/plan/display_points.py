@@ -1,0 +1,90 @@
+"""Display samples as patches that gather: what light in texels is gathered for, and at which points."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..direct.lighting import DirectLighting
+from ..finish.display_samples import DisplaySamples, on_lightmap
+from ..finish.push_out import WaysOut, pushed_barycentrics, ways_out
+from ..patches.geometry import PatchGeometry, TexelSteps
+from ..patches.patch_list import PatchList
+from ..scene.model import Scene
+from ..settings import Settings
+from .choice import Choice
+from .solve_job import SolveJob
+
+#: What a point that was pushed out of something weighs: it counts where no other point of its texel is seen.
+_PUSHED = 1e-3
+
+
+@dataclass(frozen=True)
+class DisplayJob:
+    """What light in texels is gathered for.
+
+    job      the patches of all texels
+    solved   the patches that send light out: those of the job, or groups of them
+    """
+
+    scene: Scene
+    job: SolveJob
+    solved: SolveJob
+    choice: Choice
+    lighting: DirectLighting
+    _steps: dict[float, TexelSteps] = field(default_factory=dict)
+
+    def steps(self, side: float) -> TexelSteps:
+        """Return what a sample is of each triangle in the world; a texel has `side` of them along u and v."""
+        if side not in self._steps:
+            self._steps[side] = self.job.parts.geometry.steps.scaled(1 / side)
+        return self._steps[side]
+
+
+class DisplayPoints:
+    """Display samples as patches that gather.
+
+    settings  by which they do; each is one of `texel_samples` of its texel
+    parts     as a Subdivision
+    rays      casts rays from them
+    """
+
+    def __init__(self, what: DisplayJob, samples: DisplaySamples, settings: Settings) -> None:
+        self._job, self.settings = what.job, settings
+
+        # A sample stands for a part of its texel.
+        self._side = math.sqrt(settings.texel_samples)
+        self._steps = what.steps(self._side)
+        self._place(samples)
+
+    def _place(self, samples: DisplaySamples) -> None:
+        parts = self._job.parts
+        geometry = PatchGeometry(parts.triangles, self._steps, samples.triangle, samples.barycentric)
+        patches = PatchList(
+            parts.patches.resolution, samples.atlas, samples.texel, samples.triangle, samples.barycentric
+        )
+        self.samples, self.parts = samples, replace(parts, patches=patches, geometry=geometry)
+        self.rays = self._job.rays.of(self.parts)
+
+    def push_out(self, lit: np.ndarray) -> WaysOut:
+        """Move samples that are inside of something to just outside of it; return the ways.
+
+        Those that are moved are not inside any more. lit: (s,) bool, those that a back lights never are.
+        """
+        samples, parts = self.samples, self.parts
+        ways = ways_out(self.rays, len(samples), self._side, self._steps.geometric).without(lit)
+        inside = np.flatnonzero(ways.offset.any(axis=1))
+        if not len(inside):
+            return ways
+        moved, stays = pushed_barycentrics(parts.geometry.part(inside), ways.offset[inside])
+        inside, moved = inside[stays], moved[stays]
+        ways.inside[inside] = False
+        barycentric, weight = samples.barycentric.copy(), samples.weight.copy()
+        position = samples.position.copy()
+        barycentric[inside], weight[inside] = moved, _PUSHED * weight[inside]
+        triangle = samples.triangle[inside]
+        position[inside] = on_lightmap(parts.triangles, triangle, moved, parts.patches.resolution)
+        self._place(replace(samples, barycentric=barycentric, weight=weight, position=position))
+        return ways

@@ -41,7 +41,7 @@ from .progress import Progress, part_of
 from .scene.color import channel_sum
 from .scene.model import Scene
 from .settings import Settings
-from .solve.solver import Solution
+from .solve.solution import Solution
 
 #: Sends a scene that occluders have their places in to other processes; returns what uses their devices for a
 #: number of patches.

@@ -12,7 +12,7 @@ from ..gather.device_l1 import L1
 from ..patches.geometry import PatchGeometry
 from ..scene.model import Scene
 from ..settings import Settings
-from ..solve.solver import Solution
+from ..solve.solution import Solution
 from .device_values import Values
 from .directional_maps import maps_of_directions
 from .outputs import light_group_maps, output_names

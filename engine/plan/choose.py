@@ -21,8 +21,10 @@ from ..solve.interpolated_gather import InterpolatedGather
 from ..solve.interpolation import Interpolation
 from ..solve.last_gather import LastGather
 from ..solve.patch_groups import PatchGroups, leaders, numbered
+from ..solve.radiosity import Radiosity
 from ..solve.resumed_solver import ResumedSolver
-from ..solve.solver import Radiosity, Solution, Solver
+from ..solve.solution import Solution
+from ..solve.solver import Solver
 from ..visibility.raster.tiles import IDENTITY_BYTES, plan_tiles
 from ..visibility.samples import ray_count
 from .choice import Choice

@@ -28,7 +28,7 @@ from ..gather.half_light import HalfLight
 from ..progress import part_of
 from ..scene.color import channel_sum
 from ..settings import Settings
-from ..solve.solver import Solution
+from ..solve.solution import Solution
 from ..visibility.samples import ray_count
 from .choice import Choice
 from .display_points import DisplayJob, DisplayPoints

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..direct.contact import NearFaces
 from ..patches.patch_list import PatchList
-from ..solve.solver import Solution
+from ..solve.solution import Solution
 
 
 @dataclass(frozen=True)

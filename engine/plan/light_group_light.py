@@ -8,7 +8,7 @@ import numpy as np
 
 from ..finish.outputs import light_group_maps
 from ..progress import part_of
-from ..solve.solver import Solution
+from ..solve.solution import Solution
 from .display_light import DisplayLight, light_groups_in_texels
 from .display_points import DisplayJob
 from .light_group_solver import Sources, settled_groups

@@ -14,7 +14,9 @@ from ..progress import part_of
 from ..solve.device_radiosity import DeviceRadiosity
 from ..solve.grouped_solution import GroupedSolution
 from ..solve.interpolated_gather import InterpolatedGather
-from ..solve.solver import Solution, Solver, Sums
+from ..solve.radiosity import Sums
+from ..solve.solution import Solution
+from ..solve.solver import Solver
 from .choice import Choice
 from .choose import solver_like
 from .choose_sweep import static_light

@@ -10,7 +10,7 @@ import numpy as np
 from ..finish.made_outputs import light_output
 from ..progress import part_of
 from ..settings import Settings
-from ..solve.solver import Solution
+from ..solve.solution import Solution
 from ..visibility.samples import ray_count
 from .display_light import radiance_of
 from .display_points import DisplayJob

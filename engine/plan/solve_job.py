@@ -17,7 +17,7 @@ from ..resume.checkpoint import Checkpoint
 from ..scene.digests import digest_of
 from ..settings import Settings
 from ..solve.anderson import COLUMNS
-from ..solve.solver import PLAIN_COLUMNS
+from ..solve.radiosity import PLAIN_COLUMNS
 from ..visibility.identity import Surroundings, surroundings
 from ..visibility.rays.ray_scene import RayScene
 from .kept import Kept, visibility_settings

@@ -17,7 +17,7 @@ from ..visibility.samples import expected_samples
 from .sweeps import sweeps_left
 
 if TYPE_CHECKING:
-    from ..solve.solver import Solution
+    from ..solve.solution import Solution
     from .choice import Choice
 
 #: Seconds that nothing has measured yet: to open devices and to choose a method; of the host for a texel of a

@@ -29,7 +29,7 @@ class Darkness:
         return np.zeros((len(self.gathered), 3, 3), np.float32)
 
     def energy(self, emission: np.ndarray) -> Energy:
-        """Return that there is no light; see `solver.Solution.energy`."""
+        """Return that there is no light; see `solution.Solution.energy`."""
         return Energy(0.0, 0.0, 0.0, 0.0)
 
     def iteration(self) -> Generator[float, None, None]:

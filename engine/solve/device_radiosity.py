@@ -12,7 +12,7 @@ from ..device.buffers import download, upload, upload_float4, zeros
 from ..device.compute import Compute
 from ..gather.device_l1 import L1
 from ..gather.sweep import Sweep
-from .solver import Balance, Step, Sums
+from .radiosity import Balance, Step, Sums
 
 #: Work items of the kernels that sum over patches, and of a group that adds their sums up: on a graphics
 #: card, where many items hide how long loads take, and on a processor. Many items keep float32 sums exact.

@@ -67,11 +67,11 @@ class GroupedSolution:
         yield from self.last.gather(self._solver.irradiance)
 
     def energy(self, emission: np.ndarray) -> Energy | None:
-        """Return where the light of the groups goes; see `solver.Solution.energy`."""
+        """Return where the light of the groups goes; see `solution.Solution.energy`."""
         return self._solver.energy(emission)
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the L1 of the last gather; see `solver.Radiosity.gather_l1`."""
+        """Return the L1 of the last gather; see `radiosity.Radiosity.gather_l1`."""
         return (yield from self.last.gather_l1())
 
     @property

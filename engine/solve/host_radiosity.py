@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import DeviceError
 from ..gather.hemicube_gather import Gather
-from .solver import PLAIN_COLUMNS, Step, Sums
+from .radiosity import PLAIN_COLUMNS, Step, Sums
 
 
 class HostRadiosity:

@@ -8,7 +8,8 @@ import numpy as np
 
 from ..resume.checkpoint import Arrays, Checkpoint
 from ..settings import Settings
-from .solver import Radiosity, Solver, Step
+from .radiosity import Radiosity, Step
+from .solver import Solver
 
 
 class ResumedSolver(Solver):

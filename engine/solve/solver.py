@@ -1,10 +1,8 @@
-"""Iterates the radiosity equation and judges how far it is from its solution."""
+"""Solves the radiosity equation: sweeps until the light has settled, and judges how far it is from that."""
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Generator
 
 import numpy as np
 
@@ -12,9 +10,7 @@ from ..gather.device_l1 import L1
 from ..lightmap import Energy
 from ..settings import Settings
 from .anderson import Anderson
-
-#: Iterates that the paper's iteration keeps: the newest, and the one before it to compare with.
-PLAIN_COLUMNS = 2
+from .radiosity import PLAIN_COLUMNS, Radiosity, Step, Sums
 
 #: Patches darker than this fraction of the mean count as if they had it.
 _DARK = 1e-4
@@ -22,195 +18,14 @@ _DARK = 1e-4
 #: The least light that weights are made with: float32 holds the square of its reciprocal.
 _DARKEST = 1e-15
 
-#: Sweeps that are left, at least, to those from all samples of each patch, and the residual from which on
-#: these begin, times the tolerance.
-_FULL_SWEEPS, _NEARLY = 3, 4.0
+#: After sparse sweeps at least this many gather from all samples of each patch, where the limit allows it.
+_FULL_SWEEPS = 3
+
+#: They begin once the residual is at most this multiple of the tolerance.
+_NEARLY = 4.0
 
 #: One accelerated sweep is not believed to cut the error by more than this factor.
 _MOST_GAIN = 4.0
-
-
-@dataclass(frozen=True)
-class Sums:
-    """Sums over all patches after a sweep; see kernels/solve.cl.
-
-    products   (c, c, 3) float64, c columns, see `Anderson.weights`
-    reflected  (3,) float64, m^2: what the patches reflect of the newest defect, times their area
-    seen       (3,) float64, m^2: the same of light 1 wherever they see others
-    total      mean of E/pi of all channels together
-    """
-
-    products: np.ndarray
-    reflected: np.ndarray
-    seen: np.ndarray
-    total: float
-
-
-@dataclass(frozen=True)
-class Balance:
-    """Where light goes: radiance times area, summed over all patches, (3,) float64 each, W/sr.
-
-    incident   gathered
-    reflected  of it
-    escaped    sent out to where nothing is
-    on_backs   sent out to backs
-    sources    gathered of light that was not reflected, and emitted to where no patch is
-    under_way  reflected by the last sweep, to be gathered by the next
-    """
-
-    incident: np.ndarray
-    reflected: np.ndarray
-    escaped: np.ndarray
-    on_backs: np.ndarray
-    sources: np.ndarray
-    under_way: np.ndarray
-
-    @property
-    def energy(self) -> Energy:
-        """The same as flux."""
-        absorbed = self.incident - self.reflected + self.on_backs
-        flows = (self.sources, absorbed, self.escaped, self.under_way)
-        return Energy(*(float(np.pi * flow.mean()) for flow in flows))
-
-
-@dataclass(frozen=True)
-class Step:
-    """What the next irradiance differs by, mean over the patches.
-
-    change    of E/pi, sum of the channels
-    relative  to each patch's own light
-    flux      added to what leaves the patches, W, sum of all patches and channels
-    """
-
-    change: float
-    relative: float
-    flux: float
-
-
-class Radiosity(Protocol):
-    """The light of all patches and what a sweep does to it.
-
-    count    patches
-    area     sum over all patches, m^2
-    columns  iterates that are kept, in a ring: `anderson.COLUMNS` for acceleration, else PLAIN_COLUMNS
-    sparse   True while sweeps gather from a few of the samples of each patch: what these miss is noise, which
-             the first sweep from all of them takes out but for its mean. A solver ends it, and leaves it out
-             of the sweep that gives direct light
-
-    For a warm start the first irradiance contains reflected light; if patches gather direct light, too, a
-    sweep for that alone comes first, and the last column holds the reflected light meanwhile.
-
-    An iterate is what all patches gathered from the radiance of the irradiance before; its defect is
-    the difference to that irradiance.
-    """
-
-    count: int
-    area: float
-    columns: int
-    sparse: bool
-
-    def sweep(self, column: int) -> Generator[float, None, None]:
-        """Gather from the current radiance into a column of the ring; yield the fraction done."""
-
-    def sums(self, newest: int, least: float) -> Sums:
-        """Return the sums after a sweep; patches weigh 1 / light^2, but have at least the light `least`."""
-
-    def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> Step:
-        """Make the next irradiance: iterates times (columns, 3), and (3,) wherever patches are seen."""
-
-    def iterate(self, column: int) -> np.ndarray:
-        """Return E/pi and the fraction that is no back, (n, 4) float32, of a column: a copy."""
-
-    def balance(self, newest: int, emission: np.ndarray, direct: np.ndarray) -> Balance | None:
-        """Return where light goes after a sweep; None where it is not known what part of a view patches take.
-
-        emission  (n, 3) float32, radiance of each patch, all of it
-        direct    (n, 3) float32, E/pi of light that was not reflected
-        """
-
-    def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the L1 of the last sweep, (n, 3, 3) float32, see `Sweep.gather_l1`; yield the fraction done.
-
-        Raises DeviceError where no directions are known.
-        """
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Return all that sweeps have made of the light, by name: a copy."""
-
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Go on from what `state` has returned."""
-
-
-class Solution(Protocol):
-    """What is known of a bake's light; see `Solver`."""
-
-    def iteration(self) -> Generator[float, None, None]:
-        """Sweep once; yield the fraction done."""
-
-    def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the L1 of the light of the last iteration; see `Radiosity.gather_l1`."""
-        ...
-
-    def energy(self, emission: np.ndarray) -> Energy | None:
-        """Return where the light goes, see `Report`.
-
-        emission: (m, 3) float32, radiance of what the patches see, themselves or groups of them, all of it.
-        """
-
-    @property
-    def iterations(self) -> int:
-        """Sweeps so far."""
-        ...
-
-    @property
-    def energies(self) -> list[float]:
-        """Flux that each iteration added, W."""
-        ...
-
-    @property
-    def gathered(self) -> np.ndarray:
-        """E/pi and the fraction that is no back, (n, 4) float32."""
-        ...
-
-    @property
-    def irradiance(self) -> np.ndarray:
-        """E/pi of all light so far, (n, 3) float32."""
-        ...
-
-    @property
-    def direct(self) -> np.ndarray:
-        """E/pi of light that was not reflected, (n, 3) float32."""
-        ...
-
-    @property
-    def indirect(self) -> np.ndarray:
-        """E/pi of light that was, (n, 3) float32."""
-        ...
-
-    @property
-    def settled(self) -> np.ndarray:
-        """E/pi of what the patches see, (m, 3) float32: of themselves, or of groups of them."""
-        ...
-
-    @property
-    def residual(self) -> float:
-        """Estimated remaining error; NaN while unknown."""
-        ...
-
-    @property
-    def converged(self) -> bool:
-        """True once the residual is below the tolerance."""
-        ...
-
-    @property
-    def done(self) -> bool:
-        """True once nothing is left to do."""
-        ...
-
-    @property
-    def gathers_finally(self) -> bool:
-        """True if the next iteration is one more gather of light that has settled."""
-        ...
 
 
 class Solver:
@@ -249,6 +64,8 @@ class Solver:
         self._direct = sampled_light
         self._steps: list[Step] = []
         self._factors: list[float] = []
+
+        # Whether sweeps are sparse, and how many were before the first one from all samples.
         self._sparse, self._refined = radiosity.sparse, 0
         self._gathered: np.ndarray | None = None
         self._total = 0.0
@@ -337,7 +154,7 @@ class Solver:
         return (yield from self._radiosity.gather_l1())
 
     def energy(self, emission: np.ndarray) -> Energy | None:
-        """Return where the light goes; see `Solution.energy`."""
+        """Return where the light goes; see `solution.Solution.energy`."""
         if not self._steps:
             return None
         balance = self._radiosity.balance(self._newest, emission, self.direct)

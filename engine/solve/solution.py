@@ -1,0 +1,83 @@
+"""What is known of a bake's light: of every patch, of groups of them, or that there is none."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from typing import Protocol
+
+import numpy as np
+
+from ..gather.device_l1 import L1
+from ..lightmap import Energy
+
+
+class Solution(Protocol):
+    """What is known of a bake's light: `Solver`, `GroupedSolution` or `Darkness`."""
+
+    def iteration(self) -> Generator[float, None, None]:
+        """Sweep once; yield the fraction done."""
+
+    def gather_l1(self) -> Generator[float, None, L1]:
+        """Return the L1 of the light of the last iteration; see `Radiosity.gather_l1`."""
+        ...
+
+    def energy(self, emission: np.ndarray) -> Energy | None:
+        """Return where the light goes, see `Report`.
+
+        emission: (m, 3) float32, radiance of what the patches see, themselves or groups of them, all of it.
+        """
+
+    @property
+    def iterations(self) -> int:
+        """Sweeps so far."""
+        ...
+
+    @property
+    def energies(self) -> list[float]:
+        """Flux that each iteration added, W."""
+        ...
+
+    @property
+    def gathered(self) -> np.ndarray:
+        """E/pi and the fraction that is no back, (n, 4) float32."""
+        ...
+
+    @property
+    def irradiance(self) -> np.ndarray:
+        """E/pi of all light so far, (n, 3) float32."""
+        ...
+
+    @property
+    def direct(self) -> np.ndarray:
+        """E/pi of light that was not reflected, (n, 3) float32."""
+        ...
+
+    @property
+    def indirect(self) -> np.ndarray:
+        """E/pi of light that was, (n, 3) float32."""
+        ...
+
+    @property
+    def settled(self) -> np.ndarray:
+        """E/pi of what the patches see, (m, 3) float32: of themselves, or of groups of them."""
+        ...
+
+    @property
+    def residual(self) -> float:
+        """Estimated remaining error; NaN while unknown."""
+        ...
+
+    @property
+    def converged(self) -> bool:
+        """True once the residual is below the tolerance."""
+        ...
+
+    @property
+    def done(self) -> bool:
+        """True once nothing is left to do."""
+        ...
+
+    @property
+    def gathers_finally(self) -> bool:
+        """True if the next iteration is one more gather of light that has settled."""
+        ...

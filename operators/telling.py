@@ -10,9 +10,11 @@ import bpy
 from ..engine.naming import first_line
 from ..engine.progress import Progress, format_seconds_left
 
-#: Mean width of a letter and of a window whose width is unknown, pixels of an unscaled interface; part of the
-#: window's width that a pop-up takes, and letters of its shortest line.
-_LETTER, _UNKNOWN, _SHARE, _SHORTEST = 6.5, 1200, 0.5, 40
+#: Mean width of a letter, and of a window whose width is unknown, pixels of an unscaled interface.
+_LETTER, _UNKNOWN = 6.5, 1200
+
+#: Part of the window's width that a pop-up takes, and letters of its shortest line.
+_POPUP, _SHORTEST = 0.5, 40
 
 
 def tell(operator: bpy.types.Operator, kind: str, message: str) -> None:
@@ -44,7 +46,7 @@ def _wrapped(line: str) -> str:
     """
     scale = bpy.context.preferences.system.ui_scale
     width = bpy.context.window.width / scale if bpy.context.window and scale else _UNKNOWN
-    return " \n".join(textwrap.wrap(line, max(_SHORTEST, int(_SHARE * width / _LETTER))))
+    return " \n".join(textwrap.wrap(line, max(_SHORTEST, int(_POPUP * width / _LETTER))))
 
 
 def _without_window() -> bool:

@@ -19,7 +19,7 @@ from .wrapped_text import draw_text, line_width
 _EMPTY = {"opencl_device": "Automatic", "scheduler": "One device"}
 _NO_DASK = "Needs Hemibake's package with Dask"
 
-#: Share of a row that a path has, beside a button.
+#: Part of a row that a path has, beside a button.
 _BESIDE = 0.8
 
 

@@ -50,7 +50,7 @@ class Block:
             seen = download(compute, self._gather.patches_seen, (lookers.count,))
             self.views = np.stack([gathered[:, 3], seen], axis=1)
 
-        # To find it anew elsewhere takes as long as so many bytes on their way, by which Dask decides.
+        # Dask weighs moving bytes: finding it anew elsewhere takes as long as sending this many.
         self._bytes = max(kept, int(_BANDWIDTH * (time.perf_counter() - began)))
 
     def gather(self, light: HalfLight | MappedLight) -> np.ndarray:

@@ -14,7 +14,7 @@ _TYPES: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
     "int[2]": (np.int32, (2,)),
 }
 
-#: Records begin and end at multiples of so many bytes: devices load four numbers at once if they know it.
+#: Records begin and end at multiples of this many bytes: devices then load four numbers at once.
 _ALIGNMENT = 16
 
 #: Type, name, and unit and meaning of a field.

@@ -1,10 +1,10 @@
 """Removes noise from lightmaps with Open Image Denoise, before seams are hidden and gutters filled.
 
-The filter is made for pictures, in which things reach up to each other. So light is seen in parts of its
-chart's level, charts are grown by a texel, and what is left between them is filled from all sides: the filter
-finds no edges but those of the light within charts. Among many small charts of different brightness it would
-take noise for more of their edges, and keep it. What it changes by far more than noise is detail, and stays.
-Large lightmaps are filtered in windows, which bounds the memory that this takes.
+The filter is made for pictures, in which one surface borders on the next. So the light of each chart is
+divided by its level, charts are grown by a texel, and what is left between them is filled from all sides: the
+filter finds no edges but those of the light within charts. Among many small charts of different brightness it
+would take noise for more of their edges, and keep it. What it changes by far more than noise is detail, and
+stays. Large lightmaps are filtered in windows, which bounds the memory that this takes.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from ..errors import DenoiseError
 from ..scene.color import luminance
 from ..settings import Settings
 from .dilation import Dilation, grown
-from .noise_limit import share_of_noise
-from .second_look import SecondLook, share_of_changes
+from .noise_limit import part_of_noise
+from .second_look import SecondLook, part_of_changes
 from .smooth_fill import SmoothFill
 from .texel_charts import TexelCharts
 
@@ -36,8 +36,6 @@ _WINDOW = 2048
 
 #: Mean luminance that the filter expects: a middle grey.
 _GREY = 0.18
-
-#: Luminance of Rec.709.
 
 
 class Denoising:
@@ -112,44 +110,48 @@ class Denoising:
                 quiet = device.filtered(noisy) / scales[name]
                 filtered[name][window.core][known] = quiet[window.inner][known]
         filtered = {name: self._product(image, levels[name]) for name, image in filtered.items()}
-        self._keep_details(lit, filtered, charts, again)
+        noise = self._part_of_noise(lit, filtered, charts, again)[:, None]
+        for name, image in lit.items():
+            filtered[name][self._known] = self._without_noise(name, image, filtered[name], noise, again)
         return images | filtered
 
-    def _keep_details(
+    def _without_noise(
         self,
-        images: dict[str, np.ndarray],
-        filtered: dict[str, np.ndarray],
-        charts: TexelCharts,
+        name: str,
+        image: np.ndarray,
+        filtered: np.ndarray,
+        noise: np.ndarray,
         again: SecondLook | None,
-    ) -> None:
-        """Give filtered images back what is no noise: the same part of all, which belong together."""
-        share = self._share(images, filtered, charts, again)[:, None]
-        for name, image in images.items():
-            before, after = image[self._known], filtered[name][self._known]
-            light = before + share * (after - before)
-            if again is not None and name in again.images:
-                # What is left of the noise gets less by the rays of the second look.
-                there = again.centres[self._known, None]
-                light += again.part * (1 - share) * there * (again.images[name][self._known] - before)
-            filtered[name][self._known] = light
+    ) -> np.ndarray:
+        """Return the light of known texels, (k, 3) float32, changed as far as the change is noise.
 
-    def _share(
+        noise: (k, 1) float32, the part of each change that is; the same for all images, which belong together
+        """
+        before, after = image[self._known], filtered[self._known]
+        light = before + noise * (after - before)
+        if again is not None and name in again.images:
+            # Noise that is left becomes less by the rays of the second look.
+            there = again.centres[self._known, None]
+            light += again.part * (1 - noise) * there * (again.images[name][self._known] - before)
+        return light
+
+    def _part_of_noise(
         self,
         images: dict[str, np.ndarray],
         filtered: dict[str, np.ndarray],
         charts: TexelCharts,
         again: SecondLook | None,
     ) -> np.ndarray:
-        """Return the part of the changes of each known texel that is noise, (k,) float32."""
+        """Return the part of the change of each known texel that is noise, (k,) float32 of [0, 1]."""
         name = next((name for name in again.images if name in images), None) if again is not None else None
         if again is None or name is None:
             noisy, quiet = (
                 luminance(sum(image[self._known] for image in maps.values())) for maps in (images, filtered)
             )
-            return share_of_noise(noisy, quiet, charts)
+            return part_of_noise(noisy, quiet, charts)
         light, there = images[name][self._known], again.centres[self._known, None]
         seen = np.where(there, again.images[name][self._known], light)
-        return share_of_changes(light, filtered[name][self._known], seen, charts)
+        return part_of_changes(light, filtered[name][self._known], seen, charts)
 
     def _product(self, image: np.ndarray, factors: np.ndarray) -> np.ndarray:
         """Return an image whose known texels are multiplied by factors, (k, 3); others keep their bits."""

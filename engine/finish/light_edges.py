@@ -18,7 +18,7 @@ _DARK = 0.05
 #: Edges stand out from noise: by this many times the median difference.
 _ABOVE_NOISE = 6.0
 
-#: So many patches, spread evenly, tell the median.
+#: The median difference is that of about this many patches, spread evenly.
 _FOR_NOISE = 1 << 16
 
 #: Marks of kernels/edges.cl.

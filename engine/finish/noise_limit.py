@@ -16,26 +16,26 @@ _NOISE, _DETAIL = 5.0, 10.0
 _OF_MEDIAN = 1.48
 
 
-def share_of_noise(noisy: np.ndarray, quiet: np.ndarray, charts: TexelCharts) -> np.ndarray:
+def part_of_noise(noisy: np.ndarray, quiet: np.ndarray, charts: TexelCharts) -> np.ndarray:
     """Return which part of the change of each texel is taken for noise, (k,) float32 of [0, 1].
 
     noisy, quiet  (k,) float32, luminance before and after
 
-    Noise is in parts of the light. Its standard deviation is told by the median change in large charts, of
-    all charts if there are none. In large ones every change is noise: few rays leave some that is far
-    above its standard deviation. In smaller ones a change far above it is detail; of the other changes of a
-    chart that part of the square is noise which this explains, and so much of them is taken (James and
-    Stein, "Estimation with Quadratic Loss", 1961).
+    Noise is relative to the light. Its standard deviation follows from the median change in large charts, of
+    all charts if there are none. In large charts every change is noise, even one far above the standard
+    deviation: few rays leave such. In smaller ones a change far above it is detail. Of the other changes of a
+    small chart the noise explains a part of the sum of squares; the same part of each is taken for noise
+    (James and Stein, "Estimation with Quadratic Loss", 1961).
     """
     change = np.divide(np.abs(quiet - noisy), quiet, out=np.zeros_like(quiet), where=quiet > 0)
     large = (charts.size >= _LARGE)[charts.number]
     tells = change[large] if large.any() else change
     noise = _OF_MEDIAN * float(np.median(tells)) if len(tells) else 0.0
     times = change / noise if noise > 0 else np.zeros_like(change)
-    share: np.ndarray = np.clip((_DETAIL - times) / (_DETAIL - _NOISE), 0, 1).astype(np.float32)
-    share *= _explained(share * times, share > 0, charts)[charts.number]
-    share[large] = 1
-    return share
+    part: np.ndarray = np.clip((_DETAIL - times) / (_DETAIL - _NOISE), 0, 1).astype(np.float32)
+    part *= _explained(part * times, part > 0, charts)[charts.number]
+    part[large] = 1
+    return part
 
 
 def _explained(times: np.ndarray, counts: np.ndarray, charts: TexelCharts) -> np.ndarray:

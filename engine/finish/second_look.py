@@ -10,11 +10,14 @@ import numpy as np
 from ..segment_sums import segment_sums
 from .texel_charts import TexelCharts
 
-#: Classes of charts, whose texels are within a factor of 4, and of changes within a factor of 2, from a least
-#: change on, in parts of the light.
-_LARGEST_CLASS, _LEAST_CHANGE, _CHANGE_CLASSES = 5, 0.002, 8
+#: The largest class of charts; each class has charts of up to four times as many texels as the one below it.
+_LARGEST_CLASS = 5
 
-#: How much shares of classes differ from that of all changes: their standard deviation, squared.
+#: Change, relative to the light, up to which all are one class, and the number of the classes above it, each
+#: of changes up to twice as large as those of the class below it.
+_LEAST_CHANGE, _CHANGE_CLASSES = 0.002, 8
+
+#: Variance of the part that is taken, between classes of changes.
 _SPREAD = 0.1
 
 
@@ -24,7 +27,7 @@ class SecondLook:
 
     images   (atlases, r, r, 3) float32, E/pi, of each output that is light, by name
     centres  (atlases, r, r) bool, texels that show the light of their centres, as the second look does
-    part     of all rays of both, those of the second look
+    part     rays of the second look, as a fraction of those of both looks
     """
 
     images: Mapping[str, np.ndarray]
@@ -32,7 +35,7 @@ class SecondLook:
     part: float
 
 
-def share_of_changes(
+def part_of_changes(
     noisy: np.ndarray, quiet: np.ndarray, again: np.ndarray, charts: TexelCharts
 ) -> np.ndarray:
     """Return the part of the change of each texel that is nearest to the light, (k,) float32 of [0, 1].
@@ -40,10 +43,10 @@ def share_of_changes(
     noisy, quiet  (k, 3) float32, light before and after a filter
     again         (k, 3) float32, of a second look; of texels without one, what is noisy
 
-    Changes c of light x are taken by the share s for which x + s c has least squares from the exact light.
-    That is <c, y - x> / <c, c> with the exact light y, and on average with a y whose noise is independent of
-    x and c, too: a regression. Changes of a class, in charts of like sizes and like parts of the light, have
-    one share. That of a class of few texels, which is uncertain, leans towards that of all.
+    Of changes c of light x the part p is taken for which x + p c has least squares from the exact light. That
+    is <c, y - x> / <c, c> with the exact light y, and on average with a y whose noise is independent of x and
+    c, too: a regression. Changes of a class, in charts of similar sizes and of similar size relative to the
+    light, have one part. That of a class of few texels, which is uncertain, leans towards that of all.
     """
     change, toward = (quiet - noisy).astype(np.float64), (again - noisy).astype(np.float64)
     kind = _classes(noisy, change, charts)
@@ -52,11 +55,11 @@ def share_of_changes(
     along, squares, noise = segment_sums(rows, kind, kind.max(initial=0) + 1).T
     overall = along.sum() / max(squares.sum(), 1e-30)
 
-    # The variance of a share is that of the second look over the squares of the changes.
+    # The variance of a part is that of the second look over the squares of the changes.
     uncertain = noise / np.maximum(np.bincount(kind, minlength=len(noise)), 1) / _SPREAD
-    share = (along + uncertain * overall) / np.maximum(squares + uncertain, 1e-30)
-    shares: np.ndarray = np.clip(share, 0, 1).astype(np.float32)[kind]
-    return shares
+    part = (along + uncertain * overall) / np.maximum(squares + uncertain, 1e-30)
+    of_texel: np.ndarray = np.clip(part, 0, 1).astype(np.float32)[kind]
+    return of_texel
 
 
 def _classes(noisy: np.ndarray, change: np.ndarray, charts: TexelCharts) -> np.ndarray:

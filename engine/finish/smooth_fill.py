@@ -46,14 +46,14 @@ class _Scale:
     def __init__(self, known: np.ndarray, filled: np.ndarray) -> None:
         self._known = known[:, :, None].astype(np.float32)
         count = _blocks(self._known).sum(axis=(1, 3))
-        self._share = np.divide(1, count, out=np.zeros_like(count), where=count > 0)
+        self._weight = np.divide(1, count, out=np.zeros_like(count), where=count > 0)
         self._unknown = np.flatnonzero(~known & filled)
         self._taps, self._weights = _coarse_taps(self._unknown, known.shape)
         self._neighbours = _neighbours(self._unknown, known | filled)
 
     def coarser(self, image: np.ndarray) -> np.ndarray:
         """Return the mean of the known texels in each square of two by two, (h', w', c) float32."""
-        coarse: np.ndarray = _blocks(image * self._known).sum(axis=(1, 3)) * self._share
+        coarse: np.ndarray = _blocks(image * self._known).sum(axis=(1, 3)) * self._weight
         return coarse
 
     def extend(self, image: np.ndarray, coarse: np.ndarray) -> None:

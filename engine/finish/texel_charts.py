@@ -7,7 +7,7 @@ import numpy as np
 from ..patches.connected_texels import connected_texels
 from ..segment_sums import segment_sums
 
-#: Root mean square of a chart's light, in parts of its mean, up to which it is even.
+#: Root mean square of a chart's light, relative to its mean, up to which it is even.
 _EVEN = 1.5
 
 

@@ -10,7 +10,7 @@ from ..patches.texel_pieces import TexelClipper, TexelPieces
 from ..runs import run_numbers, run_starts
 from ..scene.triangles import Triangles
 
-#: A texel has a grid where so many of its points lie on a triangle.
+#: A texel has a grid where at least this part of the grid's points lie on a triangle.
 _GRID_FROM = 0.75
 
 #: How far outside of a triangle a point of the grid may be, in barycentrics: an edge has two sides.
@@ -23,7 +23,7 @@ _BATCH = 1 << 15
 def place_points(
     clipper: TexelClipper, triangles: Triangles, pieces: TexelPieces, resolution: int, points: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return so many `points`, a square number, of each texel whose pieces are given.
+    """Return `points` points, a square number, of each texel whose pieces are given.
 
     pieces: in the order of their texels. Texels that are mostly covered have the points of a grid that lie on
     a triangle: light that is averaged around each is averaged over the texel. Others have all of their points

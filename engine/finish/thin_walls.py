@@ -13,7 +13,7 @@ from .push_out import WaysOut
 #: Light on both sides that differs by more than this part shows through.
 _DIFFERS = 0.25
 
-#: Texels within the thickness of a wall from which on no texel is shown on both of its sides.
+#: A wall that is at least this many texels thick parts both sides: none is interpolated on both.
 _PARTING = 2.0
 
 

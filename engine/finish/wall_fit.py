@@ -18,8 +18,11 @@ from .lightmap_points import LightmapPoints, centre_points, joined_points
 #: Light below this part of the brightest around counts as if it were that bright.
 _FAINT = 1 / 20
 
-#: Texels from the samples in a wall up to which texels are fitted, and those whose light is around.
-_REACH, _AROUND = 1, 2
+#: Texels are fitted up to this many texels from the samples in a wall.
+_REACH = 1
+
+#: Light within this many texels is around a texel.
+_AROUND = 2
 
 #: Weight of texels that are not fitted: they stay as they are.
 _FIXED = 100.0
@@ -94,14 +97,14 @@ def _relative_weight(light: np.ndarray, bright: np.ndarray) -> np.ndarray:
 
 
 def _grown(mask: np.ndarray, texels: int) -> np.ndarray:
-    """Return masks, (atlases, r, r) bool, grown by some texels."""
+    """Return masks, (atlases, r, r) bool, grown by a number of texels."""
     for _ in range(texels):
         mask = np.stack([grown(each) for each in mask])
     return mask
 
 
 def _brightest_around(light: np.ndarray) -> np.ndarray:
-    """Return the largest light within some texels of each, (atlases, r, r)."""
+    """Return the largest light around each texel, (atlases, r, r)."""
     for axis in (1, 2):
         padded = np.pad(light, [(0, 0), *((_AROUND * (axis == a),) * 2 for a in (1, 2))])
         steps = [

@@ -18,8 +18,11 @@ from .l1_gather import L1Gather, NoL1
 from .static_light import StaticLight
 from .sweep import Light
 
-#: A sparse sweep gathers from one of so many fours of samples, where a patch has so many samples at least.
-_STRIDE, _MANY = 8, 1024
+#: A sparse sweep gathers from one in this many groups of four samples.
+_STRIDE = 8
+
+#: Patches with fewer samples than this gather from all of them.
+_MANY = 1024
 
 
 class _Gather:

@@ -67,7 +67,7 @@ class ComputeShader:
         textures: Textures,
         uniforms: Uniforms | None = None,
     ) -> None:
-        """Run so many groups, one hemicube each; buffers are bound to storage blocks by number."""
+        """Run a number of groups, one hemicube each; buffers are bound to storage blocks by number."""
         self._tables.bind()
         for binding, buffer in buffers.items():
             buffer.bind_to_storage_buffer(binding)

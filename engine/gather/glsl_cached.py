@@ -9,7 +9,7 @@ from ..device.graphics import Graphics
 from ..visibility.raster.tiles import Tiles
 from .compute_shader import ComputeShader, HemicubeTables, four, sky_texture
 
-#: OpenGL does not tell how much memory there is; so much is kept at most, bytes.
+#: Most memory that is kept, bytes: OpenGL does not tell how much there is.
 _MOST = 1 << 30
 
 #: Storage blocks of shaders/static_light.comp and shaders/gather.comp.
@@ -17,7 +17,7 @@ _RESULT, _CACHE, _RADIANCE, _STATIC_LIGHT = 2, 3, 4, 5
 
 
 def fits_glsl_cache(graphics: Graphics, tiles: Tiles, patches: int) -> bool:
-    """Return True if the identity hemicubes of so many patches can be kept, and gathered in one shader."""
+    """Return True if the identity hemicubes of all patches can be kept, and gathered in one shader."""
     largest = graphics.context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]
     return patches * _hemicube_bytes(tiles) <= _MOST and 16 * (patches + 1) <= largest
 

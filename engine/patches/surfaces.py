@@ -21,7 +21,7 @@ _Multiplier = Callable[[np.ndarray, Sequence[tuple[TexturedPatches, Texture]]], 
 
 @dataclass(frozen=True)
 class PatchSurfaces:
-    """Surfaces as the solver wants them.
+    """Surfaces as the solver needs them.
 
     reflectance  (n, 3) float32
     emission     (n, 3) float32, radiance
@@ -81,7 +81,7 @@ def _on_patches(
 
 
 def _multiplier(compute: Compute | None, scene: Scene, geometry: PatchGeometry, largest: int) -> _Multiplier:
-    """Return what multiplies by textures: the device if it holds images of so many bytes, or the host."""
+    """Return what multiplies by textures: the device if it holds the largest one, bytes, or the host."""
     if compute is not None and largest <= compute.device.max_mem_alloc_size:
         return TextureMeans(compute, geometry, scene.meshes).multiply
     return partial(multiply_on_host, geometry, scene.meshes)

@@ -14,7 +14,7 @@ from .geometry import PatchGeometry
 #: Samples along u and v of a texel; textures are shrunk until their pixels are no finer.
 SAMPLES = 4
 
-#: Images are averaged over squares while samples are so many of their pixels apart.
+#: Images are averaged over squares of pixels while samples are at least this many of their pixels apart.
 _SHRINK = 2
 
 

@@ -246,7 +246,7 @@ def _joined(what: DisplayJob, lit: list[LitSamples], hidden: np.ndarray, count: 
 
 
 def _settings_of_samples(settings: Settings, count: int) -> Settings:
-    """Return settings for so many samples of each texel, which together have the rays of a patch."""
+    """Return settings of each of `count` samples of a texel, which together have the rays of a patch."""
     hemicube = settings.hemicube >> (int(math.log2(count)) // 2)
     return replace(
         settings,

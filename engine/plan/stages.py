@@ -147,7 +147,7 @@ class BakeStages(Schedule):
         self.end()
 
     def foretell(self, patches: int) -> float:
-        """Return the seconds that a bake of so many patches is expected to take, before it starts."""
+        """Return the seconds that a bake of a number of patches is expected to take, before it starts."""
         found = [name for name in _FINDING if name in self._paces]
         for name in sorted(found, key=self._paces.__getitem__)[:1]:
             self._foresee(self.visibility, name, _RAY)

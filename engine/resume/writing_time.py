@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 #: Writing takes at most this part of a bake's time.
-_SHARE = 0.1
+_PART = 0.1
 
 #: Bytes that a disk writes in a second before it is known, and the least that are written at once.
 _RATE, _LEAST = 200e6, 1 << 24
@@ -26,12 +26,12 @@ class WritingTime:
     def due(self) -> bool:
         """True if it is time to write."""
         now = time.monotonic()
-        return now - self._last >= self._interval and self._spent <= _SHARE * (now - self._begun)
+        return now - self._last >= self._interval and self._spent <= _PART * (now - self._begun)
 
     @property
     def room(self) -> int:
         """Bytes that may be written now."""
-        seconds = _SHARE * (time.monotonic() - self._begun) - self._spent
+        seconds = _PART * (time.monotonic() - self._begun) - self._spent
         return max(_LEAST, int(self._rate * seconds))
 
     def wrote(self, size: int, began: float) -> None:

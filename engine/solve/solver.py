@@ -121,7 +121,7 @@ class Solver:
         for done in self._radiosity.sweep(self._newest):
             yield (parts - 1 + done) / parts
         self._gathered = None
-        sums = self._radiosity.sums(self._newest, max(self._least_share * self._total, _DARKEST))
+        sums = self._radiosity.sums(self._newest, max(self._least_part * self._total, _DARKEST))
         if self._gathers_direct and not self._warm and not self._steps:
             self._direct = self._radiosity.iterate(self._newest)[:, :3]
         self._total = sums.total
@@ -142,7 +142,7 @@ class Solver:
         self._anderson = self._anderson and Anderson()
 
     @property
-    def _least_share(self) -> float:
+    def _least_part(self) -> float:
         """The least light that weights are made with, as a fraction of the mean.
 
         Acceleration lets patches below the mean weigh alike; factors are of errors relative to own light.

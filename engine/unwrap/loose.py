@@ -11,9 +11,11 @@ from .borders import border_loops
 from .orientation import lying, turned
 from .polygon_mesh import Charts, PolygonMesh, signed_areas
 
-#: A chart is halved if it is longer than this part of the side of a square of all areas, or longer than that
-#: part and covers less than a part of its box.
-_LONGEST, _LONG, _SPARSE = 0.9, 0.25, 0.48
+#: A chart is halved if it is longer than this part of the side of a square with the area of all charts,
+_LONGEST = 0.9
+
+#: or longer than this part of it while it covers less than a part of its box.
+_LONG, _SPARSE = 0.25, 0.48
 
 #: Most times that a chart is halved.
 _HALVINGS = 8
@@ -68,7 +70,7 @@ def _loosened(mesh: PolygonMesh, made: Charts, side: float) -> Loose:
     # Loops of polygons without area, or without triangles, belong to no chart.
     chart = np.full(len(mesh.corners), -1)
     chart[triangles] = np.searchsorted(known, made.chart[made.chart >= 0])[:, None]
-    chart, uvs, border = _lain_down(mesh, made.uvs, chart, side)
+    chart, uvs, border = _laid_down(mesh, made.uvs, chart, side)
     count = int(chart.max(initial=-1)) + 1
     size = np.zeros((count, 2))
     np.maximum.at(size, chart[border], uvs[border])
@@ -78,51 +80,51 @@ def _loosened(mesh: PolygonMesh, made: Charts, side: float) -> Loose:
     return Loose(uvs, np.maximum(chart, 0), borders, size, area)
 
 
-def _lain_down(
+def _laid_down(
     mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray, side: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the chart of each loop, (l,) int64, its UV, (l, 2), in charts that lie, and border loops."""
-    lain, fresh = uvs.copy(), np.ones(int(chart.max(initial=-1)) + 1, bool)
+    laid, fresh = uvs.copy(), np.ones(int(chart.max(initial=-1)) + 1, bool)
     for _ in range(_HALVINGS + 1):
         border = border_loops(mesh, uvs, chart)
-        _turn(lain, mesh.after, chart, border, fresh)
-        halved = _halved(lain, mesh, chart, border, side)
+        _turn(laid, mesh.after, chart, border, fresh)
+        halved = _halved(laid, mesh, chart, border, side)
         changed = halved != chart
         fresh = np.zeros(int(halved.max(initial=-1)) + 1, bool)
         fresh[chart[changed]] = fresh[halved[changed]] = True
         chart = halved
         if not changed.any():
             break
-    return chart, lain, border
+    return chart, laid, border
 
 
 def _turn(
-    lain: np.ndarray, after: np.ndarray, chart: np.ndarray, border: np.ndarray, fresh: np.ndarray
+    laid: np.ndarray, after: np.ndarray, chart: np.ndarray, border: np.ndarray, fresh: np.ndarray
 ) -> None:
     """Lay down charts, (c,) bool, of which the border is known."""
     numbers = np.cumsum(fresh) - 1
     edge = border[fresh[chart[border]]]
     count, local = int(fresh.sum()), numbers[chart[edge]]
-    angle = lying(lain[edge], lain[after[edge]], local, count)
+    angle = lying(laid[edge], laid[after[edge]], local, count)
     loop = np.flatnonzero(chart >= 0)
     loop = loop[fresh[chart[loop]]]
     local = numbers[chart[loop]]
-    points = turned(lain[loop], angle[local])
+    points = turned(laid[loop], angle[local])
     low = np.full((count, 2), np.inf)
     np.minimum.at(low, local, points)
-    lain[loop] = points - low[local]
+    laid[loop] = points - low[local]
 
 
 def _halved(
-    lain: np.ndarray, mesh: PolygonMesh, chart: np.ndarray, border: np.ndarray, side: float
+    laid: np.ndarray, mesh: PolygonMesh, chart: np.ndarray, border: np.ndarray, side: float
 ) -> np.ndarray:
     """Return the chart of each loop, (l,) int64, with those that waste room cut in two across their boxes."""
     count = int(chart.max(initial=-1)) + 1
     size = np.zeros((count, 2))
-    np.maximum.at(size, chart[border], lain[border])
+    np.maximum.at(size, chart[border], laid[border])
 
     # The area of a chart is a sum over the edges of its border.
-    one, other = lain[border], lain[mesh.after[border]]
+    one, other = laid[border], laid[mesh.after[border]]
     twice = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
     area = np.abs(np.bincount(chart[border], twice, count)) / 2
     wasting = (size[:, 0] > _LONGEST * side) | (
@@ -136,11 +138,11 @@ def _halved(
     sides = np.diff(mesh.starts)
     polygon = np.repeat(np.arange(len(sides)), sides)[loop]
     low, high = np.full((2, len(sides)), np.inf)
-    np.minimum.at(low, polygon, lain[loop, 0])
-    np.minimum.at(high, polygon, -lain[loop, 0])
+    np.minimum.at(low, polygon, laid[loop, 0])
+    np.minimum.at(high, polygon, -laid[loop, 0])
     beyond = low[polygon] - high[polygon] > size[chart[loop], 0]
-    share = np.bincount(chart[loop], beyond, count) / np.maximum(np.bincount(chart[loop], minlength=count), 1)
-    wasting &= (share > 0) & (share < 1)
+    loops, moved = np.bincount(chart[loop], minlength=count), np.bincount(chart[loop], beyond, count)
+    wasting &= (moved > 0) & (moved < loops)
     fresh = count + np.cumsum(wasting) - 1
     halved, moving = chart.copy(), beyond & wasting[chart[loop]]
     halved[loop[moving]] = fresh[chart[loop[moving]]]

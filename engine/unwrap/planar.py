@@ -17,11 +17,16 @@ from .cutting import USUAL
 from .facing import split_by_facing
 from .polygon_mesh import PolygonMesh, areas, signed_areas
 
-#: A part is projected if it keeps this part of its area, and each triangle that part of its own.
+#: Smooth parts are projected that keep this fraction of their area, and each of whose triangles keeps that
+#: fraction of its own.
 _KEPT, _LEAST_KEPT = 0.78, 0.35
 
-#: Of a part of so many polygons what keeps less of its area than this is cut out, if it is this part of all.
-_LARGE, _STEEP, _MOST_STEEP = 64, 0.42, 0.06
+#: Triangles that keep less than this fraction of their area are steep.
+_STEEP = 0.42
+
+#: Steep polygons are cut out of smooth parts of at least this many polygons, where they are at most that
+#: fraction of the part's area.
+_LARGE, _MOST_STEEP = 64, 0.06
 
 #: Triangles with less area than this part of their longest edge squared have no normal to speak of.
 _SLIVER = 1e-5

@@ -24,17 +24,20 @@ from .polygon_mesh import PolygonMesh, areas, signed_areas
 #: UV of each triangle corner, (t, 3, 2) float64 metres, and chart of each triangle, (t,) int64, -1 for none.
 Segments = tuple[np.ndarray, np.ndarray]
 
-#: Square root of the texels that charts are laid out on before they are packed, and longest mesh there.
+#: Width of a square with the texels that charts are laid out on before they are packed.
 _DRAFT = 887
+
+#: Longest extent of a mesh there, texels.
 _LONGEST_DRAFT = 1 << 13
 
 #: Most triangles of a piece of a mesh that are cut in one call.
 _PIECE = 1 << 12
 
-#: Triangles of meshes that are cut at a time, and at most so many times.
+#: Triangles of meshes that are cut at a time, at least, and the most times.
 _BATCH = 1 << 13
 _MOST_BATCHES = 64
 
+#: What xatlas calls the chart of a vertex that is in none.
 _UNPACKED = 0xFFFFFFFF
 
 
@@ -182,7 +185,7 @@ def _drafting(meshes: Sequence[PolygonMesh], scales: Sequence[float]) -> Any:
 
 
 def _segments(atlas: Any, index: int, mesh: PolygonMesh, scale: float) -> Segments:
-    """Return the segments of one mesh of a draft, of which it was given times `scale`."""
+    """Return the segments of one mesh from a draft; xatlas was given the mesh times `scale`."""
     _, indices, uvs = atlas.get_mesh(index)
     _, charts = atlas.get_mesh_vertex_assignment(index)
     texels = (uvs.astype(np.float64) * [atlas.width, atlas.height])[indices]

@@ -56,7 +56,7 @@ Bake = Callable[..., Generator[Progress | Lightmap, list[Any] | None, Any]]
 
 
 class _CancelError(Exception):
-    """The parent does not want the lightmap any more."""
+    """The parent has cancelled the bake."""
 
 
 class _Outbox:

@@ -15,7 +15,7 @@ from ..scene import ReadScene
 from ..scene.uvs.uv_faults import covered_texels
 from .lightmap_files import LightmapFile
 
-#: Share of a lightmap's texels that may become black without a word: the far end of a light's fading.
+#: Fraction of a lightmap's texels that may become black without a word: the far end of a light's fading.
 _DARK = 0.01
 
 
@@ -47,14 +47,14 @@ def _sentences(file: LightmapFile, limits: Limits, counted: np.ndarray) -> Itera
         yield f"'{file.name}': {sentence}. {_remedy_for_dark(file)}.", clipping.dark
 
 
-def _too_bright(file: LightmapFile, limits: Limits, clipped: np.ndarray, share: float) -> str:
-    """Return what became of texels that are too bright, a share of all, with {} for their objects."""
+def _too_bright(file: LightmapFile, limits: Limits, clipped: np.ndarray, fraction: float) -> str:
+    """Return what became of texels that are too bright, this fraction of all, with {} for their objects."""
     brightest = np.where(clipped, np.abs(file.light).max(axis=-1), -np.inf)
     row, column = np.unravel_index(int(brightest.argmax()), clipped.shape)
     height, width = clipped.shape
     most = float(brightest.max())
     return (
-        f"'{file.name}': {share:.1%} of its texels were clipped to {limits.largest:.5g}, "
+        f"'{file.name}': {fraction:.1%} of its texels were clipped to {limits.largest:.5g}, "
         f"of {{}}. The brightest had {most:.5g}, at texel {column}, {row}, UV {(column + 0.5) / width:.3f}, "
         f"{(row + 0.5) / height:.3f}. {_remedy_for_bright(file, most)}."
     )

@@ -61,7 +61,7 @@ def _check_end(path: Path) -> None:
 
 
 def rgba(pixels: np.ndarray) -> np.ndarray:
-    """Return (h, w, 3) as the flat RGBA float32 with alpha 1 that Blender wants."""
+    """Return (h, w, 3) as the flat RGBA float32 with alpha 1 that Blender takes."""
     result = np.ones((*pixels.shape[:2], 4), np.float32)
     result[..., :3] = pixels
     return result.reshape(-1)

@@ -13,7 +13,7 @@ from .uvs.uv_faults import covered_texels
 
 #: Texels that may lie in several triangles: of an object, and the fraction of all that it has.
 _ALLOWED = 2
-_ALLOWED_SHARE = 0.005
+_ALLOWED_FRACTION = 0.005
 
 
 def without_overlaps(read: ReadScene, resolution: int) -> ReadScene:
@@ -51,7 +51,7 @@ def _clashing(mesh: Mesh, taken: np.ndarray, resolution: int) -> bool:
     """Return whether a mesh has no place among texels that are taken; if it has, it takes its own."""
     texels, count = covered_texels(mesh.uvs, resolution)
     clashing = (count > 1) | taken[texels]
-    if clashing.sum() > max(_ALLOWED_SHARE * len(texels), _ALLOWED):
+    if clashing.sum() > max(_ALLOWED_FRACTION * len(texels), _ALLOWED):
         return True
     taken[texels] = True
     return False

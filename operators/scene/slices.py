@@ -32,7 +32,7 @@ class Slice:
 
 
 def row_slices(rows: int, numbers: int) -> Iterator[slice]:
-    """Yield slices of the rows of an array, of so many numbers each, that are one slice of work."""
+    """Yield slices of the rows of an array that are one slice of work each; numbers: in a row."""
     step = max(1, _NUMBERS // max(numbers, 1))
     for start in range(0, rows, step):
         yield slice(start, min(start + step, rows))

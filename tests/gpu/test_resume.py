@@ -66,7 +66,7 @@ def pieces(monkeypatch):
     """
     monkeypatch.setattr(kept_samples, "_PIECE", 311 * 264)
     monkeypatch.setattr(slices, "_SLICE", 0)
-    monkeypatch.setattr(writing_time, "_SHARE", 1000)
+    monkeypatch.setattr(writing_time, "_PART", 1000)
 
 
 @pytest.mark.parametrize("kind", [long(kind) if kind in RARE else kind for kind in KINDS])

@@ -225,7 +225,7 @@ def read_material(
 
 
 def to_material(name: str, surface: Surface, culled: bool) -> Material:
-    """Return a surface as the engine wants it."""
+    """Return a surface as the engine's material."""
     alpha = float(np.clip(surface.alpha.constant[0], 0, 1))
     return Material(
         name,

@@ -15,7 +15,7 @@ LARGEST_GRID = 512
 
 #: Cells that two may both cover: of an object with many cells, and the fraction of all that it has.
 _ALLOWED, _MANY = 2, 16
-_ALLOWED_SHARE = 0.005
+_ALLOWED_FRACTION = 0.005
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Footprint:
     @property
     def overlaps(self) -> bool:
         """Whether the charts lie on each other, but for roundings."""
-        return self.doubled > max(_ALLOWED_SHARE * self.cells, _ALLOWED)
+        return self.doubled > max(_ALLOWED_FRACTION * self.cells, _ALLOWED)
 
     @property
     def window(self) -> tuple[slice, slice]:
@@ -50,7 +50,7 @@ class Footprint:
 
     def meets(self, taken: np.ndarray) -> bool:
         """Return whether cells of the whole grid, (g, g) bool, are covered, but for roundings."""
-        allowed = max(_ALLOWED_SHARE * self.cells, _ALLOWED if self.cells > _MANY else 0)
+        allowed = max(_ALLOWED_FRACTION * self.cells, _ALLOWED if self.cells > _MANY else 0)
         return int((taken[self.window] & self.covered).sum()) > allowed
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
@@ -12,6 +12,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 Made = TypeVar("Made")
+Step = TypeVar("Step")
+Told = TypeVar("Told")
 
 #: An expected pace counts as much as one that the stage itself shows for this time, s: one that was measured
 #: in earlier work, and a guess, which may be wrong by orders of magnitude.
@@ -182,17 +184,13 @@ class Schedule:
     ) -> Generator[Progress | None, None, Made]:
         """Do work with a schedule of its own as a stage of amount 1; return what it made."""
         self.begin(stage)
-        with closing(work):
-            while True:
-                try:
-                    progress = next(work)
-                except StopIteration as stop:
-                    self.end()
-                    made: Made = stop.value
-                    return made
-                yield None if progress is None else self._included(progress)
+        made = yield from retold(work, self._included)
+        self.end()
+        return made
 
-    def _included(self, progress: Progress) -> Progress:
+    def _included(self, progress: Progress | None) -> Progress | None:
+        if progress is None:
+            return None
         self.current.forecast = progress.seconds_left
         self.advance(progress.overall)
         left = math.nan if math.isnan(progress.seconds_left) else self.seconds_left
@@ -246,9 +244,16 @@ def finished(work: Generator[Any, None, Made]) -> Made:
 
 def part_of(first: float, last: float, work: Generator[float, None, Made]) -> Generator[float, None, Made]:
     """Do work as a part of something; yield the fraction done of all of it."""
-    while True:
-        try:
-            yield first + (last - first) * next(work)
-        except StopIteration as stop:
-            made: Made = stop.value
-            return made
+    return retold(work, lambda done: first + (last - first) * done)
+
+
+def retold(work: Generator[Step, None, Made], tell: Callable[[Step], Told]) -> Generator[Told, None, Made]:
+    """Do work, yield what is told of each of its steps, and return what it made; closing closes the work."""
+    with closing(work):
+        while True:
+            try:
+                step = next(work)
+            except StopIteration as stop:
+                made: Made = stop.value
+                return made
+            yield tell(step)

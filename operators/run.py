@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Generator, Sequence
-from contextlib import closing, suppress
+from contextlib import suppress
 from dataclasses import replace
 
 import bpy
@@ -16,7 +16,7 @@ from ..engine.finish.outputs import output_names
 from ..engine.lightmap import Lightmap
 from ..engine.naming import naming
 from ..engine.plan.stages import Extent
-from ..engine.progress import Progress, finished
+from ..engine.progress import Progress, finished, retold
 from ..engine.scene.model import Scene
 from ..engine.settings import Settings
 from .bake_report import bake_report
@@ -225,15 +225,13 @@ class Run:
 
     def _showing(self, work: Bake) -> Bake:
         """Do a bake's work and show its intermediate lightmaps."""
-        with closing(work):
-            while True:
-                try:
-                    progress = next(work)
-                except StopIteration as end:
-                    return end.value
-                if progress is not None and progress.intermediate is not None:
-                    self._images.show(progress.intermediate)
-                yield progress
+
+        def shown(progress: Progress | None) -> Progress | None:
+            if progress is not None and progress.intermediate is not None:
+                self._images.show(progress.intermediate)
+            return progress
+
+        return retold(work, shown)
 
     def _leave_out_overlaps(self, error: OverlapError) -> None:
         """Leave out the objects whose charts lie on others'; raise the error if none is left."""

@@ -8,7 +8,7 @@ import bpy
 
 from ..engine.errors import EngineError
 from ..engine.naming import counted
-from ..engine.progress import Progress
+from ..engine.progress import Progress, finished
 from .bake_settings import read_settings
 from .changes import Changes
 from .lightmap_size import chosen_width
@@ -45,11 +45,7 @@ class Unwrapping:
 
     def drain(self) -> Made:
         """Do all the work and return what was done."""
-        while True:
-            try:
-                self.step()
-            except StopIteration as end:
-                return end.value
+        return finished(self._work)
 
     def cancel(self, keep_images: bool = False) -> bool:
         """Stop it and leave everything as it was; there is nothing to keep."""

@@ -9,6 +9,7 @@ import pyopencl as cl
 
 from ..gather.device_l1 import L1
 from ..gather.final_gather import LightGather
+from ..progress import part_of
 
 
 class LastGather:
@@ -48,8 +49,8 @@ class LastGather:
     def _all_light(self, gather: Generator[float, None, np.ndarray]) -> Generator[float, None, None]:
         """Gather all light, and before it what was not reflected if that is told apart."""
         if self.separate_direct:
-            self.direct = (yield from _part(self._final.gather(self._emission), 0, 2))[:, :3]
-        self.gathered = yield from _part(gather, self.gathers - 1, self.gathers)
+            self.direct = (yield from part_of(0.0, 0.5, self._final.gather(self._emission)))[:, :3]
+        self.gathered = yield from part_of(1 - 1 / self.gathers, 1.0, gather)
         if not self._bounces:
             self.direct = self.gathered[:, :3]
         self.done = True
@@ -68,15 +69,3 @@ class LastGather:
         """E/pi of light that was reflected, (n, 3) float32."""
         indirect: np.ndarray = np.maximum(self.irradiance - self.direct, 0)
         return indirect
-
-
-def _part(
-    gather: Generator[float, None, np.ndarray], index: int, count: int
-) -> Generator[float, None, np.ndarray]:
-    """Gather as one of several times; yield the fraction done of all of them."""
-    while True:
-        try:
-            yield (index + next(gather)) / count
-        except StopIteration as stop:
-            gathered: np.ndarray = stop.value
-            return gathered

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..progress import Progress, Schedule, Stage
+from ..progress import Progress, Schedule, Stage, part_of
 from .charts import make_charts
 from .cutting import USUAL, Cutting
 from .packing import PADDING, pack_charts
@@ -146,13 +146,7 @@ def _fill_all(
     filled: list[FilledSquare] = []
     for number, square in enumerate(squares):
         work = _fill(meshes, charts, square, number)
-        while True:
-            try:
-                part = next(work)
-            except StopIteration as stop:
-                filled += stop.value
-                break
-            yield (number + part) / len(squares)
+        filled += yield from part_of(number / len(squares), (number + 1) / len(squares), work)
     return filled
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator
 from dataclasses import replace
 
-from ...engine.progress import Progress
+from ...engine.progress import Progress, retold
 from ...engine.scene.model import Scene
 from .faults import without_faults
 from .light.lights import Lamps
@@ -24,13 +24,12 @@ def read_lamps(
     """
     with SceneWatch(context, hurried) as watch:
         work = _read(watch, scene)
-        while True:
-            try:
-                said = next(work)
-            except StopIteration as stop:
-                lit: Scene = stop.value
-                return lit
-            yield Progress(said if isinstance(said, str) else "Reading lamps", 0.0)
+        return (yield from retold(work, _progress))
+
+
+def _progress(said: float | str | None) -> Progress:
+    """Return what a window shows of a step of reading, which says what comes next if that takes long."""
+    return Progress(said if isinstance(said, str) else "Reading lamps", 0.0)
 
 
 def _read(watch: SceneWatch, scene: Scene) -> Slices[Scene]:

@@ -8,7 +8,7 @@ from contextlib import ExitStack, closing
 from dataclasses import replace
 
 from ....engine.errors import WorkerError
-from ....engine.progress import Progress
+from ....engine.progress import Progress, retold
 from ....engine.unwrap.charts import make_charts
 from ....engine.unwrap.cutting import Cutting
 from ....engine.unwrap.polygon_mesh import Charts, PolygonMesh
@@ -76,15 +76,11 @@ def _after(
     part: float, work: Generator[Progress | None, None, Unwrapped]
 ) -> Generator[Progress | None, None, Unwrapped]:
     """Do work of which some part is done already."""
-    with closing(work):
-        while True:
-            try:
-                progress = next(work)
-            except StopIteration as stop:
-                made: Unwrapped = stop.value
-                return made
-            overall = 0.0 if progress is None else part + (1 - part) * progress.overall
-            yield progress and replace(progress, overall=overall)
+
+    def told(progress: Progress | None) -> Progress | None:
+        return progress and replace(progress, overall=part + (1 - part) * progress.overall)
+
+    return retold(work, told)
 
 
 def _cut_side_by_side(

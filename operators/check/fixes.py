@@ -13,7 +13,7 @@ from ...engine.progress import finished
 from ..applied_copies import apply_on_copies
 from ..changes import Changes
 from ..lightmap_size import chosen_width
-from ..lookup import find
+from ..object_properties import set_property
 from ..result.preview import hide_preview
 from ..scene import SceneContext, visible_meshes
 from ..scene.objects.render_settings import show_as_rendered
@@ -44,9 +44,7 @@ def unwrap_anew(
 ) -> None:
     """Make lightmap UVs in another layer, which the objects then use; the one that is of no use stays."""
     for obj in objects:
-        before = obj.hemibake.own_uv_layer
-        changes.add(lambda uid=obj.session_uid, name=before: _choose_layer(uid, name))
-        obj.hemibake.own_uv_layer = _free_layer(obj, context.scene.hemibake.uv_layer)
+        set_property(obj, "own_uv_layer", _free_layer(obj, context.scene.hemibake.uv_layer), changes)
     unwrap(context, objects, value, changes)
 
 
@@ -116,9 +114,7 @@ def cut_along_walls(
         sentence = "No edge runs along {}: cut a loop there into what they stand on, or raise the density."
         raise SceneError(naming(sentence, [obj.name for obj in objects]))
     for obj in floors:
-        before = obj.hemibake.cut_along_walls
-        changes.add(lambda uid=obj.session_uid, before=before: _set_cut(uid, before))
-        obj.hemibake.cut_along_walls = True
+        set_property(obj, "cut_along_walls", True, changes)
     resolution = chosen_width(where, floors, settings)
     work = unwrap_missing(
         where, floors, settings.uv_layer, resolution, changes, Anew.CHARTS, visible_meshes(where)
@@ -145,15 +141,3 @@ def _free_layer(obj: bpy.types.Object, uv_layer: str) -> str:
     names = {base, *obj.data.uv_layers.keys(), *obj.data.attributes.keys()}
     numbered = (f"{base}.{number:03d}" for number in range(1, len(names) + 2))
     return next(name for name in ("Lightmap", *numbered) if name not in names)
-
-
-def _set_cut(uid: int, value: bool) -> None:
-    obj = find(bpy.data.objects, uid)
-    if obj is not None:
-        obj.hemibake.cut_along_walls = value
-
-
-def _choose_layer(uid: int, name: str) -> None:
-    obj = find(bpy.data.objects, uid)
-    if obj is not None:
-        obj.hemibake.own_uv_layer = name

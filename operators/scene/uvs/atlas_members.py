@@ -8,7 +8,7 @@ import bpy
 
 from ....engine.naming import naming
 from ...changes import Changes
-from ...lookup import find
+from ...object_properties import set_property
 from ..scene_context import SceneContext
 from .known_charts import is_made
 from .lightmap_layer import lightmap_layer
@@ -66,7 +66,8 @@ class AtlasMembers:
                 )
                 taken.add(fresh)
                 objects = self._objects.of(page.uids)
-                _move(objects, page.atlas, fresh, changes)
+                for obj in objects:
+                    set_property(obj, "atlas", fresh, changes)
                 sentence = f"New lightmap UVs were made for {{}}: they have the lightmap '{fresh}'."
                 notes.append(naming(sentence, [obj.name for obj in objects]))
             elif page.atlas is not None:
@@ -83,16 +84,3 @@ class AtlasMembers:
         own = obj.data.is_editable and uv_modifier(obj, self._uv_layer) is None
         movable = own and obj.session_uid in self._movable
         return movable and is_made([obj], lightmap_layer(obj, self._uv_layer))
-
-
-def _move(objects: Sequence[bpy.types.Object], atlas: str, fresh: str, changes: Changes) -> None:
-    """Let objects go from one atlas to another."""
-    for obj in objects:
-        changes.add(lambda uid=obj.session_uid: _set_atlas(uid, atlas))
-        obj.hemibake.atlas = fresh
-
-
-def _set_atlas(uid: int, atlas: str) -> None:
-    obj = find(bpy.data.objects, uid)
-    if obj is not None:
-        obj.hemibake.atlas = atlas

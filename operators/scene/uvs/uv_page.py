@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import bpy
 import numpy as np
 
 from ...changes import Changes
-from ...lookup import find
+from ...object_properties import set_property
 from .known_charts import digest_of
 from .object_lookup import ObjectLookup
 from .uv_layers import replace_layer
@@ -46,18 +45,6 @@ class Page:
             if target.topology is None:
                 replace_layer(users[0], target.layer, uvs, changes)
                 for obj in users:
-                    _remember_made(obj, digest_of(uvs), changes)
+                    set_property(obj, "made_uvs", digest_of(uvs), changes)
             else:
                 add_uv_modifier(users, uvs, target.topology, target.layer, changes)
-
-
-def _remember_made(obj: bpy.types.Object, digest: str, changes: Changes) -> None:
-    """Keep with an object what UVs have been made for it."""
-    changes.add(lambda uid=obj.session_uid, before=obj.hemibake.made_uvs: _set_made(uid, before))
-    obj.hemibake.made_uvs = digest
-
-
-def _set_made(uid: int, digest: str) -> None:
-    obj = find(bpy.data.objects, uid)
-    if obj is not None:
-        obj.hemibake.made_uvs = digest

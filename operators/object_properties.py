@@ -1,0 +1,21 @@
+"""Hemibake's properties of objects, changed such that it can be taken back."""
+
+from __future__ import annotations
+
+import bpy
+
+from .changes import Changes
+from .lookup import find
+
+
+def set_property(obj: bpy.types.Object, name: str, value: object, changes: Changes) -> None:
+    """Give one of Hemibake's properties of an object a value."""
+    uid, before = obj.session_uid, getattr(obj.hemibake, name)
+    changes.add(lambda: _restore(uid, name, before))
+    setattr(obj.hemibake, name, value)
+
+
+def _restore(uid: int, name: str, before: object) -> None:
+    obj = find(bpy.data.objects, uid)
+    if obj is not None:
+        setattr(obj.hemibake, name, before)

@@ -14,17 +14,16 @@ import tempfile
 import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from ...engine.setting import PREFERENCES
-from ...engine.settings import kept_with_scene, shown_in
-from .options import OWN, CommandError, Parser, parse
+from .opening import check_scene, open_scene, replace_world
+from .option_values import apply_settings
+from .options import CommandError, Parser, parse
 from .part import choose_part
 from .quiet import quiet_stdout
 from .signals import Signals, Stopped
 
-if TYPE_CHECKING:
-    import bpy
+#: Endings of files that a scene can be exported to.
+_EXPORTED = (".glb", ".gltf")
 
 #: Bakes what the options say and returns the report.
 Work = Callable[[argparse.Namespace, Signals], dict]
@@ -55,7 +54,7 @@ def execute(arguments: Sequence[str], parser: Parser, work: Work) -> int:
 def check_paths(options: argparse.Namespace) -> None:
     """Raise CommandError if there is no such scene, or the baked one could not be saved or exported."""
     if options.scene is not None:
-        _check_scene(options.scene.resolve())
+        check_scene(options.scene.resolve())
     if options.export is not None and options.export.suffix.lower() not in _EXPORTED:
         raise CommandError(f"'{options.export.name}' is no name of a glTF file: use {', '.join(_EXPORTED)}.")
     for path in (options.export, options.save_blend, options.report):
@@ -66,7 +65,7 @@ def check_paths(options: argparse.Namespace) -> None:
 def prepare(options: argparse.Namespace) -> None:
     """Open what is named, all of it or a part, and give it the world and the settings of the options."""
     if options.scene is not None:
-        _open_scene(options.scene.resolve())
+        open_scene(options.scene.resolve())
     choose_part(options)
     if options.world is not None:
         replace_world(options.world)
@@ -116,15 +115,6 @@ def save(options: argparse.Namespace, report: dict) -> dict:
     return report
 
 
-def _check_scene(scene: Path) -> None:
-    if scene.is_dir():
-        raise CommandError(f"'{scene}' is a folder. Name a scene file in it.")
-    if scene.suffix.lower() not in _OPENERS:
-        raise CommandError(f"'{scene.name}' is not a scene this can open: use {', '.join(_OPENERS)}.")
-    if not scene.is_file():
-        raise CommandError(f"There is no file '{scene}'.")
-
-
 def _check_place(path: Path) -> None:
     """Raise CommandError if no file can be written at a path."""
     try:
@@ -137,99 +127,6 @@ def _check_place(path: Path) -> None:
             raise PermissionError(f"'{path}' is read-only")
     except OSError as error:
         raise CommandError(f"Nothing can be written to '{path}': {error}. Choose another path.") from error
-
-
-def _open_scene(path: Path) -> None:
-    try:
-        _OPENERS[path.suffix.lower()](str(path))
-    except RuntimeError as error:
-        raise CommandError(f"'{path}' cannot be opened: {error}".strip()) from error
-
-
-def _open_blend(path: str) -> None:
-    import bpy
-
-    bpy.ops.wm.open_mainfile(filepath=path, load_ui=False)
-
-
-def _import_gltf(path: str) -> None:
-    import bpy
-
-    _start_empty()
-    bpy.ops.import_scene.gltf(filepath=path)
-
-
-def _import_obj(path: str) -> None:
-    import bpy
-
-    _start_empty()
-    bpy.ops.wm.obj_import(filepath=path)
-
-
-def _start_empty() -> None:
-    """Leave the open file for an empty one: a scene that is imported is baked alone."""
-    import bpy
-
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-
-
-#: Endings of files that a scene can be exported to, and what opens each kind of scene.
-_EXPORTED = (".glb", ".gltf")
-_OPENERS = {".blend": _open_blend, ".glb": _import_gltf, ".gltf": _import_gltf, ".obj": _import_obj}
-
-
-def replace_world(radiance: tuple[float, float, float]) -> None:
-    """Give the scene a constant background."""
-    import bpy
-
-    world = bpy.data.worlds.new("World")
-    if world.node_tree is None:
-        world.use_nodes = True
-    background = next(node for node in world.node_tree.nodes if node.bl_idname == "ShaderNodeBackground")
-    background.inputs["Color"].default_value = (*radiance, 1.0)
-    background.inputs["Strength"].default_value = 1.0
-    bpy.context.scene.world = world
-
-
-def apply_settings(options: argparse.Namespace) -> None:
-    """Copy the given options to the settings of the scene and, for this process, of the machine."""
-    import bpy
-
-    scene = bpy.context.scene.hemibake
-    scene.directory = str(options.out.resolve())
-    given = {name: value for name, value in vars(options).items() if value is not None}
-    if "resolution" in given:
-        scene.size_mode = "SIZE"
-    if "texels_per_metre" in given:
-        scene.size_mode = "DENSITY"
-    for name in [name for name in ("quality", *kept_with_scene(), *OWN) if name in given]:
-        _apply(scene, name, given[name])
-    for name in given.keys() & set(shown_in(PREFERENCES)):
-        _apply(_preferences(), name, given[name])
-
-
-def _preferences() -> bpy.types.AddonPreferences:
-    """Return the preferences of the add-on, whichever repository it has been installed from."""
-    import bpy
-
-    addons = bpy.context.preferences.addons
-    return next(addon.preferences for addon in addons if addon.module.rpartition(".")[2] == "hemibake")
-
-
-def _apply(settings: bpy.types.bpy_struct, name: str, value: object) -> None:
-    """Give a setting the value of its option."""
-    try:
-        setattr(settings, name, value)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise CommandError(_refusal(settings.bl_rna.properties[name], value)) from error
-
-
-def _refusal(setting: bpy.types.Property, value: object) -> str:
-    """Return why a setting does not take a value."""
-    if setting.type == "ENUM":
-        typed = ", ".join(sorted(value)) if isinstance(value, set) else str(value)
-        return f"{setting.identifier} is {typed}; choose one of {', '.join(setting.enum_items.keys())}."
-    return f"{setting.identifier} is {value}, which is far out of its range."
 
 
 def _tell(report: dict, as_json: bool) -> None:

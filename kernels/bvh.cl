@@ -348,8 +348,8 @@ void store_packets(__global const float *positions, __global const NodeLink *lin
             packets[lane / PACKET * PACKET * RECORD + k * PACKET + lane % PACKET] = 0.0f;
 }
 
-// A child of a node, as kernels/rays.cl reads it: the planes of its box, or in nodes of two its middle and half its size,
-// larger by a margin. A box at infinity becomes one that no ray meets.
+// A child of a node, as kernels/rays.cl reads it: the planes of its box, or in nodes of two its middle and half its
+// size, larger by a margin. A box at infinity becomes one that no ray meets.
 void store_child(__global float *record, const Box box, const int code, const float margin)
 {
     float3 low = box.low, high = box.high;

@@ -4,15 +4,15 @@
     __global const float4 *irradiance, __global float4 *gathered, __global float4 *defects, \
     const int column, const int count
 
-// With the static light and the direct light; and the defect to the last irradiance.
+// Store a patch's light with its static and its direct light, and the defect: its difference to the last irradiance.
 #define STORE(light, patch) do { \
     const float4 all = light + static_light[patch] + direct[patch]; \
     gathered[(size_t)column * count + patch] = all; \
     defects[(size_t)column * count + patch] = all - irradiance[patch]; \
 } while (0)
 
-// Four samples at a time, all of them or every `stride`th four, of neighbouring patches others; one patch a group,
-// `slots` from `first` on. EVEN: all samples weigh the same; else none is left out.
+// One patch a group, from patch `first` on. Samples are read four at a time, of these fours one in `stride`:
+// neighbouring patches begin with different ones. EVEN: all samples weigh the same; otherwise `stride` is 1.
 __kernel void gather(__global const Front4 *cache, __global const float4 *multiplier,
                      __global const float4 *radiance, LIGHT_ARGUMENTS, const int quads, const int stride,
                      const int first, __local float4 *partial)
@@ -38,7 +38,7 @@ __kernel void gather(__global const Front4 *cache, __global const float4 *multip
         STORE(sum, first + slot);
 }
 
-// The same for light that was gathered already, with the static light.
+// The same where the static light already contains what patches have gathered.
 __kernel void take(LIGHT_ARGUMENTS)
 {
     const int patch = get_global_id(0);

@@ -4,12 +4,12 @@
 // Groups in the squares around a patch's own: at most one of each is where the patch's surface goes on.
 #define AROUND 9
 
-// Of these there have to be some, so that what the plane leaves over tells something.
+// At least this many groups make a plane: of fewer, what it leaves over does not tell how well it fits.
 #define FEWEST 5
 
-// A group goes on with a patch's surface if it lies where texels away lie in the world, but for this part of a
-// square, and is turned like it. If one of them has more backs in view than this leaves, things stand there: where
-// they end is for each patch to see.
+// A group continues a patch's surface if it lies, up to this part of a square, where steps of whole texels lead to in
+// the world, and if the cosine between both normals is at least SAME_WAY. Where fronts take less of the view of a
+// group than FRONTS, something stands on the surface, and each patch has to gather for itself.
 #define OFF_PLANE 0.5f
 #define SAME_WAY 0.9f
 #define FRONTS 0.9f

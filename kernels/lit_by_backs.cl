@@ -1,4 +1,4 @@
-// Looks that may meet something else than a back: what has more sees enough to be no inside.
+// A point is not inside of anything if more than this many of its looks meet something else than a back.
 #define OTHERS 3
 
 // 1 for patches that see little but backs, and among them that of a triangle that shines.

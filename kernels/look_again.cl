@@ -1,7 +1,8 @@
 // What patches see once something has moved: only samples that may meet something else are cast anew.
 
-// Which samples of a view lead into a ball, by their place on the unit square: all with x, the squared sine from the
-// normal, from `low` to `high`, and y, the turn around it, `half` at most from `middle`. Other samples need no ray.
+// Which samples of a view lead into a ball, by their place on the unit square: those whose x, the squared sine of the
+// angle to the normal, is from `low` to `high`, and whose y, the turn around the normal, is at most `half_width` from
+// `middle`. Other samples need no ray.
 typedef struct {
     float low, high, middle, half_width;
 } Window;

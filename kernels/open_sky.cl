@@ -29,8 +29,8 @@ float3 whole_sky(const float3 normal, __global const float4 *open_sky)
     return mix(below, above, f.y).xyz;
 }
 
-// Scale the sum of the sky that a view's samples meet, of each item of a group, by what all of them would miss of
-// it if nothing hid it. In w the sum has the part of the view that the sky takes.
+// Scale each item's sum of the sky that a view's samples meet by what the whole sky brings over what all samples
+// would sum up if nothing hid it. w of the sum is the part of the view that the sky takes.
 void scale_to_sky(ViewSum *seen, const View *view, SAMPLES, const int samples, const int n, SKY_ARGUMENTS,
                   __local float4 *partial)
 {

@@ -4,17 +4,17 @@
 #define WAYS 8  // rays in the plane; opposite ones tell how thick the thing is
 #define MARGIN 0.05f  // how far outside a point is moved, in widths of its texel
 
-// Of the first looks from a point one at least meets a back if it is inside of something; of all of them as many
-// may see out.
+// A point is inside of something if at least one of its FIRST looks meets a back, and at most OUT of all its looks
+// see out.
 #define FIRST 3
 #define OUT 1
 
-// Looks from a front that is met which may meet backs, if it is not inside itself: in a corner that a wall ends in
-// fronts see one another.
+// A front that is met is not inside itself if at most this many looks from it meet backs; in a corner where a wall
+// ends, fronts see one another.
 #define FEW_BACKS (LOOKS / 4)
 
-// Whether a look sees out: it meets nothing, or a front that sees something else than backs itself. Of a thin
-// wall that ends in another one the front of that is seen from between its sides.
+// Whether a look sees out: it meets nothing, or a front that itself sees more than backs. From between the sides of
+// a thin wall that ends in another wall, the front of the other one is seen, too; it sees nothing but backs.
 bool looks_out(const Rays *rays, const Hit *hit, const float3 at, const float height, __global const float *normals)
 {
     if (hit->triangle < 0 || !hit->front)
@@ -42,9 +42,9 @@ bool is_inside(const Rays *rays, const Receiver *r, const float3 start, const fl
     return backs > 0 && out <= OUT;
 }
 
-// xyz: the way out, 0 for none; w: how thick what the point is in is there, INFINITY if farther than `reach`, m.
-// walls: a triangle of it, -1 where there is none near a point inside; sides: those that it is so thick between; inside: 1 for
-// points inside of something. normals: of the triangles.
+// ways: xyz the way out, m, 0 for none; w how thick the thing is that the point is in, m, INFINITY if its sides are
+// farther than `reach`. walls: a triangle of it, -1 if none is near. sides: the two triangles that the thickness is
+// measured between. inside: 1 for points inside of something. normals: of the triangles.
 __kernel void push_out(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const float *normals,
                        const float reach, __global float4 *ways, __global int *walls, __global int2 *sides,
                        __global uchar *inside, const int count)

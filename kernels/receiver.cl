@@ -29,7 +29,7 @@ Receiver load_receiver(__global const ReceiverRecord *record)
 #define LEANS_MUCH 0.64f
 #define LEANS_LITTLE 0.82f
 
-// What a surface rises by counts above this fraction of the longest edge: flat faces rise by rounding.
+// The smooth surface is above its triangle from this fraction of the longest edge on: less comes from rounding.
 #define FLAT 1e-4f
 
 // How far outside of its flat triangle the smooth surface is at a point: the point is projected on the planes

@@ -115,7 +115,8 @@ __kernel void points_within(__global const float *uvs, __global const int *trian
         left -= fan_area(polygon, fan);
     const float root = sqrt(clamp(left / fmax(fan_area(polygon, fan), 1e-30f), 0.0f, 1.0f)), across = unit.y;
     const float2 part = last < 0 ? (float2)(1.0f / 3.0f)
-        : (1.0f - root) * polygon[0].zw + root * (1.0f - across) * polygon[fan + 1].zw + root * across * polygon[fan + 2].zw;
+        : (1.0f - root) * polygon[0].zw + root * (1.0f - across) * polygon[fan + 1].zw
+            + root * across * polygon[fan + 2].zw;
     const float3 all = (float3)(1.0f - part.x - part.y, part);
     vstore3(clamp(all, 0.0f, 1.0f), point, barycentrics);
 }

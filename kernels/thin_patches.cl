@@ -8,7 +8,8 @@ __kernel void find_thin(__global const float *uvs, __global const int *triangles
     if (patch >= count)
         return;
     float2 corners[3];
-    corners_at(uvs, triangles[patch], resolution, (float2)(texels[patch] % resolution, texels[patch] / resolution), corners);
+    const float2 texel = (float2)(texels[patch] % resolution, texels[patch] / resolution);
+    corners_at(uvs, triangles[patch], resolution, texel, corners);
     const float3 part = vload3(patch, barycentrics);
     const float2 at = part.x * corners[0] + part.y * corners[1] + part.z * corners[2];
     thin[patch] = any(fabs(at - 0.5f) > rounding);

@@ -5,11 +5,11 @@ typedef struct {
     float4 x, y, z;
 } L1;
 
-// The l1 of light that brings E(n)/pi = 1: what its direction's part across the normal is multiplied with, and the
-// part along the normal, functions of their cosine. Least squares over normals as rough surfaces have them (Beckmann and Spizzichino 1963, slope
-// 0.4), of the cosine times the shadow that bumps cast on each other (Estevez, Lecocq and Stein, "A Microfacet-Based
-// Shadowing Function to Solve the Bump Terminator Problem", Ray Tracing Gems 2019), as Cycles has it; here
-// polynomials, which tests/gpu/test_tilt.py makes anew.
+// Factors x and y of c = d . n, by which light from a direction d that brings E(n)/pi = 1 has l1 = x (d - c n) + y n.
+// Least squares over normals as rough surfaces have them (Beckmann and Spizzichino 1963, slope 0.4), of the cosine
+// times the shadow that bumps cast on each other (Estevez, Lecocq and Stein, "A Microfacet-Based Shadowing Function
+// to Solve the Bump Terminator Problem", Ray Tracing Gems 2019), as Cycles has it; as polynomials, which
+// tests/gpu/test_tilt.py computes again.
 #ifndef PROJECTED
 float2 tilt_factors(const float c)
 {

@@ -23,7 +23,8 @@ View view_of(const Receiver *r, const int patch, const int samples, const uint s
     return view;
 }
 #else
-// Where a patch looks from, turned about its normal at random for life (engine/visibility/views/hemicube.py: rotations).
+// Where a patch looks from, turned about its normal at random, once for all iterations
+// (engine/visibility/views/hemicube.py: rotations).
 View view_of(const Receiver *r, const int patch, const int samples, const uint salt, const int rotate)
 {
     float3 x, y;

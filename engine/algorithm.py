@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
-from concurrent.futures import Future
 from contextlib import closing
 from dataclasses import replace
 
@@ -12,33 +11,26 @@ import numpy as np
 from .device.devices import Devices
 from .direct.contact import NearFaces
 from .direct.lighting import DirectLighting
-from .finish.carried_maps import carried_maps, restored_maps
-from .finish.denoising import Denoising
 from .finish.device_values import Values
-from .finish.light_group_maps import summing_up
 from .finish.made_outputs import Outputs
-from .finish.outputs import is_light, is_of_light_group, output_names
-from .finish.parted_seams import without_parted
-from .finish.second_look import SecondLook
+from .finish.outputs import output_names
 from .finish.store import LightmapStore
 from .lightmap import Lightmap, Report
 from .patches.occluders import place_occluders
-from .patches.seams import Seams
 from .plan.choice import Choice
 from .plan.choose import choose_solver
 from .plan.display_light import DisplayLight, light_in_texels
 from .plan.display_points import DisplayJob
+from .plan.finishing import Finishing
 from .plan.kept import Kept
 from .plan.last_light import LastLight
 from .plan.light_group_light import light_by_groups
 from .plan.limits import check_limits, check_patch_count
-from .plan.look_twice import look_twice
 from .plan.remote_devices import RemoteDevices
 from .plan.solve_job import SolveJob
 from .plan.stages import BakeStages
 from .plan.without_opencl import without_opencl
-from .progress import Progress, part_of
-from .scene.color import channel_sum
+from .progress import Progress
 from .scene.model import Scene
 from .settings import Settings
 from .solve.solution import Solution
@@ -142,11 +134,10 @@ def _bake(
     made, lit = yield from _made(stages, outputs, texels, len(atlases), near, solution)
 
     # Images without noise and seams, and with dilated charts (VI.B).
-    _refine(store, lit, channel_sum(solution.irradiance))
-    denoising = Denoising(store.known, settings)
-    passes = yield from _finished(stages, store, denoising, texels, solution, seams, made, lit)
-    warnings = (*notes, *parts.warnings, *lighting.warnings, *lit.warnings, *denoising.warnings)
-    choice = replace(choice, reasons=(*choice.reasons, *lit.reasons, *denoising.reasons))
+    finishing = Finishing(store, texels, solution, made, lit)
+    passes = yield from finishing.images(stages, seams)
+    warnings = (*notes, *parts.warnings, *lighting.warnings, *finishing.warnings)
+    choice = replace(choice, reasons=(*choice.reasons, *finishing.reasons))
     facts = (settings, choice, len(parts.patches), stages.seconds, devices, warnings)
     report = _summary(solution, solved.parts.surfaces.emission, *facts)
     return Lightmap(
@@ -203,102 +194,6 @@ def _made(
     made |= groups
     names = output_names(texels.scene, job.settings)
     return {name: made[name] for name in names}, replace(lit, values=lit.values | samples)
-
-
-def _quiet(
-    stages: BakeStages,
-    store: LightmapStore,
-    denoising: Denoising,
-    texels: DisplayJob,
-    solution: Solution,
-    made: dict[str, Values],
-    lit: DisplayLight,
-) -> Generator[Progress, None, dict[str, np.ndarray]]:
-    """Return maps without noise, what texels show, (atlases, r, r, 3) float32, by name; none if it stays.
-
-    made: of each output the values of the patches; lit: of the samples of texels
-    """
-    if not texels.job.settings.denoise:
-        return {}
-    shown = {name: store.texels(values, lit.values.get(name)) for name, values in made.items()}
-    normals = store.texels(texels.job.parts.geometry.normal, lit.normals)
-    quiet = _without_noise(store, denoising, look_twice(texels, solution), shown, normals)
-    return (yield from stages.run(stages.denoising, quiet))
-
-
-def _without_noise(
-    store: LightmapStore,
-    denoising: Denoising,
-    looking: Generator[float, None, tuple[dict[str, np.ndarray], float]],
-    shown: dict[str, np.ndarray],
-    normals: np.ndarray,
-) -> Generator[float, None, dict[str, np.ndarray]]:
-    """Return maps of light, and of where it comes from, without noise, by name; yield the fraction done.
-
-    looking  for a second look
-    shown    what texels show, (atlases, r, r, 3) float32, by name
-    normals  of the texels, (atlases, r, r, 3) float32
-    """
-    values, part = yield from part_of(0.0, 0.4, looking)
-    seen = {name: store.image(light) for name, light in values.items()}
-    again = SecondLook(seen, store.centres, part) if seen else None
-    names = [name for name in shown if is_light(name)]
-    light = {name: shown[name] for name in names} | carried_maps(shown)
-    filtered = yield from part_of(0.4, 1.0, denoising.run(light, again))
-    if filtered is light:
-        return {}
-    quiet = {name: filtered[name] for name in names}
-    return quiet | restored_maps(shown, filtered, normals)
-
-
-def _refine(store: LightmapStore, lit: DisplayLight, light: np.ndarray) -> None:
-    """Let texels show their samples; light: (n,) float32, E/pi of the patches, sum of the channels."""
-    if len(lit.samples):
-        store.refine(lit.means(store.has_patch.shape[1]), lit.hidden)
-    if len(lit.inside):
-        store.part(lit.beside_walls(store.texels(light, lit.light), store.known))
-
-
-def _finished(
-    stages: BakeStages,
-    store: LightmapStore,
-    denoising: Denoising,
-    texels: DisplayJob,
-    solution: Solution,
-    seams: Future[Seams] | None,
-    made: dict[str, Values],
-    lit: DisplayLight,
-) -> Generator[Progress, None, dict[str, np.ndarray]]:
-    """Return the images to keep, (atlases, r, r, 3) float32, by name.
-
-    seams  to hide
-    made   of each output the values of the patches
-    lit    of the samples of texels
-    """
-    shown = yield from _quiet(stages, store, denoising, texels, solution, made, lit)
-    yield stages.begin(stages.images)
-    if seams:
-        in_sight = _in_sight(texels.job, store, seams.result(), lit, solution)
-        store.hide_seams(texels.job.kept.thin_patches(texels.job.compute, texels.job.parts), in_sight)
-    passes = {name: store.final(image) for name, image in shown.items()}
-    left = {name: values for name, values in made.items() if name not in shown}
-    passes |= store.finished(left, lit.values)
-    passes = {name: passes[name] for name in made}
-    groups = {name: images for name, images in passes.items() if is_of_light_group(name)}
-    if groups:
-        passes |= summing_up(groups, passes["combined"])
-    yield stages.end()
-    return passes
-
-
-def _in_sight(
-    job: SolveJob, store: LightmapStore, seams: Seams, lit: DisplayLight, solution: Solution
-) -> Seams:
-    """Return seams without those that something stands on which parts the light of both sides."""
-    if not job.rays.possible:
-        return seams
-    shown = store.texels(channel_sum(solution.irradiance), lit.light if len(lit.samples) else None)
-    return without_parted(seams, job.parts, job.rays, shown, store.known, store.hidden)
 
 
 def _summary(

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import time
 
-import dask
 import numpy as np
 import pyopencl as cl
+from dask.config import get
 from dask.utils import parse_bytes
+from distributed.config import config
 
 from ..device.buffers import download
 from ..gather.final_gather import FinalGather
@@ -20,7 +21,7 @@ from .shipment import Shipment, Squares
 from .sweep_memory import MappedLight, write_rows
 
 #: Bytes that Dask expects to travel in a second.
-_BANDWIDTH = parse_bytes(dask.config.get("distributed.scheduler.bandwidth"))
+_BANDWIDTH = parse_bytes(get("distributed.scheduler.bandwidth", config=config))
 
 
 class Block:

@@ -20,9 +20,11 @@ if TYPE_CHECKING:
     from ..solve.solution import Solution
     from .choice import Choice
 
-#: Seconds that nothing has measured yet: to open devices and to choose a method; of the host for a texel of a
-#: lightmap; of a processor to cast a ray or to draw a texel of a hemicube.
-_OPENING, _CHOOSING, _TEXEL, _RAY = 0.5, 0.5, 1e-7, 2e-7
+#: Seconds, guessed until they are measured, to open devices and to choose a method;
+_OPENING, _CHOOSING = 0.5, 0.5
+
+#: of the host for a texel of a lightmap; of a processor to cast a ray or to draw a texel of a hemicube.
+_TEXEL, _RAY = 1e-7, 2e-7
 
 #: Seconds that a processor takes to denoise a texel.
 _FILTERED = 1.5e-6
@@ -36,13 +38,13 @@ _TRIANGLE = 5
 #: To look up a kept sample costs this part of finding it.
 _LOOK_UP = 0.02
 
-#: Patches among the texels of a lightmap, and their mean reflectance, before they are known.
+#: Fraction of a lightmap's texels that are patches, and their mean reflectance, before they are known.
 _COVERAGE, _REFLECTANCE = 0.6, 0.6
 
 #: Samples that adaptive bakes find, as a part of those of all patches, before it is known.
 _ADAPTED = 0.5
 
-#: Texels that show more than their centre among all, before they are known.
+#: Fraction of the patches whose texels show more than their centre, before it is known.
 _REFINED = 0.15
 
 #: What the pace of finding what patches see is called.

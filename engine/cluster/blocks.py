@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-#: Patches of a block at most, and blocks at least: many enough for a slow device to take fewer of them.
+#: Most patches of a block, and fewest blocks: enough of them for a slow device to take fewer than a fast one.
 _LARGEST, _FEWEST = 1 << 18, 16
 
 

@@ -28,8 +28,11 @@ from .prepared_scene import prepare
 from .shipment import Shipment, Squares
 from .sweep_memory import SweepMemory
 
-#: Seconds after which a bake that waits may be cancelled, and those that it waits while there are no workers.
-_PAUSE, _PATIENCE = 0.2, 20.0
+#: A bake that waits for workers can be cancelled this often, s.
+_PAUSE = 0.2
+
+#: It ends with an error once there have been none for this time, s.
+_PATIENCE = 20.0
 
 #: Points of texels in a task, at least: fewer take as long.
 _FEWEST_POINTS = 2048

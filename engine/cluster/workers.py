@@ -29,10 +29,10 @@ from .sweep_memory import is_at_hand, memory_folder
 #: What stands for a worker on each device of this machine, instead of an address.
 LOCAL = "all"
 
-#: Seconds in which a machine has to say whether a scheduler is there, and a first worker has to be there.
+#: Seconds in which a machine has to answer whether a scheduler is there, and a first worker has to join.
 _LISTEN, _JOIN = 10, 30
 
-#: Seconds in which refused workers report why and leave; and those to wait for others then.
+#: Seconds that refused workers have to tell why and to leave, and that others then have to join.
 _REFUSAL, _OTHERS = 0.25, 2
 
 _UNSAFE = (

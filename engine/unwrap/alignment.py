@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-#: An edge runs along an axis if it leaves it by less than this part of its length; lines are one if they are
-#: nearer than that, in texels.
-_ALONG, _ONE = 1e-3, 1e-3
+#: An edge runs along an axis if it leaves it by less than this part of its length.
+_ALONG = 1e-3
+
+#: Lines that are nearer to each other than this are one, texels.
+_ONE = 1e-3
 
 #: What lies between two lines is stretched or squeezed by this factor at most, or the chart stays as it is.
 _MOST = 3.0

@@ -11,11 +11,14 @@ import numpy as np
 from ..segment_sums import segment_sums
 from .adjacency import Adjacency, components
 
-#: Polygons of a surface for which this is done, and of a part that is worth a chart.
+#: Least polygons of a surface that is split, and of a part that is worth a chart.
 _LARGE, _SMALL = 1500, 12
 
-#: Directions of one surface, at most; it has enough if nothing is turned farther from its own.
-_DIRECTIONS, _FAR = 10, np.cos(np.radians(55))
+#: Most directions that one surface is split by.
+_DIRECTIONS = 10
+
+#: Cosine of the angle up to which polygons may be turned from their direction; beyond it more are needed.
+_FAR = np.cos(np.radians(55))
 
 #: Rounds of clustering, and of taking the neighbours' direction.
 _ROUNDS, _SMOOTHING = 4, 6

@@ -14,7 +14,7 @@ from .polygon_mesh import Charts, PolygonMesh, signed_areas
 #: A chart is halved if it is longer than this part of the side of a square with the area of all charts,
 _LONGEST = 0.9
 
-#: or longer than this part of it while it covers less than a part of its box.
+#: or longer than _LONG of that side while it covers less than _SPARSE of its box.
 _LONG, _SPARSE = 0.25, 0.48
 
 #: Most times that a chart is halved.

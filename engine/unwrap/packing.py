@@ -23,19 +23,25 @@ _BORDER = 1
 #: Mean area of a chart, texels, below which its light could not be stored.
 _LEAST_CHART = 0.01
 
-#: Part of a page that is covered by charts with their share of the gaps, as a rule.
+#: Part of a page that charts with half of the gaps around them usually cover.
 _USUAL = 0.95
 
-#: Packings to find the scale, at most those until the first that fits, and the part of the page's height
-#: that is enough.
+#: Packings to find the scale, and the most of them until the first one that fits.
 _ATTEMPTS, _MOST_ATTEMPTS = 7, 30
+
+#: A packing is full enough from this part of the page's height on.
 _FULL = 0.985
+
+#: The search ends once the least scale that failed is less than this multiple of the largest that did not.
 _NARROW = 1.005
 
-#: Part of the time of packing in which charts are laid down, and charts whose shapes are found together.
-_LOOSENING, _TOGETHER = 0.2, 256
+#: Part of the time of packing in which charts are laid down.
+_LOOSENING = 0.2
 
-#: A scale that failed is lowered by this factor, and once more for each one before it, or as measured.
+#: Charts whose shapes are found together.
+_TOGETHER = 256
+
+#: While none has fitted, the n-th scale that fails is lowered by the n-th power of this at least.
 _CAUTION = 0.99
 
 

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-#: Spans of a shape, at most, for which rows are looked for that have such long runs at all.
+#: Rows are looked at closely if their longest free runs have room for this many of a shape's spans.
 _LOOKED_FOR = 6
 
 #: Rows that are looked at first for such runs; then twice as many, and so on.

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from .triangle_spans import triangle_spans
+
 #: Cells along the wider side of each chart, and charts that are looked at together.
 _GRID = 64
 _CHUNK = 256
@@ -44,35 +46,9 @@ def doubly_covered(uvs: np.ndarray, chart: np.ndarray, count: int) -> np.ndarray
 
 def _doubled(corners: np.ndarray, chart: np.ndarray, count: int) -> np.ndarray:
     """Return which charts have cells whose centres lie in several triangles, (t, 3, 2) cells."""
-    triangle, row, start, end = _spans(corners)
+    triangle, row, start, end = triangle_spans(corners)
     line = (chart[triangle] * _GRID + row) * (_GRID + 1)
     cells = count * _GRID * (_GRID + 1)
     steps = np.bincount(line + start, minlength=cells) - np.bincount(line + end, minlength=cells)
     covers = np.cumsum(steps.reshape(count, _GRID * (_GRID + 1)), axis=1)
     return (covers > 1).sum(axis=1) > _ALLOWED * (covers > 0).sum(axis=1)
-
-
-def _spans(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return triangle, row, first and end column, (n,) int64 each, of the cells whose centres are inside.
-
-    A centre on an edge is in one of two triangles that have it.
-    """
-    order = np.argsort(corners[..., 1], axis=1, kind="stable")
-    low, middle, high = np.take_along_axis(corners, order[..., None], axis=1).transpose(1, 0, 2)
-    first = np.ceil(low[:, 1] - 0.5).astype(np.int64)
-    rows = np.ceil(high[:, 1] - 0.5).astype(np.int64) - first
-    triangle = np.repeat(np.arange(len(corners)), rows)
-    row = first[triangle] + np.arange(len(triangle)) - np.repeat(np.cumsum(rows) - rows, rows)
-    low, middle, high, y = low[triangle], middle[triangle], high[triangle], row + 0.5
-    lower = (y < middle[:, 1])[:, None]
-    crossings = [
-        _crossing(low, high, y),
-        _crossing(np.where(lower, low, middle), np.where(lower, middle, high), y),
-    ]
-    start, end = np.ceil(np.sort(crossings, axis=0) - 0.5).astype(np.int64)
-    return triangle, row, start, end
-
-
-def _crossing(low: np.ndarray, high: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return the x at which edges from `low` to `high`, (n, 2), cross rows."""
-    return low[:, 0] + (y - low[:, 1]) / (high[:, 1] - low[:, 1]) * (high[:, 0] - low[:, 0])

@@ -8,6 +8,7 @@ import numpy as np
 
 from ....engine.progress import finished
 from ....engine.scene.checks import UV_TOLERANCE
+from ....engine.unwrap.triangle_spans import triangle_spans
 
 #: Texels along the wider side of the charts' box when overlaps are looked for, and triangles at a time.
 _GRID = 512
@@ -85,25 +86,9 @@ def _spans(corners: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
 
     Both are (n,) int64, row * (width + 1) + column. A texel's centre on an edge is in one triangle.
     """
-    low, middle, high = np.take_along_axis(
-        corners, np.argsort(corners[..., 1], axis=1, kind="stable")[..., None], axis=1
-    ).transpose(1, 0, 2)
-    first = np.ceil(low[:, 1] - 0.5).astype(np.int64)
-    rows = np.ceil(high[:, 1] - 0.5).astype(np.int64) - first
-    triangle = np.repeat(np.arange(len(corners)), rows)
-    row = first[triangle] + np.arange(len(triangle)) - np.repeat(np.cumsum(rows) - rows, rows)
-    low, middle, high, y = low[triangle], middle[triangle], high[triangle], row + 0.5
-    lower = (y < middle[:, 1])[:, None]
-    one = _crossing(low, high, y)
-    other = _crossing(np.where(lower, low, middle), np.where(lower, middle, high), y)
-    columns = np.ceil(np.sort([one, other], axis=0) - 0.5).astype(np.int64)
-    starts, ends = row * (width + 1) + np.clip(columns, 0, width)
+    _, row, start, end = triangle_spans(corners)
+    starts, ends = (row * (width + 1) + np.clip(column, 0, width) for column in (start, end))
     return starts, ends
-
-
-def _crossing(low: np.ndarray, high: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return the x at which edges from `low` to `high`, (n, 2), cross rows."""
-    return low[:, 0] + (y - low[:, 1]) / (high[:, 1] - low[:, 1]) * (high[:, 0] - low[:, 0])
 
 
 def _areas(corners: np.ndarray) -> np.ndarray:

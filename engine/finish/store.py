@@ -54,6 +54,7 @@ class LightmapStore:
         self._thin_texels = self._texel[:0]
         on_texels = patches.on_texels(atlases)
         self.has_patch, self._entry = on_texels > 0, on_texels.ravel()
+        self._visible = self._entry[self._texel]
 
     def hide(self, front: np.ndarray, near: NearFaces) -> None:
         """Choose the patches whose texels are filled for display.
@@ -61,8 +62,10 @@ class LightmapStore:
         front  (n,) float32, the fraction of each patch's view that no back takes: patches inside closed
                objects see backs only
         near   of the patches: those that a face hides are dark, whatever they see beyond that face
+
+        Those of before are chosen no more: faces move away.
         """
-        self._entry[self._texel[near.hide[self._chosen]]] = 0
+        self._entry[self._texel] = np.where(near.hide[self._chosen], 0, self._visible)
         self._device = None
         self._fill(is_hidden(front, near))
 

@@ -10,7 +10,7 @@ from engine import Changes, Light, Lightmap, Scene, SceneError, Session, Setting
 from engine.device import slices
 from engine.scene.model import OCCLUDER
 from engine.visibility.rays.identity import RayIdentity
-from tests.analytic.scenes import nine_quad_room
+from tests.analytic.scenes import material, nine_quad_room, quads, rectangle
 
 SETTINGS = Settings(
     resolution=41, hemicube=8, samples=64, visibility="rays", light_samples=5, texel_samples=1,
@@ -213,6 +213,27 @@ def test_a_light_goes_out_and_comes_back(session):
     live.update(ROOM)
     again = finished(live.settle())
     assert error(again.image, first.image, first.has_patch) < 2 * SETTINGS.tolerance
+
+
+def test_floor_is_lit_where_a_box_stood(session, other):
+    """The box touches it: what a face hides is dark, until that face is gone."""
+    corners = np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)], float)
+    sides = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (1, 3, 7, 5), (3, 2, 6, 7), (2, 0, 4, 6)]
+    charts = [(14 * (index % 2), 13 * (index // 2), 11, 11) for index in range(6)]
+    box = quads(corners[np.array(sides)], charts, [0] * 6, 41, "Box")
+    floor = quads(rectangle((-1, -1, 0), (4, 0, 0), (0, 4, 0))[None], [(2, 3, 36, 35)], [0], 41, "Floor")
+    sun = Light("Sun", "sun", np.zeros(3), np.eye(3), np.ones(3, np.float32))
+    meshes = floor, dataclasses.replace(box, atlas=1)
+    scene = Scene(meshes, (material("Grey", 0.5),), ("Floor", "Box"), lights=(sun,))
+    live = session.live(scene, SETTINGS)
+    before = finished(live.settle())
+    away = np.eye(4)
+    away[:3, 3] = (1.7, 1.6, 0.4)
+    live.update(Changes(moves={1: away}))
+    after, expected = finished(live.settle()), fresh(other, live.scene)
+    assert ((before.image[0] == 0) & (expected.image[0] > 0.1)).any(axis=-1).sum() > 50
+    assert np.array_equal(after.image == 0, expected.image == 0)
+    np.testing.assert_allclose(after.display, expected.display, atol=0.01)
 
 
 @pytest.mark.parametrize(

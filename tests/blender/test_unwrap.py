@@ -283,9 +283,9 @@ def test_thousands_of_objects_are_looked_through_once():
     for number in range(4000):
         bpy.context.scene.collection.objects.link(bpy.data.objects.new(f"Copy {number}", mesh.copy()))
     multi_user = part("operators.scene.uvs.multi_user")
-    start = time.perf_counter()
+    start = time.process_time()
     assert multi_user.multi_user_sources("Lightmap") == set()
-    assert time.perf_counter() - start < 1
+    assert time.process_time() - start < 1
 
 
 def test_doubled_faces_get_charts_of_their_own():

@@ -54,7 +54,7 @@ class DisplaySamples(Portable):
         keys: np.ndarray = self.atlas.astype(np.int64) * resolution**2 + self.texel
         return keys
 
-    def part(self, chosen: slice) -> DisplaySamples:
+    def part(self, chosen: slice | np.ndarray) -> DisplaySamples:
         """Return some samples."""
         return DisplaySamples(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
 

@@ -10,6 +10,7 @@ from ..runs import run_numbers, run_starts
 from ..segment_sums import segment_sums
 from .display_samples import DisplaySamples
 from .texel_planes import TexelPlanes, steps_around
+from .texels_beyond import TexelsBeyond
 
 #: A sample that weighs less than this part of the heaviest of its texel was moved out of something.
 _MOVED = 0.01
@@ -24,7 +25,8 @@ class TexelMeans:
 
     What is seen of a texel that something cuts lies beside its centre: its mean goes on to there by the slope
     of a plane through the samples of 3 x 3 texels (`TexelPlanes`). Where most of it is seen, texels beyond it
-    are read, too: they show the mean of the planes around such texels beside them.
+    are read, too: they show the mean of the planes around such texels beside them. Where light bends, they
+    and texels that are hardly seen get what makes the display right at the samples (`TexelsBeyond`).
     """
 
     def __init__(self, samples: DisplaySamples, visible: np.ndarray, resolution: int) -> None:
@@ -36,7 +38,7 @@ class TexelMeans:
         self.texels, self._texel = keys[chosen[self._starts]], run_numbers(self._starts, len(chosen))
         self._chosen, self._weight = chosen, samples.weight[chosen].astype(np.float64)
         self._total = np.bincount(self._texel, self._weight, len(self.texels))
-        self._cut, mostly_seen = self._cut_texels(firsts, samples.weight)
+        self._cut, self._off_centre, mostly_seen = self._cut_texels(firsts, samples.weight, resolution)
         place = _from_centres(samples.position[chosen], keys[chosen], resolution)
         self._centroid = self._sums(place)[self._cut] / self._total[self._cut, None]
         cut = self.texels[self._cut]
@@ -52,6 +54,10 @@ class TexelMeans:
         self._target = np.concatenate([(np.cumsum(near) - 1)[there] for _, there, _ in steps])
         back = [np.tile(np.negative(step, dtype=float), (len(there), 1)) for _, there, step in steps]
         self._step = np.concatenate(back)
+        seen = samples.part(chosen)
+        hardly_seen = np.delete(self._cut, mostly_seen)
+        beyond = np.concatenate([hardly_seen, np.arange(len(self.texels), len(self.shown))])
+        self._beyond = TexelsBeyond(seen, self.shown, beyond, resolution)
 
     @cached_property
     def hidden(self) -> np.ndarray:
@@ -74,9 +80,11 @@ class TexelMeans:
         means = self._sums(chosen) / self._total[:, None]
         if len(self._cut):
             planes = self._planes.through(chosen)
-            off = means[self._cut] - np.einsum("td,tdc->tc", self._centroid, planes[:, 1:])
-            means[self._cut] = self._planes.bounded(off, chosen, np.arange(len(off)))
+            slope = np.einsum("td,tdc->tc", self._centroid, planes[:, 1:])[self._off_centre]
+            off = means[self._cut[self._off_centre]] - slope
+            means[self._cut[self._off_centre]] = self._planes.bounded(off, chosen, self._off_centre)
             means = np.concatenate([means, self._light_beyond(planes, chosen)])
+            means = self._beyond.fitted(means, chosen)
         return means.astype(np.float32)
 
     def _light_beyond(self, planes: np.ndarray, chosen: np.ndarray) -> np.ndarray:
@@ -91,22 +99,29 @@ class TexelMeans:
         """Return sums of values of chosen samples, (m, c), times their weights, over each texel, (k, c)."""
         return segment_sums(values * self._weight[:, None], self._texel, len(self.texels))
 
-    def _cut_texels(self, firsts: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the numbers of texels some of whose samples are hidden or were moved, (t,) int64.
+    def _cut_texels(
+        self, firsts: np.ndarray, weight: np.ndarray, resolution: int
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the numbers of texels that something cuts or hides a neighbour of, (t,) int64.
 
-        The second array, int64, has the numbers among these of texels half of which at least is seen.
+        The other arrays, int64, have the numbers among these of texels that it cuts, some of whose samples
+        are hidden or were moved, and of those half of which at least is seen.
 
         firsts: the first sample of each texel, (a,) int64; weight: (s,) float32, of all samples
         """
         if not len(self.texels):
-            return self._starts, self._starts
+            return self._starts, self._starts, self._starts
         heaviest = np.maximum.reduceat(self._weight, self._starts)
         whole = self._weight > _MOVED * heaviest[self._texel]
         seen = np.bincount(self._texel, whole, len(self.texels))
         number = np.add.reduceat(weight > 0, firsts, dtype=np.int64)
         number = number[np.searchsorted(self._all, self.texels)]
-        cut = np.flatnonzero(seen < number)
-        return cut, np.flatnonzero(2 * seen[cut] >= number[cut])
+        beside = seen < number
+        for _, there, _ in steps_around(self.hidden, self.texels, resolution):
+            beside[there] = True
+        cut = np.flatnonzero(beside)
+        off_centre = np.flatnonzero(seen[cut] < number[cut])
+        return cut, off_centre, np.flatnonzero(2 * seen[cut] >= number[cut])
 
 
 def _from_centres(position: np.ndarray, keys: np.ndarray, resolution: int) -> np.ndarray:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from engine.finish.bilinear import footprints
 from engine.finish.display_samples import DisplaySamples, no_samples
 from engine.finish.texel_means import TexelMeans
 
@@ -54,6 +55,26 @@ def test_texels_beyond_what_is_seen_are_those_that_it_reads():
     assert set(means.beyond % RESOLUTION) == {4} and len(means.beyond) == ATLASES * RESOLUTION
     assert set(means.hidden % RESOLUTION) == {4, 5, 6}
     assert len(TexelMeans(samples, samples.position[:, 0] < 3.3, RESOLUTION).beyond) == 0
+
+
+@pytest.mark.parametrize("line", [3.1, 3.87])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_light_that_bends_up_to_what_cuts_it_is_shown_where_it_is_seen(line, axis):
+    """As beside a lamp at a ceiling, or at the foot of a wall: planes are off by up to 2.4 and 4.7 %."""
+    samples = samples_of_all_texels()
+    place = samples.position[:, axis]
+    light = np.stack([np.exp(0.45 * (place - line)), np.sqrt(line + 0.3 - np.minimum(place, line))], axis=1)
+    light[-2:] = [[0, 0], [9, 9]]
+    visible = (place < line) | (samples.atlas == 1)
+    means = TexelMeans(samples, visible, RESOLUTION)
+    image = np.zeros((ATLASES * RESOLUTION**2, 2))
+    image[means.shown] = means.of(light.astype(np.float32))
+    texels, weights = footprints(samples.atlas, samples.position, RESOLUTION)
+    shown = np.einsum("sk,skc->sc", weights, image[texels])
+    inside = np.abs(samples.position - RESOLUTION / 2).max(axis=1) < RESOLUTION / 2 - 1
+    foot = inside & (samples.atlas == 0) & (place < line) & (place > line - 0.5)
+    off = shown[foot] / light[foot] - 1
+    assert (np.sqrt((off**2).mean(axis=0)) < (0.01, 0.02)).all()
 
 
 def test_whole_texels_show_the_bits_of_their_means():

@@ -55,7 +55,7 @@ test-package: ## install the package into Blender 4.2 to 5.2, bake, upgrade, rem
 test-package-short: setup package ## the same in the Blenders that are there
 	.venv/bin/python -m pytest tests/packaging
 
-test-gui: setup $(WHEELS) ## bake, cancel, preview, undo and save in a real window of Debian's Blender; pictures in out/gui
+test-gui: setup $(WHEELS) ## bake, cancel, preview, mix, follow, undo and save in a real window of Debian's Blender; pictures in out/gui
 	.venv/bin/python -m pytest tests/gui
 
 test-export: setup ## show exported files with three.js in headless Chromium, and with Godot 3, pixel by pixel against the preview

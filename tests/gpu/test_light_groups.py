@@ -112,7 +112,7 @@ def off(first: np.ndarray, second: np.ndarray, of: np.ndarray) -> float:
 )
 def test_light_is_the_sum_of_groups_before_anything_makes_it_so(changes, limit, monkeypatch):
     """And all light is that of a bake without groups, bit for bit."""
-    monkeypatch.setattr("engine.algorithm.summing_up", lambda maps, combined: maps)
+    monkeypatch.setattr("engine.plan.finishing.summing_up", lambda maps, combined: maps)
     settings = dataclasses.replace(SETTINGS, **changes)
     several = drive(room(), settings)
     assert list(several.passes) == ["combined", *MAPS]

@@ -32,7 +32,7 @@ from ..solve.solution import Solution
 from ..visibility.samples import ray_count
 from .choice import Choice
 from .display_points import DisplayJob, DisplayPoints
-from .hidden_light import as_seen, with_seen_surfaces
+from .hidden_light import HiddenLight
 from .light_group_gather import gather_light_groups, of_all_light
 from .light_group_solver import SettledGroup
 from .lit_samples import LitSamples
@@ -106,9 +106,9 @@ def light_in_texels(
     if not len(samples):
         return _nothing("No texel shows more than its centre.")
     settings = _settings_of_samples(what.job.settings, count)
-    settled = as_seen(what, solution.settled, known.hidden)
-    seen = with_seen_surfaces(what, what.solved, known.hidden)
-    radiance, remote = radiance_of(seen, settled), what.job.remote
+    hidden = HiddenLight(what, known.hidden)
+    settled = hidden.seen(solution.settled)
+    radiance, remote = radiance_of(hidden.on_surfaces(what.solved), settled), what.job.remote
     if remote is not None:
         sent = HalfLight.of(compute, radiance, what.solved.count)
         lit = yield from remote.light_at(samples, sent, what.choice, settings)
@@ -146,9 +146,9 @@ def light_groups_in_texels(
         return []
     settings = of_all_light(_settings_of_samples(what.job.settings, lit.count))
     side_by_side = np.concatenate([group.settled for group in groups], axis=1)
-    seen = as_seen(what, side_by_side, lit.hidden)
-    seen = seen.reshape(len(side_by_side), len(groups), 3)
-    solved = [with_seen_surfaces(what, group.solved, lit.hidden) for group in groups]
+    hidden = HiddenLight(what, lit.hidden)
+    seen = hidden.seen(side_by_side).reshape(len(side_by_side), len(groups), 3)
+    solved = [hidden.on_surfaces(group.solved) for group in groups]
     light: list[np.ndarray] = []
     for batch, done in _batches(lit.samples):
         points = DisplayPoints(what, batch, settings)

@@ -19,85 +19,122 @@ _REACH = 2
 _FAINTEST = 1e-4
 
 
-def as_seen(what: DisplayJob, settled: np.ndarray, hidden: np.ndarray) -> np.ndarray:
-    """Return E/pi, (m, 3 g) float32, of the patches that send light out, of hidden ones from beside them.
-
-    settled  (m, 3 g) float32, E/pi of g groups of lights side by side; or reflectance
-    hidden   (n,) bool, patches of the job that nobody sees
-    """
-    if not hidden.any():
-        return settled
-    if what.solved is what.job:
-        return _seen_beside_hidden(what.job.parts, settled, hidden)
-    patches, entries = what.job.parts.patches, what.solved.parts.texel_to_patch
-    group = entries.reshape(len(entries), -1)[patches.atlas, patches.texel].astype(np.int64) - 1
-    return _groups_beside_hidden(what.job.parts, group, settled, hidden)
-
-
-def with_seen_surfaces(what: DisplayJob, solved: SolveJob, hidden: np.ndarray) -> SolveJob:
-    """Return a job whose hidden patches, (n,) bool, reflect what those beside them do, as in `as_seen`."""
-    surfaces = solved.parts.surfaces
-    seen = replace(surfaces, reflectance=as_seen(what, surfaces.reflectance, hidden))
-    return replace(solved, parts=replace(solved.parts, surfaces=seen))
-
-
-def _groups_beside_hidden(
-    parts: Subdivision, group: np.ndarray, light: np.ndarray, hidden: np.ndarray
-) -> np.ndarray:
-    """Return light of groups of patches, (m, 3 g) float32; that of groups with hidden patches is made anew.
-
-    It becomes the mean over the group's visible patches and over its hidden ones near visible patches, which
-    have the light beside them. Patches without light do not count: hidden ones farther off, which nobody
-    sees, have none.
-
-    group   (n,) int64, of each patch
-    light   (m, 3 g) float32, E/pi
-    hidden  (n,) bool
-    """
-    of_patches = _seen_beside_hidden(parts, light[group], hidden)
-    changed = np.zeros(len(light), bool)
-    changed[group[hidden]] = True
-    seen = np.flatnonzero(changed[group])
-    seen = seen[of_patches[seen].any(axis=1)]
-    number = np.bincount(group[seen], minlength=len(light))[changed]
-    sums = segment_sums(of_patches[seen], group[seen], len(light))[changed]
-    result = light.copy()
-    result[changed] = sums / np.maximum(number, 1)[:, None]
-    return result
-
-
-def _seen_beside_hidden(parts: Subdivision, light: np.ndarray, hidden: np.ndarray) -> np.ndarray:
-    """Return light of patches, (n, 3 g) float32, in which hidden ones have that of patches beside them.
+class HiddenLight:
+    """Gives hidden patches the light of visible patches beside them.
 
     A ray that meets the visible part of a texel whose centre is hidden has to find the light beside the
     centre. The harmonic mean of the patches there is taken: where a thin wall has light on one side and none
-    on the other it is dark; a bright one would light the foot of the wall on its dark side. The g groups of
-    lights are weighed by their sum.
+    on the other it is dark; a bright one would light the foot of the wall on its dark side.
+
+    what    patches, and those that send light out: the same, or groups of them
+    hidden  (n,) bool, patches of the job that nobody sees
     """
-    filled, known, left = light.copy(), ~hidden, np.flatnonzero(hidden)
-    total, beside = channel_sum(filled), _patches_beside(parts, left)
-    for _ in range(_REACH):
-        counts = (beside > 0) & known[beside - 1]
-        reached = counts.any(axis=1)
-        mine, near, counts = left[reached], beside[reached], counts[reached].astype(np.float32)
-        sums = np.einsum("hk,hkc->hc", counts, filled[near - 1])
-        filled[mine] = sums * _darkened(total, near, counts)[:, None]
-        total[mine] = channel_sum(filled[mine])
-        known[mine] = True
-        left, beside = left[~reached], beside[~reached]
-    filled[left] = 0
-    return filled
+
+    def __init__(self, what: DisplayJob, hidden: np.ndarray) -> None:
+        parts, self._hidden = what.job.parts, np.flatnonzero(hidden)
+        beside = _patches_beside(parts, self._hidden)
+
+        # Hidden patches and those around them are numbered from 1 on, in the order of all patches.
+        near = np.zeros(len(hidden) + 1, bool)
+        near[beside] = near[self._hidden + 1] = True
+        near[0] = False
+        chosen = np.flatnonzero(near)
+        number = np.zeros(len(near), np.int64)
+        number[chosen] = np.arange(1, len(chosen) + 1)
+        self._mine, self._beside = number[self._hidden + 1] - 1, number[beside]
+        self._visible = ~hidden[chosen - 1]
+
+        # The patch or the group that sends out the light of each.
+        self._sender, self._groups = chosen - 1, None
+        if len(chosen) and what.solved is not what.job:
+            entries = what.solved.parts.texel_to_patch.ravel()
+            keys = parts.patches.atlas.astype(np.int64) * parts.patches.resolution**2 + parts.patches.texel
+            group = entries.take(keys)
+            self._sender = group[chosen - 1].astype(np.int64) - 1
+            self._groups = _HiddenGroups(group, self._hidden)
+
+    def seen(self, light: np.ndarray) -> np.ndarray:
+        """Return E/pi, (m, 3 g) float32, of the patches that send light out, of hidden ones from beside them.
+
+        light: (m, 3 g) float32, E/pi of g groups of lights side by side, weighed by their sum; or reflectance
+        """
+        if not len(self._hidden):
+            return light
+        brightest = float(channel_sum(light).max())
+        of_hidden = self._beside_hidden(light[self._sender], max(_FAINTEST * brightest, 1e-30))
+        if self._groups:
+            return self._groups.with_light(light, of_hidden)
+        seen = light.copy()
+        seen[self._hidden] = of_hidden
+        return seen
+
+    def on_surfaces(self, solved: SolveJob) -> SolveJob:
+        """Return a job whose hidden patches reflect what those beside them do, as in `seen`."""
+        surfaces = solved.parts.surfaces
+        seen = replace(surfaces, reflectance=self.seen(surfaces.reflectance))
+        return replace(solved, parts=replace(solved.parts, surfaces=seen))
+
+    def _beside_hidden(self, light: np.ndarray, faintest: float) -> np.ndarray:
+        """Return the light of hidden patches, (h, 3 g) float32, black where no visible patch is near.
+
+        light: (k, 3 g) float32, of those that are numbered; faintest: what counts as that much
+        """
+        known, left, beside = self._visible.copy(), self._mine, self._beside
+        total = channel_sum(light)
+        for _ in range(_REACH):
+            counts = (beside > 0) & known[beside - 1]
+            reached = counts.any(axis=1)
+            mine, near, counts = left[reached], beside[reached], counts[reached].astype(np.float32)
+            sums = np.einsum("hk,hkc->hc", counts, light[near - 1])
+            light[mine] = sums * _darkened(total[near - 1], counts, faintest)[:, None]
+            total[mine] = channel_sum(light[mine])
+            known[mine] = True
+            left, beside = left[~reached], beside[~reached]
+        light[left] = 0
+        return light[self._mine]
 
 
-def _darkened(total: np.ndarray, beside: np.ndarray, counts: np.ndarray) -> np.ndarray:
+class _HiddenGroups:
+    """Groups of patches that hidden ones are in.
+
+    group   (n,) uint32, of each patch, + 1
+    hidden  (h,) int64
+    """
+
+    def __init__(self, group: np.ndarray, hidden: np.ndarray) -> None:
+        members = np.bincount(group)[1:]
+        of_hidden = group[hidden].astype(np.int64) - 1
+        among = np.bincount(of_hidden, minlength=len(members))
+        self._changed = np.flatnonzero(among)
+        self._visible = (members - among)[self._changed]
+        self._group = np.searchsorted(self._changed, of_hidden)
+
+    def with_light(self, light: np.ndarray, of_hidden: np.ndarray) -> np.ndarray:
+        """Return light of all groups, (m, 3 g) float32; that of groups with hidden patches is made anew.
+
+        It becomes the mean over the group's visible patches and over its hidden ones near visible patches.
+        Patches without light do not count: hidden ones farther off, which nobody sees, have none.
+
+        light: (m, 3 g) float32, of groups; of_hidden: (h, 3 g) float32
+        """
+        before, lit = light[self._changed], of_hidden.any(axis=1)
+        visible = self._visible * before.any(axis=1)
+        count = len(self._changed)
+        number = visible + np.bincount(self._group[lit], minlength=count)
+        sums = before * visible[:, None] + segment_sums(of_hidden[lit], self._group[lit], count)
+        result = light.copy()
+        result[self._changed] = sums / np.maximum(number, 1)[:, None]
+        return result
+
+
+def _darkened(total: np.ndarray, counts: np.ndarray, faintest: float) -> np.ndarray:
     """Return the factors, (h,) float32, that make harmonic means of sums of patches' light.
 
-    total (n,) of all channels together; beside (h, k) int64, patch + 1; counts (h, k) float32, 1 for
-    those that are added up, else 0
+    total (h, k) of all channels together; counts (h, k) float32, 1 for those that are added up, else 0
     """
-    light, number = total[beside - 1], channel_sum(counts)
-    bright = np.maximum(light, max(_FAINTEST * float(total.max()), 1e-30))
-    inverse, sums = np.einsum("hk,hk->h", counts, 1 / bright), np.einsum("hk,hk->h", counts, light)
+    number = channel_sum(counts)
+    inverse = np.einsum("hk,hk->h", counts, 1 / np.maximum(total, faintest))
+    sums = np.einsum("hk,hk->h", counts, total)
     factor: np.ndarray = np.minimum(number / np.maximum(inverse, 1e-30) / np.maximum(sums, 1e-30), 1 / number)
     return factor.astype(np.float32)
 

@@ -1,6 +1,6 @@
 // What both sides of seams show: light that differs may be parted by what stands there (engine/finish/parted_seams.py).
 
-// Marks: light of both sides differs, or is known of one alone; one side at least reads what nobody sees.
+// Marks: light of both sides differs, or is not known of both; one side at least reads what nobody sees.
 #define OTHER_LIGHT 1
 #define READS_HIDDEN 2
 
@@ -35,7 +35,7 @@ __kernel void compare_sides(__global const float4 *sides, __global const int2 *a
         return;
     const float3 first = shown_light(sides[seam].xy, atlases[seam].x, light, texels, resolution);
     const float3 second = shown_light(sides[seam].zw, atlases[seam].y, light, texels, resolution);
-    const bool one = (first.y > 0.0f) != (second.y > 0.0f);
-    const bool other = one || fabs(first.x - second.x) > differs * fmax(first.x, second.x);
+    const bool unknown = first.y <= 0.0f || second.y <= 0.0f;
+    const bool other = unknown || fabs(first.x - second.x) > differs * fmax(first.x, second.x);
     marks[seam] = (other ? OTHER_LIGHT : 0) | (first.z + second.z > 0.0f ? READS_HIDDEN : 0);
 }

@@ -45,7 +45,7 @@ def without_parted(
     both = (beside >= 0).all(axis=1)
     some, beside = some[both], beside[both]
 
-    # Where light differs and both patches are inside, that is of what stands between what is seen.
+    # Where light differs, or nobody sees it, and both patches are inside, that is of what stands between.
     stands = (marks[some] & _OTHER_LIGHT > 0) & hidden[beside].all(axis=1)
     kept = np.ones(len(seams), bool)
     kept[some] = ~(stands | _something_between(parts, rays, beside))

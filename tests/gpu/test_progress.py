@@ -83,5 +83,4 @@ def test_seconds_left_are_right_within_a_factor_of_three_at_half_time(changes):
 def told_over_true_at_half_time(settings):
     steps, took = timed(nine_quad_room(), settings)
     at, step = next((at, step) for at, step in steps if at > took / 2)
-    assert math.isfinite(step.seconds_left)
-    return step.seconds_left / (took - at)
+    return math.inf if math.isnan(step.seconds_left) else step.seconds_left / (took - at)

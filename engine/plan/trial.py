@@ -27,7 +27,7 @@ _TRIED, _MORE, _LONG_ENOUGH = 32, 8, 0.01
 _SHORT = 0.5
 
 #: Nor if rays are faster by this factor than drawing ever was on this device.
-_CLEARLY = 10
+_CLEARLY = 4
 
 
 def make_identity(job: SolveJob, visibility: str) -> Identity:

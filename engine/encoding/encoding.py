@@ -37,7 +37,7 @@ class Encoding(Limits, Protocol):
 
     @property
     def formula(self) -> str:
-        """The light of a texel in GLSL: `rgb` and `a` are the texel's in [0, 1], `intensity` as above."""
+        """GLSL 3.30 that sets `light` of a texel, `rgb` and `a` in [0, 1], and of `intensity`, as above."""
         ...
 
     def encode(self, light: np.ndarray) -> np.ndarray:

@@ -51,9 +51,10 @@ class LogLuv:
         """The lines before `light` make the parts of its last one."""
         to_rgb = ", ".join(f"{value:.6f}" for value in _FROM_XYZ.T.ravel())
         return (
-            "Y = rgb.r + rgb.g == 0.0 ? 0.0 : exp2((65280.0 * rgb.r + 255.0 * rgb.g + 0.5) / 256.0 - 64.0); "
-            "u = (255.0 * rgb.b + 0.5) / 410.0; v = (255.0 * a + 0.5) / 410.0; "
-            "X = Y * 9.0 * u / (4.0 * v); Z = Y * (12.0 - 3.0 * u - 20.0 * v) / (4.0 * v); "
+            "float level = 65280.0 * rgb.r + 255.0 * rgb.g, "
+            "Y = level == 0.0 ? 0.0 : exp2((level + 0.5) / 256.0 - 64.0), "
+            "u = (255.0 * rgb.b + 0.5) / 410.0, v = (255.0 * a + 0.5) / 410.0, "
+            "X = Y * 9.0 * u / (4.0 * v), Z = Y * (12.0 - 3.0 * u - 20.0 * v) / (4.0 * v); "
             f"light = intensity * max(mat3({to_rgb}) * vec3(X, Y, Z), 0.0)"
         )
 

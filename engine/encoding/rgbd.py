@@ -40,7 +40,7 @@ class Rgbd:
     @property
     def formula(self) -> str:
         """The power is of the colour alone."""
-        return f"light = intensity * pow(rgb, {self.gamma:g}) / a"
+        return f"light = intensity * pow(rgb, vec3({self.gamma:g})) / a"
 
     def encode(self, light: np.ndarray) -> np.ndarray:
         """Return light as texels."""

@@ -40,7 +40,7 @@ class Rgbm:
     @property
     def formula(self) -> str:
         """Colour and multiplier are both below the power."""
-        return f"light = intensity * pow(rgb * a, {self.gamma:g})"
+        return f"light = intensity * pow(rgb * a, vec3({self.gamma:g}))"
 
     def encode(self, light: np.ndarray) -> np.ndarray:
         """Return light as texels."""

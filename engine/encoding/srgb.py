@@ -39,7 +39,8 @@ class Srgb:
     @property
     def formula(self) -> str:
         """An image that is loaded as sRGB is decoded already."""
-        return "light = intensity * mix(rgb / 12.92, pow((rgb + 0.055) / 1.055, 2.4), rgb > 0.04045)"
+        curve = "pow((rgb + 0.055) / 1.055, vec3(2.4))"
+        return f"light = intensity * mix(rgb / 12.92, {curve}, greaterThan(rgb, vec3(0.04045)))"
 
     def encode(self, light: np.ndarray) -> np.ndarray:
         """Return light as texels."""

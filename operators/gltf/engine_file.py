@@ -241,9 +241,9 @@ def _shown_output(scene: bpy.types.Scene) -> str:
 
 def _fact(surface: Surface) -> dict:
     """Return what the manifest tells of an object or instance: the file has final UVs."""
-    instancer = {} if surface.instancer is None else {"instancer": surface.instancer}
+    instance = {"instancer": surface.instancer, "persistent_id": list(surface.persistent_id)}
     place = {"uv_layer": "TEXCOORD_1", "scale": 1.0, "offset": [0.0, 0.0]}
-    return {"object": surface.source.name, **instancer, **place}
+    return {"object": surface.source.name, **(instance if surface.instancer is not None else {}), **place}
 
 
 def _decoding(output: str) -> dict[str, str]:

@@ -36,17 +36,19 @@ class LitPlace:
 class Surface:
     """A mesh object, or an instance of one.
 
-    source     the object that is shown
-    mesh       name of its mesh
-    matrix     (4, 4) float64, object space to world space
-    instancer  name of what makes the instance, None for the object itself
-    place      None without a lightmap
+    source         the object that is shown
+    mesh           name of its mesh
+    matrix         (4, 4) float64, object space to world space
+    instancer      name of what makes the instance, None for the object itself
+    persistent_id  Blender's number of the instance
+    place          None without a lightmap
     """
 
     source: bpy.types.Object
     mesh: str
     matrix: np.ndarray
     instancer: str | None
+    persistent_id: tuple[int, ...]
     place: LitPlace | None
 
 
@@ -110,7 +112,8 @@ def _read(context: bpy.types.Context) -> Iterator[Surface]:
             entry = baked.get((item.instancer, item.source.name, item.persistent_id))
             instancer = None if item.instancer is None else item.instancer.name
             place = _own_place(item.source) if instancer is None else _place(item, entry, scene)
-            yield Surface(item.source, item.object.data.name, item.matrix, instancer, place)
+            mesh, number = item.object.data.name, item.persistent_id
+            yield Surface(item.source, mesh, item.matrix, instancer, number, place)
 
 
 def _own_place(obj: bpy.types.Object) -> LitPlace | None:

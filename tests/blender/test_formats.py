@@ -1,12 +1,23 @@
 """Files of lightmaps in the formats that engines read."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.blender.things import files_below, furnace, material, part, pixels, report, snapshot, square
+from tests.blender.things import (
+    files_below,
+    furnace,
+    material,
+    mesh_object,
+    part,
+    pixels,
+    report,
+    snapshot,
+    square,
+)
 from tools.headless import ROOT
 
 #: Names and endings of the files of each format: the one that Blender shows, and the one for engines.
@@ -218,6 +229,43 @@ def test_manifest_lists_the_maps_of_each_object(settings, tmp_path):
     bake()
     (entry,) = manifest(tmp_path)["objects"]
     assert entry["maps"] == {"combined": "house_Lightmap.exr", "direct": "house_Lightmap direct.exr"}
+
+
+def documented_keys() -> set[str]:
+    """Return the keys of the table of the manifest in docs/formats.md."""
+    page = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
+    rows = [line for line in page.partition("| Key | Meaning |")[2].splitlines() if line.startswith("| `")]
+    return {key for row in rows for key in re.findall(r"`(\w+)`", row.split("|")[1])}
+
+
+def keys(value) -> set[str]:
+    """Return the keys in a value of JSON but names of files and of outputs."""
+    if isinstance(value, list):
+        return set().union(*map(keys, value))
+    if not isinstance(value, dict):
+        return set()
+    named = {"lightmaps", "maps"} & value.keys()
+    inner = [each for name in named for each in value[name].values()]
+    return set(value).union(*map(keys, [*inner, *(value[name] for name in value.keys() - named)]))
+
+
+def test_every_key_of_manifests_is_documented(settings, tmp_path):
+    """Of bakes with encoded and signed maps and with instances, of exports, and of pictures."""
+    import bpy
+
+    source = glow(1.0)
+    parent = mesh_object("Points", [(0, 0, 0), (5, 0, 0)], [])
+    source.parent, parent.instance_type = parent, "VERTS"
+    settings.outputs, found = {"combined", "directional"}, set()
+    for name in ("rgbm", "png", "exr"):
+        settings.file_format = name
+        bake()
+        found |= keys(manifest(tmp_path))
+    folder = tmp_path / "lightmaps"
+    part("operators.command_line.pictures").write_pictures([bpy.data.images["Lightmap instances"]], folder)
+    assert bpy.ops.hemibake.export_for_engine(filepath=str(folder / "room.glb")) == {"FINISHED"}
+    found |= keys(manifest(tmp_path))
+    assert found == documented_keys()
 
 
 # What a format cannot hold.

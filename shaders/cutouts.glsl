@@ -13,12 +13,14 @@ ivec3 in_table(int i, int height)
     return ivec3(i % 4096, row % height, row / height);
 }
 
+// Pixels begin at -1, see near_image: GLSL leaves remainders of negative numbers open. Integers, since a card's
+// quotient of two equal floats may be a little less than 1.
 int wrapped(int i, int size, int extension)
 {
     if (extension == REPEAT)
-        return i - size * int(floor(float(i) / float(size)));
+        return (i + size) % size;
     if (extension == MIRROR) {
-        int folded = i - 2 * size * int(floor(float(i) / float(2 * size)));
+        int folded = (i + 2 * size) % (2 * size);
         return min(folded, 2 * size - 1 - folded);
     }
     return clamp(i, 0, size - 1);

@@ -7,14 +7,18 @@ shows at once, and they take keyframes and drivers as any node does.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import bpy
 
+from .group_members import group_members, renamed_groups
 from .nodes import make_node
 
 #: Width of a column of nodes, and height of the rows of a light group.
 _COLUMN, _ROW = 200, 220
+
+#: What a mixer remembers of who was in which light group.
+_MEMBERS = "hemibake_members"
 
 
 def group_images(
@@ -46,14 +50,19 @@ def _maps_beside(scene: bpy.types.Scene, lightmap: bpy.types.Image) -> dict[str,
 def light_mixer(scene: bpy.types.Scene, groups: Sequence[str]) -> bpy.types.NodeTree:
     """Return the mixer of a scene, with an input for each light group, in their order.
 
-    Colours and strengths of groups that it has already stay as they are, with their animation.
+    Colours and strengths of groups that it has already stay as they are, with their animation; so do those
+    of groups that have another name by now.
     """
     tree = scene.hemibake.light_mixer
     if tree is None or _is_of_another(tree, scene):
         tree = bpy.data.node_groups.new("Light Mixer", "ShaderNodeTree") if tree is None else tree.copy()
         scene.hemibake.light_mixer = tree
+    known, members = json.loads(tree.get(_MEMBERS, "{}")), group_members(scene)
     if _inputs(tree) != list(groups):
+        _rename(tree, renamed_groups(known, members))
         _build(tree, groups)
+    if members != known:
+        tree[_MEMBERS] = json.dumps(members)
     return tree
 
 
@@ -83,6 +92,15 @@ def _color(group: str) -> str:
 
 def _strength(group: str) -> str:
     return f"{group} Strength"
+
+
+def _rename(tree: bpy.types.NodeTree, names: Mapping[str, str]) -> None:
+    """Name what holds colours and strengths after light groups' new names; animation follows."""
+    for old, new in names.items():
+        for name in (_color, _strength):
+            node = tree.nodes.get(name(old))
+            if node is not None and name(new) not in tree.nodes:
+                node.name = node.label = name(new)
 
 
 def _build(tree: bpy.types.NodeTree, groups: Sequence[str]) -> None:

@@ -144,6 +144,36 @@ def test_values_of_the_mixer_outlive_preview_bake_and_other_groups(lit):
     assert lit.hemibake.light_mixer == tree and group_nodes(lit)["Night"][1].default_value == 3.0
 
 
+def test_a_renamed_group_keeps_its_values_and_their_animation(lit):
+    """Another group is new at the same time, and one that is gone leaves its values to nobody."""
+    import bpy
+
+    bpy.ops.hemibake.bake()
+    bpy.ops.hemibake.preview()
+    mixed = group_nodes(lit)
+    mixed["Day"][0].default_value = (0.5, 0.25, 2.0, 1.0)
+    mixed["Night"][1].default_value = mixed["Nobody"][1].default_value = 3.0
+    for frame, value in ((1, 1.0), (11, 0.0)):
+        mixed["Day"][1].default_value = value
+        mixed["Day"][1].keyframe_insert("default_value", frame=frame)
+    groups = bpy.context.view_layer.lightgroups
+    bpy.context.view_layer.active_lightgroup_index = groups.find("Nobody")
+    bpy.ops.scene.view_layer_remove_lightgroup()
+    groups["Day"].name = "Dusk"
+    groups.add(name="Dawn")
+    bpy.ops.hemibake.bake()
+    mixed = group_nodes(lit)
+    assert list(mixed) == ["Dusk", "Night", "Dawn", "Ungrouped"]
+    assert tuple(mixed["Dusk"][0].default_value) == (0.5, 0.25, 2.0, 1.0)
+    lit.frame_set(6)
+    assert 0.4 < mixed["Dusk"][1].default_value < 0.6
+    assert mixed["Night"][1].default_value == 3.0 and mixed["Dawn"][1].default_value == 1.0
+    groups["Night"].name = "Evening"
+    bpy.data.objects["Lamp"].lightgroup = "Dusk"
+    bpy.ops.hemibake.bake()
+    assert group_nodes(lit)["Evening"][1].default_value == 1.0
+
+
 @pytest.mark.parametrize("what", ["renamed", "added", "none"])
 def test_an_open_preview_mixes_the_groups_of_the_next_bake(lit, what):
     import bpy

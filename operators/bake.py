@@ -17,6 +17,7 @@ from .last_bake import last_failure, summary
 from .log import log
 from .modal import ModalOperator
 from .run import Run
+from .scene.targets import NothingChangedError
 from .telling import tell
 from .user_files import kept_checkpoint_since
 from .viewports import restart_renders
@@ -31,7 +32,7 @@ class ModalBake(ModalOperator):
     def _failed(self, context: bpy.types.Context, error: EngineError) -> set[str]:
         if self._window.cancel(keep_images=True):
             push_undo(self.bl_label)
-        refuse(self, error)
+        refuse(self, error, "WARNING" if isinstance(error, NothingChangedError) else "ERROR")
         return {"CANCELLED"}
 
 
@@ -91,8 +92,11 @@ class HEMIBAKE_OT_bake(ModalBake, bpy.types.Operator):
         return {"FINISHED"}
 
 
-def refuse(operator: bpy.types.Operator, error: EngineError | KeyboardInterrupt) -> None:
-    """Report an error; a dead worker's last words, which follow its first line, go to the console."""
+def refuse(operator: bpy.types.Operator, error: EngineError | KeyboardInterrupt, kind: str = "ERROR") -> None:
+    """Report an error; a dead worker's last words, which follow its first line, go to the console.
+
+    kind: "ERROR", which opens a pop-up in a window, or "WARNING", which the status bar shows
+    """
     text = str(error).strip() or "The bake was interrupted."
     log(text)
     last_failure.keep(bpy.context.scene, text)
@@ -100,7 +104,7 @@ def refuse(operator: bpy.types.Operator, error: EngineError | KeyboardInterrupt)
     if isinstance(error, WorkerError) and details:
         print(text, file=sys.stderr)  # noqa: T201
         text = f"{first} (They are in the system console.)"
-    tell(operator, "ERROR", text)
+    tell(operator, kind, text)
 
 
 def tell_report(operator: bpy.types.Operator, report: dict, failure: str | None) -> None:

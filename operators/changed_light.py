@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import bpy
 
-from ..engine.errors import OverlapError, SceneError
+from ..engine.errors import OverlapError
 from ..engine.lightmap import Lightmap
 from ..engine.naming import naming
 from ..engine.progress import Progress
@@ -22,9 +22,9 @@ from .scene.light_changes import (
     differing_lights,
     light_changes,
     quick_settings,
-    tells_light,
+    tells_all,
 )
-from .scene.targets import NOTHING_CHANGED, changed_themselves, changed_uids
+from .scene.targets import NothingChangedError, changed_themselves, changed_uids
 
 Bake = Generator[Progress | None, None, Lightmap]
 
@@ -66,7 +66,7 @@ def find_changed_light(
 
     known  name of the scene as it was last baked
 
-    Raises SceneError if none is.
+    Raises NothingChangedError if none is.
     """
     changes = yield from _changes(read, settings, bake, stages, known)
     uids, own = changed_uids(read, wanted), changed_themselves(read, wanted)
@@ -79,7 +79,7 @@ def find_changed_light(
         lit = {uid for uid in wanted - own if changes.get(uid, 0.0) > settings.tolerance}
         uids, notes = own | lit, _notes(lit, set(changes) - own - lit, settings.tolerance)
     if not uids:
-        raise SceneError(NOTHING_CHANGED)
+        raise NothingChangedError
     return ChangedLight(uids, changes, (*_named(_CHANGED, own), *notes))
 
 
@@ -113,10 +113,10 @@ def _changes(
 ) -> Generator[Progress | None, None, dict[int, float] | None]:
     """Return how much the light of each object has changed since the last bake; None if that is not known.
 
-    Neither is it where an output shows something else than light.
+    Neither is it for shadow masks, nor for maps of light groups that the last bake did not make.
     """
     scene, quick = baked_scenes.find(known), quick_settings(settings)
-    if scene is None or not tells_light(settings):
+    if scene is None or not tells_all(settings, scene, read.scene):
         return None
     try:
         whole = before = yield from stages.include(stages.before, bake(scene, quick))

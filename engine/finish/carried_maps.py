@@ -12,6 +12,9 @@ from .outputs import DIRECTIONAL_MAPS, PROJECTED_MAPS
 #: Part of L1 that is added to E/pi and taken from it: no light has a larger l1 than 3.5 of its E(n)/pi.
 _PART = np.float32(1 / 3.5)
 
+#: What the names of both lights end with that carry a map.
+CARRIED = (" +", " -")
+
 _L0, *_L1 = DIRECTIONAL_MAPS
 _SH_L0, *_SH_L1 = PROJECTED_MAPS
 
@@ -24,8 +27,8 @@ def carried_maps(maps: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """
     images: dict[str, np.ndarray] = {}
     for name, carrier, change in _changes(maps):
-        images[f"{name} +"] = np.maximum(carrier + change, 0)
-        images[f"{name} -"] = np.maximum(carrier - change, 0)
+        for sign, image in zip(CARRIED, (carrier + change, carrier - change), strict=True):
+            images[name + sign] = np.maximum(image, 0)
     if _SH_L0 in maps:
         images[_SH_L0] = maps[_SH_L0]
     return images
@@ -42,7 +45,7 @@ def restored_maps(
     """
     restored = {}
     for name, *_ in _changes(maps):
-        bright, dark = filtered[f"{name} +"], filtered[f"{name} -"]
+        bright, dark = (filtered[name + sign] for sign in CARRIED)
         if name in _SH_L1:
             restored[name] = _ratio(bright - dark, bright + dark)
         elif name in _L1:

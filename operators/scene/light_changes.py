@@ -6,19 +6,25 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...engine.finish.carried_maps import CARRIED, carried_maps
+from ...engine.finish.outputs import SIGNED_MAPS, is_of_light_group
 from ...engine.lightmap import Lightmap
 from ...engine.scene.digests import same_values
+from ...engine.scene.light_groups import light_group_names
 from ...engine.scene.model import OCCLUDER, Scene
 from ...engine.settings import Settings
 from .read import ReadScene
 from .targets import source_of
 from .uvs.uv_faults import covered_texels
 
-#: Rays of each patch, and to each light, of a quick bake.
-_RAYS, _LIGHT_RAYS = 64, 16
+#: Rays of each patch, and to each light, of a quick bake; and those for ambient occlusion.
+_RAYS, _LIGHT_RAYS, _AO_RAYS = 64, 16, 64
 
 #: What is left of the mean error of a bake in a quick one: that of the worst texel is some times as large.
 _CLOSER = 64
+
+#: A light group that gives less than this part of all light counts as if it gave so much.
+_FAINTEST = 0.01
 
 #: More than any change.
 ALL_LIGHT = 1e30
@@ -31,10 +37,10 @@ def quick_settings(settings: Settings) -> Settings:
     """
     return replace(
         settings,
-        outputs=settings.light_outputs,
         visibility="rays" if settings.method != "paper" else settings.visibility,
         samples=_RAYS,
         light_samples=min(_LIGHT_RAYS, settings.light_samples),
+        ao_samples=min(_AO_RAYS, settings.ao_samples),
         texel_samples=1,
         tolerance=settings.tolerance / _CLOSER,
         adaptive=False,
@@ -47,9 +53,13 @@ def quick_settings(settings: Settings) -> Settings:
     )
 
 
-def tells_light(settings: Settings) -> bool:
-    """Return whether quick bakes tell all that a bake shows: light alone, without directions and groups."""
-    return settings.outputs == settings.light_outputs
+def tells_all(settings: Settings, before: Scene, now: Scene) -> bool:
+    """Return whether quick bakes tell all that has changed of what a bake shows.
+
+    Shadow masks are of single lamps, and light groups that were renamed or are new have other maps.
+    """
+    groups = settings.by_light_groups and light_group_names(before) != light_group_names(now)
+    return not groups and "shadow_mask" not in settings.outputs
 
 
 def differing_lights(before: Scene, now: Scene) -> tuple[Scene, Scene] | None:
@@ -110,26 +120,48 @@ def light_changes(read: ReadScene, quick: QuickBakes) -> dict[int, float]:
 
 
 def _largest_change(quick: QuickBakes, there: tuple, here: tuple) -> float:
-    """Return the largest change of some texels, in any output, relative to their light or the mean of all."""
+    """Return the largest change of some texels in any output, see `_largest_step`."""
     patches = quick.now.has_patch[here]
     if not patches.any() or not np.array_equal(patches, quick.before.has_patch[there]):
         return ALL_LIGHT
+    whole, before, now = (
+        _light_of(lightmap, tuple(axis[patches] if np.ndim(axis) else axis for axis in texels))
+        for lightmap, texels in ((quick.whole, there), (quick.before, there), (quick.now, here))
+    )
+    black = np.zeros((int(patches.sum()), 3), np.float32)
     return max(
-        _largest_step(
-            quick.whole.passes[name][there][patches],
-            quick.before.passes[name][there][patches],
-            quick.now.passes[name][here][patches],
-        )
-        for name in quick.whole.passes
+        _largest_step(_reference(name, whole), before.get(name, black), now.get(name, black))
+        for name in whole
     )
 
 
+def _reference(name: str, whole: dict[str, np.ndarray]) -> np.ndarray:
+    """Return the light, (n, 3) float32, that changes of a map are relative to.
+
+    That is the map, but of a light group a part of all light at least, and all of that for what carries
+    directional maps.
+    """
+    if is_of_light_group(name):
+        return np.maximum(whole[name], _FAINTEST * whole["combined"])
+    return whole["combined" if name.endswith(CARRIED) else name]
+
+
+def _light_of(lightmap: Lightmap, texels: tuple) -> dict[str, np.ndarray]:
+    """Return what some texels show, (n, 3) float32 by name: light, and fractions of it.
+
+    Directional maps change with the light that carries them; they are compared to all of that.
+    """
+    maps = {name: image[texels] for name, image in lightmap.passes.items()}
+    light = {name: image for name, image in maps.items() if name not in SIGNED_MAPS}
+    return light | carried_maps(maps)
+
+
 def _largest_step(whole: np.ndarray, before: np.ndarray, now: np.ndarray) -> float:
-    """Return the largest change of light, relative to the whole of a texel or the mean of all.
+    """Return the largest change of all channels of light, relative to a texel's whole or the mean of all.
 
     whole, before, now  (n, 3) float32
     """
-    change = np.abs(now.sum(axis=1, dtype=np.float64) - before.sum(axis=1, dtype=np.float64))
+    change = np.abs(now.astype(np.float64) - before).sum(axis=1)
     if not change.any():
         return 0.0
     light = whole.sum(axis=1, dtype=np.float64)

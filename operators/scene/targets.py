@@ -22,7 +22,13 @@ from .read import Entry, ReadScene
 from .scene_context import SceneContext
 
 NOTHING_SELECTED = "No selected object gets a lightmap. Select what is to be baked, or choose the target All."
-NOTHING_CHANGED = "Nothing has changed since it was baked. Choose the target All to bake anyway."
+
+
+class NothingChangedError(SceneError):
+    """All is as it was baked: nothing is wrong, and there is nothing to do."""
+
+    def __init__(self) -> None:
+        super().__init__("Nothing has changed since it was baked. Choose the target All to bake anyway.")
 
 
 def target_uids(context: SceneContext, target: str) -> set[int]:

@@ -92,6 +92,42 @@ def test_a_lamp_that_moves_has_only_its_room_baked(rooms):
     nothing_has_changed()
 
 
+def test_a_lamp_that_changes_colour_alone_has_its_room_baked(rooms):
+    (_, _, lamp), _ = rooms
+    lamp.data.color = (1, 0.25, 0.5)
+    bake("CHANGED")
+    lamp.data.color = (0.25, 1, 0.5)
+    bake("CHANGED")
+    assert baked() == ["Floor A", "Shell A"] and left() == ["Floor B", "Shell B"]
+
+
+@pytest.mark.parametrize(
+    "outputs",
+    [{"combined", "directional", "light_groups"}, {"ambient_occlusion", "combined", "spherical_harmonics"}],
+)
+def test_every_output_is_compared(rooms, settings, outputs):
+    import bpy
+
+    for name in ("Day", "Night"):
+        bpy.context.view_layer.lightgroups.add(name=name)
+    (_, _, lamp), (_, _, other) = rooms
+    lamp.lightgroup = other.lightgroup = "Day"
+    settings.outputs = outputs
+    bake("ALL")
+    nothing_has_changed()
+    lamp.data.energy *= 1.5
+    bake("CHANGED")
+    assert baked() == ["Floor A", "Shell A"] and left() == ["Floor B", "Shell B"]
+
+    # All light stays, but not that of each group.
+    other.lightgroup = "Night"
+    if "light_groups" in outputs:
+        bake("CHANGED")
+        assert baked() == ["Floor B", "Shell B"] and left() == ["Floor A", "Shell A"]
+    else:
+        nothing_has_changed()
+
+
 @pytest.mark.parametrize(("factor", "changes"), [(1.0015, False), (1.0025, True), (0.9975, True)])
 def test_light_is_baked_once_it_differs_by_more_than_the_tolerance(rooms, factor, changes):
     (_, _, lamp), _ = rooms

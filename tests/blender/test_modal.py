@@ -163,6 +163,23 @@ def test_bake_runs_to_its_end_between_events(operator, context, window):
     assert pixels(bpy.data.images["Lightmap"])[..., :3].max() == pytest.approx(2, rel=0.01)
 
 
+def test_nothing_to_bake_is_told_without_a_pop_up(operator, context, window):
+    """Blender shows errors in a pop-up that stops all work until the pointer leaves it."""
+    import bpy
+
+    settings = bpy.context.scene.hemibake
+    settings.method, settings.resolution, settings.target = "auto", 16, "CHANGED"
+    furnace()
+    operator.invoke(context, None)
+    assert drive(operator, context) == {"FINISHED"}
+    before, told = snapshot(), len(operator.reports)
+    operator.invoke(context, None)
+    assert drive(operator, context) == {"CANCELLED"}
+    ((kind, text),) = operator.reports[told:]
+    assert kind == {"WARNING"} and text.startswith("Nothing has changed")
+    assert window.is_as_before() and snapshot() == before
+
+
 def test_escape_leaves_nothing_behind(operator, context, window):
     furnace()
     before = snapshot()

@@ -91,7 +91,7 @@ def _bake(
     yield stages.begin(stages.patches)
     parts = kept.subdivide(graphics, compute, scene, settings)
     check_patch_count(len(parts.patches))
-    store = LightmapStore(parts.patches, len(atlases), settings.dilation, compute)
+    store = kept.store(parts.patches, len(atlases), settings, compute)
     areas, seams = kept.areas(parts), kept.seams(parts, len(atlases)) if settings.hide_seams else None
     yield stages.listed(parts.surfaces.reflectance)
 
@@ -102,7 +102,9 @@ def _bake(
     lighting = DirectLighting(scene, parts, rays, settings, remote)
     outputs = Outputs(scene, settings, lighting)
     last = kept.light_on(parts.patches, settings)
+    lighting.follow(kept.sampled if settings.warm_start else None)
     sampled = yield from _direct_light(stages, store, outputs, lighting, last)
+    kept.sampled = lighting.sampled_light(sampled) if settings.warm_start else None
 
     # Faces that touch patches hide them, whose light is not seen, or lie back to back with them.
     yield stages.begin(stages.choosing)
@@ -121,13 +123,7 @@ def _bake(
 
     # Every patch gathers what all others send out, until the light has settled (III.B, IV.C). The first
     # iteration tells which patches lie inside objects; after groups were solved, the last one does.
-    while not outputs.done(solution):
-        yield from stages.iterate(solution)
-        kept.light = LastLight.of(solution, parts.patches, sampled, near) if settings.warm_start else None
-        if outputs.done(solution) or (settings.intermediates and solution.iterations == 1):
-            store.hide(solution.gathered[:, 3], near)
-        image = store.display(outputs.light(solution)) if settings.intermediates else None
-        yield stages.iterated(solution, image)
+    yield from _settle(stages, store, outputs, solution, job, near)
 
     # What was asked for; where a texel shows more than its centre, at several points of it.
     texels = DisplayJob(scene, job, solved, choice, lighting)
@@ -160,10 +156,14 @@ def _direct_light(
 ) -> Generator[Progress, None, np.ndarray]:
     """Return E/pi of the sampled light, (n, 3) float32, once it is shown.
 
-    last: on a warm start what is known of all other light; it is shown with few rays' direct light first
+    last: on a warm start what is known of all other light; it is shown with few rays' direct light first,
+    unless that is as it was
     """
+    stages.sampling(lighting.part_to_sample)
     if last:
         store.hide(last.front, last.near)
+        if not lighting.part_to_sample:
+            return (yield from stages.run(stages.direct, lighting.gather()))
     if last and outputs.begin_with_direct:
         glimpse = yield from stages.run(stages.first, lighting.glimpse())
         yield stages.lit(store.display(glimpse + last.gathered))
@@ -171,6 +171,35 @@ def _direct_light(
     if outputs.begin_with_direct and (last or sampled.any()):
         yield stages.lit(store.display(sampled + last.gathered if last else sampled))
     return sampled
+
+
+def _settle(
+    stages: BakeStages,
+    store: LightmapStore,
+    outputs: Outputs,
+    solution: Solution,
+    job: SolveJob,
+    near: NearFaces,
+) -> Generator[Progress, None, None]:
+    """Iterate until the light has settled; near: of the patches.
+
+    A warm start leaves what it has found to the next one with each image, of which some may be left out.
+    """
+    warm, shows = job.settings.warm_start, job.settings.intermediates
+    job.kept.light = job.kept.light if warm else None
+    hidden = False
+    while not outputs.done(solution):
+        yield from stages.iterate(solution)
+        done = outputs.done(solution)
+        if warm and not (done or stages.image_due):
+            yield stages.iterated(solution, None)
+            continue
+        if warm:
+            job.kept.light = LastLight.of(solution, job.parts.patches, job.sampled_light, near)
+        if done or (shows and not hidden):
+            store.hide(solution.gathered[:, 3], near)
+            hidden = True
+        yield stages.iterated(solution, store.display(outputs.light(solution)) if shows else None)
 
 
 def _made(

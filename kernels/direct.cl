@@ -99,7 +99,7 @@ void add_to_group(Sum *sum, __global float4 *group)
 // they may bring, so that many emitters cost little more than one. Neighbours begin at even distances, steps of
 // the golden ratio: together they give each emitter its share, a dim one, too. rgb of the result is the light; a its
 // luminance if nothing cast a shadow; of each patch as many as there are light groups, one for the emitters
-// of each. DIRECTIONAL: the L1 of all light, too, x, y and z of each patch.
+// of each. DIRECTIONAL: the L1 of all light, too, x, y and z of each patch. chosen: numbers of the patches, or null for all.
 __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const Emitter *emitters,
                      __global const LightNode *light_nodes, const int root, __global const Modulation *modulations,
                      __global const float *profiles, const int budget,
@@ -107,11 +107,12 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
                      const int resolution, __global const float4 *sky_pixels, __global const float *cumulative,
                      __global const int *listed, const int sky_width, const int sky_height, const int sky_count,
                      const float sky_total, const uint seed, __global float4 *l1, const int light_groups,
-                     __global float4 *result, const int start, const int end)
+                     __global const int *chosen, __global float4 *result, const int start, const int end)
 {
-    const int patch = start + get_global_id(0);
-    if (patch >= end)
+    const int item = start + get_global_id(0);
+    if (item >= end)
         return;
+    const int patch = chosen ? chosen[item] : item;
     const Rays rays = RAYS;
     const Lights lights = {emitters, light_nodes, sky_total, {modulations, profiles}};
     const Glow glow = {radiance, texel_to_patch, uvs, resolution};
@@ -128,7 +129,7 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
     Sum sum = {(float3)(0.0f)};
     Run run = start_run(0, 0.0f);
     int emitter = -1;
-    __global float4 *groups = result + (size_t)patch * light_groups;
+    __global float4 *groups = result + (size_t)item * light_groups;
     for (int i = 0; i < light_groups; ++i)
         groups[i] = (float4)(0.0f);
     int group = 0;
@@ -191,8 +192,8 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
     }
     add_to_group(&sum, groups + group);
 #ifdef DIRECTIONAL
-    l1[3 * (size_t)patch] = sum.l1.x;
-    l1[3 * (size_t)patch + 1] = sum.l1.y;
-    l1[3 * (size_t)patch + 2] = sum.l1.z;
+    l1[3 * (size_t)item] = sum.l1.x;
+    l1[3 * (size_t)item + 1] = sum.l1.y;
+    l1[3 * (size_t)item + 2] = sum.l1.z;
 #endif
 }

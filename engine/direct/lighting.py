@@ -17,6 +17,7 @@ from .contact import NearFaces, patches_in_contact, patches_lit_by_backs
 from .emitters import BrightTriangles, bright_triangles
 from .enclosed import note_enclosed
 from .host_contact import in_contact_on_host
+from .sampled_light import SampledLight
 from .shadow_rays import Casting, ShadowRays
 from .sky import Sky, split_sky, whole_sky
 
@@ -49,6 +50,8 @@ class DirectLighting:
         self._shadow_rays: Casting | None = None
         self._elsewhere = elsewhere
         self._near: NearFaces | None = None
+        self._last: SampledLight | None = None
+        self._changed: np.ndarray | None = None
         self.warnings: list[str] = []
         self.l1 = self._no_l1()
 
@@ -68,11 +71,34 @@ class DirectLighting:
                 "Nothing emits light: the lightmaps are black. Add a light, an emissive material or a world."
             )
 
+    def follow(self, last: SampledLight | None) -> None:
+        """Take over what was sampled of an earlier scene: rays are cast only where it may have changed."""
+        if last is None or not self._samples_any:
+            return
+        casting = self._casting()
+        if isinstance(casting, ShadowRays):
+            self._changed = last.changed(casting, self._parts, self._ray_scene)
+            self._last = None if self._changed is None else last
+
+    @property
+    def part_to_sample(self) -> float:
+        """The part of the patches that rays are to be cast from."""
+        return 1.0 if self._changed is None else len(self._changed) / max(self._ray_scene.count, 1)
+
+    def sampled_light(self, light: np.ndarray) -> SampledLight | None:
+        """Return what `gather` has returned for the next scene to take over; None if that costs nothing."""
+        casting = self._casting() if self._samples_any else None
+        if not isinstance(casting, ShadowRays):
+            return None
+        return SampledLight(casting.lights, self._parts, self._ray_scene.receivers, light, self.l1)
+
     def gather(self) -> Generator[float, None, np.ndarray]:
         """Return E/pi of the sampled light, (n, 3) float32; yield the fraction done."""
         if not self._samples_any:
             return np.zeros((self._ray_scene.count, 3), np.float32)
         casting = self._casting()
+        if self._last is not None and isinstance(casting, ShadowRays):
+            return (yield from self._gather_changed(casting, self._last))
         work = casting.sampled()
         if casting is self._elsewhere:
             # Other processes cast meanwhile.
@@ -86,7 +112,18 @@ class DirectLighting:
         if not self._samples_any:
             return np.zeros((self._ray_scene.count, 3), np.float32)
         few = replace(self._settings, light_samples=min(self._settings.light_samples, _FEW))
-        return (yield from self.of(self._ray_scene, few).gather())
+        quick = self.of(self._ray_scene, few)
+        quick._last, quick._changed = self._last, self._changed
+        return (yield from quick.gather())
+
+    def _gather_changed(self, casting: ShadowRays, last: SampledLight) -> Generator[float, None, np.ndarray]:
+        """Return what `gather` does, from few patches: all others are lit as they were."""
+        some, l1 = yield from casting.sampled(self._changed)
+        light, self.l1 = last.light.copy(), last.l1.copy()
+        light[self._changed] = some
+        if len(l1):
+            self.l1[self._changed] = l1
+        return light
 
     def gather_by_group(self) -> Generator[float, None, np.ndarray]:
         """Return the same light by light groups, (groups, n, 3) float32; yield the fraction done."""
@@ -141,6 +178,7 @@ class DirectLighting:
         other = copy(self)
         other._ray_scene, other._settings, other.warnings, other._near = points, settings, [], None
         other._shadow_rays, other.l1 = self._cast_from(points, settings), other._no_l1()
+        other._last = other._changed = None
         return other
 
     @property

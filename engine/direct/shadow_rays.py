@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Generator, Sequence
 from typing import Protocol
 
@@ -79,14 +78,33 @@ class ShadowRays:
         self._glow = self._glow_arguments(parts)
         self._sky = self._sky_arguments(sky)
 
-    def sampled(self) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
+        # Of surfaces also what a ray looks up where it ends.
+        shine = (parts.surfaces.emission, parts.texel_to_patch, parts.triangles.uvs)
+        self.lights = (
+            *self._records, modulations, profiles, sky, *(shine if len(bright.triangles) else ()),
+            settings.light_samples, settings.seed, options,
+        )  # fmt: skip
+
+    @property
+    def emitters(self) -> np.ndarray:
+        """Records of all that is sampled as a light, (m,) EMITTER."""
+        return EMITTER.joined(self._records)
+
+    def sampled(
+        self, chosen: np.ndarray | None = None
+    ) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
         """Return E/pi of all emitters at every patch, (n, 3) float32, and its L1; yield the fraction done.
 
         The L1, see kernels/tilt.cl, is (n, 3, 3) float32, of each axis of the world its rgb; (0, 3, 3) unless
         the settings ask for directional maps.
+
+        chosen: (n,) int32, the patches; None for all of the receivers
         """
-        light = yield from self._all_light(self._records, 1)
-        return light[:, 0, :3].copy(), self._read_l1()
+        items = self._count if chosen is None else len(chosen)
+        if not items:
+            return np.zeros((0, 3), np.float32), self._read_l1(0)
+        light = yield from self._all_light(self._records, 1, chosen)
+        return download_colors(self._compute, light, items)[0], self._read_l1(items)
 
     def sampled_by_group(self, groups: LightGroups) -> Generator[float, None, np.ndarray]:
         """Return the same light by light groups, (groups, n, 3) float32; yield the fraction done."""
@@ -96,22 +114,25 @@ class ShadowRays:
         for records, number in zip(numbered, numbers, strict=False):
             records["light_group"] = number
         light = yield from self._all_light(numbered, groups.count)
-        return np.ascontiguousarray(light[..., :3].transpose(1, 0, 2))
+        return download_colors(self._compute, light, self._count, groups.count)
 
-    def _all_light(self, records: list[np.ndarray], groups: int) -> Generator[float, None, np.ndarray]:
-        """Return the light of the records of each light, (n, groups, 4) float32."""
+    def _all_light(
+        self, records: list[np.ndarray], groups: int, chosen: np.ndarray | None = None
+    ) -> Generator[float, None, cl.Buffer]:
+        """Return the light of the records of each light, float4 of n patches and of groups; see `_light`."""
         shining = [emitters for emitters in records if len(emitters)]
         if not shining:
-            return np.zeros((self._count, groups, 4), np.float32)
+            return zeros(self._compute, 16 * self._count * groups)
         budget = self._settings.light_samples * min(len(shining), MOST_LIGHTS)
-        return (yield from self._light(EMITTER.joined(shining), budget, groups))
+        return (yield from self._light(EMITTER.joined(shining), budget, groups, chosen))
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
         """Return how much of its light a lamp brings to each patch, (n,) float32; yield the fraction done.
 
         1 where nothing casts a shadow, 0 where all is shadow or the lamp does not shine.
         """
-        light = (yield from self._light(self._records[lamp], self._settings.light_samples))[:, 0]
+        result = yield from self._light(self._records[lamp], self._settings.light_samples)
+        light = download(self._compute, result, (self._count, 4))
         passed = luminance(light[:, :3])
         mask: np.ndarray = np.where(light[:, 3] > 0, passed / np.maximum(light[:, 3], 1e-30), 0)
         return np.minimum(mask, 1).astype(np.float32)
@@ -124,41 +145,46 @@ class ShadowRays:
         reach = np.float32(self._settings.ao_distance or np.inf)
         arguments = (np.int32(self._settings.ao_samples), reach, np.uint32(self._settings.seed))
         (occlusion,) = self._rays.kernels((*EMITTER_SOURCE, "texel_starts.cl", "occlusion.cl"), "occlusion")
-        return (yield from self._sliced(occlusion, arguments))[:, 0, 0].copy()
+        result = yield from self._sliced(occlusion, arguments, self._count)
+        return download(self._compute, result, (self._count, 4))[:, 0].copy()
 
     def _light(
-        self, emitters: np.ndarray, budget: int, groups: int = 1
-    ) -> Generator[float, None, np.ndarray]:
-        """Return light and unshadowed luminance of some emitters, (n, groups, 4) float32."""
+        self, emitters: np.ndarray, budget: int, groups: int = 1, chosen: np.ndarray | None = None
+    ) -> Generator[float, None, cl.Buffer]:
+        """Return light and unshadowed luminance of some emitters, float4 of n patches and of groups.
+
+        chosen: as of `sampled`
+        """
+        items = self._count if chosen is None else len(chosen)
         tree = build_light_tree(emitters)
         nodes = tree.nodes if len(tree.nodes) else LIGHT_NODE.array(1)
         arguments = (
             upload(self._compute, emitters), upload(self._compute, nodes), np.int32(tree.root),
             *self._modulations, np.int32(budget),
             *self._glow, *self._sky, np.uint32(self._settings.seed), self._l1, np.int32(groups),
+            None if chosen is None else upload(self._compute, chosen),
         )  # fmt: skip
-        return (yield from self._sliced(self._direct, arguments, groups))
+        return (yield from self._sliced(self._direct, arguments, items, groups))
 
-    def _read_l1(self) -> np.ndarray:
-        """Return the L1 of the light that was computed last, (n, 3, 3) float32; (0, 3, 3) without one."""
-        if self._l1 is None:
+    def _read_l1(self, items: int) -> np.ndarray:
+        """Return the L1 of the light that was computed last, (items, 3, 3) float32; (0, 3, 3) without one."""
+        if self._l1 is None or not items:
             return np.zeros((0, 3, 3), np.float32)
-        return download_colors(self._compute, self._l1, self._count, 3).transpose(1, 0, 2)
+        return download_colors(self._compute, self._l1, items, 3).transpose(1, 0, 2)
 
     def _sliced(
-        self, kernel: Kernel, arguments: tuple, results: int = 1
-    ) -> Generator[float, None, np.ndarray]:
-        """Run a kernel over all patches, some at a time, and return its results, (n, results, 4) float32."""
-        shape = (self._count, results, 4)
-        result = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, 4 * math.prod(shape))
+        self, kernel: Kernel, arguments: tuple, items: int, results: int = 1
+    ) -> Generator[float, None, cl.Buffer]:
+        """Run a kernel over items, some at a time; return its results, float4 of each."""
+        result = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, 16 * items * results)
 
         def launch(start: int, end: int) -> None:
             slice_ = np.int32(start), np.int32(end)
             self._rays.run(kernel, end - start, self._receivers, *arguments, result, *slice_)
 
-        for end in sliced(self._compute.queue, 0, self._count, launch):
-            yield end / self._count
-        return download(self._compute, result, shape)
+        for end in sliced(self._compute.queue, 0, items, launch):
+            yield end / items
+        return result
 
     def _glow_arguments(self, parts: Subdivision) -> tuple:
         """Return radiance of patches, texels to patches, UVs of triangles and the resolution."""

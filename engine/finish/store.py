@@ -40,7 +40,6 @@ class LightmapStore:
     def __init__(
         self, patches: PatchList, atlases: int, dilation: int, compute: Compute | None = None
     ) -> None:
-        resolution = patches.resolution
         self._patches, self._chosen = patches, slice(patches.count_in(atlases))
         self._texel = patches.key[self._chosen]
         self._rings, self._compute = dilation, compute
@@ -48,13 +47,24 @@ class LightmapStore:
         self._dilations: list[Dilation] = []
         self._gutters: DeviceImages | None = None
         self._hidden = np.zeros(len(self._texel), bool)
-        self._fit: DisplayFit | DeviceDisplay | None = None
-        self._walls: WallFit | None = None
-        self._means = TexelMeans(no_samples(), np.zeros(0, bool), resolution)
-        self._thin_texels = self._texel[:0]
+        self._dark = np.zeros(len(patches), bool)
+        self.begin_anew()
         on_texels = patches.on_texels(atlases)
         self.has_patch, self._entry = on_texels > 0, on_texels.ravel()
         self._visible = self._entry[self._texel]
+
+    def suits(self, patches: PatchList, atlases: int, dilation: int) -> bool:
+        """Return whether this is of the same texels, and extends charts as far, in texels."""
+        same = self._patches.resolution == patches.resolution and len(self.has_patch) == atlases
+        return same and self._rings == dilation and np.array_equal(self._patches.key, patches.key)
+
+    def begin_anew(self) -> None:
+        """Show the patches' centres alone, and take no account of seams."""
+        self._fit: DisplayFit | DeviceDisplay | None = None
+        self._walls: WallFit | None = None
+        self._means = TexelMeans(no_samples(), np.zeros(0, bool), self._patches.resolution)
+        self._thin_texels = self._texel[:0]
+        self._dilations, self._gutters = [], None
 
     def hide(self, front: np.ndarray, near: NearFaces) -> None:
         """Choose the patches whose texels are filled for display.
@@ -65,8 +75,9 @@ class LightmapStore:
 
         Those of before are chosen no more: faces move away.
         """
-        self._entry[self._texel] = np.where(near.hide[self._chosen], 0, self._visible)
-        self._device = None
+        if not np.array_equal(near.hide, self._dark):
+            self._entry[self._texel] = np.where(near.hide[self._chosen], 0, self._visible)
+            self._device, self._dark = None, near.hide
         self._fill(is_hidden(front, near))
 
     def _fill(self, hidden: np.ndarray) -> None:

@@ -10,6 +10,7 @@ import pyopencl as cl
 from ..device.buffers import download, upload, zeros
 from ..device.compute import Compute
 from ..errors import DeviceError
+from ..progress import finished, part_of
 from ..visibility.identity import Identity, Sampling, identity_options
 from .kept_samples import Backs, KeptSamples, Rows
 from .static_light import StaticLight
@@ -69,23 +70,30 @@ class LightGroupSweep:
     def __init__(self, compute: Compute, kept: KeptSamples, static: Sequence[StaticLight]) -> None:
         self._compute, self._kept, self._groups = compute, kept, len(static)
         self._kernel = _Gather(compute, kept.sampling, len(static), kept.count)
-        for light in static:
-            for rows in kept.pieces:
-                light.sum_up(rows, kept.backs)
-        beside = [download(compute, light.light, (kept.count, 4)) for light in static]
-        self._static = upload(compute, np.stack(beside, axis=1))
-        self._begun = False
+        self._lights = static
+        self._static: cl.Buffer | None = None
 
     def gather(self, light: Light, column: int) -> Generator[float, None, None]:
         """Gather; see `sweep.Sweep.gather`."""
-        if not self._begun:
+        if self._static is None:
             seen = download(self._compute, self._kept.backs.patches_seen, (self._kept.count,))
             cl.enqueue_copy(self._compute.queue, light.patches_seen, np.repeat(seen, self._groups))
-            self._begun = True
+            self._static = yield from self._static_light()
         self._kernel.read(light.radiance)
         for rows in self._kept.pieces:
             self._kernel.gather(rows, self._static, *light.outputs(column))
         yield 1.0
+
+    def _static_light(self) -> Generator[float, None, cl.Buffer]:
+        """Return the static light of all groups, that of a patch side by side; yield the fraction done."""
+        beside = []
+        for number, light in enumerate(self._lights):
+            for rows in self._kept.pieces:
+                first, last = (number + at / self._kept.count for at in (rows.first, rows.last))
+                summing = light.sum_up(rows, self._kept.backs)
+                yield from part_of(first / self._groups, last / self._groups, summing)
+            beside.append(download(self._compute, light.light, (self._kept.count, 4)))
+        return upload(self._compute, np.stack(beside, axis=1))
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
         """Raise DeviceError: light groups have no directional maps."""
@@ -131,7 +139,7 @@ class LightGroupLook:
                 yield (first + done * (last - first)) / count
             rows = Rows(cache, first, last)
             for static in self._static:
-                static.sum_up(rows, self._backs)
+                finished(static.sum_up(rows, self._backs))
             for kernel, light in zip(self._kernels, lights, strict=True):
                 kernel.gather(rows, nothing, nothing, nothing, light, light, np.int32(0), np.int32(0))
         gathered = [

@@ -6,7 +6,7 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import zeros
-from ..patches.moved import moved_triangles
+from ..patches.moved import ball_around, moved_triangles
 from ..patches.subdivision import Subdivision
 from ..visibility.rays.identity import MovedBuffers
 from ..visibility.rays.ray_scene import RayScene
@@ -14,9 +14,6 @@ from ..visibility.rays.receivers import RECEIVER_SOURCE
 
 #: More triangles than a scene has, by this number, and looking anew is quicker.
 _MORE = 1 << 13
-
-#: What rounding may take from a radius, as a part of it and of the largest coordinate.
-_ROUNDING = 1e-5
 
 #: A triangle that no ray meets: a hierarchy has at least one.
 _NOTHING = np.zeros((1, 3, 3), np.float32)
@@ -67,17 +64,9 @@ class MovedPatches:
             parts,
             rays,
             triangles,
-            MovedBuffers(*hierarchy, _ball_around(triangles), views),
+            MovedBuffers(*hierarchy, cl.cltypes.make_float4(*ball_around(triangles)), views),
             begun is not None,
         )
-
-
-def _ball_around(triangles: np.ndarray) -> np.ndarray:
-    """Return centre and radius of a ball around triangles, float4, a little larger than their box."""
-    corners = triangles.reshape(-1, 3).astype(np.float64)
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    radius = _ROUNDING * (np.linalg.norm(high - low) / 2 + np.abs(corners).max())
-    return cl.cltypes.make_float4(*(low + high) / 2, np.linalg.norm(high - low) / 2 + radius)
 
 
 def _moved_views(rays: RayScene, before: cl.Buffer, marked: cl.Buffer | None) -> cl.Buffer:

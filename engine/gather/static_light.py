@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
+
 import pyopencl as cl
 
 from ..device.buffers import zeros
 from ..device.compute import Compute
-from ..progress import finished
 from ..settings import Settings
 from ..visibility.identity import Sampling, Surroundings
 from ..visibility.views.directions import r2_sequence
@@ -20,7 +21,10 @@ class StaticLight:
     receivers  records of the patches, see `RayScene.receivers`
     light      float4 of each patch: E/pi, and the fraction of the view that is no back
     l1         3 float4 of each patch, x, y and z, see kernels/tilt.cl; None unless the settings ask for it
+    complete   True once it is that of all patches; whoever sums up for all of them says so
     """
+
+    complete = False
 
     def __init__(
         self,
@@ -39,14 +43,14 @@ class StaticLight:
         self.light = zeros(compute, 16 * count)
         self.l1 = zeros(compute, 48 * count) if settings.directional else None
 
-    def sum_up(self, rows: Rows, backs: Backs) -> None:
-        """Sum up the static light of the patches whose rows these are."""
+    def sum_up(self, rows: Rows, backs: Backs) -> Generator[float, None, None]:
+        """Sum up the static light of the patches whose rows these are; yield the fraction done."""
         if self._surroundings.dark:
             self._take(rows, backs)
             return
         sky, results = self._surroundings, (self.light, self.l1)
         seen = sky.outside, *sky.sky_arguments
-        finished(self._add.run(rows, *seen, backs.light, backs.l1, *results))
+        yield from self._add.run(rows, *seen, backs.light, backs.l1, *results)
 
     def _take(self, rows: Rows, backs: Backs) -> None:
         """Take the light of backs: the surroundings are black."""

@@ -11,6 +11,9 @@ from .subdivision import Subdivision
 #: If more than this part of the triangles has moved, looking anew takes as long.
 _MOST = 0.5
 
+#: What rounding may take from a radius, as a part of it and of the largest coordinate.
+_ROUNDING = 1e-5
+
 
 def moved_triangles(before: Subdivision, after: Subdivision) -> np.ndarray | None:
     """Return the triangles that have moved, as they were and as they are, (k, 3, 3) float32.
@@ -36,6 +39,17 @@ def moved_triangles(before: Subdivision, after: Subdivision) -> np.ndarray | Non
             return None
         found.append(triangles.positions[moved])
     return np.concatenate(found)
+
+
+def ball_around(triangles: np.ndarray) -> np.ndarray:
+    """Return centre and radius of a ball around triangles, (4,) float64, a little larger than their box.
+
+    triangles: (k, 3, 3), metres; there is one at least
+    """
+    corners = triangles.reshape(-1, 3).astype(np.float64)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    half = np.linalg.norm(high - low) / 2
+    return np.array([*(low + high) / 2, half + _ROUNDING * (half + np.abs(corners).max())])
 
 
 def _same_patches(before: Subdivision, after: Subdivision) -> bool:

@@ -118,7 +118,8 @@ def _cached_sweep(job: SolveJob, kept: KeptSamples, identity: Identity | None) -
     """Return how what is kept, or is to be found by an identity first, becomes light."""
     sampling = kept.sampling
     l1 = _l1_gather(job, sampling)
-    return CachedSweep(job.opencl, kept, identity, static_light(job, sampling), l1, job.checkpoint)
+    static = job.kept.static_light(job.sky, identity is None, lambda: static_light(job, sampling))
+    return CachedSweep(job.opencl, kept, identity, static, l1, job.checkpoint)
 
 
 def static_light(job: SolveJob, sampling: Sampling) -> StaticLight:

@@ -13,9 +13,12 @@ from ..device.compute import Compute
 from ..device.graphics import Graphics
 from ..direct.contact import NearFaces, patches_inside
 from ..direct.lighting import DirectLighting
+from ..direct.sampled_light import SampledLight
 from ..finish.lightmap_points import LightmapPoints, thin_patches
 from ..finish.seam_sides import display_seams
+from ..finish.store import LightmapStore
 from ..gather.kept_samples import KeptSamples
+from ..gather.static_light import StaticLight
 from ..patches.areas import surface_areas
 from ..patches.patch_list import PatchList
 from ..patches.seams import Seams
@@ -55,12 +58,14 @@ class Kept:
 
     samples      what patches see; None if that is not kept
     light        of the last bake that left it for a warm start, whatever its geometry; None if none did
+    sampled      by shadow rays in that bake
     key          of the scene and settings that it serves
     checkpoints  what a bake that was interrupted has left in files, and what the current one writes
     """
 
     samples: KeptSamples | None
     light: LastLight | None = None
+    sampled: SampledLight | None = None
     key: tuple | None
     checkpoints: Checkpoints
     _parts: Subdivision | None
@@ -73,6 +78,8 @@ class Kept:
     _clipper: TexelClipper | None
     _thin: tuple[np.ndarray, LightmapPoints] | None
     _sky: tuple[np.ndarray, np.ndarray | None] | None = None
+    _static: tuple[np.ndarray, StaticLight] | None
+    _store: LightmapStore | None = None
 
     def __init__(self) -> None:
         self.key = None
@@ -84,6 +91,7 @@ class Kept:
         """Drop everything."""
         self._parts = self._rays = self._seams = self.samples = None
         self._areas = self._inside = self._near = self._clipper = self._thin = None
+        self._static = None
         self._follows = False
 
     def subdivide(
@@ -106,7 +114,9 @@ class Kept:
             self._parts = subdivide(graphics, compute, scene, settings, triangles)
         elif surfaces != self._surfaces_key:
             made = patch_surfaces(compute, scene, self._parts.geometry, settings.resolution)
-            self._parts, self._near = replace(self._parts, surfaces=made), None
+            if not np.array_equal(made.shining, self._parts.surfaces.shining):
+                self._near = None
+            self._parts = replace(self._parts, surfaces=made)
         self.key, self._surfaces_key = key, surfaces
         return self._parts
 
@@ -129,7 +139,7 @@ class Kept:
         return self._areas
 
     def near_faces(self, lighting: DirectLighting) -> NearFaces:
-        """Return what faces nearby do to the patches; it changes with what they emit alone."""
+        """Return what faces nearby do to the patches; it changes with which of them emit alone."""
         if self._near is None:
             self._near = lighting.near_faces()
         return self._near
@@ -152,6 +162,18 @@ class Kept:
             self._clipper = TexelClipper(compute, parts.triangles, parts.patches.resolution)
         return self._clipper
 
+    def static_light(self, sky: np.ndarray, found: bool, make: Callable[[], StaticLight]) -> StaticLight:
+        """Return the static light of `samples`, made anew if these or the sky are others than before.
+
+        sky    (h, w, 3) float32, radiance, equirectangular, as patches see it
+        found  False if some samples are still to be found
+        """
+        last = self._static
+        if not (found and last is not None and np.array_equal(last[0], sky)):
+            last = sky, make()
+        self._static = last if sky.nbytes <= _MOST_SKY else None
+        return last[1]
+
     def open_sky(self, sky: np.ndarray) -> np.ndarray | None:
         """Return E/pi of all of a sky; see `visibility.open_sky.open_sky`. That of the last one is kept."""
         last = self._sky
@@ -159,6 +181,18 @@ class Kept:
             last = sky, open_sky(sky)
         self._sky = last if sky.nbytes <= _MOST_SKY else None
         return last[1]
+
+    def store(
+        self, patches: PatchList, atlases: int, settings: Settings, compute: Compute | None
+    ) -> LightmapStore:
+        """Return what puts values of patches into lightmaps; a warm start takes that of the last one."""
+        if self._store is not None and self._store.suits(patches, atlases, settings.dilation):
+            self._store.begin_anew()
+        else:
+            self._store = LightmapStore(patches, atlases, settings.dilation, compute)
+        store = self._store
+        self._store = store if settings.warm_start else None
+        return store
 
     def light_on(self, patches: PatchList, settings: Settings) -> LastLight | None:
         """Return the light of the last bake on patches for a warm start; None without one."""

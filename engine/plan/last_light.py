@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -15,22 +16,36 @@ from ..solve.solution import Solution
 class LastLight:
     """What is known of the light of n patches.
 
-    gathered  (n, 3) float32, E/pi of all light but that which shadow rays sample
-    indirect  (n, 3) float32, E/pi of the part of it that was reflected
-    front     (n,) float32, the fraction of each patch's view that no back takes
+    light    (n, 4) float32, E/pi, and the fraction of each patch's view that no back takes
+    sampled  (n, 3) float32, E/pi of the part that shadow rays sample
+    direct   (n, 3) float32, E/pi of the part that was not reflected
     """
 
     patches: PatchList
-    gathered: np.ndarray
-    indirect: np.ndarray
-    front: np.ndarray
+    light: np.ndarray
+    sampled: np.ndarray
+    direct: np.ndarray
     near: NearFaces
 
     @classmethod
     def of(cls, solution: Solution, patches: PatchList, sampled: np.ndarray, near: NearFaces) -> LastLight:
         """Return the light of a solution so far; sampled: (n, 3) float32, E/pi by shadow rays."""
-        gathered = np.maximum(solution.irradiance - sampled, 0)
-        return cls(patches, gathered, solution.indirect, solution.gathered[:, 3], near)
+        return cls(patches, solution.gathered, sampled, solution.direct, near)
+
+    @cached_property
+    def gathered(self) -> np.ndarray:
+        """E/pi of all light but that which shadow rays sample, (n, 3) float32."""
+        return _rest(self.light, self.sampled)
+
+    @cached_property
+    def indirect(self) -> np.ndarray:
+        """E/pi of the light that was reflected, (n, 3) float32."""
+        return _rest(self.light, self.direct)
+
+    @property
+    def front(self) -> np.ndarray:
+        """The fraction of each patch's view that no back takes, (n,) float32."""
+        return self.light[:, 3]
 
     def on(self, patches: PatchList) -> LastLight:
         """Return the light of other patches: that of their texels, black where none was known."""
@@ -38,12 +53,13 @@ class LastLight:
             return self
         found, known = self._numbers_of(patches)
 
-        def of(values: np.ndarray, elsewhere: float = 0) -> np.ndarray:
+        def of(values: np.ndarray, elsewhere: np.ndarray | bool = False) -> np.ndarray:
             lit: np.ndarray = np.where(known[:, None] if values.ndim > 1 else known, values[found], elsewhere)
             return lit.astype(values.dtype)
 
         near = NearFaces(of(self.near.hide), of(self.near.back_to_back), of(self.near.shine))
-        return LastLight(patches, of(self.gathered), of(self.indirect), of(self.front, 1), near)
+        light = of(self.light, np.array([0, 0, 0, 1], np.float32))
+        return LastLight(patches, light, of(self.sampled), of(self.direct), near)
 
     def _numbers_of(self, patches: PatchList) -> tuple[np.ndarray, np.ndarray]:
         """Return which patch of this light has the texel of each other one, (m,) int64, and if any has."""
@@ -52,3 +68,9 @@ class LastLight:
         place = np.searchsorted(self.patches.key, patches.key)
         found = np.minimum(place, len(self.patches) - 1)
         return found, self.patches.key[found] == patches.key
+
+
+def _rest(light: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """Return what is left of light, (n, 4) float32, without a part, (n, 3), as (n, 3) float32."""
+    rest: np.ndarray = light[:, :3] - part
+    return np.maximum(rest, 0, out=rest)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Generator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -56,6 +57,9 @@ _SHORTEST = 0.02
 #: A stage that takes this long tells as much as all bakes before it, s.
 _LONG = 1.0
 
+#: Least time between two images of a bake that follows its scene, s.
+_BETWEEN_IMAGES = 0.02
+
 
 @dataclass(frozen=True)
 class Extent:
@@ -101,6 +105,7 @@ class BakeStages(Schedule):
         self._reflectance = _REFLECTANCE
         self._names: dict[Stage, str] = {}
         self._samples_of_sweep, self._kept, self._found, self._name = 0, False, False, ""
+        self._shown = -math.inf
         texels = settings.resolution**2 * extent.atlases
         self.starting = self._stage("Starting", 1, _OPENING)
         self.patches = self._stage("Patches", texels + _TRIANGLE * extent.triangles, _TEXEL)
@@ -166,8 +171,14 @@ class BakeStages(Schedule):
         self._size(len(reflectance))
         return self.end()
 
+    def sampling(self, part: float) -> None:
+        """Learn that shadow rays are cast from a part of the patches alone."""
+        self.first.amount *= part
+        self.direct.amount *= part
+
     def lit(self, image: np.ndarray) -> Progress:
         """Return the progress after direct light, with lightmaps that hold nothing else yet."""
+        self._shown = time.perf_counter()
         return self.progress(1.0, self.direct.name, intermediate=image)
 
     def chosen(self, choice: Choice) -> Progress:
@@ -198,8 +209,14 @@ class BakeStages(Schedule):
         self.advance(before + amount)
         self._expect_sweeps()
 
+    @property
+    def image_due(self) -> bool:
+        """Whether the last lightmaps were shown long enough ago: cards iterate faster than anybody sees."""
+        return time.perf_counter() - self._shown >= _BETWEEN_IMAGES
+
     def iterated(self, solution: Solution, image: np.ndarray | None) -> Progress:
         """Return the progress after an iteration, with the lightmaps so far."""
+        self._shown = self._shown if image is None else time.perf_counter()
         self.advance(self.current.done)
         return self._about(solution, 1.0, image)
 

@@ -132,7 +132,7 @@ def test_what_changes_visibility_is_found_anew(session, edit):
 
 
 def test_what_follows_from_geometry_alone_is_made_once(session, monkeypatch):
-    """Faces near patches are looked for again by other materials, and another sky is summed up again."""
+    """Faces near patches are looked for again where others shine, and another sky is summed up again."""
     made = Counter()
 
     def counted(name):
@@ -155,7 +155,8 @@ def test_what_follows_from_geometry_alone_is_made_once(session, monkeypatch):
     monkeypatch.setattr(kept.DirectLighting, "near_faces", near)
     settings = dataclasses.replace(SETTINGS, texel_samples=16)
     session.forget()
-    scenes = (ROOM, RELIT["lamp"][0], coloured(ROOM, 0, reflectance=RED), RELIT["world"][0])
+    painted = [coloured(ROOM, 0, **{name: RED}) for name in ("reflectance", "emission")]
+    scenes = (ROOM, RELIT["lamp"][0], *painted, RELIT["world"][0])
     relit = [finished(session.bake(scene, settings)) for scene in scenes]
     assert made["surface_areas"] == made["TexelClipper"] == 1 and made["open_sky"] == 2
     assert made[relit[0].report.patches] == 3
@@ -224,18 +225,19 @@ def test_what_takes_more_than_its_budget_is_not_kept(session):
 
 def test_a_full_device_drops_what_is_kept_first(session, monkeypatch):
     finished(session.bake(ROOM, SETTINGS))
+    scene, _ = RELIT["world"]
     fail_once = iter([True])
     sum_up = static_light.StaticLight.sum_up
 
     def full(self, *arguments):
         if next(fail_once, False):
             raise cl.MemoryError("MEM_OBJECT_ALLOCATION_FAILURE")
-        sum_up(self, *arguments)
+        return sum_up(self, *arguments)
 
     monkeypatch.setattr(static_light.StaticLight, "sum_up", full)
-    again = finished(session.bake(ROOM, SETTINGS))
+    again = finished(session.bake(scene, SETTINGS))
     assert not was_kept(again)
-    assert_same(again, finished(bake(ROOM, SETTINGS)))
+    assert_same(again, finished(bake(scene, SETTINGS)))
 
 
 def test_a_device_that_is_too_small_is_tried_no_more_than_twice(session, monkeypatch):

@@ -8,6 +8,7 @@ import pytest
 
 from engine import Changes, Light, Lightmap, Scene, SceneError, Session, Settings, finished
 from engine.device import slices
+from engine.plan import stages
 from engine.scene.model import OCCLUDER
 from engine.visibility.rays.identity import RayIdentity
 from tests.analytic.scenes import material, nine_quad_room, quads, rectangle
@@ -134,8 +135,9 @@ def test_twenty_edits_end_with_the_light_of_a_fresh_bake(session, other, seed):
 
 
 @pytest.mark.parametrize("changes", [{}, {"accelerate": False}], ids=["accelerated", "plain"])
-def test_each_image_is_nearer_to_the_light_than_the_one_before(session, other, changes):
+def test_each_image_is_nearer_to_the_light_than_the_one_before(session, other, changes, monkeypatch):
     """A lamp comes on, and a wall is painted: the last light is right neither in sum nor in colour."""
+    monkeypatch.setattr(stages, "_BETWEEN_IMAGES", 0.0)
     live = session.live(ROOM, dataclasses.replace(SETTINGS, **changes))
     finished(live.settle())
     paint = dataclasses.replace(ROOM.materials[0], reflectance=np.float32([0.9, 0.5, 0.1]))
@@ -146,6 +148,24 @@ def test_each_image_is_nearer_to_the_light_than_the_one_before(session, other, c
     errors = [error(image, truth.display, truth.known) for image in images]
     assert len(errors) > 4 and errors[-1] < SETTINGS.tolerance
     assert all(later <= before + 1e-4 for before, later in pairwise(errors)), errors
+
+
+def test_sweeps_that_are_faster_than_anybody_sees_have_one_image(session, other, monkeypatch):
+    """Few rays, all rays, and light that has settled; what comes meanwhile goes on from the last image."""
+    live = session.live(ROOM, SETTINGS)
+    finished(live.settle())
+    monkeypatch.setattr(stages, "_BETWEEN_IMAGES", 1e9)
+    random = np.random.default_rng(8)
+    for _ in range(3):
+        live.update(Changes(lights=(lamp(random),), world=ROOM.world * np.float32(random.random())))
+        shown = [step.iteration for step in live.settle() if step.intermediate is not None]
+        assert shown == [0, 0, live.lightmap.report.iterations] and shown[-1] > 1
+        live.update(Changes(lights=(lamp(random),)))
+        for step in live.settle():
+            if step.iteration == 2:
+                break
+    lightmap, expected = finished(live.settle()), fresh(other, live.scene)
+    assert error(lightmap.image, expected.image, expected.has_patch) < 2 * SETTINGS.tolerance
 
 
 def test_light_that_has_settled_takes_few_sweeps_to_settle_again(session):

@@ -43,6 +43,11 @@ class HemibakeLightmapProperties(bpy.types.PropertyGroup):
         ],
         options={"HIDDEN"},
     )
+    has_dominant_direction: BoolProperty(
+        name="Dominant Direction",
+        description="The last bake of the lightmap wrote its dominant direction, too",
+        options={"HIDDEN"},
+    )
     light_groups: StringProperty(
         name="Light Groups",
         description="Light groups that the last bake of the lightmap wrote maps of, as a JSON list",

@@ -65,7 +65,7 @@ def _compare(name, make, options, folder: Path) -> None:
     scene.world = None
     shaded = _render(scene, folder, 64)
     bpy.ops.hemibake.preview()
-    settings.lightmaps["Lightmap"].directional = False
+    settings.lightmaps["Lightmap"].directional = "NONE"
     bpy.ops.hemibake.preview()
     flat = _render(scene, folder, 64)
     counts = (original.max(axis=2) < 5) & (flat.max(axis=2) > 0)

@@ -55,8 +55,11 @@ DIRECTIONAL_MAPS = ("L0", "L1 x", "L1 y", "L1 z")
 #: The maps of the output "spherical_harmonics"; see `directional_maps.projected_maps`.
 PROJECTED_MAPS = ("SH L0", "SH L1 x", "SH L1 y", "SH L1 z")
 
+#: The map of the output of that name: luminance times direction, in parts of the light.
+DOMINANT_DIRECTION = "dominant_direction"
+
 #: Maps of both signs; all others hold light or fractions.
-SIGNED_MAPS = (*DIRECTIONAL_MAPS, *PROJECTED_MAPS[1:], "dominant_direction")
+SIGNED_MAPS = (*DIRECTIONAL_MAPS, *PROJECTED_MAPS[1:], DOMINANT_DIRECTION)
 
 #: Outputs that are several maps.
 MAPS_OF = {"directional": DIRECTIONAL_MAPS, "spherical_harmonics": PROJECTED_MAPS}
@@ -70,7 +73,7 @@ DECODING = {
         PROJECTED_MAPS,
         "SH L0 max(0, 1 + 2 (SH L1x n'.x + SH L1y n'.y + SH L1z n'.z)), n' unit, world space, z up",
     ),
-    "dominant_direction": "combined max(0, 1 + D . (n' - n)), D = rgb, signed, world space, z up",
+    DOMINANT_DIRECTION: "combined max(0, 1 + D . (n' - n)), D = rgb, signed, world space, z up",
 }
 
 #: What names of light groups' maps begin with.

@@ -19,7 +19,7 @@ from ..compat import gltf_binary_data
 from ..file_format import PLAIN
 from ..result.contents import decoding
 from ..result.destination import blend_from, try_folder
-from ..result.directional_images import directional_images
+from ..result.directional_images import all_directional_images
 from ..result.file_names import file_name
 from ..result.files import reason, replace_all, staging_folder
 from ..result.lightmap_files import LightmapFile
@@ -76,7 +76,9 @@ def _export(context: bpy.types.Context, path: Path, kind: str, use_files: bool) 
     try:
         try_folder(path.parent, changes)
         with staging_folder(path.parent) as staging, _own_materials(context):
-            maps = {image: directional_images(context.scene, image) if use_files else {} for image in usable}
+            maps = {
+                image: all_directional_images(context.scene, image) if use_files else {} for image in usable
+            }
             work = _Export(path, staging, maps)
             hooks = work.write(surfaces, kind)
             if use_files:

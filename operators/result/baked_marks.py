@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import bpy
 
+from ...engine.finish.outputs import DOMINANT_DIRECTION
 from ...engine.lightmap import Lightmap
 from ...engine.scene.light_groups import light_group_names
 from ...engine.settings import Settings
@@ -32,6 +33,7 @@ def mark_lightmaps(
     for atlas, has_patch in zip(lightmap.atlases, lightmap.has_patch, strict=True):
         if atlas in entries:
             entries[atlas].directional = directional_kind(settings.outputs)
+            entries[atlas].has_dominant_direction = DOMINANT_DIRECTION in settings.outputs
             entries[atlas].light_groups = json.dumps(groups)
         if atlas in entries and atlas not in partial:
             entries[atlas].used = 100 * float(has_patch.mean())

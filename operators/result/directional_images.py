@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import bpy
 
-from ...engine.finish.outputs import DIRECTIONAL_MAPS, PROJECTED_MAPS
+from ...engine.finish.outputs import DIRECTIONAL_MAPS, DOMINANT_DIRECTION, PROJECTED_MAPS
+from .images import map_name
 
 #: Names of the maps that shade normal maps, L0 first, by what a lightmap's `directional` says of them.
 _MAPS = {"DIRECTIONAL": DIRECTIONAL_MAPS, "SPHERICAL_HARMONICS": PROJECTED_MAPS}
@@ -37,13 +38,16 @@ def directional_images(scene: bpy.types.Scene, lightmap: bpy.types.Image) -> dic
 
     Those of a bake before the last one of the lightmap do not count.
     """
-    entries = scene.hemibake.lightmaps
-    atlas = next((entry.name for entry in entries if entry.image == lightmap), None)
-    names = _MAPS.get(entries[atlas].directional, ()) if atlas is not None else ()
-    found = {name: entries.get(f"{atlas} {name}") for name in names}
-    if not all(entry and entry.image and entry.image.size[0] for entry in found.values()):
-        return {}
-    return {name: entry.image for name, entry in found.items()}
+    entry = _entry(scene, lightmap)
+    return _images(scene, entry.name, _MAPS.get(entry.directional, ())) if entry is not None else {}
+
+
+def all_directional_images(scene: bpy.types.Scene, lightmap: bpy.types.Image) -> dict[str, bpy.types.Image]:
+    """Return the same and the dominant direction, if the last bake of the lightmap made it."""
+    entry, found = _entry(scene, lightmap), directional_images(scene, lightmap)
+    if entry is None or not entry.has_dominant_direction:
+        return found
+    return {**found, **_images(scene, entry.name, (DOMINANT_DIRECTION,))}
 
 
 def images_beside(scene: bpy.types.Scene, lightmaps: Sequence[bpy.types.Image]) -> DirectionalImages | None:
@@ -54,3 +58,16 @@ def images_beside(scene: bpy.types.Scene, lightmaps: Sequence[bpy.types.Image]) 
             l1 = tuple(tuple(maps[name] for maps in found) for name in axes)
             return DirectionalImages(kind, tuple(maps[l0] for maps in found), l1)
     return None
+
+
+def _entry(scene: bpy.types.Scene, lightmap: bpy.types.Image) -> bpy.types.PropertyGroup | None:
+    """Return what a scene's list says of a lightmap."""
+    return next((entry for entry in scene.hemibake.lightmaps if entry.image == lightmap), None)
+
+
+def _images(scene: bpy.types.Scene, atlas: str, names: Sequence[str]) -> dict[str, bpy.types.Image]:
+    """Return the images of an atlas' maps by their outputs; nothing unless all are there."""
+    found = {name: scene.hemibake.lightmaps.get(map_name(atlas, name)) for name in names}
+    if not all(entry and entry.image and entry.image.size[0] for entry in found.values()):
+        return {}
+    return {name: entry.image for name, entry in found.items()}

@@ -24,6 +24,11 @@ MARK = "hemibake_atlas"
 _LINEAR = "Linear Rec.709"
 
 
+def map_name(atlas: str, output: str) -> str:
+    """Return the name, in a scene's list and of the image, of what a lightmap has beside its first output."""
+    return f"{atlas} {output.replace('_', ' ', 1)}"
+
+
 def lightmap_image(scene: bpy.types.Scene, atlas: str, resolution: int, changes: Changes) -> bpy.types.Image:
     """Return a scene's own image of an atlas at a resolution, made if there is none.
 

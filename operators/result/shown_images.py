@@ -16,8 +16,7 @@ from .kept_texels import KeptTexels
 
 def image_names(atlases: Sequence[str], outputs: Sequence[str]) -> list[str]:
     """Return the name of every image: the atlas, and for outputs after the first what it shows, too."""
-    labels = [name.replace("_", " ", 1) for name in outputs[1:]]
-    return [*atlases, *(f"{atlas} {label}" for label in labels for atlas in atlases)]
+    return [*atlases, *(images.map_name(atlas, output) for output in outputs[1:] for atlas in atlases)]
 
 
 class ShownImages:

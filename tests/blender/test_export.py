@@ -413,6 +413,7 @@ def test_files_beside_it(tmp_path):
     [
         ("directional", ("L0", "L1 x", "L1 y", "L1 z")),
         ("spherical_harmonics", ("SH L0", "SH L1 x", "SH L1 y", "SH L1 z")),
+        ("dominant_direction", ("dominant_direction",)),
     ],
 )
 def test_directional_maps_of_the_last_bake_are_beside_it(tmp_path, output, maps):
@@ -420,17 +421,19 @@ def test_directional_maps_of_the_last_bake_are_beside_it(tmp_path, output, maps)
     import bpy
 
     square("Square", SQUARE_UVS, material("Glow", emission=1))
-    for outputs in ({"combined", "directional"}, {"combined", "spherical_harmonics"}, {"combined", output}):
+    others = ({"combined", other} for other in ("directional", "spherical_harmonics", "dominant_direction"))
+    for outputs in (*others, {"combined", output}):
         bpy.context.scene.hemibake.outputs = outputs
         bake()
     export(tmp_path / "room.glb")
-    files = {f"room.Lightmap {name}.exr": name for name in maps}
+    files = {f"room.Lightmap {name.replace('_', ' ')}.exr": name for name in maps}
     assert sorted(files_below(tmp_path)) == sorted(["hemibake.json", "room.Lightmap.exr", "room.glb", *files])
     known = json.loads((tmp_path / "hemibake.json").read_text())["lightmaps"]
     for file, name in files.items():
         loaded = bpy.data.images.load(str(tmp_path / file))
-        assert pixels(loaded).tobytes() == pixels(bpy.data.images[f"Lightmap {name}"]).tobytes()
-        assert "n'.x" in known[file]["decode"] and "(x, -z, y)" in known[file]["decode"]
+        assert pixels(loaded).tobytes() == pixels(bpy.data.images[file[5:-4]]).tobytes()
+        assert "n'" in known[file]["decode"] and known[file]["output"] == name
+        assert "(x, -z, y)" in known[file]["decode"]
 
 
 def test_everything_is_as_before(tmp_path):

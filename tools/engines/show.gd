@@ -19,8 +19,9 @@ void fragment() {
     SPECULAR = 0.0;
     vec3 light = texture(lightmap, UV2).rgb;
     if (directional) {
-        vec3 bump = texture(bumps, UV).rgb * 2.0 - 1.0;
-        vec3 n = normalize(bump.x * TANGENT + bump.y * BINORMAL + bump.z * NORMAL);
+        vec2 bump = texture(bumps, UV).rg * 2.0 - 1.0;
+        float up = sqrt(max(1.0 - dot(bump, bump), 0.0));
+        vec3 n = normalize(bump.x * TANGENT + bump.y * BINORMAL + up * NORMAL);
         vec3 w = (CAMERA_MATRIX * vec4(n, 0.0)).xyz;
         light = max(texture(l0, UV2).rgb + w.x * texture(l1_x, UV2).rgb - w.z * texture(l1_y, UV2).rgb
             + w.y * texture(l1_z, UV2).rgb, 0.0);

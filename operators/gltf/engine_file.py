@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import filecmp
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -146,7 +147,7 @@ class _Export:
     def keep(self) -> list[Path]:
         """Move all files to where they belong, in place of those of an earlier export; return their paths."""
         made = sorted(self._made.iterdir(), key=lambda path: path.name != self._path.name)
-        self._refuse_others([path.name for path in made[1:]])
+        self._refuse_others(made[1:])
         staged = [*made, *self._manifest]
         paths = [self._path.parent / path.name for path in staged]
         replace_all(staged, paths, self._staging)
@@ -163,14 +164,20 @@ class _Export:
             uris[lightmap.name] = quote(name)
         return uris
 
-    def _refuse_others(self, names: Sequence[str]) -> None:
-        """Raise EngineError if a file beside the glTF file is not of an earlier export of it."""
+    def _refuse_others(self, made: Sequence[Path]) -> None:
+        """Raise EngineError if a file would change that is not of an earlier export of the glTF file.
+
+        Exports to one folder share textures.
+        """
         folder, before = self._path.parent, _referenced(self._path)
         known, blend = read_manifest(folder), blend_from(folder)
         others = [
-            name
-            for name in names
-            if (folder / name).exists() and name not in before and not is_ours(known, folder / name, blend)
+            path.name
+            for path in made
+            if (folder / path.name).exists()
+            and path.name not in before
+            and not is_ours(known, folder / path.name, blend)
+            and not _same_bytes(path, folder / path.name)
         ]
         if others:
             raise EngineError(
@@ -224,6 +231,11 @@ def _stems(stem: str, images: Sequence[bpy.types.Image]) -> dict[bpy.types.Image
         stems[image] = next(name for name in names if name.casefold() not in taken)
         taken.add(stems[image].casefold())
     return stems
+
+
+def _same_bytes(path: Path, other: Path) -> bool:
+    """Return whether two paths are files with the same bytes; raises OSError."""
+    return other.is_file() and filecmp.cmp(path, other, shallow=False)
 
 
 def _referenced(path: Path) -> set[str]:

@@ -520,6 +520,29 @@ def test_names_that_are_refused(tmp_path):
     export(tmp_path / "new" / "other.glb")
 
 
+def test_two_exports_of_one_folder_share_a_texture(tmp_path):
+    """A file with the same bytes is nobody's loss; one with others stays, whoever's it is."""
+    import bpy
+
+    picture, surface = bpy.data.images.new("Picture", 3, 5), material("Textured")
+    texture = surface.node_tree.nodes.new("ShaderNodeTexImage")
+    texture.image = picture
+    colour = surface.node_tree.nodes["Principled BSDF"].inputs["Base Color"]
+    surface.node_tree.links.new(texture.outputs[0], colour)
+    square("Textured", SQUARE_UVS, surface)
+    bake()
+    for name in ("one.gltf", "two.gltf"):
+        export(tmp_path / name)
+    before = files_below(tmp_path)
+    assert "Picture.png" in before
+    picture.pixels[0] = 0.5
+    picture.update()
+    assert "'Picture.png'" in refusal(tmp_path / "three.gltf")
+    assert files_below(tmp_path) == before
+    export(tmp_path / "one.gltf")
+    assert files_below(tmp_path)["Picture.png"] != before["Picture.png"]
+
+
 def test_lightmap_whose_file_is_gone(tmp_path, capfd):
     """Others are exported; without any the export says whose lightmap to bring back."""
     import bpy

@@ -116,7 +116,7 @@ def _bake(
     # All other light is gathered: through hemicubes drawn in every iteration (IV.B), or what is kept of them.
     job = SolveJob(
         graphics, compute, parts, rays, lighting.emission_left, lighting.sky_left, sampled,
-        areas.result(), settings, remote, kept, last.indirect if last else None,
+        areas.result(), settings, remote, kept, last.indirect if last else None, near=near,
     )  # fmt: skip
     solution, choice, solved = choose_solver(job)
     yield stages.chosen(choice)

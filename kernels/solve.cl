@@ -44,23 +44,24 @@ __kernel void products(__global const float4 *gathered, __global const float4 *d
         sums[k * get_global_size(0) + get_global_id(0)] = acc[k];
 }
 
-// The first radiance.
-__kernel void begin(__global const float4 *emission, __global const float4 *reflectance,
-                    __global const float4 *irradiance, __global float4 *radiance, const int count)
+// What patches send out: their emission, and what each, or its stand-in, reflects.
+__kernel void send_out(__global const float4 *emission, __global const float4 *reflectance,
+                       __global const float4 *irradiance, __global const uint *stand_in,
+                       __global float4 *radiance, const int count)
 {
     const int i = get_global_id(0);
-    if (i < count)
-        radiance[i + 1] = emission[i + 1] + reflectance[i] * irradiance[i];
+    if (i >= count)
+        return;
+    const uint from = stand_in[i];
+    radiance[i + 1] = emission[i + 1] + reflectance[from] * irradiance[from];
 }
 
-// The next irradiance: iterates mixed, and the ambient light behind their weights where patches see others;
-// the radiance that goes with it. Sums: the change, the change relative to each patch's own light, and the
-// flux that is added.
+// The next irradiance: iterates mixed, and the ambient light behind their weights where patches see others.
+// Sums: the change, the change relative to each patch's own light, and the flux that is added.
 __kernel void mix_iterates(__global const float4 *gathered, __global const float4 *weights,
                            __global const float *patches_seen,
-                           __global const float4 *reflectance, __global const float4 *emission,
-                           __global const float *area, const float least, const int count,
-                           __global float4 *irradiance, __global float4 *radiance,
+                           __global const float4 *reflectance, __global const float *area,
+                           const float least, const int count, __global float4 *irradiance,
                            __global float4 *sums)
 {
     float4 acc = (float4)(0.0f);
@@ -74,7 +75,6 @@ __kernel void mix_iterates(__global const float4 *gathered, __global const float
         const float flux = area[i] * sum3(reflectance[i] * (next - before));
         acc += (float4)(change, change / fmax(sum3(next), least), flux, 0.0f);
         irradiance[i] = next;
-        radiance[i + 1] = emission[i + 1] + reflectance[i] * next;
     }
     sums[get_global_id(0)] = acc;
 }

@@ -29,6 +29,10 @@ class NearFaces:
     back_to_back: np.ndarray
     shine: np.ndarray
 
+    def part(self, chosen: np.ndarray) -> NearFaces:
+        """Return what they do to some patches, by a mask or their numbers."""
+        return NearFaces(self.hide[chosen], self.back_to_back[chosen], self.shine[chosen])
+
 
 def patches_in_contact(scene: RayScene, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return which patches lie in the plane of another face that shows them its back, (n,) bool twice.

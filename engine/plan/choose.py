@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from ..solve.patch_groups import PatchGroups, leaders, numbered
 from ..solve.radiosity import Radiosity
 from ..solve.resumed_solver import ResumedSolver
 from ..solve.solution import Solution
-from ..solve.solver import Solver
+from ..solve.solver import FindStandIns, Solver
 from ..visibility.raster.tiles import IDENTITY_BYTES, plan_tiles
 from ..visibility.samples import ray_count
 from .choice import Choice
@@ -32,6 +33,7 @@ from .choose_sweep import choose_sweep
 from .memory import MORE_RAYS, group_width, is_adaptive
 from .receivers import Receivers, last_gather, separates_direct
 from .solve_job import SolveJob
+from .stand_ins import stand_ins
 
 #: What a plane through the light of groups may leave over, as a fraction of all light, times the root of the
 #: rays of a patch: about the error of these.
@@ -60,19 +62,21 @@ def choose_solver(job: SolveJob) -> tuple[Solution, Choice, SolveJob]:
     return solution, replace(choice, reasons=(*reasons, *choice.reasons)), squares
 
 
-def solver_like(job: SolveJob, choice: Choice) -> Solver:
-    """Return what solves for a part of the light, with samples as were chosen for all of it."""
+def solver_like(job: SolveJob, choice: Choice, stand_in: np.ndarray | None) -> Solver:
+    """Return what solves for a part of the light, with samples and stand-ins as of all of it."""
     settings = replace(job.settings, method=choice.method, visibility=choice.visibility)
-    return _solver(replace(job, settings=settings, indirect=None))[0]
+    return _solver(replace(job, settings=settings, indirect=None), lambda _: stand_in)[0]
 
 
-def _solver(job: SolveJob) -> tuple[Solver, Choice]:
-    """Return what solves for every patch on its own."""
+def _solver(job: SolveJob, find_stand_ins: FindStandIns | None = None) -> tuple[Solver, Choice]:
+    """Return what solves for every patch on its own; see `Solver`."""
+    if find_stand_ins is None and job.near is not None:
+        find_stand_ins = partial(stand_ins, job.parts, job.near)
     radiosity, choice = _host_radiosity(job) if _by_hemicubes(job) else _device_radiosity(job)
     gathered_by = (choice.method, choice.visibility, choice.samples, choice.integrator)
     solver = ResumedSolver(
         radiosity, job.sampled_light, job.settings, job.gathers_direct, job.indirect is not None,
-        job.checkpoint, lambda: digest_of((*job.light_key, *gathered_by)),
+        job.checkpoint, lambda: digest_of((*job.light_key, *gathered_by)), find_stand_ins,
     )  # fmt: skip
     return solver, replace(choice, patches=job.count)
 
@@ -92,6 +96,7 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Choic
         sampled_light=groups.mean(job.sampled_light),
         area=groups.area,
         indirect=None if job.indirect is None else groups.mean(job.indirect),
+        near=job.near and job.near.part(groups.leader),
     )
     solver, choice = _solver(squares)
     if is_adaptive(job):

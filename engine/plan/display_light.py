@@ -28,6 +28,7 @@ from ..gather.half_light import HalfLight
 from ..progress import part_of
 from ..scene.color import channel_sum
 from ..settings import Settings
+from ..solve.reflected_light import reflected_light
 from ..solve.solution import Solution
 from ..visibility.samples import ray_count
 from .choice import Choice
@@ -192,10 +193,15 @@ def _nothing(*reasons: str) -> DisplayLight:
     return DisplayLight(no_samples(), nothing > 0, normals, nothing, inside, {}, nothing > 0, 1, reasons)
 
 
-def radiance_of(solved: SolveJob, settled: np.ndarray) -> cl.Buffer:
-    """Return the radiance of patches of E/pi (m, 3) on the device; see `FinalGather.gather_from`."""
-    reflected = solved.parts.surfaces.reflectance * settled if solved.settings.bounces else 0
-    return upload_float4(solved.opencl, solved.emission + reflected, first=1, last=1)
+def radiance_of(solved: SolveJob, settled: np.ndarray, stand_in: np.ndarray | None = None) -> cl.Buffer:
+    """Return the radiance of patches of E/pi (m, 3) on the device; see `FinalGather.gather_from`.
+
+    stand_in: (m,) int64, see `reflected_light`
+    """
+    radiance = solved.emission
+    if solved.settings.bounces:
+        radiance = radiance + reflected_light(solved.parts.surfaces.reflectance, settled, stand_in)
+    return upload_float4(solved.opencl, radiance, first=1, last=1)
 
 
 def light_at(

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..patches.subdivision import Subdivision
+from ..patches.texels_around import entries_around
 from ..scene.color import channel_sum
 from ..segment_sums import segment_sums
 from .display_points import DisplayJob
@@ -32,7 +32,7 @@ class HiddenLight:
 
     def __init__(self, what: DisplayJob, hidden: np.ndarray) -> None:
         parts, self._hidden = what.job.parts, np.flatnonzero(hidden)
-        beside = _patches_beside(parts, self._hidden)
+        beside = entries_around(parts.texel_to_patch, parts.patches.key[self._hidden])
 
         # Hidden patches and those around them are numbered from 1 on, in the order of all patches.
         near = np.zeros(len(hidden) + 1, bool)
@@ -48,8 +48,7 @@ class HiddenLight:
         self._sender, self._groups = chosen - 1, None
         if len(chosen) and what.solved is not what.job:
             entries = what.solved.parts.texel_to_patch.ravel()
-            keys = parts.patches.atlas.astype(np.int64) * parts.patches.resolution**2 + parts.patches.texel
-            group = entries.take(keys)
+            group = entries.take(parts.patches.key)
             self._sender = group[chosen - 1].astype(np.int64) - 1
             self._groups = _HiddenGroups(group, self._hidden)
 
@@ -137,15 +136,3 @@ def _darkened(total: np.ndarray, counts: np.ndarray, faintest: float) -> np.ndar
     sums = np.einsum("hk,hk->h", counts, total)
     factor: np.ndarray = np.minimum(number / np.maximum(inverse, 1e-30) / np.maximum(sums, 1e-30), 1 / number)
     return factor.astype(np.float32)
-
-
-def _patches_beside(parts: Subdivision, patches: np.ndarray) -> np.ndarray:
-    """Return patch + 1 in the 3 x 3 texels around some patches, (m, 9) int64, 0 for none."""
-    resolution = parts.patches.resolution
-    row, column = np.divmod(parts.patches.texel[patches], resolution)
-    step = np.arange(9)
-    y, x = row[:, None] + step // 3 - 1, column[:, None] + step % 3 - 1
-    inside = (y >= 0) & (y < resolution) & (x >= 0) & (x < resolution)
-    rows = parts.patches.atlas[patches, None].astype(np.int64) * resolution + y
-    beside = parts.texel_to_patch.ravel().take(rows * resolution + x, mode="clip")
-    return np.where(inside, beside, 0).astype(np.int64)

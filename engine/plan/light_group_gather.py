@@ -10,6 +10,7 @@ import numpy as np
 from ..gather.light_group_sweep import LightGroupLook
 from ..progress import part_of
 from ..settings import Settings
+from ..solve.reflected_light import reflected_light
 from ..visibility.identity import Sampling
 from .choice import Choice
 from .choose_sweep import static_light
@@ -30,11 +31,13 @@ def gather_light_groups(
     receivers: Receivers,
     sampled: np.ndarray,
     settings: Settings,
+    stand_in: np.ndarray | None = None,
 ) -> Generator[float, None, np.ndarray]:
     """Return E/pi of light groups, (g, n, 3) float32, at n receivers; yield the fraction done.
 
     settled   (m, 3) float32 of each group, E/pi of what is seen
     sampled   (g, n, 3) float32, E/pi of the light that shadow rays sample
+    stand_in  (m,) int64, see `reflected_light`
 
     Receivers look once for all groups that leave no emission to hemicubes, once for each of the others: what
     backs send out is summed as they are found.
@@ -47,13 +50,16 @@ def gather_light_groups(
     if together:
         some = [groups[number] for number in together]
         look = _look(some, choice, receivers, settings)
-        sent = [groups[number].parts.surfaces.reflectance * settled[number] for number in together]
+        sent = [
+            reflected_light(groups[number].parts.surfaces.reflectance, settled[number], stand_in)
+            for number in together
+        ]
         found = yield from part_of(0.0, 1 / looks, look.gather(np.stack(sent, axis=1)))
         light[together] += found.transpose(1, 0, 2)
     for count, number in enumerate(apart, bool(together)):
         where = Receivers(receivers.parts, receivers.rays, sampled[number])
         last, _ = last_gather(groups[number], choice, where, settings)
-        yield from part_of(count / looks, (count + 1) / looks, last.gather(settled[number]))
+        yield from part_of(count / looks, (count + 1) / looks, last.gather(settled[number], stand_in))
         light[number] = last.irradiance
     return light
 

@@ -68,7 +68,7 @@ def settled_groups(
     """
     job, solved = (replace(one, settings=of_all_light(one.settings)) for one in (job, solved))
     parts = [_part_of(job, solved, solution, sources) for sources in groups]
-    gathered = yield from part_of(0.0, 0.5, _gathered(solved, choice, parts))
+    gathered = yield from part_of(0.0, 0.5, _gathered(solved, choice, parts, solution.stand_in))
     settled = [light[:, :3] for light in gathered]
     of_patches: Sequence[np.ndarray] | np.ndarray = settled
     if isinstance(solution, GroupedSolution):
@@ -113,7 +113,8 @@ def _of_patches(
         rays = job.rays if isinstance(patches, slice) else job.rays.of(looking)
         receivers = Receivers(looking, rays, job.sampled_light[patches])
         lit = np.ascontiguousarray(sampled[:, patches])
-        return (yield from gather_light_groups(parts, settled, choice, receivers, lit, job.settings))
+        light = gather_light_groups(parts, settled, choice, receivers, lit, job.settings, solution.stand_in)
+        return (yield from light)
 
     if not isinstance(solution.last, InterpolatedGather):
         return (yield from gather(slice(None)))
@@ -126,9 +127,12 @@ def _of_patches(
 
 
 def _gathered(
-    solved: SolveJob, choice: Choice, parts: Sequence[SolveJob]
+    solved: SolveJob, choice: Choice, parts: Sequence[SolveJob], stand_in: np.ndarray | None
 ) -> Generator[float, None, list[np.ndarray]]:
-    """Return what every part gathers once its light has settled, (m, 4) float32; yield the fraction done."""
+    """Return what every part gathers once its light has settled, (m, 4) float32; yield the fraction done.
+
+    stand_in: (m,) int64, see `reflected_light`
+    """
     gathered = [np.zeros((solved.count, 4), np.float32) for _ in parts]
     lit = [number for number, part in enumerate(parts) if part.lit]
     kept = _common_samples(solved)
@@ -136,7 +140,10 @@ def _gathered(
     runs = [lit[first : first + width] for first in range(0, len(lit), width)]
     for count, run in enumerate(runs):
         some = [parts[number] for number in run]
-        solving = _solved_alone(some[0], choice) if kept is None else _solved_together(kept, some)
+        if kept is None:
+            solving = _solved_alone(some[0], choice, stand_in)
+        else:
+            solving = _solved_together(kept, some, stand_in)
         found = yield from part_of(count / len(runs), (count + 1) / len(runs), solving)
         for number, light in zip(run, found, strict=True):
             gathered[number] = light
@@ -149,15 +156,17 @@ def _common_samples(solved: SolveJob) -> KeptSamples | None:
     return None if kept is None or not kept.complete or kept.has_light_of_backs else kept
 
 
-def _solved_alone(part: SolveJob, choice: Choice) -> Generator[float, None, list[np.ndarray]]:
+def _solved_alone(
+    part: SolveJob, choice: Choice, stand_in: np.ndarray | None
+) -> Generator[float, None, list[np.ndarray]]:
     """Return what a part gathers, found anew what patches see; yield the fraction done."""
-    solver = solver_like(replace(part, kept=Kept()), choice)
+    solver = solver_like(replace(part, kept=Kept()), choice, stand_in)
     yield from _settle(solver)
     return [solver.gathered]
 
 
 def _solved_together(
-    kept: KeptSamples, parts: Sequence[SolveJob]
+    kept: KeptSamples, parts: Sequence[SolveJob], stand_in: np.ndarray | None
 ) -> Generator[float, None, list[np.ndarray]]:
     """Return what several parts gather, over rows that were kept; yield the fraction done.
 
@@ -185,7 +194,8 @@ def _solved_together(
         job.gathers_direct,
         job.columns,
     )
-    solver = Solver(radiosity, sampled, job.settings, job.gathers_direct)
+    stands_in = None if stand_in is None else _side_by_side(stand_in, len(parts))
+    solver = Solver(radiosity, sampled, job.settings, job.gathers_direct, find_stand_ins=lambda _: stands_in)
     yield from _settle(solver)
     light = solver.gathered.reshape(job.count, len(parts), 4)
     return [
@@ -214,6 +224,12 @@ def _scale(part: SolveJob) -> np.float32:
     """Return what brings the light of a part to about 1."""
     sources = part.emission, part.sky, part.sampled_light
     return np.float32(1 / max(sum(float(values.mean(dtype=np.float64)) for values in sources), _DARKEST))
+
+
+def _side_by_side(stand_in: np.ndarray, groups: int) -> np.ndarray:
+    """Return which light stands in for each, (m g,) int64, where that of a patch's groups is in a row."""
+    numbers: np.ndarray = groups * stand_in[:, None] + np.arange(groups)
+    return numbers.ravel()
 
 
 def _beside(values: Iterable[np.ndarray]) -> np.ndarray:

@@ -38,7 +38,8 @@ def look_twice(
     lighting = what.lighting.of(job.rays, settings)
     sampled = yield from part_of(0.0, 0.5, lighting.gather())
     last, _ = last_gather(what.solved, what.choice, Receivers(job.parts, job.rays, sampled), settings)
-    yield from part_of(0.5, 1.0, last.gather_from(radiance_of(what.solved, solution.settled)))
+    radiance = radiance_of(what.solved, solution.settled, solution.stand_in)
+    yield from part_of(0.5, 1.0, last.gather_from(radiance))
     rays = ray_count(settings)
     light = {name: light_output(name, last) for name in job.settings.light_outputs}
     return light, rays / (rays + ray_count(job.settings))

@@ -11,6 +11,7 @@ from ..device.compute import Compute
 from ..device.graphics import Graphics
 from ..device.program_cache import device_digest
 from ..device.source import source_digest
+from ..direct.contact import NearFaces
 from ..errors import DeviceError
 from ..patches.subdivision import Subdivision
 from ..resume.checkpoint import Checkpoint
@@ -36,6 +37,7 @@ class SolveJob:
     kept           what an earlier bake has left of the same patches, and what this one leaves
     indirect       (n, 3) float32, E/pi of reflected light that a warm start begins with; None for none
     part_of        the job of all light, of which this one is a part: both begin alike
+    near           what faces nearby do to the patches; None if that is not known
     """
 
     graphics: Graphics
@@ -51,6 +53,7 @@ class SolveJob:
     kept: Kept = field(default_factory=Kept)
     indirect: np.ndarray | None = None
     part_of: SolveJob | None = None
+    near: NearFaces | None = None
 
     @property
     def count(self) -> int:

@@ -16,6 +16,7 @@ class Darkness:
     residual = 0.0
     converged = done = True
     gathers_finally = False
+    stand_in = None
 
     def __init__(self, count: int) -> None:
         """Take the number of patches."""

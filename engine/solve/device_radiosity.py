@@ -47,10 +47,10 @@ class DeviceRadiosity:
         self._compute, self._queue, self._sweep, self.sparse = compute, compute.queue, sweep, sparse
         self.count, self.area = len(reflectance), float(area.sum(dtype=np.float64))
         self.columns, self._pairs = columns, np.triu_indices(columns)
-        names = ("begin", "products", "mix_iterates", "balance", "add_up")
+        names = ("send_out", "products", "mix_iterates", "balance", "add_up")
         options = (f"-DCOLUMNS={columns}",)
         kernels = compute.kernels("solve.cl", *names, options=options)
-        begin, self._products, self._mix, self._balance, self._add_up = kernels
+        self._send_out, self._products, self._mix, self._balance, self._add_up = kernels
         self._emission, self._reflectance = emission, upload_float4(compute, reflectance)
         self._sampled_light = upload_float4(compute, sampled_light)
 
@@ -66,10 +66,7 @@ class DeviceRadiosity:
             first = sampled_light + indirect
         self._irradiance = zeros(compute, 16 * self.count) if first is None else upload_float4(compute, first)
         self.radiance = zeros(compute, 16 * (self.count + 2))
-        compute.run(
-            begin, self.count, self._emission, self._reflectance, self._irradiance, self.radiance,
-            np.int32(self.count),
-        )  # fmt: skip
+        self.let_stand_in(np.arange(self.count))
         kind = int(compute.processor)
         self._items, self._adding = _ITEMS[kind], self._add_up.group(_ADDING[kind])[0]
 
@@ -107,11 +104,17 @@ class DeviceRadiosity:
         self._mix(
             self._queue, (self._items,), None,
             self._gathered, self._weights, self.patches_seen,
-            self._reflectance, self._emission, self._area, np.float32(least), np.int32(self.count),
-            self._irradiance, self.radiance, self._sums,
+            self._reflectance, self._area, np.float32(least), np.int32(self.count),
+            self._irradiance, self._sums,
         )  # fmt: skip
+        self._make_radiance()
         change, relative, flux = self._read_sums(1)[0]
         return Step(change / self.count, relative / self.count, np.pi * flux * self.area)
+
+    def let_stand_in(self, stand_in: np.ndarray) -> None:
+        """Let patches send out what others reflect; see `solve.Radiosity.let_stand_in`."""
+        self._stand_in = upload(self._compute, stand_in.astype(np.uint32))
+        self._make_radiance()
 
     def balance(self, newest: int, emission: np.ndarray, direct: np.ndarray) -> Balance:
         """Return where light goes; see `solve.Radiosity.balance`."""
@@ -152,6 +155,13 @@ class DeviceRadiosity:
             "radiance": self.radiance,
             "patches_seen": self.patches_seen,
         }
+
+    def _make_radiance(self) -> None:
+        """Make the radiance that goes with the irradiance."""
+        self._compute.run(
+            self._send_out, self.count, self._emission, self._reflectance, self._irradiance, self._stand_in,
+            self.radiance, np.int32(self.count),
+        )  # fmt: skip
 
     def _read_sums(self, numbers: int) -> np.ndarray:
         """Return the sums of all work items together, (numbers, 3) float64."""

@@ -64,7 +64,7 @@ class GroupedSolution:
         if not self._solver.done:
             yield from self._solver.iteration()
             return
-        yield from self.last.gather(self._solver.irradiance)
+        yield from self.last.gather(self._solver.irradiance, self._solver.stand_in)
 
     def energy(self, emission: np.ndarray) -> Energy | None:
         """Return where the light of the groups goes; see `solution.Solution.energy`."""
@@ -95,6 +95,11 @@ class GroupedSolution:
         """E/pi of the light that patches reflect, (n, 3) float32."""
         indirect: np.ndarray = np.maximum(self.irradiance - self.direct, 0)
         return indirect
+
+    @property
+    def stand_in(self) -> np.ndarray | None:
+        """Of groups; see `Solver`."""
+        return self._solver.stand_in
 
     @property
     def settled(self) -> np.ndarray:

@@ -9,6 +9,7 @@ import numpy as np
 from ..errors import DeviceError
 from ..gather.hemicube_gather import Gather
 from .radiosity import PLAIN_COLUMNS, Step, Sums
+from .reflected_light import reflected_light
 
 
 class HostRadiosity:
@@ -43,6 +44,7 @@ class HostRadiosity:
         self.count, self.area, self.columns = len(emission), float(self._areas.sum()), columns
         self._gathered = np.zeros((columns, self.count, 4), np.float32)
         self._defects = np.zeros((columns, self.count, 3), np.float32)
+        self._stand_in: np.ndarray | None = None
         if indirect is not None and gathers_direct:
             self._gathered[-1, :, :3] = indirect
         elif indirect is not None:
@@ -51,8 +53,11 @@ class HostRadiosity:
     @property
     def radiance(self) -> np.ndarray:
         """What the patches send out, (n, 3) float32."""
-        radiance: np.ndarray = self._emission + self._reflectance * self._irradiance
-        return radiance
+        return self._emission + reflected_light(self._reflectance, self._irradiance, self._stand_in)
+
+    def let_stand_in(self, stand_in: np.ndarray) -> None:
+        """Let patches send out what others reflect; see `solve.Radiosity.let_stand_in`."""
+        self._stand_in = stand_in
 
     def sweep(self, column: int) -> Generator[float, None, None]:
         """Gather from the current radiance into a column of the ring; yield the fraction done."""

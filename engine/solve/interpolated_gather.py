@@ -52,13 +52,15 @@ class InterpolatedGather:
         self._fitting: list[np.ndarray] = []
         self.done = False
 
-    def gather(self, irradiance: np.ndarray) -> Generator[float, None, None]:
-        """Gather from groups of E/pi, (m, 3) float32; yield the fraction done."""
+    def gather(
+        self, irradiance: np.ndarray, stand_in: np.ndarray | None = None
+    ) -> Generator[float, None, None]:
+        """Gather from groups of E/pi, (m, 3) float32; see `LastGather.gather`; yield the fraction done."""
         sampled, beside = self.direct, channel_sum(self.direct)
 
         def gather_for(layers: list[np.ndarray], patches: np.ndarray) -> Generator[float, None, None]:
             last = self._last_of(patches)
-            yield from last.gather(irradiance)
+            yield from last.gather(irradiance, stand_in)
             layers[0][patches] = last.gathered
             layers[0][patches, :3] -= sampled[patches]
             for layer in layers[1:]:

@@ -10,6 +10,7 @@ import pyopencl as cl
 from ..gather.device_l1 import L1
 from ..gather.final_gather import LightGather
 from ..progress import part_of
+from .reflected_light import reflected_light
 
 
 class LastGather:
@@ -37,9 +38,16 @@ class LastGather:
         self.direct, self.gathered = sampled_light, np.zeros((len(sampled_light), 4), np.float32)
         self.done = False
 
-    def gather(self, irradiance: np.ndarray) -> Generator[float, None, None]:
-        """Gather from sources of E/pi, (m, 3) float32; yield the fraction done."""
-        radiance = self._emission + self._reflectance * irradiance if self._bounces else self._emission
+    def gather(
+        self, irradiance: np.ndarray, stand_in: np.ndarray | None = None
+    ) -> Generator[float, None, None]:
+        """Gather from sources of E/pi, (m, 3) float32; yield the fraction done.
+
+        stand_in: (m,) int64, see `reflected_light`
+        """
+        radiance = self._emission
+        if self._bounces:
+            radiance = radiance + reflected_light(self._reflectance, irradiance, stand_in)
         yield from self._all_light(self._final.gather(radiance))
 
     def gather_from(self, radiance: cl.Buffer) -> Generator[float, None, None]:

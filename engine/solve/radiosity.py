@@ -103,6 +103,12 @@ class Radiosity(Protocol):
     def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> Step:
         """Make the next irradiance: iterates times (columns, 3), and (3,) wherever patches are seen."""
 
+    def let_stand_in(self, stand_in: np.ndarray) -> None:
+        """Let each patch send out what another one reflects, (n,) int64, itself for most, and its emission.
+
+        That goes for the current radiance, too.
+        """
+
     def iterate(self, column: int) -> np.ndarray:
         """Return E/pi and the fraction that is no back, (n, 4) float32, of a column: a copy."""
 

@@ -9,7 +9,7 @@ import numpy as np
 from ..resume.checkpoint import Arrays, Checkpoint
 from ..settings import Settings
 from .radiosity import Radiosity, Step
-from .solver import Solver
+from .solver import FindStandIns, Solver
 
 
 class ResumedSolver(Solver):
@@ -29,8 +29,9 @@ class ResumedSolver(Solver):
         warm: bool,
         checkpoint: Checkpoint,
         key: Callable[[], str],
+        find_stand_ins: FindStandIns | None = None,
     ) -> None:
-        super().__init__(radiosity, sampled_light, settings, gathers_direct, warm)
+        super().__init__(radiosity, sampled_light, settings, gathers_direct, warm, find_stand_ins)
         self._checkpoint, self._key = checkpoint, key
         state = checkpoint.light(key)
         if state is not None and len(state["steps"]) < self._limit:
@@ -51,6 +52,8 @@ class ResumedSolver(Solver):
         state["ring"] = np.array([self._newest])
         state["total"] = np.array([self._total])
         state["direct"] = self._direct
+        if self.stand_in is not None:
+            state["stand_in"] = self.stand_in
         state["steps"] = np.array([(step.change, step.relative, step.flux) for step in self._steps])
         state["factors"] = np.array(self._factors)
         state["refined"] = np.array([self._sparse, self._refined])
@@ -61,6 +64,7 @@ class ResumedSolver(Solver):
     def _restore(self, state: Arrays) -> None:
         """Go on from what `_state` has returned."""
         self._radiosity.restore(state)
+        self._let_stand_in(state.get("stand_in"))
         self._newest, self._total = int(state["ring"][0]), float(state["total"][0])
         self._direct = state["direct"]
         self._steps = [Step(*step) for step in state["steps"].tolist()]

@@ -63,6 +63,11 @@ class Solution(Protocol):
         ...
 
     @property
+    def stand_in(self) -> np.ndarray | None:
+        """Which of what patches see sends out the light of each, (m,) int64; None if each does its own."""
+        ...
+
+    @property
     def residual(self) -> float:
         """Estimated remaining error; NaN while unknown."""
         ...

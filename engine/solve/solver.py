@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from ..lightmap import Energy
 from ..settings import Settings
 from .anderson import Anderson
 from .radiosity import PLAIN_COLUMNS, Radiosity, Step, Sums
+
+#: Returns which patches stand in for others from E/pi and the fraction that is no back, (n, 4) float32.
+FindStandIns = Callable[[np.ndarray], np.ndarray | None]
 
 #: Patches darker than this fraction of the mean count as if they had it.
 _DARK = 1e-4
@@ -41,6 +44,9 @@ class Solver:
     gathers_direct  True if the patches gather light at first: the first sweep then gives the direct light
                     of emission and surroundings
     warm            True if the radiosity begins with reflected light, see `Radiosity`
+    find_stand_ins  returns `stand_in` from what the first sweep gathered; None to let nothing stand in
+    stand_in        (n,) int64, the patch whose reflected light each one sends out, itself for most; None for
+                    all, and before the first sweep
 
     A sparse radiosity is first solved by cheap sweeps, then by a few from all samples of each patch: that
     solution is right but for noise, which averages remove at once, and the ambient light of the noise's mean.
@@ -55,7 +61,10 @@ class Solver:
         settings: Settings,
         gathers_direct: bool = True,
         warm: bool = False,
+        find_stand_ins: FindStandIns | None = None,
     ) -> None:
+        self.stand_in: np.ndarray | None = None
+        self._find_stand_ins = find_stand_ins
         self._radiosity, self._sampled_light, self._gathers_direct = radiosity, sampled_light, gathers_direct
         self._warm = warm
         self._limit, self._tolerance = settings.iterations, settings.tolerance
@@ -121,6 +130,8 @@ class Solver:
         for done in self._radiosity.sweep(self._newest):
             yield (parts - 1 + done) / parts
         self._gathered = None
+        if not self._steps and self._find_stand_ins is not None:
+            self._let_stand_in(self._find_stand_ins(self.gathered))
         sums = self._radiosity.sums(self._newest, max(self._least_part * self._total, _DARKEST))
         if self._gathers_direct and not self._warm and not self._steps:
             self._direct = self._radiosity.iterate(self._newest)[:, :3]
@@ -129,6 +140,12 @@ class Solver:
             self._factors.append(_schwarz_quotient(sums.products, self._newest))
         weights, ambient = self._mixture(sums)
         self._steps.append(self._radiosity.mix(weights, ambient, max(_DARK * sums.total, _DARKEST)))
+
+    def _let_stand_in(self, stand_in: np.ndarray | None) -> None:
+        """Let patches send out what others reflect; None for none."""
+        self.stand_in = stand_in
+        if stand_in is not None:
+            self._radiosity.let_stand_in(stand_in)
 
     @property
     def _nearly_done(self) -> bool:

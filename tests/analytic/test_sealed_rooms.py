@@ -222,6 +222,26 @@ def test_a_box_that_cuts_the_floor_has_no_dark_line(first):
     assert found.mean(axis=1) == pytest.approx(expected, rel=0.05)
 
 
+@pytest.mark.parametrize("corner", [(0.613, 0.217), long((0.607, 0.229))])
+@pytest.mark.parametrize("width", [1, 4])
+def test_what_stands_on_a_floor_is_as_bright_at_its_foot_as_all_is(corner, width):
+    """In a furnace: texels of the floor whose middle is under the block are seen beside it."""
+    atlas = Atlas(SETTINGS.resolution)
+    (x, y), glowing = corner, material("Glowing", 0.8, 0.2)
+    hall = room(atlas, (0, 0, 0), (1.8, 0.8, 0.8), "Hall")
+    standing = block(atlas, (x, y, 0), (x + 0.27, y + 0.33, 0.5), "Block")
+    scene = Scene((hall, standing), (glowing,))
+    settings = replace(SETTINGS, texel_samples=1, hide_seams=False, patch_groups=width, tolerance=1e-4)
+    lightmap = drive(scene, replace(settings, samples=256, iterations=80))
+    sides = np.zeros_like(lightmap.known[0])
+    for side in (standing.uvs.reshape(-1, 6, 2)[2:] * SETTINGS.resolution).round().astype(int):
+        (left, low), (right, high) = side.min(axis=0), side.max(axis=0)
+        sides[low:high, left:right] = True
+    light = lightmap.display[0].mean(axis=-1)[sides & lightmap.known[0]]
+    assert len(light) > 300
+    assert light == pytest.approx(np.ones(len(light)), rel=0.01)
+
+
 @pytest.mark.parametrize("gap", [0.0, long(1e-7)])
 def test_a_lamp_in_contact_with_a_ceiling_leaves_no_mark_beside_it(gap):
     """The ceiling, here a floor, sees a black block that lies on it as a wall."""

@@ -14,6 +14,9 @@ from engine.gather import kept_samples
 from engine.plan import solve_job
 from engine.resume import writing_time
 from engine.worker.worker import Worker
+from tests.analytic.rooms import Atlas, block, scene_of
+from tests.analytic.rooms import lamp as lamp_at
+from tests.analytic.rooms import room as hall
 from tests.gpu.test_kept import ROOM, assert_same, coloured, lamp
 from tests.rows import long
 
@@ -90,6 +93,21 @@ def test_a_bake_cancelled_while_looking_goes_on(tmp_path, kind, pieces):
     sentence, *_ = went_on(resumed)
     assert "patches see went on from a bake that was interrupted" in sentence
     assert_same(resumed, finished(bake(ROOM, settings)))
+
+
+@pytest.mark.parametrize("width", [1, 4])
+def test_patches_that_stand_in_for_hidden_ones_go_on(tmp_path, width, pieces):
+    """A block stands on the floor; some texels are mostly under it."""
+    atlas = Atlas(131)
+    meshes = [hall(atlas, (0, 0, 0), (1.2, 0.8, 0.8), "Hall")]
+    meshes += [block(atlas, (0.613, 0.217, 0), (0.87, 0.53, 0.3), "Block")]
+    scene = scene_of(meshes, [lamp_at((0.3, 0.4, 0.6))])
+    settings = dataclasses.replace(SETTINGS, resolution=131, samples=64, patch_groups=width)
+    cached = dataclasses.replace(settings, cache_dir=str(tmp_path))
+    assert interrupted(cached, lambda progress: progress.iteration == 4, scene)
+    resumed = finished(bake(scene, cached))
+    assert any("The light went on from iteration" in reason for reason in went_on(resumed))
+    assert_same(resumed, finished(bake(scene, settings)))
 
 
 def test_other_lamps_take_what_patches_see_but_not_the_light(tmp_path):

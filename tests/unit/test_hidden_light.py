@@ -15,7 +15,11 @@ def squares():
     row, column = np.divmod(np.arange(WIDTH**2), WIDTH)
     group = row // SQUARE * (-(-WIDTH // SQUARE)) + column // SQUARE
     patches = SimpleNamespace(
-        resolution=WIDTH, atlas=np.zeros(WIDTH**2, int), texel=np.arange(WIDTH**2), column=column
+        resolution=WIDTH,
+        atlas=np.zeros(WIDTH**2, int),
+        texel=np.arange(WIDTH**2),
+        key=np.arange(WIDTH**2),
+        column=column,
     )
     return patches, group
 

@@ -184,6 +184,32 @@ def test_settings_name_what_is_wrong():
             check_settings(dataclasses.replace(Settings(), **{name: "magic"}))
 
 
+@pytest.mark.parametrize("accelerate", [False, True])
+def test_patches_send_out_what_others_reflect_that_stand_in_for_them(accelerate):
+    """Two patches nobody lights, of which the others see one: it sends out the light of the third."""
+    random = np.random.default_rng(7)
+    factors, stand_in = random.random((7, 7)), np.array([0, 1, 2, 3, 4, 2, 6])
+    factors[5] = 0
+    factors /= np.maximum(factors.sum(axis=1, keepdims=True), 1e-9)
+    rho, emission = np.linspace(0.3, 0.9, 7), np.array([1, 0, 0, 2, 0, 0.5, 0])
+    colours = [np.repeat(np.float32(x)[:, None], 3, axis=1) for x in (rho, emission)]
+    nothing, area = np.zeros((7, 3), np.float32), np.full(7, 1 / 7, np.float32)
+    columns = COLUMNS if accelerate else PLAIN_COLUMNS
+    radiosity = HostRadiosity(Views(factors), *colours, area, nothing, True, columns)
+    told = []
+    solver = Solver(
+        radiosity, nothing, Settings(iterations=400, tolerance=1e-6),
+        find_stand_ins=lambda gathered: told.append(gathered) or stand_in,
+    )  # fmt: skip
+    while not solver.done:
+        for _ in solver.iteration():
+            pass
+    sent = np.linalg.solve(np.eye(7) - (rho[:, None] * factors)[stand_in], emission)
+    assert solver.irradiance[:, 0] == pytest.approx(factors @ sent, rel=1e-4)
+    assert radiosity.radiance[:, 0] == pytest.approx(sent, rel=1e-4)
+    assert len(told) == 1 and told[0][:, 0] == pytest.approx(factors @ emission, rel=1e-5)
+
+
 class FewViews(Views):
     """Gathers from one factor of eight, eight times as large, while a radiosity is sparse."""
 

@@ -1,0 +1,61 @@
+"""Patches that send out the light of hidden ones, whose texels are seen in part."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..direct.contact import NearFaces
+from ..finish.store import is_hidden
+from ..patches.subdivision import Subdivision
+from ..patches.texels_around import entries_around
+from ..scene.color import channel_sum
+
+#: Texels that are looked around at once.
+_TEXELS = 1 << 18
+
+#: Least cosine between normals of a hidden patch and its stand-in; how far that is off its plane, texels.
+_ALIKE, _NEAR = 0.9, 0.5
+
+
+def stand_ins(parts: Subdivision, near: NearFaces, gathered: np.ndarray) -> np.ndarray | None:
+    """Return the patch that stands in for each one, (n,) int64: itself, if it is seen; None if all are.
+
+    For a patch that nobody sees, as one whose centre is under a box, it is the darkest of those that are seen
+    in texels beside its own, on the same plane: what is seen of its texel has their light, and under a thin
+    wall the dark side must not get that of the lit one. Without one a patch is its own.
+
+    near      what faces nearby do to the patches
+    gathered  (n, 4) float32, E/pi and the fraction of the view that no back takes
+    """
+    hidden = is_hidden(gathered[:, 3], near)
+    if not hidden.any():
+        return None
+    flags = np.concatenate([[False], hidden])
+    texels = np.flatnonzero(flags[parts.texel_to_patch])
+    pairs = [
+        _seen_beside(parts, hidden, texels[first : first + _TEXELS])
+        for first in range(0, len(texels), _TEXELS)
+    ]
+    patch, beside = (np.concatenate(numbers) for numbers in zip(*pairs, strict=True))
+
+    # The first of each patch's pairs, the darkest before others.
+    order = np.lexsort((channel_sum(gathered[:, :3])[beside], patch))
+    patch, first = np.unique(patch[order], return_index=True)
+    result = np.arange(len(hidden))
+    result[patch] = beside[order[first]]
+    return result
+
+
+def _seen_beside(parts: Subdivision, hidden: np.ndarray, texels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the hidden patches of texels, and one that is seen beside each, (p,) int64 twice.
+
+    hidden: (n,) bool, of all patches; texels: (k,) int64, of hidden ones, see `PatchList.key`
+    """
+    entries = entries_around(parts.texel_to_patch, texels)
+    place, step = np.nonzero((entries > 0) & ~hidden[entries - 1])
+    patch, beside = entries[place, 4] - 1, entries[place, step] - 1
+    here, there = parts.geometry.part(patch), parts.geometry.part(beside)
+    alike = np.einsum("pd,pd->p", here.geometric, there.geometric) > _ALIKE
+    off = np.abs(np.einsum("pd,pd->p", there.center - here.center, here.geometric))
+    alike &= off < _NEAR * parts.geometry.steps.longer[here.triangle]
+    return patch[alike], beside[alike]

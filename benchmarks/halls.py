@@ -26,6 +26,9 @@ _WINDOW, _SILL, _HEAD = 1.4, 1.4, 4.2
 #: m: how far the gables reach below the vault.
 _BELOW = 0.3
 
+#: Triangles of the hall unless others are asked for, about.
+TRIANGLES = 262_144
+
 #: Triangles of the hall over the square of the quads around a column, without those of its flat walls.
 _PER_SQUARE = 64
 
@@ -35,7 +38,7 @@ _HORIZON, _ZENITH = (0.5, 0.55, 0.6), (0.25, 0.45, 0.9)
 _FLUTES, _DEPTH = 16, 0.04
 
 
-def hall(resolution: int, triangles: int = 262_144) -> Scene:
+def hall(resolution: int, triangles: int = TRIANGLES) -> Scene:
     """Return a hall of 16 x 30 m of about so many triangles, with a sun, a sky and four lamps.
 
     resolution: width of its lightmap, texels; 200 at least, since it has 108 charts.

@@ -39,6 +39,7 @@ _ALL = (
     _Case("complex", "complex.obj", 512, 128),
     _Case("house", "house.glb", 512, 256),
     _Case("demo", None, 192, 1024),
+    _Case("hall", None, 512, 64),
 )
 
 
@@ -125,7 +126,7 @@ def _measure(case: _Case, path: Path | None, options: Options) -> dict[str, Any]
     limit = 40.0 if options.full or options.gpu else 25.0
     with quiet_stdout():
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-        _OPENERS[case.name](path)
+        _OPENERS[case.name](case, path)
     with tempfile.TemporaryDirectory(prefix="hemibake-bench-") as folder:
         settings = bpy.context.scene.hemibake
         settings.resolution, settings.directory = case.resolution, folder
@@ -155,32 +156,38 @@ def _measure(case: _Case, path: Path | None, options: Options) -> dict[str, Any]
     }
 
 
-def _open_demo(path: Path | None) -> None:
+def _open_demo(case: _Case, path: Path | None) -> None:
     sys.path.insert(0, str(ROOT / "examples"))
     import cornell_box
 
     cornell_box.build()
 
 
-def _open_living_room(path: Path) -> None:
+def _open_living_room(case: _Case, path: Path) -> None:
     import bpy
 
     bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False)
     _whiten_world()
 
 
-def _open_house(path: Path) -> None:
+def _open_house(case: _Case, path: Path) -> None:
     from tools.verification import scenes
 
     scenes.register_files(path.parent)
     scenes.SCENES["house"]()
 
 
-def _open_complex(path: Path) -> None:
+def _open_complex(case: _Case, path: Path) -> None:
     import bpy
 
     bpy.ops.wm.obj_import(filepath=str(path))
     _whiten_world()
+
+
+def _open_hall(case: _Case, path: Path | None) -> None:
+    from benchmarks.blender_hall import build_hall
+
+    build_hall(case.resolution)
 
 
 def _whiten_world() -> None:
@@ -195,6 +202,7 @@ _OPENERS: dict[str, Callable] = {
     "living_room": _open_living_room,
     "house": _open_house,
     "complex": _open_complex,
+    "hall": _open_hall,
 }
 
 

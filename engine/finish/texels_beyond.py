@@ -36,9 +36,9 @@ class TexelsBeyond:
 
         # Samples that read such a texel, and nothing without light nor beyond the border of the lightmap.
         texels, weights = footprints(samples.atlas, samples.position.astype(np.float64), resolution)
-        order = np.argsort(shown)
-        place = np.minimum(np.searchsorted(shown, texels, sorter=order), len(shown) - 1)
-        read = np.where(shown[order[place]] == texels, order[place], -1) if len(shown) else texels
+        place = np.full(max(texels.max(initial=-1), shown.max(initial=-1)) + 1, -1, np.int32)
+        place[shown] = np.arange(len(shown))
+        read = place[texels]
         hidden = np.where(number[read] >= 0, weights, 0.0)
         within = np.abs(samples.position - resolution / 2).max(axis=1) <= resolution / 2 - 0.5
         lit = ((read >= 0) | (weights == 0)).all(axis=1)

@@ -11,6 +11,7 @@ from pathlib import Path
 from urllib.parse import quote, unquote
 
 import bpy
+import numpy as np
 
 from ...engine.errors import EngineError
 from ...engine.naming import naming
@@ -35,6 +36,7 @@ from .surfaces import Surface, Surfaces
 _NOTHING_BAKED = "No object that is shown has a lightmap, so there is nothing to export. Bake first."
 _GONE = "UV layers of lightmaps are gone: {}. Bake again."
 _AXES = "(x, -z, y) of a normal (x, y, z) in the glTF file"
+_NOT_FINITE = "The lightmap '{}' has texels that are NaN or infinite. Bake again, or mend its image."
 _DARK = "Without a lightmap, so dark where the engine has no lights: {}."
 
 
@@ -115,7 +117,7 @@ class _Export:
 
     def write(self, surfaces: Surfaces, kind: str) -> LightmapHooks:
         """Write the glTF file and its images; return what has a lightmap."""
-        lightmaps = {image: encode(image.name, read_pixels(image), kind) for image in self._maps}
+        lightmaps = {image: encode(image.name, _finite_pixels(image), kind) for image in self._maps}
         uris = {} if self._path.suffix.lower() == ".glb" else self._write_images(lightmaps)
         hooks = LightmapHooks(surfaces, lightmaps, LitMaterials(gltf_binary_data(), uris))
         write_gltf(self._made / self._path.name, hooks)
@@ -137,7 +139,7 @@ class _Export:
             for output, image in {shown: lightmap, **directional}.items():
                 fact = {**origin, "output": output, **_decoding(output), "objects": objects}
                 name = f"{self._stems[image]}.exr"
-                files.append(LightmapFile(name, PLAIN, None, read_pixels(image), fact))
+                files.append(LightmapFile(name, PLAIN, None, _finite_pixels(image), fact))
         for file in files:
             file.write(self._made / file.name)
         self._manifest = [self._staging / NAME]
@@ -231,6 +233,14 @@ def _stems(stem: str, images: Sequence[bpy.types.Image]) -> dict[bpy.types.Image
         stems[image] = next(name for name in names if name.casefold() not in taken)
         taken.add(stems[image].casefold())
     return stems
+
+
+def _finite_pixels(image: bpy.types.Image) -> np.ndarray:
+    """Return a lightmap's colours, see `read_pixels`; raises EngineError if one of them is no number."""
+    pixels = read_pixels(image)
+    if not np.isfinite(pixels).all():
+        raise EngineError(_NOT_FINITE.format(image.name))
+    return pixels
 
 
 def _same_bytes(path: Path, other: Path) -> bool:

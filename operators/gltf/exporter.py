@@ -33,6 +33,12 @@ _OPTIONS = {
 }
 
 
+_FAILED = (
+    "Blender's glTF exporter failed: {}. Look for values that are NaN in materials and objects, which "
+    "warnings of the last bake name."
+)
+
+
 def write_gltf(path: Path, hooks: object) -> None:
     """Write the visible objects of the scene as .glb or .gltf, as the name ends; raises EngineError.
 
@@ -49,7 +55,13 @@ def write_gltf(path: Path, hooks: object) -> None:
                 filepath=str(path), check_existing=False, export_format=kind, **_OPTIONS
             )
     except RuntimeError as error:
-        raise EngineError(f"Blender's glTF exporter failed: {str(error).strip()}") from error
+        raise EngineError(_FAILED.format(_last_words(error))) from error
+
+
+def _last_words(error: RuntimeError) -> str:
+    """Return what went wrong, which an operator's error tells after a traceback and before the place."""
+    lines = [line.strip() for line in str(error).splitlines()]
+    return [line for line in lines if line and not line.startswith("Location:")][-1]
 
 
 @contextmanager

@@ -587,6 +587,27 @@ def test_errors_in_the_middle_leave_everything(tmp_path, monkeypatch):
         assert not hasattr(part("engine").__class__, "glTF2ExportUserExtension")
 
 
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_lightmaps_that_are_no_light_are_refused(tmp_path, value):
+    """As are materials that Blender's exporter cannot write, in its last words."""
+    import bpy
+
+    room = furnace()
+    bake()
+    export(tmp_path / "room.glb")
+    before, image = files_below(tmp_path), bpy.data.images["Lightmap"]
+    light = pixels(image).ravel()
+    image.pixels[29] = value
+    for kind in ("HDR", "PNG", "NONE"):
+        assert "'Lightmap' has texels that are NaN" in refusal(tmp_path / "room.glb", lightmaps=kind)
+    image.pixels.foreach_set(light)
+    emission = room.data.materials[0].node_tree.nodes["Principled BSDF"].inputs["Emission Strength"]
+    emission.default_value = math.nan
+    told = refusal(tmp_path / "room.glb")
+    assert "exporter failed: " in told and "Traceback" not in told and "\n" not in told.strip()
+    assert files_below(tmp_path) == before
+
+
 @pytest.mark.parametrize("mode", ["EDIT", "SCULPT"])
 def test_modes_stay(tmp_path, mode):
     """Two objects are edited together, another one is selected; one of both is not any more."""

@@ -597,7 +597,9 @@ def test_lightmaps_that_are_no_light_are_refused(tmp_path, value):
     export(tmp_path / "room.glb")
     before, image = files_below(tmp_path), bpy.data.images["Lightmap"]
     light = pixels(image).ravel()
-    image.pixels[29] = value
+    painted = light.copy()
+    painted[29] = value
+    image.pixels.foreach_set(painted)
     for kind in ("HDR", "PNG", "NONE"):
         assert "'Lightmap' has texels that are NaN" in refusal(tmp_path / "room.glb", lightmaps=kind)
     image.pixels.foreach_set(light)

@@ -99,7 +99,7 @@ def _bake(
     # appears in it, while it is still to be found what patches see of each other.
     rays = kept.ray_scene(compute, parts)
     remote = shipped and shipped(len(parts.patches))
-    lighting = DirectLighting(scene, parts, rays, settings, remote)
+    lighting = DirectLighting(scene, parts, rays, settings, remote, kept.bright_triangles)
     outputs = Outputs(scene, settings, lighting)
     last = kept.light_on(parts.patches, settings)
     lighting.follow(kept.sampled if settings.warm_start else None)
@@ -195,7 +195,8 @@ def _settle(
             yield stages.iterated(solution, None)
             continue
         if warm:
-            job.kept.light = LastLight.of(solution, job.parts.patches, job.sampled_light, near)
+            light = LastLight.of(solution, job.parts.patches, job.sampled_light, near)
+            job.kept.light = light.prepared() if done else light
         if done or (shows and not hidden):
             store.hide(solution.gathered[:, 3], near)
             hidden = True

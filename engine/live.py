@@ -11,9 +11,9 @@ from .progress import Progress
 from .scene.changes import Changes
 from .scene.checks import check_scene
 from .scene.model import Scene
-from .settings import Settings
+from .settings import Settings, check_settings
 
-#: Bakes a scene that has been changed; see `Session.bake`.
+#: Bakes a scene that has been checked; see `Session.bake`.
 Bake = Callable[[Scene, Settings], Generator[Progress, None, Lightmap]]
 
 
@@ -25,7 +25,12 @@ class Live:
     """
 
     def __init__(self, bake: Bake, scene: Scene, settings: Settings) -> None:
-        """Take what bakes; every patch gathers for itself, since light decides where groups of them end."""
+        """Take what bakes; every patch gathers for itself, since light decides where groups of them end.
+
+        Raises SettingsError, SceneError for what cannot be baked.
+        """
+        check_settings(settings)
+        check_scene(scene)
         self._bake, self.scene = bake, scene
         self._settings = replace(settings, warm_start=True, intermediates=True, adaptive=False)
         self.lightmap: Lightmap | None = None
@@ -34,6 +39,7 @@ class Live:
     def update(self, changes: Changes | Scene) -> None:
         """Take changes, or a whole other scene, between two steps of `settle`, or after it.
 
+        What an array holds that was handed over once must not change: other values need another array.
         Raises SceneError for what cannot be baked; then everything stays as it was.
         """
         scene = changes.of(self.scene) if isinstance(changes, Changes) else changes

@@ -57,9 +57,15 @@ class Session:
 
         paces: those of another session, for what this one has not done yet; see `BakeStages`
         """
-        self._paces = {**paces, **self._paces}
         check_settings(settings)
         check_scene(scene)
+        return (yield from self._bake_checked(scene, settings, paces))
+
+    def _bake_checked(
+        self, scene: Scene, settings: Settings, paces: Mapping[str, float]
+    ) -> Generator[Progress, None, Lightmap]:
+        """Bake a scene and settings that have been checked; see `bake`."""
+        self._paces = {**paces, **self._paces}
         require_packages()
         begins_with_kept = self._kept is not None
         try:
@@ -70,8 +76,11 @@ class Session:
         return (yield from self._bake(scene, settings))
 
     def live(self, scene: Scene, settings: Settings, paces: Mapping[str, float] = _NONE) -> Live:
-        """Return a bake that follows its scene; one at a time. Parameters as of `bake`."""
-        return Live(partial(self.bake, paces=paces), scene, settings)
+        """Return a bake that follows its scene; one at a time. Parameters as of `bake`.
+
+        Raises SettingsError, SceneError.
+        """
+        return Live(partial(self._bake_checked, paces=paces), scene, settings)
 
     def warm_up(self, scene: Scene, settings: Settings) -> None:
         """Build what bakes by like settings need, but learn nothing of how long they take."""
@@ -92,7 +101,7 @@ class Session:
             self._devices = None
 
     def _bake(self, scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap]:
-        """Bake a scene that has been checked."""
+        """Bake a scene that has been checked, on what the last bake has left."""
         from .algorithm import bake
         from .plan.kept import Kept
 

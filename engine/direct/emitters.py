@@ -9,7 +9,7 @@ import numpy as np
 from ..device.compute import Source
 from ..device.record import Record
 from ..patches.geometry import PatchGeometry
-from ..patches.surfaces import PatchSurfaces
+from ..patches.subdivision import Subdivision
 from ..scene.color import luminance
 from ..scene.model import Light
 from ..scene.triangles import Triangles
@@ -88,16 +88,11 @@ class BrightTriangles:
     emission_left: np.ndarray
 
 
-def bright_triangles(
-    triangles: Triangles, geometry: PatchGeometry, texel_to_patch: np.ndarray, surfaces: PatchSurfaces
-) -> BrightTriangles:
-    """Choose the triangles that are sampled: small enough, or bright enough, against all that emits.
-
-    texel_to_patch: (atlases, r, r) uint32 index map
-    """
-    emission, glowing = surfaces.emission, surfaces.shining
+def bright_triangles(parts: Subdivision) -> BrightTriangles:
+    """Choose the triangles that are sampled: small enough, or bright enough, against all that emits."""
+    geometry, emission, glowing = parts.geometry, parts.surfaces.emission, parts.surfaces.shining
     triangle, shining = geometry.triangle[glowing], emission[glowing]
-    radiance = _mean_radiance(triangles, geometry, texel_to_patch, emission, (triangle, shining))
+    radiance = _mean_radiance(parts.triangles, geometry, parts.texel_to_patch, emission, (triangle, shining))
     area, brightness = geometry.steps.whole, luminance(radiance)
     mean = float((brightness * area).sum(dtype=np.float64) / max(area.sum(dtype=np.float64), 1e-30))
     chosen = (brightness > 0) & (brightness >= _BRIGHT * mean)

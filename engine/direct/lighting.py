@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from copy import copy
 from dataclasses import replace
 
@@ -42,8 +42,13 @@ class DirectLighting:
         rays: RayScene,
         settings: Settings,
         elsewhere: Casting | None = None,
+        bright: Callable[[Subdivision], BrightTriangles] = bright_triangles,
     ) -> None:
-        """Split the light; `elsewhere` casts rays from all patches on devices of other processes."""
+        """Split the light.
+
+        elsewhere  casts rays from all patches on devices of other processes
+        bright     returns the triangles that are sampled
+        """
         self._scene, self._parts, self._settings = scene, parts, settings
         self._ray_scene = rays
         self._lamps = [lamp.relative_to(parts.triangles.origin) for lamp in shining_lights(scene)]
@@ -58,7 +63,7 @@ class DirectLighting:
         # Small bright surfaces and bright sky, unless hemicubes are to see everything as in the paper.
         surfaces = parts.surfaces
         if settings.sample_emission:
-            self._bright = bright_triangles(parts.triangles, parts.geometry, parts.texel_to_patch, surfaces)
+            self._bright = bright(parts)
             self._sky = split_sky(scene.world)
         else:
             self._bright = BrightTriangles(

@@ -46,6 +46,8 @@ class LightmapStore:
         self._device: DevicePatches | None = None
         self._dilations: list[Dilation] = []
         self._gutters: DeviceImages | None = None
+        self._filled_last: tuple[np.ndarray, DeviceImages] | None = None
+        self._no_means = TexelMeans(no_samples(), np.zeros(0, bool), patches.resolution)
         self._hidden = np.zeros(len(self._texel), bool)
         self._dark = np.zeros(len(patches), bool)
         self.begin_anew()
@@ -62,7 +64,7 @@ class LightmapStore:
         """Show the patches' centres alone, and take no account of seams."""
         self._fit: DisplayFit | DeviceDisplay | None = None
         self._walls: WallFit | None = None
-        self._means = TexelMeans(no_samples(), np.zeros(0, bool), self._patches.resolution)
+        self._means = self._no_means
         self._thin_texels = self._texel[:0]
         self._dilations, self._gutters = [], None
 
@@ -242,9 +244,11 @@ class LightmapStore:
     def _plain_fill(self, compute: Compute) -> DeviceImages:
         """Return what fills hidden texels and dilates charts."""
         if self._gutters is None:
-            known = self.known
-            fill = DeviceFill(compute, known, known, np.zeros_like(known), self._rings, self._rings)
-            self._gutters = DeviceImages(compute, known, fill)
+            known, last = self.known, self._filled_last
+            if last is None or not np.array_equal(last[0], known):
+                fill = DeviceFill(compute, known, known, np.zeros_like(known), self._rings, self._rings)
+                last = known, DeviceImages(compute, known, fill)
+            self._filled_last, self._gutters = last, last[1]
         return self._gutters
 
     def _filled(self, compute: Compute, outputs: Sequence[DeviceTexels]) -> np.ndarray:

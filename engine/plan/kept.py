@@ -12,6 +12,7 @@ import numpy as np
 from ..device.compute import Compute
 from ..device.graphics import Graphics
 from ..direct.contact import NearFaces, patches_inside
+from ..direct.emitters import BrightTriangles, bright_triangles
 from ..direct.lighting import DirectLighting
 from ..direct.sampled_light import SampledLight
 from ..finish.lightmap_points import LightmapPoints, thin_patches
@@ -23,11 +24,11 @@ from ..patches.areas import surface_areas
 from ..patches.patch_list import PatchList
 from ..patches.seams import Seams
 from ..patches.subdivision import Subdivision, subdivide
-from ..patches.surfaces import patch_surfaces
+from ..patches.surfaces import PatchSurfaces, patch_surfaces
 from ..patches.texel_pieces import TexelClipper
 from ..progress import Made
 from ..resume.checkpoint import Checkpoints
-from ..scene.digests import geometry_digest, surfaces_digest
+from ..scene.digests import ArrayDigests, geometry_digest, surfaces_digest
 from ..scene.model import Scene
 from ..settings import Settings
 from ..visibility.identity import directional_options
@@ -79,19 +80,20 @@ class Kept:
     _thin: tuple[np.ndarray, LightmapPoints] | None
     _sky: tuple[np.ndarray, np.ndarray | None] | None = None
     _static: tuple[np.ndarray, StaticLight] | None
+    _bright: tuple[PatchSurfaces, BrightTriangles] | None
     _store: LightmapStore | None = None
 
     def __init__(self) -> None:
         self.key = None
         self.checkpoints = Checkpoints()
-        self._surfaces_key = b""
+        self._surfaces_key, self._arrays = b"", ArrayDigests()
         self.clear()
 
     def clear(self) -> None:
         """Drop everything."""
         self._parts = self._rays = self._seams = self.samples = None
         self._areas = self._inside = self._near = self._clipper = self._thin = None
-        self._static = None
+        self._static = self._bright = None
         self._follows = False
 
     def subdivide(
@@ -102,7 +104,9 @@ class Kept:
         All that is kept of other geometry, or by other settings, is dropped. On a warm start what is kept of
         other geometry stays to be compared with: its samples hold where nothing has moved.
         """
-        key, surfaces = (geometry_digest(scene), *visibility_settings(settings)), surfaces_digest(scene)
+        arrays = self._arrays if settings.warm_start else None
+        key = (geometry_digest(scene, arrays), *visibility_settings(settings))
+        surfaces = surfaces_digest(scene, arrays)
         before = self._parts if settings.warm_start and self.key and self.key[1:] == key[1:] else None
         if key != self.key or (self._follows and not settings.warm_start):
             samples = self.samples
@@ -137,6 +141,13 @@ class Kept:
         if self._areas is None:
             self._areas = _in_thread(surface_areas, parts.triangles, parts.patches, parts.geometry)
         return self._areas
+
+    def bright_triangles(self, parts: Subdivision) -> BrightTriangles:
+        """Return the triangles that are sampled as lights; see `direct.emitters.bright_triangles`."""
+        last = self._bright
+        if last is None or last[0] is not parts.surfaces:
+            self._bright = last = parts.surfaces, bright_triangles(parts)
+        return last[1]
 
     def near_faces(self, lighting: DirectLighting) -> NearFaces:
         """Return what faces nearby do to the patches; it changes with which of them emit alone."""

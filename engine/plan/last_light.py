@@ -32,6 +32,11 @@ class LastLight:
         """Return the light of a solution so far; sampled: (n, 3) float32, E/pi by shadow rays."""
         return cls(patches, solution.gathered, sampled, solution.direct, near)
 
+    def prepared(self) -> LastLight:
+        """Return this, ready for the next bake: its first image waits for `gathered`."""
+        _ = self.gathered
+        return self
+
     @cached_property
     def gathered(self) -> np.ndarray:
         """E/pi of all light but that which shadow rays sample, (n, 3) float32."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import weakref
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, is_dataclass
@@ -14,8 +15,8 @@ from .model import Material, Mesh, Scene, Texture
 #: Arrays of a mesh that decide where its patches are and what they see.
 _GEOMETRY = ("positions", "normals", "uvs", "face", "subface", "material")
 
-#: Bytes of a digest that names something.
-_SHORT = 20
+#: Bytes of a digest that names something, and of others.
+_SHORT, _LONG = 20, 64
 
 #: Bytes of long arrays that a thread digests at a time.
 _PIECE = 1 << 20
@@ -24,34 +25,93 @@ _PIECE = 1 << 20
 _MAPPING = ("uv_map", "extension", "smooth")
 
 
-def geometry_digest(scene: Scene) -> bytes:
+class ArrayDigests:
+    """Digests of long arrays that nobody changes, by the array; each is made once."""
+
+    def __init__(self) -> None:
+        self._known: dict[int, bytes] = {}
+
+    def of(self, array: np.ndarray) -> bytes:
+        """Return the digest of an array's values."""
+        key = id(array)
+        if key not in self._known:
+            self._known[key] = _tree_digest(array)
+            weakref.finalize(array, self._known.pop, key, None).atexit = False
+        return self._known[key]
+
+
+class _Digest:
+    """A digest that is fed with values.
+
+    known  digests of long arrays; None to read all of them
+    size   bytes
+    """
+
+    def __init__(self, known: ArrayDigests | None = None, size: int = _LONG) -> None:
+        self._digest = hashlib.blake2b(digest_size=size)
+        self._of_long = _tree_digest if known is None else known.of
+
+    def feed(self, values: Iterable[object]) -> None:
+        """Feed arrays, numbers and names."""
+        for value in values:
+            if isinstance(value, np.ndarray):
+                self._digest.update(repr((value.shape, value.dtype.str)).encode())
+                self._digest.update(_bytes_of(value) if value.nbytes <= _PIECE else self._of_long(value))
+            else:
+                self._digest.update(repr(value).encode())
+
+    def feed_uvs(self, mesh: Mesh, textures: Iterable[Texture | None]) -> None:
+        """Feed the UV maps of a mesh that textures need."""
+        needed = {texture.uv_map for texture in textures if texture is not None}
+        for name in sorted(needed & mesh.texture_uvs.keys()):
+            self.feed([name, mesh.texture_uvs[name]])
+
+    def feed_texture(self, texture: Texture | None) -> None:
+        """Feed the pixels of a texture, and how they lie on a surface; or that there is none."""
+        if texture is None:
+            self.feed([None])
+            return
+        mapping = [getattr(texture, name) for name in _MAPPING]
+        self.feed([*mapping, texture.srgb, texture.transform, texture.pixels])
+
+    def value(self) -> bytes:
+        """Return the digest of all that was fed."""
+        return self._digest.digest()
+
+
+def geometry_digest(scene: Scene, known: ArrayDigests | None = None) -> bytes:
     """Return a digest of all that decides which patches there are and what they see of each other.
 
     That is shapes, lightmap UVs, the objects' names in warnings, and what light passes through.
+
+    known: digests of long arrays, for scenes that follow each other; None to read all of them
     """
-    digest = hashlib.blake2b()
-    _feed(digest, [len(scene.atlases), len(scene.meshes), len(scene.materials)])
+    digest = _Digest(known)
+    digest.feed([len(scene.atlases), len(scene.meshes), len(scene.materials)])
     alpha_maps = [material.alpha_map for material in scene.materials]
     for mesh in scene.meshes:
-        _feed(digest, [mesh.name, mesh.atlas, *(getattr(mesh, name) for name in _GEOMETRY)])
-        _feed_uvs(digest, mesh, alpha_maps)
+        digest.feed([mesh.name, mesh.atlas, *(getattr(mesh, name) for name in _GEOMETRY)])
+        digest.feed_uvs(mesh, alpha_maps)
     for material in scene.materials:
-        _feed(digest, [material.alpha, material.alpha_threshold, material.culled])
-        _feed_texture(digest, material.alpha_map)
-    return digest.digest()
+        digest.feed([material.alpha, material.alpha_threshold, material.culled])
+        digest.feed_texture(material.alpha_map)
+    return digest.value()
 
 
-def surfaces_digest(scene: Scene) -> bytes:
-    """Return a digest of all that decides what the patches of a geometry reflect and emit."""
-    digest = hashlib.blake2b()
+def surfaces_digest(scene: Scene, known: ArrayDigests | None = None) -> bytes:
+    """Return a digest of all that decides what the patches of a geometry reflect and emit.
+
+    known: as of `geometry_digest`
+    """
+    digest = _Digest(known)
     maps = [texture for material in scene.materials for texture in _maps(material)]
     for mesh in scene.meshes:
-        _feed_uvs(digest, mesh, maps)
+        digest.feed_uvs(mesh, maps)
     for material in scene.materials:
-        _feed(digest, [material.reflectance, material.emission])
+        digest.feed([material.reflectance, material.emission])
         for texture in _maps(material):
-            _feed_texture(digest, texture)
-    return digest.digest()
+            digest.feed_texture(texture)
+    return digest.value()
 
 
 def same_values(one: object, other: object) -> bool:
@@ -73,47 +133,24 @@ def same_values(one: object, other: object) -> bool:
 
 def digest_of(values: Iterable[object]) -> str:
     """Return a digest of arrays, numbers and names, hexadecimal."""
-    digest = hashlib.blake2b(digest_size=_SHORT)
-    _feed(digest, values)
-    return digest.hexdigest()
+    digest = _Digest(size=_SHORT)
+    digest.feed(values)
+    return digest.value().hex()
 
 
 def _maps(material: Material) -> tuple[Texture | None, Texture | None]:
     return material.reflectance_map, material.emission_map
 
 
-def _feed_uvs(digest: hashlib.blake2b, mesh: Mesh, textures: Iterable[Texture | None]) -> None:
-    """Feed the UV maps of a mesh that textures need."""
-    needed = {texture.uv_map for texture in textures if texture is not None}
-    for name in sorted(needed & mesh.texture_uvs.keys()):
-        _feed(digest, [name, mesh.texture_uvs[name]])
+def _bytes_of(array: np.ndarray) -> memoryview:
+    return np.ascontiguousarray(array).reshape(-1).view(np.uint8).data
 
 
-def _feed_texture(digest: hashlib.blake2b, texture: Texture | None) -> None:
-    """Feed the pixels of a texture, and how they lie on a surface; or that there is none."""
-    if texture is None:
-        _feed(digest, [None])
-        return
-    mapping = [getattr(texture, name) for name in _MAPPING]
-    _feed(digest, [*mapping, texture.srgb, texture.transform, texture.pixels])
-
-
-def _feed(digest: hashlib.blake2b, values: Iterable[object]) -> None:
-    """Feed arrays, numbers and names."""
-    for value in values:
-        if isinstance(value, np.ndarray):
-            digest.update(repr((value.shape, value.dtype.str)).encode())
-            _feed_bytes(digest, np.ascontiguousarray(value).reshape(-1).view(np.uint8).data)
-        else:
-            digest.update(repr(value).encode())
-
-
-def _feed_bytes(digest: hashlib.blake2b, values: memoryview) -> None:
-    """Feed bytes; of many the digests of pieces, which threads make (a hash tree, Merkle 1980)."""
-    if len(values) <= _PIECE:
-        digest.update(values)
-        return
+def _tree_digest(array: np.ndarray) -> bytes:
+    """Return a digest of the digests of an array's pieces, which threads make (a hash tree, Merkle 1980)."""
+    values, digest = _bytes_of(array), hashlib.blake2b()
     pieces = [values[first : first + _PIECE] for first in range(0, len(values), _PIECE)]
     with ThreadPoolExecutor() as threads:
         for piece in threads.map(lambda piece: hashlib.blake2b(piece).digest(), pieces):
             digest.update(piece)
+    return digest.digest()

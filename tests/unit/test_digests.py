@@ -1,12 +1,14 @@
 """What counts as another geometry, what as other surfaces, and what as neither."""
 
+import gc
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from engine import Light, Material, Mesh, Scene, Texture
-from engine.scene.digests import digest_of, geometry_digest, surfaces_digest
+from engine.scene import digests
+from engine.scene.digests import ArrayDigests, digest_of, geometry_digest, surfaces_digest
 from engine.scene.model import OCCLUDER
 
 
@@ -145,3 +147,20 @@ def test_every_part_of_a_long_array_counts_and_where_it_is():
     digests = {digest_of([array]) for array in (long, *changed, long.reshape(-1, 3), long[:, :-1])}
     assert len(digests) == 7
     assert digest_of([long]) == digest_of([np.asfortranarray(long)])
+
+
+def test_long_arrays_are_read_once_and_forgotten_with_their_scene(monkeypatch):
+    """Their digests are those of whoever knows none; arrays of a piece or less are read each time."""
+    monkeypatch.setattr(digests, "_PIECE", 60)
+    read, tree = [], digests._tree_digest
+    monkeypatch.setattr(digests, "_tree_digest", lambda array: read.append(id(array)) or tree(array))
+    scene, known = with_mesh(name="C", positions=nudged("positions")), ArrayDigests()
+    made = geometry_digest(scene, known), surfaces_digest(scene, known)
+    first = len(read)
+    assert first == len(set(read)) > 3
+    assert (geometry_digest(scene, known), surfaces_digest(scene, known)) == made and len(read) == first
+    assert geometry_digest(SCENE, known) != made[0] and len(read) == first + 1
+    assert (geometry_digest(scene), surfaces_digest(scene)) == made
+    del scene
+    gc.collect()
+    assert len(known._known) == first

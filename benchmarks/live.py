@@ -1,6 +1,7 @@
 """How fast lightmaps follow their scene: seconds from an edit to the first image, and to settled light.
 
-python -m benchmarks.live [--resolution 128] [--quality preview] [--edits 9] [--triangles 40000]
+python -m benchmarks.live [--resolution 128] [--quality preview] [--edits 9] [--triangles 40000] [--processor]
+python -m benchmarks.live --resolution 1024 --rays 16 --host
 """
 
 from __future__ import annotations
@@ -75,12 +76,21 @@ def main() -> None:
     parser.add_argument("--edits", type=int, default=_EDITS)
     parser.add_argument("--only", choices=list(EDITS), help="this kind of edit alone")
     parser.add_argument("--triangles", type=int, default=0, help="a room with hills of so many, not a box")
-    parser.add_argument("--processor", action="store_true", help="time of processors, not of a clock")
+    parser.add_argument("--rays", type=int, default=0, help="of each patch; few leave the host's work alone")
+    clocks = parser.add_mutually_exclusive_group()
+    clocks.add_argument("--processor", action="store_true", help="time of processors, not of a clock")
+    clocks.add_argument(
+        "--host", action="store_true", help="processor time of the thread that starts kernels"
+    )
     options = parser.parse_args()
     keep_freed_memory()
     settings = Settings(resolution=options.resolution, **QUALITIES[options.quality].values)
-    session = Session()
-    width, clock = options.resolution, time.process_time if options.processor else time.perf_counter
+    if options.rays:
+        settings = replace(settings, samples=options.rays, light_samples=1)
+    session, width = Session(), options.resolution
+    clock = (
+        time.process_time if options.processor else time.thread_time if options.host else time.perf_counter
+    )
     room = hilly_room(width, options.triangles) if options.triangles else cornell_box(width)
     live = session.live(with_small_box(room, width), settings)
     finished(live.settle())

@@ -7,7 +7,8 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from engine import DeviceError, Light, Lightmap, Scene, Settings, bake, finished
+from engine import DeviceError, Light, Lightmap, Scene, Settings, bake, finished, progress
+from engine.device import slices
 from engine.gather import static_light
 from engine.plan import choose, kept
 from engine.scene.model import OCCLUDER
@@ -221,6 +222,19 @@ def test_what_takes_more_than_its_budget_is_not_kept(session):
     finished(session.bake(ROOM, SETTINGS))
     session.forget()
     assert not was_kept(finished(session.bake(ROOM, SETTINGS)))
+
+
+def test_another_sky_is_summed_up_in_slices(session, monkeypatch):
+    """What takes seconds in a large scene tells how far it is; the same sky is not summed up again."""
+    finished(session.bake(ROOM, SETTINGS))
+    monkeypatch.setattr(slices, "_SLICE", 0)
+    monkeypatch.setattr(slices, "_FIRST", 64)
+    monkeypatch.setattr(progress, "_STEP", 0)
+    scene, _ = RELIT["world"]
+    for steps in (4, 0):
+        told = [step.fraction for step in session.bake(scene, SETTINGS) if step.stage == "Bounce 1"]
+        between = [fraction for fraction in told if 0 < fraction < 1]
+        assert told == sorted(told) and (len(between) > steps if steps else not between)
 
 
 def test_a_full_device_drops_what_is_kept_first(session, monkeypatch):

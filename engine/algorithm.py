@@ -99,7 +99,7 @@ def _bake(
     # appears in it, while it is still to be found what patches see of each other.
     rays = kept.ray_scene(compute, parts)
     remote = shipped and shipped(len(parts.patches))
-    lighting = DirectLighting(scene, parts, rays, settings, remote, kept.bright_triangles)
+    lighting = DirectLighting(scene, parts, rays, settings, remote, kept.bright_triangles, kept.split_sky)
     outputs = Outputs(scene, settings, lighting)
     last = kept.light_on(parts.patches, settings)
     lighting.follow(kept.sampled if settings.warm_start else None)

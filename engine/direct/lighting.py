@@ -43,11 +43,13 @@ class DirectLighting:
         settings: Settings,
         elsewhere: Casting | None = None,
         bright: Callable[[Subdivision], BrightTriangles] = bright_triangles,
+        split: Callable[[np.ndarray], Sky] = split_sky,
     ) -> None:
         """Split the light.
 
         elsewhere  casts rays from all patches on devices of other processes
         bright     returns the triangles that are sampled
+        split      parts the surroundings
         """
         self._scene, self._parts, self._settings = scene, parts, settings
         self._ray_scene = rays
@@ -64,7 +66,7 @@ class DirectLighting:
         surfaces = parts.surfaces
         if settings.sample_emission:
             self._bright = bright(parts)
-            self._sky = split_sky(scene.world)
+            self._sky = split(scene.world)
         else:
             self._bright = BrightTriangles(
                 np.zeros(0, int), np.zeros((0, 3), np.float32), np.zeros(0, bool), surfaces.emission
@@ -197,7 +199,7 @@ class DirectLighting:
 
     def _cast_from(self, points: RayScene, settings: Settings) -> ShadowRays:
         """Return what casts rays from the patches of a ray scene."""
-        return ShadowRays(points, self._parts, self._lamps, self._bright, self._sky.bright, settings)
+        return ShadowRays(points, self._parts, self._lamps, self._bright, self._sky, settings)
 
     def _casting(self) -> Casting:
         """Return what casts rays, made when it is first needed."""

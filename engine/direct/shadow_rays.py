@@ -15,13 +15,13 @@ from ..patches.subdivision import Subdivision
 from ..scene.color import luminance
 from ..scene.light_groups import LightGroups
 from ..scene.model import Light
-from ..scene.sky_maps import solid_angles
 from ..settings import MOST_LIGHTS, Settings
 from ..visibility.identity import directional_options
 from ..visibility.rays.ray_scene import RayScene
 from .emitters import EMITTER, EMITTER_SOURCE, BrightTriangles, lamp_records, sky_record, surface_records
 from .light_tree import LIGHT_NODE, LIGHT_TREE_SOURCE, build_light_tree
 from .modulation import pack_modulations
+from .sky import Sky, SkyDistribution
 
 _SOURCE = (*LIGHT_TREE_SOURCE, "tilt.cl", "texel_starts.cl", "direct.cl")
 
@@ -48,7 +48,7 @@ class ShadowRays:
     parts      the scene that shines
     lamps      every one gives light
     bright     emissive triangles
-    sky        (h, w, 3) float32 radiance, equirectangular, or None
+    sky        its bright part is sampled
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class ShadowRays:
         parts: Subdivision,
         lamps: Sequence[Light],
         bright: BrightTriangles,
-        sky: np.ndarray | None,
+        sky: Sky,
         settings: Settings,
     ) -> None:
         compute, rays = receivers.compute, receivers.rays
@@ -73,15 +73,15 @@ class ShadowRays:
         self._modulations = upload(compute, modulations), upload(compute, profiles)
         self._records = [lamp_records(lamp, number) for lamp, number in zip(lamps, numbers, strict=True)]
         self._records.append(surface_records(parts.triangles, bright, rays.culled))
-        if sky is not None:
+        if sky.bright is not None:
             self._records.append(sky_record())
         self._glow = self._glow_arguments(parts)
-        self._sky = self._sky_arguments(sky)
+        self._sky = self._sky_arguments(sky.distribution)
 
         # Of surfaces also what a ray looks up where it ends.
         shine = (parts.surfaces.emission, parts.texel_to_patch, parts.triangles.uvs)
         self.lights = (
-            *self._records, modulations, profiles, sky, *(shine if len(bright.triangles) else ()),
+            *self._records, modulations, profiles, sky.bright, *(shine if len(bright.triangles) else ()),
             settings.light_samples, settings.seed, options,
         )  # fmt: skip
 
@@ -193,17 +193,8 @@ class ShadowRays:
         lookups = (upload_once(compute, array) for array in (parts.texel_to_patch, parts.triangles.uvs))
         return (radiance, *lookups, np.int32(parts.patches.resolution))
 
-    def _sky_arguments(self, sky: np.ndarray | None) -> tuple:
+    def _sky_arguments(self, sky: SkyDistribution) -> tuple:
         """Return pixels, cumulative power and numbers of the pixels that shine, sizes and total luminance."""
-        pixels = np.zeros((1, 1, 4), np.float32)
-        if sky is not None:
-            pixels = np.concatenate([sky, np.zeros((*sky.shape[:2], 1), np.float32)], axis=2)
-        power = luminance(pixels[..., :3]) * solid_angles(*pixels.shape[:2])[:, None]
-        listed = np.flatnonzero(power)
-        total = float(power.sum())
-        cumulative = np.cumsum(power.ravel()[listed]) / max(total, 1e-30)
-        listed = listed if len(listed) else np.zeros(1, np.int64)
-        cumulative = cumulative if len(cumulative) else np.ones(1)
-        arrays = (pixels, cumulative.astype(np.float32), listed.astype(np.int32))
-        sizes = (pixels.shape[1], pixels.shape[0], len(listed))
-        return (*(upload(self._compute, array) for array in arrays), *map(np.int32, sizes), np.float32(total))
+        (height, width), arrays = sky.pixels.shape[:2], (sky.pixels, sky.cumulative, sky.listed)
+        buffers = (upload_once(self._compute, array) for array in arrays)
+        return (*buffers, *map(np.int32, (width, height, len(sky.listed))), np.float32(sky.total))

@@ -3,17 +3,34 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from ..scene.color import luminance
-from ..scene.sky_maps import row_fractions, shrink_sky
+from ..scene.sky_maps import row_fractions, shrink_sky, solid_angles
 
 #: Radiance above so many times the mean of the sky is sampled as a light.
 _BRIGHT = 3.0
 
 #: Largest map that hemicubes see, rows and columns; their own texels are no finer.
 _REST_SIZE = (256, 512)
+
+
+@dataclass(frozen=True)
+class SkyDistribution:
+    """How the bright part of a sky is sampled, see `Bright` in kernels/emitters.cl.
+
+    pixels      (h, w, 4) float32, radiance
+    listed      (k,) int32, the pixels that shine; one at least
+    cumulative  (k,) float32, luminance times solid angle of the pixels listed up to each, parts of the total
+    total       of all of them
+    """
+
+    pixels: np.ndarray
+    listed: np.ndarray
+    cumulative: np.ndarray
+    total: float
 
 
 @dataclass(frozen=True)
@@ -26,6 +43,20 @@ class Sky:
 
     rest: np.ndarray
     bright: np.ndarray | None
+
+    @cached_property
+    def distribution(self) -> SkyDistribution:
+        """How the bright part is sampled."""
+        pixels = np.zeros((1, 1, 4), np.float32)
+        if self.bright is not None:
+            pixels = np.concatenate([self.bright, np.zeros((*self.bright.shape[:2], 1), np.float32)], axis=2)
+        power = luminance(pixels[..., :3]) * solid_angles(*pixels.shape[:2])[:, None]
+        listed = np.flatnonzero(power)
+        total = float(power.sum())
+        cumulative = np.cumsum(power.ravel()[listed]) / max(total, 1e-30)
+        if not len(listed):
+            listed, cumulative = np.zeros(1, np.int64), np.ones(1)
+        return SkyDistribution(pixels, listed.astype(np.int32), cumulative.astype(np.float32), total)
 
 
 def split_sky(world: np.ndarray) -> Sky:

@@ -15,6 +15,7 @@ from ..direct.contact import NearFaces, patches_inside
 from ..direct.emitters import BrightTriangles, bright_triangles
 from ..direct.lighting import DirectLighting
 from ..direct.sampled_light import SampledLight
+from ..direct.sky import Sky, split_sky
 from ..finish.lightmap_points import LightmapPoints, thin_patches
 from ..finish.seam_sides import display_seams
 from ..finish.store import LightmapStore
@@ -79,6 +80,7 @@ class Kept:
     _clipper: TexelClipper | None
     _thin: tuple[np.ndarray, LightmapPoints] | None
     _sky: tuple[np.ndarray, np.ndarray | None] | None = None
+    _split: tuple[np.ndarray, Sky] | None = None
     _static: tuple[np.ndarray, StaticLight] | None
     _bright: tuple[PatchSurfaces, BrightTriangles] | None
     _store: LightmapStore | None = None
@@ -147,6 +149,14 @@ class Kept:
         last = self._bright
         if last is None or last[0] is not parts.surfaces:
             self._bright = last = parts.surfaces, bright_triangles(parts)
+        return last[1]
+
+    def split_sky(self, world: np.ndarray) -> Sky:
+        """Return both parts of a world, kept until it is another; see `direct.sky.split_sky`."""
+        last = self._split
+        if last is None or not (last[0] is world or np.array_equal(last[0], world)):
+            last = world, split_sky(world)
+        self._split = last if world.nbytes <= _MOST_SKY else None
         return last[1]
 
     def near_faces(self, lighting: DirectLighting) -> NearFaces:

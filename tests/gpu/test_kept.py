@@ -145,7 +145,7 @@ def test_what_follows_from_geometry_alone_is_made_once(session, monkeypatch):
 
         return call
 
-    for name in ("surface_areas", "TexelClipper", "open_sky"):
+    for name in ("surface_areas", "TexelClipper", "open_sky", "split_sky"):
         monkeypatch.setattr(kept, name, counted(name))
     near_faces = kept.DirectLighting.near_faces
 
@@ -159,7 +159,8 @@ def test_what_follows_from_geometry_alone_is_made_once(session, monkeypatch):
     painted = [coloured(ROOM, 0, **{name: RED}) for name in ("reflectance", "emission")]
     scenes = (ROOM, RELIT["lamp"][0], *painted, RELIT["world"][0])
     relit = [finished(session.bake(scene, settings)) for scene in scenes]
-    assert made["surface_areas"] == made["TexelClipper"] == 1 and made["open_sky"] == 2
+    assert made["surface_areas"] == made["TexelClipper"] == 1
+    assert made["open_sky"] == made["split_sky"] == 2
     assert made[relit[0].report.patches] == 3
     for scene, lightmap in zip(scenes, relit, strict=True):
         assert_same(lightmap, finished(bake(scene, settings)))

@@ -3,6 +3,7 @@
 
 #define ON_EDGE 1
 #define AT_AN_END 2
+#define AT_A_BORDER 4
 
 #define EDGE_OF_BACKS 0.1f  // least difference of the fractions of backs in view
 
@@ -14,7 +15,8 @@ float off_mean(const float before, const float value, const float after, const f
 }
 
 // entries: the patch + 1 of each texel, 0 for none; a neighbour without one counts as equal. off: how far the light is from the mean
-// along a row or column. marks: an edge of what is seen of backs, or of what is hidden; no neighbour along an axis.
+// along a row or column. marks: an edge of what is seen of backs, or of what is hidden; no neighbour along an axis;
+// one at most.
 __kernel void find_edges(__global const uint *entries, __global const float *light, __global const float *front,
                          __global const uchar *hidden, const float least, __global float *off,
                          __global uchar *marks, const int width, const int height)
@@ -34,8 +36,10 @@ __kernel void find_edges(__global const uint *entries, __global const float *lig
         const int lower = before < 0 ? own : before, upper = after < 0 ? own : after;
         off[texel] = fmax(off[texel], off_mean(light[lower], light[own], light[upper], least));
         edge |= off_mean(front[lower], front[own], front[upper], 1.0f) > EDGE_OF_BACKS;
+        if (before < 0 || after < 0)
+            marks[texel] |= AT_A_BORDER;
         if (before < 0 && after < 0)
-            marks[texel] = AT_AN_END;
+            marks[texel] |= AT_AN_END;
     }
     for (int v = max(y - 1, 0); v <= min(y + 1, height - 1); ++v)
         for (int u = max(x - 1, 0); u <= min(x + 1, width - 1); ++u) {

@@ -8,9 +8,14 @@ import numpy as np
 
 from ..device.buffers import download, upload, zeros
 from ..device.compute import Compute
+from ..patches.texels_around import cells_around
 
 #: Light has an edge where it differs from the mean of its neighbours by more than this part.
 _EDGE = 0.1
+
+#: At the border of a chart light may have an edge between the centre of a texel and its end, which no other
+#: centre shows. Light around the texel that differs from the mean of its neighbours by this part tells of it.
+_EDGE_NEAR_BORDER = 0.05
 
 #: Light below this part of the map's mean counts as if it were that bright.
 _DARK = 0.05
@@ -22,7 +27,7 @@ _ABOVE_NOISE = 6.0
 _FOR_NOISE = 1 << 16
 
 #: Marks of kernels/edges.cl.
-_ON_EDGE, _AT_AN_END = 1, 2
+_ON_EDGE, _AT_AN_END, _AT_A_BORDER = 1, 2, 4
 
 
 @dataclass(frozen=True)
@@ -45,7 +50,8 @@ def find_edges(compute: Compute, entries: np.ndarray, known: PatchLight) -> tupl
     entries  (atlases, r, r) uint32, the patch + 1 of each texel; 0 for none, which is at an end
 
     An edge is where light or the backs in view are not the mean of the neighbours', and both sides of a
-    border of what is hidden.
+    border of what is hidden. Light around a texel at the border of its chart that is less even than elsewhere
+    is one, too: a shadow may end on the way from the centre to the border.
     """
     (kernel,) = compute.kernels(("texel.cl", "edges.cl"), "find_edges")
     off, marks = zeros(compute, 4 * entries.size), zeros(compute, 4 * (entries.size // 4 + 1))
@@ -57,5 +63,9 @@ def find_edges(compute: Compute, entries: np.ndarray, known: PatchLight) -> tupl
     found = found.reshape(entries.shape)
     steps, lit = download(compute, off, entries.shape), np.flatnonzero(entries)
     noise = float(np.median(steps.ravel()[lit[:: 1 + len(lit) // _FOR_NOISE]])) if len(lit) else 0.0
-    edge = (steps > max(_EDGE, _ABOVE_NOISE * noise)) | (found & _ON_EDGE > 0)
+    noise *= _ABOVE_NOISE
+    edge = (steps > max(_EDGE, noise)) | (found & _ON_EDGE > 0)
+    border = np.flatnonzero(found & _AT_A_BORDER)
+    beside = cells_around(steps, border).max(axis=1, initial=0) > max(_EDGE_NEAR_BORDER, noise)
+    edge.ravel()[border[beside]] = True
     return edge, found & _AT_AN_END > 0

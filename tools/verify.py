@@ -91,7 +91,7 @@ def parse() -> argparse.Namespace:
 def set_up(settings, resolution: int, texel_samples: int | None) -> None:
     """Choose accurate settings for a scene."""
     settings.resolution, settings.hemicube = resolution, "64"
-    settings.tolerance, settings.light_samples = 0.001, 128
+    settings.tolerance, settings.light_samples, settings.adaptive = 0.001, 128, False
     if texel_samples:
         settings.texel_samples = str(texel_samples)
 

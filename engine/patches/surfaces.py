@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
 
 from ..device.compute import Compute
+from ..scene.digests import same_values
 from ..scene.model import Scene, Texture
 from .geometry import PatchGeometry
 from .host_texture_means import multiply_on_host
 from .texture_means import TextureMeans
 from .textured import TexturedPatches, textured_patches
+
+#: Fields of a material that decide what patches reflect and emit.
+_LOOKS = ("reflectance", "emission", "reflectance_map", "emission_map")
 
 #: Multiplies values of patches, (n, 3) float32, by textures of their materials.
 _Multiplier = Callable[[np.ndarray, Sequence[tuple[TexturedPatches, Texture]]], None]
@@ -45,10 +49,54 @@ class PatchSurfaces:
         return PatchSurfaces(reflectance, self.emission)
 
 
+@dataclass(frozen=True)
+class KnownSurfaces:
+    """What patches reflected and emitted in a scene before: textures need not be read again."""
+
+    scene: Scene
+    surfaces: PatchSurfaces
+
+    def shown_by(self, scene: Scene) -> np.ndarray:
+        """Return which materials of a scene of the same geometry make the same of patches, (m,) bool."""
+        pairs = zip(self.scene.meshes, scene.meshes, strict=True)
+        if not all(same_values(mesh.texture_uvs, other.texture_uvs) for mesh, other in pairs):
+            return np.zeros(len(scene.materials), bool)
+        materials = zip(self.scene.materials, scene.materials, strict=True)
+        return np.array([
+            all(same_values(getattr(here, name), getattr(there, name)) for name in _LOOKS)
+            for here, there in materials
+        ])  # fmt: skip
+
+
 def patch_surfaces(
+    compute: Compute | None,
+    scene: Scene,
+    geometry: PatchGeometry,
+    resolution: int,
+    known: KnownSurfaces | None = None,
+) -> PatchSurfaces:
+    """Return what every patch of lightmaps of a resolution reflects and emits.
+
+    known: of the same patches in a scene of the same geometry; None to read all textures
+    """
+    if known is None:
+        return _read_surfaces(compute, scene, geometry, resolution)
+    same = known.shown_by(scene)
+    others = [
+        replace(paint, reflectance_map=None, emission_map=None) if stays else paint
+        for paint, stays in zip(scene.materials, same, strict=True)
+    ]
+    made = _read_surfaces(compute, replace(scene, materials=tuple(others)), geometry, resolution)
+    stays = same[geometry.material]
+    made.reflectance[stays] = known.surfaces.reflectance[stays]
+    made.emission[stays] = known.surfaces.emission[stays]
+    return made
+
+
+def _read_surfaces(
     compute: Compute | None, scene: Scene, geometry: PatchGeometry, resolution: int
 ) -> PatchSurfaces:
-    """Return what every patch of lightmaps of a resolution reflects and emits."""
+    """Return what every patch reflects and emits by constants and textures."""
     materials = scene.materials
     reflectance = _constants([material.reflectance for material in materials], geometry)
     emission = _constants([material.emission for material in materials], geometry)

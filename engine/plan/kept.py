@@ -25,7 +25,7 @@ from ..patches.areas import surface_areas
 from ..patches.patch_list import PatchList
 from ..patches.seams import Seams
 from ..patches.subdivision import Subdivision, subdivide
-from ..patches.surfaces import PatchSurfaces, patch_surfaces
+from ..patches.surfaces import KnownSurfaces, PatchSurfaces, patch_surfaces
 from ..patches.texel_pieces import TexelClipper
 from ..progress import Made
 from ..resume.checkpoint import Checkpoints
@@ -82,13 +82,14 @@ class Kept:
     _sky: tuple[np.ndarray, np.ndarray | None] | None = None
     _split: tuple[np.ndarray, Sky] | None = None
     _static: tuple[np.ndarray, StaticLight] | None
+    _surfaces_of: Scene | None
     _bright: tuple[PatchSurfaces, BrightTriangles] | None
     _store: LightmapStore | None = None
 
     def __init__(self) -> None:
         self.key = None
         self.checkpoints = Checkpoints()
-        self._surfaces_key, self._arrays = b"", ArrayDigests()
+        self._surfaces_key, self._surfaces_of, self._arrays = b"", None, ArrayDigests()
         self.clear()
 
     def clear(self) -> None:
@@ -119,11 +120,14 @@ class Kept:
             triangles = before.triangles if before else None
             self._parts = subdivide(graphics, compute, scene, settings, triangles)
         elif surfaces != self._surfaces_key:
-            made = patch_surfaces(compute, scene, self._parts.geometry, settings.resolution)
+            last = self._surfaces_of
+            known = None if last is None else KnownSurfaces(last, self._parts.surfaces)
+            made = patch_surfaces(compute, scene, self._parts.geometry, settings.resolution, known)
             if not np.array_equal(made.shining, self._parts.surfaces.shining):
                 self._near = None
             self._parts = replace(self._parts, surfaces=made)
         self.key, self._surfaces_key = key, surfaces
+        self._surfaces_of = scene if settings.warm_start else None
         return self._parts
 
     def ray_scene(self, compute: Compute | None, parts: Subdivision) -> RayScene:

@@ -1,8 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from engine.patches import surfaces as surfaces_module
 from engine.patches.geometry import patch_geometry
-from engine.patches.surfaces import patch_surfaces
+from engine.patches.surfaces import KnownSurfaces, patch_surfaces
 from engine.reference.cpu_patches import list_patches
 from engine.scene.model import Material, Mesh, Scene, Texture
 from engine.scene.textures import sample
@@ -88,3 +91,51 @@ def test_smooth_textures_interpolate():
     texture = Texture("T", pixels, "Map", extension="extend")
     values = sample(pixels, np.array([[0.1, 0.5], [0.5, 0.5], [0.375, 0.5]]), texture)[:, 0]
     assert values == pytest.approx([0.0, 0.5, 0.25])
+
+
+def halves() -> Scene:
+    """Return a square of two triangles and materials, both textured, of which the second shines."""
+    square = np.float32([(0, 0), (1, 0), (1, 1), (0, 1)])
+    split, numbers = np.array([[0, 1, 2], [0, 2, 3]]), np.arange(2, dtype=np.int32)
+    corners = np.concatenate([square, np.zeros((4, 1), np.float32)], axis=1)[split]
+    normals, uvs = np.tile(np.float32([0, 0, 1]), (2, 3, 1)), {"Map": square[split][:, ::-1]}
+    mesh = Mesh("Halves", corners, normals, square[split], numbers, 0 * numbers, numbers, texture_uvs=uvs)
+    grey, image = np.full(3, 0.5, np.float32), Texture("T", noise(9), "Map")
+    dull, shining = (Material(name, grey, BLACK, reflectance_map=image) for name in "AB")
+    glow = Texture("Glow", noise(5), "Map")
+    return Scene((mesh,), (dull, replace(shining, emission=3 * grey, emission_map=glow)))
+
+
+@pytest.mark.parametrize(
+    ("edit", "read"),
+    [("nothing", 0), ("colour", 1), ("pixels", 2), ("no texture", 0), ("uvs", 3), ("copies", 0)],
+)
+def test_only_textures_of_changed_materials_are_read_again(edit, read, monkeypatch):
+    before = halves()
+    (mesh,), (dull, shining) = before.meshes, before.materials
+    other = Texture("Other", noise(7), "Map")
+    copied = replace(dull.reflectance_map, pixels=dull.reflectance_map.pixels.copy())
+    after = {
+        "nothing": before,
+        "colour": replace(
+            before, materials=(replace(dull, reflectance=np.float32([0.1, 0.2, 0.9])), shining)
+        ),
+        "pixels": replace(before, materials=(dull, replace(shining, emission_map=other))),
+        "no texture": replace(before, materials=(replace(dull, reflectance_map=None), shining)),
+        "uvs": replace(before, meshes=(replace(mesh, texture_uvs={"Map": mesh.uvs}),)),
+        "copies": replace(before, materials=(replace(dull, reflectance_map=copied), shining)),
+    }[edit]
+    geometry = patch_geometry(join_meshes(before), list_patches(before, 13))
+    known = KnownSurfaces(before, patch_surfaces(None, before, geometry, 13))
+    kept, expected = known.surfaces.emission.copy(), patch_surfaces(None, after, geometry, 13)
+    found, multiply = [], surfaces_module.multiply_on_host
+
+    def counted(geometry, meshes, values, maps):
+        found.extend(maps)
+        multiply(geometry, meshes, values, maps)
+
+    monkeypatch.setattr(surfaces_module, "multiply_on_host", counted)
+    again = patch_surfaces(None, after, geometry, 13, known)
+    assert np.array_equal(again.reflectance, expected.reflectance)
+    assert np.array_equal(again.emission, expected.emission) and again.emission.any()
+    assert len(found) == read and np.array_equal(known.surfaces.emission, kept)

@@ -48,7 +48,8 @@ def test_another_file_frees_what_is_kept(lit_room):
 def test_the_worker_is_not_started_ahead_without_a_window():
     import bpy
 
-    warm_up = part("operators.warm_up")
+    warm_up, owner = part("operators.warm_up"), part("operators.worker_owner").owner
+    owner.stop()
     warm_up.warm_up_soon()
     assert not bpy.app.timers.is_registered(warm_up.warm_up)
-    assert not part("operators.worker_owner").owner.warm
+    assert not owner.warm

@@ -1,6 +1,6 @@
 """Show the exported Cornell box with engines beside Blender's preview: figures, and the pictures of the docs.
 
-python -m tools.engines.compare docs/engines [--engines three godot]
+python -m tools.engines.compare docs/engines [--engines three godot bevy]
 """
 
 from __future__ import annotations
@@ -8,10 +8,11 @@ from __future__ import annotations
 import argparse
 import tempfile
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 
-from tools.engines import cornell, godot, three
+from tools.engines import bevy, cornell, godot, three
 from tools.headless import blender, load
 
 #: Width of each picture, pixels, factor on their difference, and pixels between two.
@@ -55,17 +56,32 @@ def compare_three(folder: Path, picture: Path) -> None:
 
 
 def compare_godot(folder: Path, picture: Path) -> None:
-    """Print the differences of Godot without and with directional maps, and write a picture with them."""
+    """Print the differences of Godot, and write a picture with directional maps."""
+    _compare_shaders(godot, folder, picture)
+
+
+def compare_bevy(folder: Path, picture: Path) -> None:
+    """Print the differences of Bevy, and write a picture with directional maps."""
+    bevy.install()
+    _compare_shaders(bevy, folder, picture)
+
+
+def _compare_shaders(engine: ModuleType, folder: Path, picture: Path) -> None:
+    """Do so of an engine without and with directional maps."""
     for name, directional in (("Lightmap", None), ("*Directional*, with a normal map", "directional")):
         cornell.bake(directional=directional)
         wanted = cornell.preview(_WIDTH, folder)
         path = cornell.export(folder, "NONE")
-        shown = godot.render(path, _WIDTH, _WIDTH, cornell.HIDDEN, directional is not None)
+        shown = engine.render(path, _WIDTH, _WIDTH, cornell.HIDDEN, directional is not None)
         print(row(name, shown, wanted))
     write_picture(picture, wanted, shown)
 
 
-_ENGINES = {"three": (three, compare_three), "godot": (godot, compare_godot)}
+_ENGINES = {
+    "three": (three, compare_three),
+    "godot": (godot, compare_godot),
+    "bevy": (bevy, compare_bevy),
+}
 
 
 def export(folder: Path, kind: str, files: bool) -> np.ndarray:

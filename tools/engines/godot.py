@@ -18,6 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
+from .exported_maps import exported_maps, glb_json
+
 HERE = Path(__file__).parent
 
 #: Longest time that importing or drawing may take, s.
@@ -57,7 +59,7 @@ def render(
     """
     asked = {
         "file": path.name, "width": width, "height": height, "hidden": list(hide),
-        "directional": directional, "maps": _maps(path.parent), "shine": _emission(path),
+        "directional": directional, "maps": exported_maps(path.parent), "shine": _emission(path),
     }  # fmt: skip
     with tempfile.TemporaryDirectory(prefix="hemibake-godot-", ignore_cleanup_errors=True) as folder:
         project = Path(folder)
@@ -116,21 +118,10 @@ def _environment(project: Path) -> dict[str, str]:
     return {**os.environ, **folders}
 
 
-def _maps(folder: Path) -> dict[str, dict[str, str]]:
-    """Return the files of each object's lightmap and directional maps, by the names of outputs."""
-    manifest = json.loads((folder / "hemibake.json").read_text(encoding="utf-8"))
-    return {
-        shown["object"]: {output.lower().replace(" ", "_"): file for output, file in shown["maps"].items()}
-        for shown in manifest["objects"]
-    }
-
-
 def _emission(path: Path) -> dict[str, list[float]]:
     """Return the linear emission of each material of a .glb file, by its name."""
-    data = path.read_bytes()
-    head = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
     emission = {}
-    for material in head["materials"]:
+    for material in glb_json(path)["materials"]:
         strength = material.get("extensions", {}).get("KHR_materials_emissive_strength", {})
         factor = strength.get("emissiveStrength", 1.0)
         emission[material["name"]] = [factor * part for part in material.get("emissiveFactor", (0, 0, 0))]

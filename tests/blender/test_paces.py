@@ -38,7 +38,7 @@ def test_file_of_paces_that_is_broken_is_as_none():
 def test_session_takes_the_paces_of_another_one_where_it_has_none():
     session = part("engine.session").Session()
     session._paces = {"Visibility rays": 1.0}
-    work = session.bake(None, None, {"Visibility rays": 2.0, "Direct light": 3.0})
+    work = session._bake_checked(None, None, {"Visibility rays": 2.0, "Direct light": 3.0})
     with contextlib.suppress(AttributeError):
         next(work)
     assert session._paces == {"Visibility rays": 1.0, "Direct light": 3.0}

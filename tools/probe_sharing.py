@@ -73,7 +73,7 @@ def main() -> None:
         rows = _ladder(graphics, compute.device, options)
         print(table(("way", "waits by", "ms", "GB/s", "outcome"), rows))
         print(f"\nAn iteration of 10,700 patches, hemicubes {options.hemicube} wide:\n", flush=True)
-        print(table(("part", "ms", "of the whole"), _iteration(graphics, compute, options.hemicube)))
+        print(table(("part", "ms", "of the whole"), iteration(graphics, compute, options.hemicube)))
     finally:
         graphics.release()
 
@@ -187,10 +187,10 @@ def _time(work: Callable[[], object]) -> float:
     return (time.perf_counter() - start) / times
 
 
-def _iteration(graphics: Graphics, compute: Compute, hemicube: int) -> list[tuple[str, float, str]]:
+def iteration(graphics: Graphics, compute: Compute, hemicube: int) -> list[tuple[str, float, str]]:
     """Return what the parts of an iteration take: in OpenGL alone, and with a copy to OpenCL."""
     scene, settings = nine_quad_room(), Settings(resolution=128, hemicube=hemicube, sample_emission=False)
-    parts = subdivide(graphics, scene, settings)
+    parts = subdivide(graphics, compute, scene, settings)
     tiles = plan_tiles(settings, len(parts.patches), COPIED_RADIANCE_BYTES)
     emission, sky = parts.surfaces.emission, np.zeros((1, 1, 3), np.float32)
     target = RadianceTarget(graphics, tiles, emission, (0.0, 0.0, 0.0, 2.0))

@@ -9,6 +9,7 @@ from engine.device.cl_library import ClLibrary
 from engine.device.compute import Compute
 from engine.errors import DeviceError
 from tests.gpu.fake_sharing import FakeLibrary
+from tools import probe_sharing
 
 ACQUIRE, RELEASE = "clEnqueueAcquireGLObjects", "clEnqueueReleaseGLObjects"
 
@@ -133,3 +134,11 @@ def test_ladder_names_what_each_rung_lacks():
     assert sharing.missing_extensions("external memory", card, set()) == tuple(sorted(opengl))
     for name in ("cl_khr_gl_sharing", "cl_APPLE_gl_sharing"):
         assert sharing.missing_extensions("texture", {name}, set()) == ()
+
+
+def test_probe_tells_where_the_time_of_an_iteration_goes(graphics, processor):
+    rows = probe_sharing.iteration(graphics, processor, 3)
+    for way, count in ("OpenGL", 2), ("OpenCL", 3):
+        parts = [row for row in rows if row[0].startswith(way)]
+        assert len(parts) == count and all(ms > 0 for _, ms, _ in parts)
+        assert abs(sum(float(share.rstrip("%")) for *_, share in parts) - 100) < 0.2

@@ -116,8 +116,8 @@ def _bake(
     # All other light is gathered: through hemicubes drawn in every iteration (IV.B), or what is kept of them.
     job = SolveJob(
         graphics, compute, parts, rays, lighting.emission_left, lighting.sky_left, sampled,
-        areas.result(), settings, remote, kept, last.indirect if last else None, near=near,
-    )  # fmt: skip
+        areas.result(), settings, remote, kept, near=near,
+    ).after(last)  # fmt: skip
     solution, choice, solved = choose_solver(job)
     yield stages.chosen(choice)
 
@@ -183,7 +183,8 @@ def _settle(
 ) -> Generator[Progress, None, None]:
     """Iterate until the light has settled; near: of the patches.
 
-    A warm start leaves what it has found to the next one with each image, of which some may be left out.
+    A warm start leaves what it has found to the next one with each image, of which some may be left out: that
+    of direct light, if it was shown, and others where sweeps are fast.
     """
     warm, shows = job.settings.warm_start, job.settings.intermediates
     job.kept.light = job.kept.light if warm else None
@@ -191,11 +192,12 @@ def _settle(
     while not outputs.done(solution):
         yield from stages.iterate(solution)
         done = outputs.done(solution)
-        if warm and not (done or stages.image_due):
+        only_direct = stages.has_shown and not solution.iterations
+        if warm and (only_direct or not (done or stages.image_due)):
             yield stages.iterated(solution, None)
             continue
         if warm:
-            light = LastLight.of(solution, job.parts.patches, job.sampled_light, near)
+            light = LastLight.of(solution, job.parts.patches, job.sampled_light, near, job.direct_sources)
             job.kept.light = light.prepared() if done else light
         if done or (shows and not hidden):
             store.hide(solution.gathered[:, 3], near)

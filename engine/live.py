@@ -49,9 +49,9 @@ class Live:
     def settle(self) -> Generator[Progress, None, Lightmap]:
         """Bake until nothing is left to do; yields as `Session.bake`, returns the Lightmap.
 
-        The first image has new direct light, by few rays, above the other light of before, if direct light
-        has changed; others follow sweeps, but not faster than anybody sees. Changes that come meanwhile take
-        effect after the next image, so that there is one however fast they follow each other.
+        The first image has new direct light, at first by few rays, above the other light of before, if direct
+        light has changed; others follow sweeps, but not faster than anybody sees. Changes that come meanwhile
+        take effect after the next image, so that there is one however fast they follow each other.
         """
         while self.lightmap is None:
             self._changed = False

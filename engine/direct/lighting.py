@@ -125,6 +125,9 @@ class DirectLighting:
 
     def _gather_changed(self, casting: ShadowRays, last: SampledLight) -> Generator[float, None, np.ndarray]:
         """Return what `gather` does, from few patches: all others are lit as they were."""
+        if not self.part_to_sample:
+            self.l1 = last.l1
+            return last.light
         some, l1 = yield from casting.sampled(self._changed)
         light, self.l1 = last.light.copy(), last.l1.copy()
         light[self._changed] = some

@@ -161,7 +161,7 @@ class KeptSamples:
         """
         if not self._follows(parts, rays):
             return False
-        if np.array_equal(emission, self._emission):
+        if emission is self._emission or np.array_equal(emission, self._emission):
             return True
         if emission[self._backs_seen].any() or self.has_light_of_backs:
             return False

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
@@ -16,8 +16,8 @@ from .host_texture_means import multiply_on_host
 from .texture_means import TextureMeans
 from .textured import TexturedPatches, textured_patches
 
-#: Fields of a material that decide what patches reflect and emit.
-_LOOKS = ("reflectance", "emission", "reflectance_map", "emission_map")
+#: What materials give to patches, each a colour times a texture.
+_KINDS = ("reflectance", "emission")
 
 #: Multiplies values of patches, (n, 3) float32, by textures of their materials.
 _Multiplier = Callable[[np.ndarray, Sequence[tuple[TexturedPatches, Texture]]], None]
@@ -40,6 +40,10 @@ class PatchSurfaces:
         red, green, blue = (self.emission != 0).T
         return np.flatnonzero(red | green | blue)
 
+    def shine_as(self, others: PatchSurfaces) -> bool:
+        """Return whether the same patches emit."""
+        return self.emission is others.emission or np.array_equal(self.shining, others.shining)
+
     def black_at(self, patches: np.ndarray) -> PatchSurfaces:
         """Return the same, but that some patches, (n,) bool, reflect nothing."""
         if not patches.any():
@@ -51,19 +55,19 @@ class PatchSurfaces:
 
 @dataclass(frozen=True)
 class KnownSurfaces:
-    """What patches reflected and emitted in a scene before: textures need not be read again."""
+    """What patches reflected and emitted in a scene before: most of them still do."""
 
     scene: Scene
     surfaces: PatchSurfaces
 
-    def shown_by(self, scene: Scene) -> np.ndarray:
-        """Return which materials of a scene of the same geometry make the same of patches, (m,) bool."""
+    def shown_by(self, scene: Scene, kind: str) -> np.ndarray:
+        """Return which materials of a scene of the same geometry have the same of a kind, (m,) bool."""
         pairs = zip(self.scene.meshes, scene.meshes, strict=True)
         if not all(same_values(mesh.texture_uvs, other.texture_uvs) for mesh, other in pairs):
             return np.zeros(len(scene.materials), bool)
         materials = zip(self.scene.materials, scene.materials, strict=True)
         return np.array([
-            all(same_values(getattr(here, name), getattr(there, name)) for name in _LOOKS)
+            all(same_values(getattr(here, name), getattr(there, name)) for name in (kind, f"{kind}_map"))
             for here, there in materials
         ])  # fmt: skip
 
@@ -79,41 +83,48 @@ def patch_surfaces(
 
     known: of the same patches in a scene of the same geometry; None to read all textures
     """
-    if known is None:
-        return _read_surfaces(compute, scene, geometry, resolution)
-    same = known.shown_by(scene)
-    others = [
-        replace(paint, reflectance_map=None, emission_map=None) if stays else paint
-        for paint, stays in zip(scene.materials, same, strict=True)
-    ]
-    made = _read_surfaces(compute, replace(scene, materials=tuple(others)), geometry, resolution)
-    stays = same[geometry.material]
-    made.reflectance[stays] = known.surfaces.reflectance[stays]
-    made.emission[stays] = known.surfaces.emission[stays]
-    return made
+    values, textures = {}, {}
+    for kind in _KINDS:
+        maps = [getattr(material, f"{kind}_map") for material in scene.materials]
+        if known is None:
+            values[kind], textures[kind] = _constants(scene, kind, geometry), maps
+            continue
+        same, before = known.shown_by(scene, kind), getattr(known.surfaces, kind)
+        if same.all():
+            values[kind] = before
+            continue
+
+        # Textures that stay are not read again.
+        values[kind] = _constants(scene, kind, geometry)
+        textures[kind] = [None if stays else texture for stays, texture in zip(same, maps, strict=True)]
+        stays = same & [texture is not None for texture in maps]
+        if stays.any():
+            rows = np.flatnonzero(stays[geometry.material])
+            values[kind][rows] = before[rows]
+    _multiply(compute, scene, geometry, resolution, [(values[kind], textures[kind]) for kind in textures])
+    return PatchSurfaces(**values)
 
 
-def _read_surfaces(
-    compute: Compute | None, scene: Scene, geometry: PatchGeometry, resolution: int
-) -> PatchSurfaces:
-    """Return what every patch reflects and emits by constants and textures."""
-    materials = scene.materials
-    reflectance = _constants([material.reflectance for material in materials], geometry)
-    emission = _constants([material.emission for material in materials], geometry)
-    reflectance_maps = [material.reflectance_map for material in materials]
-    emission_maps = [material.emission_map for material in materials]
-    sizes = [texture.pixels.nbytes for texture in (*reflectance_maps, *emission_maps) if texture]
+def _multiply(
+    compute: Compute | None,
+    scene: Scene,
+    geometry: PatchGeometry,
+    resolution: int,
+    kinds: Sequence[tuple[np.ndarray, Sequence[Texture | None]]],
+) -> None:
+    """Multiply values of patches, (n, 3) float32, by textures of each material, where it has one."""
+    sizes = [texture.pixels.nbytes for _, textures in kinds for texture in textures if texture]
     if sizes:
-        chosen = [any(maps) for maps in zip(reflectance_maps, emission_maps, strict=True)]
+        chosen = [any(maps) for maps in zip(*(textures for _, textures in kinds), strict=True)]
         textured = textured_patches(geometry, resolution, chosen)
         multiply = _multiplier(compute, scene, geometry, max(sizes))
-        multiply(reflectance, _on_patches(reflectance_maps, textured))
-        multiply(emission, _on_patches(emission_maps, textured))
-    return PatchSurfaces(reflectance, emission)
+        for values, textures in kinds:
+            multiply(values, _on_patches(textures, textured))
 
 
-def _constants(colors: list[np.ndarray], geometry: PatchGeometry) -> np.ndarray:
-    """Return the colour of each patch's material, (n, 3) float32."""
+def _constants(scene: Scene, kind: str, geometry: PatchGeometry) -> np.ndarray:
+    """Return the colour of a kind of each patch's material, (n, 3) float32."""
+    colors = [getattr(material, kind) for material in scene.materials]
     if not np.any(colors):
         return np.zeros((len(geometry.triangle), 3), np.float32)
     of_triangle = np.stack(colors).astype(np.float32).take(geometry.triangles.material, axis=0)

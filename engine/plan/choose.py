@@ -65,18 +65,18 @@ def choose_solver(job: SolveJob) -> tuple[Solution, Choice, SolveJob]:
 def solver_like(job: SolveJob, choice: Choice, stand_in: np.ndarray | None) -> Solver:
     """Return what solves for a part of the light, with samples and stand-ins as of all of it."""
     settings = replace(job.settings, method=choice.method, visibility=choice.visibility)
-    return _solver(replace(job, settings=settings, indirect=None), lambda _: stand_in)[0]
+    return _solver(replace(job, settings=settings, indirect=None, direct=None), lambda _: stand_in)[0]
 
 
 def _solver(job: SolveJob, find_stand_ins: FindStandIns | None = None) -> tuple[Solver, Choice]:
     """Return what solves for every patch on its own; see `Solver`."""
     if find_stand_ins is None and job.near is not None:
-        find_stand_ins = partial(stand_ins, job.parts, job.near)
+        find_stand_ins = partial(stand_ins, job.parts, job.near, beside=job.kept.seen_beside)
     radiosity, choice = _host_radiosity(job) if _by_hemicubes(job) else _device_radiosity(job)
     gathered_by = (choice.method, choice.visibility, choice.samples, choice.integrator)
     solver = ResumedSolver(
-        radiosity, job.sampled_light, job.settings, job.gathers_direct, job.indirect is not None,
-        job.checkpoint, lambda: digest_of((*job.light_key, *gathered_by)), find_stand_ins,
+        radiosity, job.sampled_light, job.settings, job.gathers_direct, job.indirect,
+        job.checkpoint, lambda: digest_of((*job.light_key, *gathered_by)), find_stand_ins, job.direct,
     )  # fmt: skip
     return solver, replace(choice, patches=job.count)
 
@@ -96,6 +96,7 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Choic
         sampled_light=groups.mean(job.sampled_light),
         area=groups.area,
         indirect=None if job.indirect is None else groups.mean(job.indirect),
+        direct=None,
         near=job.near and job.near.part(groups.leader),
     )
     solver, choice = _solver(squares)
@@ -161,6 +162,7 @@ def _device_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
     radiosity = DeviceRadiosity(
         job.opencl, sweep, job.parts.surfaces.reflectance, job.surroundings.emission, job.area,
         job.sampled_light, job.gathers_direct, job.columns, job.indirect, _begins_sparse(job, sweep),
+        job.direct,
     )  # fmt: skip
     return radiosity, choice
 
@@ -182,7 +184,7 @@ def _host_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
     reflectance = job.parts.surfaces.reflectance
     radiosity = HostRadiosity(
         gather, reflectance, job.emission, job.area,
-        job.sampled_light, job.gathers_direct, job.columns, job.indirect,
+        job.sampled_light, job.gathers_direct, job.columns, job.indirect, job.direct,
     )  # fmt: skip
     return radiosity, choice
 

@@ -25,7 +25,7 @@ from ..patches.areas import surface_areas
 from ..patches.patch_list import PatchList
 from ..patches.seams import Seams
 from ..patches.subdivision import Subdivision, subdivide
-from ..patches.surfaces import KnownSurfaces, PatchSurfaces, patch_surfaces
+from ..patches.surfaces import KnownSurfaces, patch_surfaces
 from ..patches.texel_pieces import TexelClipper
 from ..progress import Made
 from ..resume.checkpoint import Checkpoints
@@ -36,6 +36,7 @@ from ..visibility.identity import directional_options
 from ..visibility.open_sky import open_sky
 from ..visibility.rays.ray_scene import RayScene
 from .last_light import LastLight
+from .stand_ins import PatchPairs, seen_beside
 
 #: Settings that change nothing of what patches are and see. Whether light bounces and has directions does.
 _LEAVING_VISIBILITY = frozenset({
@@ -83,7 +84,8 @@ class Kept:
     _split: tuple[np.ndarray, Sky] | None = None
     _static: tuple[np.ndarray, StaticLight] | None
     _surfaces_of: Scene | None
-    _bright: tuple[PatchSurfaces, BrightTriangles] | None
+    _bright: tuple[np.ndarray, BrightTriangles] | None
+    _beside: tuple[PatchList, np.ndarray, PatchPairs] | None
     _store: LightmapStore | None = None
 
     def __init__(self) -> None:
@@ -96,7 +98,7 @@ class Kept:
         """Drop everything."""
         self._parts = self._rays = self._seams = self.samples = None
         self._areas = self._inside = self._near = self._clipper = self._thin = None
-        self._static = self._bright = None
+        self._static = self._bright = self._beside = None
         self._follows = False
 
     def subdivide(
@@ -123,7 +125,7 @@ class Kept:
             last = self._surfaces_of
             known = None if last is None else KnownSurfaces(last, self._parts.surfaces)
             made = patch_surfaces(compute, scene, self._parts.geometry, settings.resolution, known)
-            if not np.array_equal(made.shining, self._parts.surfaces.shining):
+            if not made.shine_as(self._parts.surfaces):
                 self._near = None
             self._parts = replace(self._parts, surfaces=made)
         self.key, self._surfaces_key = key, surfaces
@@ -150,9 +152,9 @@ class Kept:
 
     def bright_triangles(self, parts: Subdivision) -> BrightTriangles:
         """Return the triangles that are sampled as lights; see `direct.emitters.bright_triangles`."""
-        last = self._bright
-        if last is None or last[0] is not parts.surfaces:
-            self._bright = last = parts.surfaces, bright_triangles(parts)
+        last, emission = self._bright, parts.surfaces.emission
+        if last is None or last[0] is not emission:
+            self._bright = last = emission, bright_triangles(parts)
         return last[1]
 
     def split_sky(self, world: np.ndarray) -> Sky:
@@ -168,6 +170,13 @@ class Kept:
         if self._near is None:
             self._near = lighting.near_faces()
         return self._near
+
+    def seen_beside(self, parts: Subdivision, hidden: np.ndarray) -> PatchPairs:
+        """Return which patches may stand in for hidden ones; see `stand_ins.seen_beside`."""
+        last = self._beside
+        if last is None or last[0] is not parts.patches or not np.array_equal(last[1], hidden):
+            self._beside = last = parts.patches, hidden, seen_beside(parts, hidden)
+        return last[2]
 
     def inside(self, rays: RayScene) -> np.ndarray:
         """Return which patches are inside of something, (n,) bool; see `direct.contact.patches_inside`."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..direct.contact import NearFaces
 from ..patches.patch_list import PatchList
+from ..scene.digests import same_values
 from ..solve.solution import Solution
 
 
@@ -19,6 +20,7 @@ class LastLight:
     light    (n, 4) float32, E/pi, and the fraction of each patch's view that no back takes
     sampled  (n, 3) float32, E/pi of the part that shadow rays sample
     direct   (n, 3) float32, E/pi of the part that was not reflected
+    sources  all that decides `direct`, see `SolveJob.direct_sources`; None if that is not known
     """
 
     patches: PatchList
@@ -26,15 +28,27 @@ class LastLight:
     sampled: np.ndarray
     direct: np.ndarray
     near: NearFaces
+    sources: tuple | None = None
 
     @classmethod
-    def of(cls, solution: Solution, patches: PatchList, sampled: np.ndarray, near: NearFaces) -> LastLight:
+    def of(
+        cls,
+        solution: Solution,
+        patches: PatchList,
+        sampled: np.ndarray,
+        near: NearFaces,
+        sources: tuple | None,
+    ) -> LastLight:
         """Return the light of a solution so far; sampled: (n, 3) float32, E/pi by shadow rays."""
-        return cls(patches, solution.gathered, sampled, solution.direct, near)
+        return cls(patches, solution.gathered, sampled, solution.direct, near, sources)
+
+    def direct_of(self, sources: tuple | None) -> np.ndarray | None:
+        """Return `direct` if other sources are the same; None if it may be another."""
+        return self.direct if sources is not None and same_values(sources, self.sources) else None
 
     def prepared(self) -> LastLight:
-        """Return this, ready for the next bake: its first image waits for `gathered`."""
-        _ = self.gathered
+        """Return this, ready for the next bake, whose first image waits for what is left over."""
+        _ = self.gathered, self.indirect
         return self
 
     @cached_property

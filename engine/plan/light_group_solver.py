@@ -81,7 +81,7 @@ def settled_groups(
 def _part_of(job: SolveJob, solved: SolveJob, solution: Solution, sources: Sources) -> SolveJob:
     """Return what is to be solved of a light group."""
     if not isinstance(solution, GroupedSolution):
-        return replace(job, **vars(sources), part_of=job, indirect=None)
+        return replace(job, **vars(sources), part_of=job, indirect=None, direct=None)
     mean = solution.groups.mean
     return replace(
         solved,
@@ -90,6 +90,7 @@ def _part_of(job: SolveJob, solved: SolveJob, solution: Solution, sources: Sourc
         sampled_light=mean(sources.sampled_light),
         part_of=solved,
         indirect=None,
+        direct=None,
     )
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import weakref
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +23,7 @@ from ..solve.radiosity import PLAIN_COLUMNS
 from ..visibility.identity import Surroundings, surroundings
 from ..visibility.rays.ray_scene import RayScene
 from .kept import Kept, visibility_settings
+from .last_light import LastLight
 from .remote_devices import RemoteDevices
 
 
@@ -36,6 +38,7 @@ class SolveJob:
     remote         gathers for all patches on devices of other processes; None to gather here
     kept           what an earlier bake has left of the same patches, and what this one leaves
     indirect       (n, 3) float32, E/pi of reflected light that a warm start begins with; None for none
+    direct         (n, 3) float32, E/pi of light that is not reflected, if it is known to be as it was
     part_of        the job of all light, of which this one is a part: both begin alike
     near           what faces nearby do to the patches; None if that is not known
     """
@@ -52,6 +55,7 @@ class SolveJob:
     remote: RemoteDevices | None = None
     kept: Kept = field(default_factory=Kept)
     indirect: np.ndarray | None = None
+    direct: np.ndarray | None = None
     part_of: SolveJob | None = None
     near: NearFaces | None = None
 
@@ -76,6 +80,23 @@ class SolveJob:
     def checkpoint(self) -> Checkpoint:
         """What is in files of what these patches see, and of their light."""
         return self.kept.checkpoints.of(self._visibility_key)
+
+    def after(self, last: LastLight | None) -> SolveJob:
+        """Return the same, but that it begins with the light of an earlier bake, if there is any."""
+        if last is None:
+            return self
+        return replace(self, indirect=last.indirect, direct=last.direct_of(self.direct_sources))
+
+    @property
+    def direct_sources(self) -> tuple | None:
+        """All that decides the light that is not reflected; None unless what patches see is kept.
+
+        What refers to this does not keep it.
+        """
+        samples = self.kept.samples
+        if samples is None or not samples.complete:
+            return None
+        return weakref.ref(samples), self.parts.triangles, self.emission, self.sky, self.sampled_light
 
     @property
     def first_radiance(self) -> np.ndarray:

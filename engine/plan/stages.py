@@ -210,6 +210,11 @@ class BakeStages(Schedule):
         self._expect_sweeps()
 
     @property
+    def has_shown(self) -> bool:
+        """Whether any lightmaps were shown."""
+        return self._shown > -math.inf
+
+    @property
     def image_due(self) -> bool:
         """Whether the last lightmaps were shown long enough ago: cards iterate faster than anybody sees."""
         return time.perf_counter() - self._shown >= _BETWEEN_IMAGES

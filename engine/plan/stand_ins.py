@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..direct.contact import NearFaces
@@ -17,7 +19,31 @@ _TEXELS = 1 << 18
 _ALIKE, _NEAR = 0.9, 0.5
 
 
-def stand_ins(parts: Subdivision, near: NearFaces, gathered: np.ndarray) -> np.ndarray | None:
+#: Numbers of hidden patches, and of one that is seen beside each, (p,) int64 twice.
+PatchPairs = tuple[np.ndarray, np.ndarray]
+
+
+def seen_beside(parts: Subdivision, hidden: np.ndarray) -> PatchPairs:
+    """Return hidden patches, and those that are seen in texels beside theirs, on the same plane.
+
+    hidden: (n,) bool, of all patches, some of them
+    """
+    flags = np.concatenate([[False], hidden])
+    texels = np.flatnonzero(flags[parts.texel_to_patch])
+    pairs = [
+        _seen_beside(parts, hidden, texels[first : first + _TEXELS])
+        for first in range(0, len(texels), _TEXELS)
+    ]
+    patch, beside = (np.concatenate(numbers) for numbers in zip(*pairs, strict=True))
+    return patch, beside
+
+
+def stand_ins(
+    parts: Subdivision,
+    near: NearFaces,
+    gathered: np.ndarray,
+    beside: Callable[[Subdivision, np.ndarray], PatchPairs] = seen_beside,
+) -> np.ndarray | None:
     """Return the patch that stands in for each one, (n,) int64: itself, if it is seen; None if all are.
 
     For a patch that nobody sees, as one whose centre is under a box, it is the darkest of those that are seen
@@ -26,30 +52,25 @@ def stand_ins(parts: Subdivision, near: NearFaces, gathered: np.ndarray) -> np.n
 
     near      what faces nearby do to the patches
     gathered  (n, 4) float32, E/pi and the fraction of the view that no back takes
+    beside    `seen_beside`, or what remembers its last result
     """
     hidden = is_hidden(gathered[:, 3], near)
     if not hidden.any():
         return None
-    flags = np.concatenate([[False], hidden])
-    texels = np.flatnonzero(flags[parts.texel_to_patch])
-    pairs = [
-        _seen_beside(parts, hidden, texels[first : first + _TEXELS])
-        for first in range(0, len(texels), _TEXELS)
-    ]
-    patch, beside = (np.concatenate(numbers) for numbers in zip(*pairs, strict=True))
+    patch, seen = beside(parts, hidden)
 
     # The first of each patch's pairs, the darkest before others.
-    order = np.lexsort((channel_sum(gathered[:, :3])[beside], patch))
+    order = np.lexsort((channel_sum(gathered[seen, :3]), patch))
     patch, first = np.unique(patch[order], return_index=True)
     result = np.arange(len(hidden))
-    result[patch] = beside[order[first]]
+    result[patch] = seen[order[first]]
     return result
 
 
-def _seen_beside(parts: Subdivision, hidden: np.ndarray, texels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the hidden patches of texels, and one that is seen beside each, (p,) int64 twice.
+def _seen_beside(parts: Subdivision, hidden: np.ndarray, texels: np.ndarray) -> PatchPairs:
+    """Return what `seen_beside` does, of some texels.
 
-    hidden: (n,) bool, of all patches; texels: (k,) int64, of hidden ones, see `PatchList.key`
+    texels: (k,) int64, of hidden patches, see `PatchList.key`
     """
     entries = entries_around(parts.texel_to_patch, texels)
     place, step = np.nonzero((entries > 0) & ~hidden[entries - 1])

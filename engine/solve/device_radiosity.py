@@ -43,6 +43,7 @@ class DeviceRadiosity:
         columns: int,
         indirect: np.ndarray | None = None,
         sparse: bool = False,
+        direct: np.ndarray | None = None,
     ) -> None:
         self._compute, self._queue, self._sweep, self.sparse = compute, compute.queue, sweep, sparse
         self.count, self.area = len(reflectance), float(area.sum(dtype=np.float64))
@@ -59,11 +60,11 @@ class DeviceRadiosity:
         self.patches_seen = zeros(compute, 4 * self.count)
         self._gathered, self._defects = (zeros(compute, 16 * self.count * columns) for _ in range(2))
         first = None if gathers_direct else sampled_light
-        if indirect is not None and gathers_direct:
+        if indirect is not None and gathers_direct and direct is None:
             held, column = upload_float4(compute, indirect), 16 * self.count * (columns - 1)
             cl.enqueue_copy(self._queue, self._gathered, held, dst_offset=column)
         elif indirect is not None:
-            first = sampled_light + indirect
+            first = indirect + (sampled_light if direct is None else direct)
         self._irradiance = zeros(compute, 16 * self.count) if first is None else upload_float4(compute, first)
         self.radiance = zeros(compute, 16 * (self.count + 2))
         self.let_stand_in(np.arange(self.count))

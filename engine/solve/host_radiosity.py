@@ -22,6 +22,7 @@ class HostRadiosity:
     gathers_direct  see `solve.Solver`
     columns         see `solve.Radiosity`
     indirect        (n, 3) float32, E/pi of reflected light to begin with; None for none
+    direct          (n, 3) float32, E/pi of all other light to begin with it, if that is known
     """
 
     sparse = False
@@ -36,6 +37,7 @@ class HostRadiosity:
         gathers_direct: bool = True,
         columns: int = PLAIN_COLUMNS,
         indirect: np.ndarray | None = None,
+        direct: np.ndarray | None = None,
     ) -> None:
         self._gather, self._reflectance, self._emission = gather, reflectance, emission
         self._areas = area.astype(np.float64)
@@ -45,10 +47,10 @@ class HostRadiosity:
         self._gathered = np.zeros((columns, self.count, 4), np.float32)
         self._defects = np.zeros((columns, self.count, 3), np.float32)
         self._stand_in: np.ndarray | None = None
-        if indirect is not None and gathers_direct:
+        if indirect is not None and gathers_direct and direct is None:
             self._gathered[-1, :, :3] = indirect
         elif indirect is not None:
-            self._irradiance = self._sampled_light + indirect
+            self._irradiance = indirect + (self._sampled_light if direct is None else direct)
 
     @property
     def radiance(self) -> np.ndarray:

@@ -26,12 +26,15 @@ class ResumedSolver(Solver):
         sampled_light: np.ndarray,
         settings: Settings,
         gathers_direct: bool,
-        warm: bool,
+        reflected: np.ndarray | None,
         checkpoint: Checkpoint,
         key: Callable[[], str],
         find_stand_ins: FindStandIns | None = None,
+        direct: np.ndarray | None = None,
     ) -> None:
-        super().__init__(radiosity, sampled_light, settings, gathers_direct, warm, find_stand_ins)
+        super().__init__(
+            radiosity, sampled_light, settings, gathers_direct, reflected, find_stand_ins, direct
+        )
         self._checkpoint, self._key = checkpoint, key
         state = checkpoint.light(key)
         if state is not None and len(state["steps"]) < self._limit:

@@ -43,7 +43,8 @@ class Solver:
     sampled_light   (n, 3) float32, E/pi of the light that shadow rays sample
     gathers_direct  True if the patches gather light at first: the first sweep then gives the direct light
                     of emission and surroundings
-    warm            True if the radiosity begins with reflected light, see `Radiosity`
+    reflected       (n, 3) float32, E/pi of reflected light that the radiosity begins with, if it does
+    direct          (n, 3) float32, E/pi of light that is not reflected, if the radiosity begins with it, too
     find_stand_ins  returns `stand_in` from what the first sweep gathered; None to let nothing stand in
     stand_in        (n,) int64, the patch whose reflected light each one sends out, itself for most; None for
                     all, and before the first sweep
@@ -60,17 +61,19 @@ class Solver:
         sampled_light: np.ndarray,
         settings: Settings,
         gathers_direct: bool = True,
-        warm: bool = False,
+        reflected: np.ndarray | None = None,
         find_stand_ins: FindStandIns | None = None,
+        direct: np.ndarray | None = None,
     ) -> None:
         self.stand_in: np.ndarray | None = None
         self._find_stand_ins = find_stand_ins
         self._radiosity, self._sampled_light, self._gathers_direct = radiosity, sampled_light, gathers_direct
-        self._warm = warm
+        self._reflected = reflected
+        self._begins_with_direct = self._warm and gathers_direct and direct is None
         self._limit, self._tolerance = settings.iterations, settings.tolerance
         self._anderson = Anderson() if radiosity.columns > PLAIN_COLUMNS else None
         self._newest = -1
-        self._direct = sampled_light
+        self._direct = sampled_light if direct is None else direct
         self._steps: list[Step] = []
         self._factors: list[float] = []
 
@@ -92,11 +95,14 @@ class Solver:
     @property
     def irradiance(self) -> np.ndarray:
         """E/pi of all light so far, (n, 3) float32."""
-        return self.gathered[:, :3] if self._steps else self._sampled_light
+        return self.gathered[:, :3] if self._newest >= 0 else self._sampled_light
 
     @property
     def gathered(self) -> np.ndarray:
-        """What the last sweep gathered, (n, 4) float32: E/pi, and the fraction that is no back."""
+        """What the last sweep gathered, (n, 4) float32: E/pi, and the fraction that is no back.
+
+        After that for direct light alone, with the light that was reflected before.
+        """
         if self._gathered is None:
             self._gathered = self._radiosity.iterate(self._newest)
         return self._gathered
@@ -118,17 +124,19 @@ class Solver:
         return self.irradiance
 
     def iteration(self) -> Generator[float, None, None]:
-        """Sweep once, on a warm start for direct light before; yield the fraction done."""
+        """Sweep once; yield the fraction done.
+
+        A warm start sweeps for direct light alone before the first iteration, if that is not known.
+        """
         if self._sparse and self._nearly_done:
             self._refine()
         self._radiosity.sparse = self._sparse and (bool(self._steps) or not self._gathers_direct)
-        parts = 2 if self._gathers_direct and self._warm and not self._steps else 1
-        if parts > 1:
-            for done in self._sweep_direct():
-                yield done / parts
+        if self._begins_with_direct:
+            self._begins_with_direct = False
+            yield from self._sweep_direct()
+            return
         self._newest = (self._newest + 1) % self._radiosity.columns
-        for done in self._radiosity.sweep(self._newest):
-            yield (parts - 1 + done) / parts
+        yield from self._radiosity.sweep(self._newest)
         self._gathered = None
         if not self._steps and self._find_stand_ins is not None:
             self._let_stand_in(self._find_stand_ins(self.gathered))
@@ -140,6 +148,10 @@ class Solver:
             self._factors.append(_schwarz_quotient(sums.products, self._newest))
         weights, ambient = self._mixture(sums)
         self._steps.append(self._radiosity.mix(weights, ambient, max(_DARK * sums.total, _DARKEST)))
+
+    @property
+    def _warm(self) -> bool:
+        return self._reflected is not None
 
     def _let_stand_in(self, stand_in: np.ndarray | None) -> None:
         """Let patches send out what others reflect; None for none."""
@@ -179,9 +191,12 @@ class Solver:
 
     def _sweep_direct(self) -> Generator[float, None, None]:
         """Sweep for direct light alone, and add the reflected light that the last column holds."""
-        self._newest = 0
         yield from self._radiosity.sweep(0)
-        self._direct = self._radiosity.iterate(0)[:, :3]
+        self._newest = 0
+        gathered = self._radiosity.iterate(0)
+        self._direct = gathered[:, :3].copy()
+        gathered[:, :3] += 0.0 if self._reflected is None else self._reflected
+        self._gathered = gathered
         weights = np.zeros((self._radiosity.columns, 3))
         weights[[0, -1]] = 1
         self._radiosity.mix(weights, np.zeros(3), _DARKEST)

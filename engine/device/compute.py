@@ -56,7 +56,8 @@ class Compute:
         self.shared = SharedBuffers()
         self.context = self._first_working_context(_chosen(found_devices(), opencl_device))
         self.device = self.context.devices[0]
-        self._programs = ProgramCache(self.context, None if self._caches_programs else cache_dir)
+        self._programs = ProgramCache(self.context, None if self._is_pocl else cache_dir)
+        self._prelude = ("inlined.cl",) if self._is_pocl and self.processor else ()
         self.queue = cl.CommandQueue(self.context)
         self.name = self.device.name.strip()
         self.default_sizes = ON_PROCESSOR if self.processor else WorkSizes()
@@ -81,10 +82,11 @@ class Compute:
         return size >= _STAGED and not self.processor
 
     @property
-    def _caches_programs(self) -> bool:
+    def _is_pocl(self) -> bool:
         """True for PoCL, which keeps its kernels in files itself, built for the sizes of groups they ran in.
 
-        Asked for the binary of a program it builds all kernels a second time, for groups of any size.
+        Asked for the binary of a program it builds all kernels a second time, for groups of any size. On some
+        processors it calls what others inline; see kernels/inlined.cl.
         """
         return bool(self.device.platform.name == "Portable Computing Language")
 
@@ -97,7 +99,8 @@ class Compute:
         parts = (source,) if isinstance(source, str) else source
         key = (parts, tuple(options))
         if key not in self._built:
-            self._built[key] = self._programs.build("\n".join(map(kernel_source, parts)), options)
+            text = "\n".join(map(kernel_source, (*self._prelude, *parts)))
+            self._built[key] = self._programs.build(text, options)
         for name in names:
             if (key, name) not in self._kernels:
                 self._kernels[key, name] = Kernel(self._built[key], name, self.device)

@@ -17,6 +17,18 @@
 #define LANE_BITS (int8)(1, 2, 4, 8, 16, 32, 64, 128)
 #define JOINED(i) (i.s0 | i.s1 | i.s2 | i.s3 | i.s4 | i.s5 | i.s6 | i.s7)
 #endif
+
+// Bits of the lanes whose flags are set: one instruction where AVX is there.
+#if WIDTH == 8 && defined(__AVX__)
+#define BITS_OF(flags) __builtin_ia32_movmskps256(as_float8(flags))
+#elif WIDTH > 2
+int bits_of(const INTS flags)
+{
+    const INTS bits = flags & LANE_BITS;
+    return JOINED(bits);
+}
+#define BITS_OF(flags) bits_of(flags)
+#endif
 #if PACKET == 1
 #define PART float4
 #define PARTS 3
@@ -35,6 +47,15 @@
 #define FLAG(flags, lane) ((const int *)&(flags))[lane]
 #endif
 #define LEAF_BITS 3
+
+// A processor has a descent of each kind, once: it is called often, and knows then what it looks for.
+#if WIDTH == 2
+#define DESCENT
+#define PART_OF_DESCENT
+#else
+#define DESCENT __attribute__((noinline))
+#define PART_OF_DESCENT __attribute__((always_inline)) inline
+#endif
 
 typedef struct {
     PLANES x, y, z;  // of the children's boxes: low ones, then high ones; of nodes of two middles, then half sizes
@@ -153,13 +174,15 @@ typedef struct {
     const FLOATS axis##_out = mad(node->axis.hi, axis##_half, axis##_middle)
 #else
 #define SLAB(axis) \
-    const PLANES axis = (node->axis - search->origin.axis) * search->inverse.axis; \
-    const FLOATS axis##_in = min(axis.lo, axis.hi), axis##_out = max(axis.lo, axis.hi)
+    __global const FLOATS *axis = (__global const FLOATS *)&node->axis; \
+    const int axis##_far = search->inverse.axis < 0.0f ? 0 : 1; \
+    const FLOATS axis##_in = (axis[1 - axis##_far] - search->origin.axis) * search->inverse.axis; \
+    const FLOATS axis##_out = (axis[axis##_far] - search->origin.axis) * search->inverse.axis
 #endif
 
 // The children of a node whose boxes a ray meets, and the distances `in` at which it enters them, with room for
 // rounding (Ize 2013). The inverse of the direction is finite, so nothing is NaN.
-INTS boxes_met(__global const Node *node, const Search *search, FLOATS *in)
+PART_OF_DESCENT INTS boxes_met(__global const Node *node, const Search *search, FLOATS *in)
 {
     SLAB(x);
     SLAB(y);
@@ -175,14 +198,8 @@ typedef struct {
 } Meeting;
 
 // Moeller and Trumbore 1997; edges are a little wider than they are, so that nothing slips between.
-void meet(__global const PART *packet, const Search *search, Meeting *meeting)
+PART_OF_DESCENT void meet(const LANES *t, const Search *search, Meeting *meeting)
 {
-#if PACKET == 1
-    const float4 a = packet[0], b = packet[1], c = packet[2];
-    const float t[10] = {a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w, c.x, c.y};
-#else
-    __global const PART *t = packet;
-#endif
     const float3 d = search->direction;
     const LANES sx = search->origin.x - t[0], sy = search->origin.y - t[1], sz = search->origin.z - t[2];
     const LANES px = d.y * t[8] - d.z * t[7], py = d.z * t[6] - d.x * t[8], pz = d.x * t[7] - d.y * t[6];
@@ -202,14 +219,59 @@ void meet(__global const PART *packet, const Search *search, Meeting *meeting)
     meeting->v = v;
 }
 
-// What is met in a leaf counts; false if nothing more can.
-bool take_leaf(const Rays *rays, const int code, Search *search)
+// What a ray meets in a packet of a leaf.
+PART_OF_DESCENT void meet_packet(__global const PART *packet, const Search *search, Meeting *meeting)
+{
+#if PACKET == 1
+    const float4 a = packet[0], b = packet[1], c = packet[2];
+    const float t[10] = {a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w, c.x, c.y};
+#else
+    LANES t[10];
+    for (int k = 0; k < 10; ++k)
+        t[k] = packet[k];
+#endif
+    meet(t, search, meeting);
+}
+
+#if PACKET == 8 && !defined(CUTOUTS)
+// What is met in a leaf counts, of a packet the nearest; false if nothing more can.
+PART_OF_DESCENT bool take_leaf(const Rays *rays, const int code, Search *search)
 {
     __global const PART *packet = rays->triangles + PARTS * (code >> LEAF_BITS);
     const int count = code & ((1 << LEAF_BITS) - 1);
     for (int i = 0; i < count; ++i, packet += PARTS) {
         Meeting meeting;
-        meet(packet, search, &meeting);
+        meet_packet(packet, search, &meeting);
+        if (BITS_OF(meeting.met) == 0)
+            continue;
+        if (search->sought == ANYTHING || search->sought == ALL)
+            return false;
+        LANES distance = meeting.distance;
+        if (search->sought == NEAREST)
+            distance += (meeting.determinant < 0.0f) ? BACK_FARTHER * distance : 0.0f;
+        distance = meeting.met ? distance : INFINITY;
+        const float4 four = min(distance.lo, distance.hi);
+        const float2 two = min(four.lo, four.hi);
+        const float least = min(two.x, two.y);
+        if (!(least < search->reach))
+            continue;
+        const int here = BITS_OF(distance == least), lane = 31 - clz(here & -here);
+        const Hit hit = {least, (float2)(LANE(meeting.u, lane), LANE(meeting.v, lane)),
+                         ((__global const int *)packet)[9 * PACKET + lane], LANE(meeting.determinant, lane) > 0.0f};
+        search->nearest = hit;
+        search->reach = least;
+    }
+    return true;
+}
+#else
+// What is met in a leaf counts; false if nothing more can.
+PART_OF_DESCENT bool take_leaf(const Rays *rays, const int code, Search *search)
+{
+    __global const PART *packet = rays->triangles + PARTS * (code >> LEAF_BITS);
+    const int count = code & ((1 << LEAF_BITS) - 1);
+    for (int i = 0; i < count; ++i, packet += PARTS) {
+        Meeting meeting;
+        meet_packet(packet, search, &meeting);
         if (!ANY(meeting.met))
             continue;
         if (search->sought == ANYTHING)
@@ -240,6 +302,7 @@ bool take_leaf(const Rays *rays, const int code, Search *search)
     }
     return true;
 }
+#endif
 
 // What a ray has yet to visit is on a stack, `depth` high. A ray enters few of the children of a wide node, and
 // passes many of them before their turn comes, so where they begin is kept beside. `go_down` leads to the
@@ -265,10 +328,9 @@ bool go_back(const int *stack, const float *begins, int *depth, const float reac
     return true;
 }
 #else
-bool go_down(int *stack, float *begins, int *depth, const INTS met, const FLOATS in, const INTS children, int *node)
+PART_OF_DESCENT bool go_down(int *stack, float *begins, int *depth, const INTS met, const FLOATS in, const INTS children, int *node)
 {
-    const INTS flags = met & LANE_BITS;
-    int entered = JOINED(flags);
+    int entered = BITS_OF(met);
     if (entered == 0)
         return false;
     const int first = *depth, lane = 31 - clz(entered);
@@ -297,7 +359,7 @@ bool go_down(int *stack, float *begins, int *depth, const INTS met, const FLOATS
     return true;
 }
 
-bool go_back(const int *stack, const float *begins, int *depth, const float reach, int *node)
+PART_OF_DESCENT bool go_back(const int *stack, const float *begins, int *depth, const float reach, int *node)
 {
     do {
         if (*depth == 0)
@@ -310,7 +372,7 @@ bool go_back(const int *stack, const float *begins, int *depth, const float reac
 
 // Visit what a ray may meet, near before far. Work items that run in step go down until each of them is at a leaf:
 // then all test triangles together (Aila and Laine 2009, while-while).
-void descend(const Rays *rays, Search *search)
+PART_OF_DESCENT void descend(const Rays *rays, Search *search)
 {
     int stack[STACK], depth = 0, node = 0;
     float begins[WIDTH == 2 ? 1 : STACK];
@@ -332,7 +394,7 @@ void descend(const Rays *rays, Search *search)
     }
 }
 
-Search search_for(const int sought, const float3 origin, const float3 direction, const float reach)
+PART_OF_DESCENT Search search_for(const int sought, const float3 origin, const float3 direction, const float reach)
 {
     const Search search = {origin, direction, clamp(1.0f / direction, -1e30f, 1e30f), sought, reach, 1.0f,
                            {INFINITY, (float2)(0.0f), -1, false}};
@@ -340,7 +402,7 @@ Search search_for(const int sought, const float3 origin, const float3 direction,
 }
 
 // The fraction of light that comes through along a ray up to a distance: 1 if nothing is in its way.
-float transmittance(const Rays *rays, const float3 origin, const float3 direction, const float distance)
+DESCENT float transmittance(const Rays *rays, const float3 origin, const float3 direction, const float distance)
 {
     Search search = search_for(ALL, origin, direction, distance);
     descend(rays, &search);
@@ -348,7 +410,7 @@ float transmittance(const Rays *rays, const float3 origin, const float3 directio
 }
 
 // Whether a ray meets any triangle, holes and backs included.
-bool meets_anything(const Rays *rays, const float3 origin, const float3 direction)
+DESCENT bool meets_anything(const Rays *rays, const float3 origin, const float3 direction)
 {
     Search search = search_for(ANYTHING, origin, direction, INFINITY);
     descend(rays, &search);
@@ -356,7 +418,7 @@ bool meets_anything(const Rays *rays, const float3 origin, const float3 directio
 }
 
 // The nearest surface along a ray, or the nearest back; holes are passed.
-Hit nearest_hit(const Rays *rays, const float3 origin, const float3 direction, const bool backs)
+DESCENT Hit nearest_hit(const Rays *rays, const float3 origin, const float3 direction, const bool backs)
 {
     Search search = search_for(backs ? NEAREST_BACK : NEAREST, origin, direction, FARTHEST);
     descend(rays, &search);

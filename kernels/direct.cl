@@ -12,6 +12,9 @@
 // texel across an edge of a shadow. All noise of direct light is there.
 #define ROUNDS 4
 
+// From so many rays to an emitter on it is looked for what may be in their way.
+#define SHAFT_FROM 3.0f
+
 // The golden ratio's fraction of the range of integers, and patches along a curve through the texels that share
 // emitters out among them.
 #define GOLDEN 2654435769u
@@ -19,12 +22,17 @@
 
 // The fraction of a sample's light that reaches a point, on its way from a little above the surface to a
 // little before the light: that may be a surface, too.
-float seen(const Rays *rays, const Receiver *r, const float3 p, const Sample *s)
+float seen(const Rays *rays, const Blockers *blockers, const Receiver *r, const float3 p, const Sample *s)
 {
     const float3 start = start_of(r, p, s->direction);
     const bool far = s->distance == INFINITY;
     const float3 way = far ? s->direction : s->distance * s->direction - start;
-    return transmittance(rays, p + start, way, far ? INFINITY : 0.9998f);
+    const float distance = far ? INFINITY : 0.9998f;
+#ifndef CUTOUTS
+    if (blockers->count != UNKNOWN_BLOCKERS)
+        return passes(blockers, p + start, way, distance);
+#endif
+    return transmittance(rays, p + start, way, distance);
 }
 
 typedef struct {
@@ -128,6 +136,7 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
     float2 span = (float2)(0.0f);
     Sum sum = {(float3)(0.0f)};
     Run run = start_run(0, 0.0f);
+    Blockers blockers = {UNKNOWN_BLOCKERS};
     int emitter = -1;
     __global float4 *groups = result + (size_t)item * light_groups;
     for (int i = 0; i < light_groups; ++i)
@@ -149,13 +158,25 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
                     group = emitters[emitter].light_group;
                 }
                 run = start_run(index, span.y);
-                if (emitter >= 0 && emitters[emitter].uniform)
+                blockers.count = UNKNOWN_BLOCKERS;
+                if (emitter >= 0 && emitters[emitter].uniform) {
                     run.open = open_over_texel(&rays, emitters + emitter, &r, crossed);
+                    if (emitters[emitter].casts_shadow && span.y >= SHAFT_FROM)
+                        find_blockers(&rays, emitters + emitter, &r, &blockers);
+                }
             }
         }
         if (emitter < 0)
             continue;
         __global const Emitter *e = emitters + emitter;
+
+#ifndef DIRECTIONAL
+        // Nothing is in the way of its light, which is known.
+        if (blockers.count == 0) {
+            run.shadowed = run.unshadowed = 1.0f;
+            continue;
+        }
+#endif
 
         // Where all rays of a trial met, or none, the others of this emitter are spared.
         const bool spared = run.tried >= fmax(TRIAL, TRIAL_FRACTION * span.y) && is_even(&run);
@@ -173,7 +194,7 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
         if (spared) {
             visible = run.through / run.tried;
         } else if (e->casts_shadow) {
-            visible = seen(&rays, &r, p, &s);
+            visible = blockers.count == 0 ? 1.0f : seen(&rays, &blockers, &r, p, &s);
             run.through += visible;
             run.tried += 1.0f;
             run.least = fmin(run.least, visible);

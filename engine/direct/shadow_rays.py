@@ -23,7 +23,7 @@ from .light_tree import LIGHT_NODE, LIGHT_TREE_SOURCE, build_light_tree
 from .modulation import pack_modulations
 from .sky import Sky, SkyDistribution
 
-_SOURCE = (*LIGHT_TREE_SOURCE, "tilt.cl", "texel_starts.cl", "direct.cl")
+_SOURCE = (*LIGHT_TREE_SOURCE, "tilt.cl", "texel_starts.cl", "blockers.cl", "direct.cl")
 
 
 class Casting(Protocol):

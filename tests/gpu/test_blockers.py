@@ -1,0 +1,64 @@
+"""Shadow rays that are only tested against what may be in their way arrive where all others do."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.interiors import sealed_rooms
+from benchmarks.rooms import hilly_room
+from engine import Light, Settings, finished
+from engine.algorithm import bake
+from engine.device.compute import Compute
+from engine.device.devices import Devices
+from engine.plan.kept import Kept
+from engine.plan.stages import BakeStages, Extent
+from tests.gpu.graphics_card import GraphicsCard
+from tests.rows import long
+
+WIDTH = 61
+
+
+def lamp_room(width):
+    """Return hills below an area lamp, parts of which many triangles hide."""
+    lamp = Light(
+        "Lamp", "area", np.array([0.4, 0.3, 0.9]), np.eye(3), np.full(3, 3.0, np.float32), size=(0.7, 0.2)
+    )
+    return replace(hilly_room(width, 900), lights=(lamp,))
+
+
+def direct_light(compute_class, scene, outputs):
+    """Return direct light of each patch, (n, 3), with shadow rays from a device of a class."""
+    settings = Settings(
+        resolution=WIDTH, samples=16, light_samples=48, iterations=1, tolerance=0, visibility="rays",
+        texel_samples=1, outputs=outputs, hide_seams=False,
+    )  # fmt: skip
+    devices = Devices(None)
+    devices.compute = compute_class()
+    try:
+        stages = BakeStages(Extent.of(scene), settings, {})
+        stages.opened(devices.on_card)
+        lightmap = finished(bake(devices, scene, settings, stages, Kept()))
+    finally:
+        devices.release()
+    return lightmap.passes["direct"][lightmap.has_patch][:, :3]
+
+
+@pytest.mark.parametrize(
+    ("room", "outputs"),
+    [
+        (lamp_room, ("combined", "direct")),
+        long(sealed_rooms, ("combined", "direct")),
+        long(sealed_rooms, ("combined", "direct", "directional")),
+    ],
+    ids=["hills", "rooms", "rooms with directions"],
+)
+def test_light_is_that_of_rays_through_the_scene(room, outputs):
+    scene = room(WIDTH)
+    near, all_of_it = (direct_light(made, scene, outputs) for made in (Compute, GraphicsCard))
+
+    # Rays that graze an edge are rounded either way.
+    off = np.abs(near - all_of_it).max(axis=1) > 1e-3 * all_of_it.mean()
+    assert all_of_it.mean() > 0
+    assert off.mean() < 0.01
+    assert near.mean() == pytest.approx(all_of_it.mean(), rel=1e-3)

@@ -8,14 +8,15 @@ typedef struct {
 // Factors x and y of c = d . n, by which light from a direction d that brings E(n)/pi = 1 has l1 = x (d - c n) + y n.
 // Least squares over normals as rough surfaces have them (Beckmann and Spizzichino 1963, slope 0.4), of the cosine
 // times the shadow that bumps cast on each other (Estevez, Lecocq and Stein, "A Microfacet-Based Shadowing Function
-// to Solve the Bump Terminator Problem", Ray Tracing Gems 2019), as Cycles has it; as polynomials, which
+// to Solve the Bump Terminator Problem", Ray Tracing Gems 2019), as Cycles has it since 4.3; as polynomials, which
 // tests/gpu/test_tilt.py computes again.
 #ifndef PROJECTED
 float2 tilt_factors(const float c)
 {
     return (float2)(
-        1.9247f + c * (3.6855f + c * (-17.2852f + c * (25.1434f + c * (-16.7719f + c * 4.3033f)))),
-        3.3526f + c * (-9.9261f + c * (31.4087f + c * (-63.948f + c * (62.3533f - c * 22.2586f)))));
+        6.545f + c * (-28.9163f + c * (98.5565f + c * (-214.3111f + c * (267.2386f + c * (-173.8481f + c * 45.7424f))))),
+        -5.2663f +
+            c * (45.5535f + c * (-138.9425f + c * (238.2109f + c * (-245.3737f + c * (142.2527f - c * 35.4425f))))));
 }
 #else
 // PROJECTED on spherical harmonics instead: the mean radiance over the sphere along the normal, across it twice

@@ -23,6 +23,9 @@ from tools.headless import blender
 
 _WIDTH, _BLOCK = 128, 2
 
+#: Cells along a side of the normal map; their width, m.
+_CELLS, _CELL = 61, 0.05
+
 
 def main() -> None:
     """Render and compare both scenes."""
@@ -47,8 +50,10 @@ def _compare(name, make, options, folder: Path) -> None:
 
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     make()
+    _lay_cells()
+    image = _cells(options.slope)
     for material in bpy.data.materials:
-        _tilt(material, options.slope)
+        _emboss(material, image)
         _darken(material, options.reflectance)
     scene = bpy.context.scene
     original, again = (_render(scene, folder, options.samples, seed) for seed in (1, 2))
@@ -108,31 +113,46 @@ def _yard() -> None:
 _SCENES = {"cornell": _cornell, "yard": _yard}
 
 
-def _tilt(material, slope: float) -> None:
-    """Feed the shader a normal that a number for each cell of space tilts."""
+def _lay_cells() -> None:
+    """Give all meshes UVs "Cells" in which a unit is as long as all cells: box mapping in world space."""
+    import bpy
+
+    for obj in bpy.context.scene.objects:
+        if obj.type != "MESH":
+            continue
+        mesh, layer = obj.data, obj.data.uv_layers.new(name="Cells")
+        turn = obj.matrix_world.to_3x3()
+        for face in mesh.polygons:
+            axis = int(np.argmax(np.abs(turn @ face.normal)))
+            for corner in face.loop_indices:
+                place = obj.matrix_world @ mesh.vertices[mesh.loops[corner].vertex_index].co
+                kept = [place[other] for other in range(3) if other != axis]
+                layer.uv[corner].vector = [(value + 0.021 + axis) / (_CELLS * _CELL) for value in kept]
+
+
+def _cells(slope: float):
+    """Return a normal map of random normals, one for each cell, whose slopes have a root mean square."""
+    import bpy
+
+    # Uniform numbers in [-1/2, 1/2] have variance 1/12.
+    slopes = slope * np.sqrt(6) * np.random.default_rng(1).uniform(-0.5, 0.5, (_CELLS, _CELLS, 2))
+    pixels = np.ones((_CELLS, _CELLS, 4), np.float32)
+    normals = np.concatenate([slopes, np.ones((_CELLS, _CELLS, 1))], axis=2)
+    pixels[..., :3] = 0.5 + 0.5 * normals / np.linalg.norm(normals, axis=2, keepdims=True)
+    image = bpy.data.images.new("Cells", _CELLS, _CELLS, float_buffer=True, is_data=True)
+    image.pixels.foreach_set(pixels.ravel())
+    return image
+
+
+def _emboss(material, image) -> None:
+    """Feed the shader the normal map."""
     tree = material.node_tree
-    shader = tree.nodes["Principled BSDF"]
-    geometry, noise = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("NewGeometry", "TexWhiteNoise"))
-
-    def vector(operation: str, *inputs):
-        node = tree.nodes.new("ShaderNodeVectorMath")
-        node.operation = operation
-        for socket, source in zip(node.inputs, inputs, strict=False):
-            if isinstance(source, tuple):
-                socket.default_value = source
-            else:
-                tree.links.new(source, socket)
-        return node.outputs[0]
-
-    cells = vector("SNAP", vector("ADD", geometry.outputs["Position"], (0.021,) * 3), (0.05,) * 3)
-    tree.links.new(cells, noise.inputs["Vector"])
-
-    # Uniform numbers in [-1/2, 1/2] of variance 1/12 along two tangents.
-    amount = (slope * np.sqrt(6),) * 3
-    away = vector("MULTIPLY", vector("SUBTRACT", noise.outputs["Color"], (0.5,) * 3), amount)
-    tree.links.new(
-        vector("NORMALIZE", vector("ADD", geometry.outputs["Normal"], away)), shader.inputs["Normal"]
-    )
+    uv, colour, normal = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("UVMap", "TexImage", "NormalMap"))
+    uv.uv_map = normal.uv_map = "Cells"
+    colour.image, colour.interpolation = image, "Closest"
+    tree.links.new(uv.outputs["UV"], colour.inputs["Vector"])
+    tree.links.new(colour.outputs["Color"], normal.inputs["Color"])
+    tree.links.new(normal.outputs["Normal"], tree.nodes["Principled BSDF"].inputs["Normal"])
 
 
 def _darken(material, factor: float) -> None:

@@ -9,8 +9,8 @@ import numpy as np
 from ..scene.color import luminance
 from .outputs import DIRECTIONAL_MAPS, PROJECTED_MAPS
 
-#: Part of L1 that is added to E/pi and taken from it: no light has a larger l1 than 3.5 of its E(n)/pi.
-_PART = np.float32(1 / 3.5)
+#: Part of L1 that is added to E/pi and taken from it: light 10 degrees above the surface has l1 of 6 E(n)/pi.
+_PART = np.float32(1 / 6)
 
 #: What the names of both lights end with that carry a map.
 CARRIED = (" +", " -")

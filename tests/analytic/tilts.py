@@ -25,13 +25,10 @@ def received(normals: np.ndarray, light: np.ndarray) -> np.ndarray:
 
     Bumps of a surface with normal z shadow each other (Estevez, Lecocq and Stein 2019).
     """
-    cosine = normals @ light.T
-    height = np.maximum(light[:, 2], 0)
-    g = np.divide(
-        height[None], cosine * normals[:, 2:], out=np.zeros_like(cosine), where=np.abs(cosine) > 1e-12
-    )
-    shadow = np.where(g >= 1, 1.0, np.where(g < 0, 0.0, g + g**2 - g**3))
-    return np.maximum(cosine, 0) * shadow * (height > 0)
+    height = np.maximum(light[:, 2], 1e-6)
+    roughness = np.minimum((1 / normals[:, 2] ** 2 - 1) / 8, 1)
+    shadow = 2 / (1 + np.sqrt(1 + roughness[:, None] * (1 / height**2 - 1)))
+    return np.maximum(normals @ light.T, 0) * shadow * (light[:, 2] > 0)
 
 
 def fitted(light: np.ndarray, count: int = 20000) -> np.ndarray:

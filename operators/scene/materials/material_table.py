@@ -20,6 +20,7 @@ from ..scene_watch import SceneWatch
 from ..slices import Slices
 from ..uvs.lightmap_layer import lightmap_layer
 from ..uvs.uv_modifier import uv_source
+from .bumps import surface_bumps
 from .evaluation_digest import evaluation_digest
 from .kept_evaluations import kept_evaluations
 from .materials import read_material
@@ -47,10 +48,12 @@ class _Unevaluated:
 
     uid     its session uid
     values  of the object that shows it, see `object_nodes.object_values`
+    bumps   factor on its reflectance, which Cycles gives without bumps, see `bump_factor`
     """
 
     uid: int
     values: dict[Source, tuple[float, ...]]
+    bumps: float
 
 
 class MaterialTable:
@@ -97,9 +100,10 @@ class MaterialTable:
             entry = read_material(material, self._notes, self._cache, values)
             self._index[key] = number
         except ComplexError:
+            bumps = surface_bumps(material, self._cache)
             entry = Material(material.name, np.full(3, 0.8, np.float32), np.zeros(3, np.float32))
             self._index[complex_key] = number
-            self._complex[number] = _Unevaluated(material.session_uid, values)
+            self._complex[number] = _Unevaluated(material.session_uid, values, bumps)
         self._materials.append(entry)
         return number
 
@@ -198,11 +202,13 @@ class MaterialTable:
                     pixels[each] = bake_pass(each, material, shapes, size)
             yield from finish_passes(pixels)
             kept_evaluations.keep(digest, pixels)
-        entry = Material(name, _ONES, np.zeros(3, np.float32), culled=culled)
+        bumps = np.float32(self._complex[index].bumps)
+        entry = Material(name, _ONES * bumps, np.zeros(3, np.float32), culled=culled)
         if index not in self._unmapped:
             return replace(entry, **self._maps(name, pixels))
         self._averaged.append(name)
-        return replace(entry, **_means(pixels))
+        means = _means(pixels)
+        return replace(entry, **means | {"reflectance": means["reflectance"] * bumps})
 
     @contextmanager
     def _worn(self, index: int) -> Iterator[tuple[bpy.types.Material, list[Shape]]]:

@@ -8,6 +8,7 @@ import numpy as np
 from ....engine.scene.color import luminance
 from ....engine.scene.model import Material
 from ...compat import node_input, node_tree
+from .bumps import bump_factor
 from .object_nodes import Source, shown, source_of
 from .pixels import PixelCache
 from .sockets import ComplexError, feeder
@@ -57,6 +58,11 @@ class ShaderReader:
         """Return a number input of a node as a grey, 0 if the node has none of that name."""
         socket = node_input(node, *names)
         return ZERO if socket is None else self._value(socket, 1)
+
+    def reflectance(self, node: bpy.types.Node, *names: str) -> Value:
+        """Return a colour input of a node as what its surface reflects, with the bumps that it has."""
+        colour = self.colour(node, *names)
+        return colour if colour.is_zero else colour * bump_factor(node, self._cache, self._owner)
 
     def alpha(self, socket: bpy.types.NodeSocket) -> tuple[Value, float | None]:
         """Return an input that may be cut at a threshold by a Math node, and the threshold."""
@@ -130,13 +136,13 @@ def _principled(reader: ShaderReader, node: bpy.types.Node) -> Surface:
     diffuse = diffuse * _rest(reader.number(node, "Transmission Weight", "Transmission"))
     emission = reader.colour(node, "Emission Color", "Emission")
     strength = reader.number(node, "Emission Strength")
-    reflectance = ZERO if diffuse.is_zero else reader.colour(node, "Base Color") * diffuse
+    reflectance = ZERO if diffuse.is_zero else reader.reflectance(node, "Base Color") * diffuse
     alpha, threshold = reader.alpha(node.inputs["Alpha"])
     return Surface(reflectance, ZERO if strength.is_zero else emission * strength, alpha, threshold)
 
 
 def _diffuse(reader: ShaderReader, node: bpy.types.Node) -> Surface:
-    return Surface(reader.colour(node, "Color"), ZERO, ONE)
+    return Surface(reader.reflectance(node, "Color"), ZERO, ONE)
 
 
 def _emission(reader: ShaderReader, node: bpy.types.Node) -> Surface:

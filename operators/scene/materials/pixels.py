@@ -8,6 +8,7 @@ import numpy as np
 from ....engine.scene.color import luminance, srgb_to_linear
 from ...lookup import find
 from ..slices import Slices, row_slices
+from .tilts import CLASSES, count_tilts, image_state, kept_tilts
 
 #: Colour spaces whose pixels are scene-linear Rec.709 as they are, and the one that is converted.
 _LINEAR = {"Linear Rec.709", "Non-Color", "Raw", "Linear", "Generic Data"}
@@ -42,6 +43,7 @@ class PixelCache:
         self._notes = notes
         self._images: dict[int, np.ndarray] = {}
         self._parts: dict[tuple[int, str], np.ndarray] = {}
+        self._tilts: dict[int, np.ndarray] = {}
 
     def read_part(self, image: bpy.types.Image | None, owner: str, part: str) -> np.ndarray:
         """Return the "colour" of an image, (h, w, 3) float32 as `read`, or its "alpha" or "grey", (h, w, 1).
@@ -68,6 +70,34 @@ class PixelCache:
         if image.session_uid not in self._images:
             raise UnreadError(self._read(image.session_uid, owner))
         return self._images[image.session_uid]
+
+    def read_tilts(self, image: bpy.types.Image, owner: str) -> np.ndarray:
+        """Return how far an image tilts normals, (CLASSES,) int64, see `count_tilts`.
+
+        owner names who uses it. Raises UnreadError if it has to be read first.
+        """
+        uid = image.session_uid
+        if uid not in self._tilts:
+            state = image_state(image)
+            counts = kept_tilts.get(state)
+            if counts is None:
+                raise UnreadError(self._read_tilts(uid, state, owner, is_srgb(image)))
+            self._tilts[uid] = counts
+        return self._tilts[uid]
+
+    def _read_tilts(self, uid: int, state: tuple | None, owner: str, srgb: bool) -> Slices[None]:
+        """Count the tilts of an image; its pixels are let go unless they were there."""
+        known = uid in self._images
+        if not known:
+            yield from self._read(uid, owner)
+        pixels, counts = self._images[uid], np.zeros(CLASSES, np.int64)
+        if not known:
+            del self._images[uid]
+        for rows in row_slices(len(pixels), pixels.shape[1] * 4):
+            counts += count_tilts(pixels[rows, :, :3], srgb)
+            yield rows.stop / len(pixels)
+        self._tilts[uid] = counts
+        kept_tilts.keep(state, counts)
 
     def _read_part(self, key: tuple[int, str], owner: str, srgb: bool) -> Slices[None]:
         uid, part = key

@@ -8,7 +8,7 @@ typedef struct {
 // Factors x and y of c = d . n, by which light from a direction d that brings E(n)/pi = 1 has l1 = x (d - c n) + y n.
 // Least squares over normals as rough surfaces have them (Beckmann and Spizzichino 1963, slope 0.4), of the cosine
 // times the shadow that bumps cast on each other (Estevez, Lecocq and Stein, "A Microfacet-Based Shadowing Function
-// to Solve the Bump Terminator Problem", Ray Tracing Gems 2019), as Cycles has it since 4.3; as polynomials, which
+// to Solve the Bump Terminator Problem", Ray Tracing Gems 2019), as Cycles of Blender 4.5 has it; as polynomials, which
 // tests/gpu/test_tilt.py computes again.
 #ifndef PROJECTED
 float2 tilt_factors(const float c)

@@ -53,6 +53,8 @@ def rendered(scene, folder):
 def test_reflectance_is_what_cycles_shows_of_bumps_in_even_light(tmp_path, slope, strength):
     import bpy
 
+    if bpy.app.version < (4, 5):
+        pytest.skip("Cycles of Blender 4.3 and before shadows bumps more, by another function.")
     scene = bpy.context.scene
     surface, _ = embossed(bumps(slope), strength)
     surface.node_tree.nodes["Principled BSDF"].inputs["Specular IOR Level"].default_value = 0

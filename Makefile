@@ -6,13 +6,16 @@ PYTHON313 ?= python3.13
 # One environment for each Blender that is tested; a stamp tells which lock it was made from.
 READY50 := .venv/.ready
 READY45 := .venv-bpy45/.ready
+READY42 := .venv-bpy42/.ready
+READY51 := .venv-bpy51/.ready
+READY52 := .venv-bpy52/.ready
 
 # What packages bring with them, for every platform.
 WHEELS := out/wheels/.ready
 WHEELS_DASK := out/wheels_dask/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-4.5 test-long package package-dask test-package test-package-short test-gui test-export gui-picture fuzz-short fuzz verify bench bench-gpu lint setup locks clean
+.PHONY: help demo test test-4.2 test-4.5 test-5.1 test-5.2 test-long package package-dask test-package test-package-short test-gui test-export gui-picture fuzz-short fuzz verify bench bench-gpu lint setup locks clean
 
 help: ## list the targets
 	@grep -E '^[a-z0-9.-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9.-]+):.*## /\1\t/' | expand -t 20
@@ -27,8 +30,14 @@ PARALLEL := --numprocesses auto --maxprocesses 4 --dist loadfile
 test: lint ## lint, then all tests in Blender 5.0
 	.venv/bin/python -m pytest $(PARALLEL)
 
-test-4.5: setup $(READY45) ## the tests of Blender in 4.5
-	.venv-bpy45/bin/python -m pytest tests/blender $(PARALLEL)
+test-4.2: $(READY42) ## the tests of Blender in 4.2
+test-4.5: $(READY45) ## the tests of Blender in 4.5
+test-5.1: $(READY51) ## the tests of Blender in 5.1; needs Python 3.13
+test-5.2: $(READY52) ## the tests of Blender in 5.2; needs Python 3.13
+
+test-4.2 test-4.5 test-5.1 test-5.2: test-%:
+	@tools/system_packages.sh .venv-bpy$(subst .,,$*)/bin/python
+	.venv-bpy$(subst .,,$*)/bin/python -m pytest tests/blender $(PARALLEL)
 
 test-long: setup ## the tests that take minutes
 	.venv/bin/python -m pytest -m long $(PARALLEL)
@@ -48,7 +57,7 @@ package-dask: $(READY50) $(WHEELS_DASK) ## the same files with Dask, for bakes b
 	.venv/bin/python -m tools.package out/wheels_dask out/package_dask
 
 test-package: ## install the package into Blender 4.2 to 5.2, bake, upgrade, remove it, without a network
-	@$(MAKE) --keep-going --no-print-directory $(READY45) .venv-bpy42/.ready .venv-bpy51/.ready .venv-bpy52/.ready || \
+	@$(MAKE) --keep-going --no-print-directory $(READY42) $(READY45) $(READY51) $(READY52) || \
 	    echo "Blenders whose environment could not be made are not tested." >&2
 	@$(MAKE) --no-print-directory test-package-short
 
@@ -105,8 +114,8 @@ $(READY50): requirements/bpy50.txt
 	$(environment)
 
 # Blender 5.1 brought Python 3.13.
-.venv-bpy51/.ready .venv-bpy52/.ready: needed := 3.13
-.venv-bpy51/.ready .venv-bpy52/.ready: python = $(PYTHON313)
+$(READY51) $(READY52): needed := 3.13
+$(READY51) $(READY52): python = $(PYTHON313)
 needed := 3.11
 python = $(PYTHON)
 

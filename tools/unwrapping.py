@@ -53,7 +53,7 @@ def main() -> None:
                 width = build()
                 bpy.context.scene.hemibake.resolution = options.resolution or width
             if options.cancel:
-                print(f"{name}: cancelled in {_cancelled(options.cancel):.3f} s", flush=True)
+                print(f"{name}: cancelled in {seconds_to_cancel(options.cancel):.3f} s", flush=True)
             print(_line(build.__doc__.rstrip(".")), flush=True)
 
 
@@ -72,8 +72,8 @@ def _line(title: str) -> str:
     """Unwrap the scene that is open; return its line of the table."""
     import bpy
 
-    work = _unwrapping()
-    began, before, longest = time.perf_counter(), _processor_time(), 0.0
+    work = unwrapping()
+    began, before, longest = time.perf_counter(), processor_time(), 0.0
     while True:
         sliced = time.perf_counter()
         try:
@@ -81,19 +81,19 @@ def _line(title: str) -> str:
         except StopIteration:
             break
         longest = max(longest, time.perf_counter() - sliced)
-    wall, busy = time.perf_counter() - began, _processor_time() - before
+    wall, busy = time.perf_counter() - began, processor_time() - before
     objects = [obj for obj in bpy.context.scene.objects if obj.type == "MESH"]
     faces = sum(len(obj.data.polygons) for obj in objects)
-    used = _used(objects)
+    used = used_texels(objects)
     return table_row(
         title, str(len(objects)), f"{faces:,}", str(bpy.context.scene.hemibake.resolution), str(len(used)),
         f"{np.mean(list(used.values())):.1%}", f"{wall:.1f}", f"{busy:.1f}", f"{longest:.2f} s",
     )  # fmt: skip
 
 
-def _cancelled(after: float) -> float:
-    """Return the seconds that cancelling takes in the midst of unwrapping."""
-    work, began = _unwrapping(), time.perf_counter()
+def seconds_to_cancel(after: float) -> float:
+    """Return the seconds that cancelling takes after so many seconds of unwrapping."""
+    work, began = unwrapping(), time.perf_counter()
     while time.perf_counter() - began < after:
         work.step()
     began = time.perf_counter()
@@ -101,7 +101,7 @@ def _cancelled(after: float) -> float:
     return time.perf_counter() - began
 
 
-def _unwrapping():
+def unwrapping():
     """Return the work of the Unwrap operator for all objects, as a window does it slice by slice."""
     import bpy
 
@@ -109,13 +109,13 @@ def _unwrapping():
     return unwrap.Unwrapping(bpy.context, [obj for obj in bpy.context.scene.objects if obj.type == "MESH"])
 
 
-def _processor_time() -> float:
+def processor_time() -> float:
     """Return the seconds that processors have worked for this process and those it has waited for."""
     usages = (resource.getrusage(whose) for whose in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return sum(usage.ru_utime + usage.ru_stime for usage in usages)
 
 
-def _used(objects) -> dict[str, float]:
+def used_texels(objects) -> dict[str, float]:
     """Return the part of each lightmap that surfaces cover."""
     import bpy
 

@@ -144,8 +144,9 @@ def test_depths_and_codecs_of_openexr(tmp_path, depth, codec):
     if not half:
         assert (read == light).all()
         return
-    assert read[3, 5] == pytest.approx([65504] * 3, rel=0.05)
-    assert read[40:] == pytest.approx(light[40:], rel=0.02 if codec in ("dwaa", "dwab") else 5e-4)
+    lossy = codec in ("dwaa", "dwab")
+    assert read[3, 5] == pytest.approx([65504] * 3, rel=0.1 if lossy else 0)
+    assert read[40:] == pytest.approx(light[40:], rel=0.02 if lossy else 5e-4)
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -169,7 +170,7 @@ def test_signed_maps_keep_their_sign_in_every_format(settings, tmp_path, name):
         if entry["format"] == "png":
             assert entry["decode_texel"] == "light = intensity * (2.0 * rgb - 1.0)"
             read = entry["intensity"] * (2 * read - 1)
-        assert read == pytest.approx(shown, abs=2e-5 * np.abs(shown).max())
+        assert read == pytest.approx(shown, abs=2e-5 * float(np.abs(shown).max()))
         signs |= set(np.sign(shown).ravel())
     assert {-1, 1} < signs
 

@@ -9,6 +9,8 @@ from tests.blender.things import (
     CUBE,
     INWARD,
     SQUARE,
+    covering,
+    cross,
     loop_uvs,
     mesh_object,
     part,
@@ -31,20 +33,7 @@ def coverage(obj, size: int) -> np.ndarray:
     """Return how many triangles of the UV layer cover each texel centre of a size x size grid."""
     obj.data.calc_loop_triangles()
     triangles = np.array([list(triangle.loops) for triangle in obj.data.loop_triangles])
-    corners = loop_uvs(obj)[triangles].astype(np.float64)
-    centre = (np.arange(size) + 0.5) / size
-    points = np.stack(np.meshgrid(centre, centre), axis=-1)
-    count = np.zeros((size, size), int)
-    for triangle in corners:
-        sides = [cross(triangle[(i + 1) % 3] - triangle[i], points - triangle[i]) for i in range(3)]
-        inside = (np.array(sides) > 1e-9).all(axis=0) | (np.array(sides) < -1e-9).all(axis=0)
-        count += inside
-    return count
-
-
-def cross(a, b) -> np.ndarray:
-    """Return the cross product of vectors in the plane, (..., 2)."""
-    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return covering(loop_uvs(obj)[triangles], size)
 
 
 def area_ratio(obj) -> np.ndarray:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.blender.things import part
+from tests.blender.things import cross, part
 
 
 def grid(n, seed=1, low=0.1, high=0.9):
@@ -66,7 +66,7 @@ def test_texels_of_triangles_are_those_whose_centres_they_hold(resolution):
     points = np.stack(np.meshgrid(centre, centre), axis=-1)
     expected = np.zeros((resolution, resolution), int)
     for a, b, c in clipped:
-        sides = np.array([np.cross(q - p, points - p) for p, q in ((a, b), (b, c), (c, a))])
+        sides = np.array([cross(q - p, points - p) for p, q in ((a, b), (b, c), (c, a))])
         expected += (sides > 0).all(axis=0) | (sides < 0).all(axis=0)
     found = np.zeros((resolution, resolution + 1), int)
     texels, count = faults.covered_texels(uvs, resolution)

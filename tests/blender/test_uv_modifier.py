@@ -9,6 +9,7 @@ from tests.blender.things import (
     SQUARE,
     SQUARE_UVS,
     bpy_link,
+    covering,
     evaluated_uvs,
     furnace,
     material,
@@ -55,14 +56,8 @@ def copied(kind="ARRAY", name="Chair", **settings):
 
 def coverage(*objects, size=256) -> np.ndarray:
     """Return how many triangles cover each texel centre of a grid over the lightmap."""
-    triangles = np.concatenate([mesh.uvs for mesh in read_scene().scene.meshes if mesh.name in objects])
-    centre = (np.arange(size) + 0.5) / size
-    points = np.stack(np.meshgrid(centre, centre), axis=-1)
-    count = np.zeros((size, size), int)
-    for triangle in triangles.astype(np.float64):
-        sides = [np.cross(triangle[(i + 1) % 3] - triangle[i], points - triangle[i]) for i in range(3)]
-        count += (np.array(sides) > 1e-9).all(axis=0) | (np.array(sides) < -1e-9).all(axis=0)
-    return count
+    meshes = read_scene().scene.meshes
+    return covering(np.concatenate([mesh.uvs for mesh in meshes if mesh.name in objects]), size)
 
 
 @pytest.mark.parametrize(

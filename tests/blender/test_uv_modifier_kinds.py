@@ -9,6 +9,7 @@ from tests.blender.things import (
     CUBE,
     INWARD,
     bpy_link,
+    covering,
     evaluated_uvs,
     loop_uvs,
     material,
@@ -117,19 +118,9 @@ def fix(found):
     return bpy.ops.hemibake.fix(fix=found.fix, names=json.dumps(found.objects), value=found.value)
 
 
-def texels_of(meshes, size=512) -> np.ndarray:
+def texels_of(meshes) -> np.ndarray:
     """Return how many triangles have each point of a grid over the lightmap inside."""
-    triangles = np.concatenate([mesh.uvs for mesh in meshes]).astype(np.float64)
-    centre = (np.arange(size) + 0.5) / size
-    count = np.zeros((size, size), int)
-    for triangle in triangles:
-        low, high = ((bound * size).astype(int) for bound in (triangle.min(axis=0), triangle.max(axis=0)))
-        columns, rows = slice(low[0], high[0] + 1), slice(low[1], high[1] + 1)
-        points = np.stack(np.meshgrid(centre[columns], centre[rows]), axis=-1)
-        edges, ways = np.roll(triangle, -1, axis=0) - triangle, points[None] - triangle[:, None, None]
-        sides = edges[:, None, None, 0] * ways[..., 1] - edges[:, None, None, 1] * ways[..., 0]
-        count[rows, columns] += (sides > 1e-9).all(axis=0) | (sides < -1e-9).all(axis=0)
-    return count
+    return covering(np.concatenate([mesh.uvs for mesh in meshes]), 512)
 
 
 def test_each_has_a_modifier_and_a_place_of_its_own_in_the_lightmap(row):

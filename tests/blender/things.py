@@ -107,6 +107,24 @@ def evaluated_uvs(obj, layer="Lightmap") -> np.ndarray:
     )
 
 
+def cross(a, b) -> np.ndarray:
+    """Return the cross product of vectors in the plane, (...)."""
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+def covering(triangles, size) -> np.ndarray:
+    """Return how many triangles of UVs, (t, 3, 2), cover each texel centre of a lightmap, (size, size)."""
+    centre = (np.arange(size) + 0.5) / size
+    count = np.zeros((size, size), int)
+    for triangle in np.asarray(triangles, np.float64):
+        low, high = (np.clip(bound, 0, 1) * size for bound in (triangle.min(axis=0), triangle.max(axis=0)))
+        columns, rows = (slice(int(low[axis]), int(high[axis]) + 1) for axis in (0, 1))
+        points = np.stack(np.meshgrid(centre[columns], centre[rows]), axis=-1)
+        sides = np.array([cross(triangle[(i + 1) % 3] - triangle[i], points - triangle[i]) for i in range(3)])
+        count[rows, columns] += (sides > 1e-9).all(axis=0) | (sides < -1e-9).all(axis=0)
+    return count
+
+
 def pixels(image) -> np.ndarray:
     """Return an image's pixels, (h, w, 4)."""
     values = np.empty(len(image.pixels), np.float32)

@@ -57,14 +57,14 @@ typedef struct {
 // Points of a texel along u and v where light that changes over it is computed.
 #define GRID 4
 
-float3 open_over_texel(const Rays *rays, __global const Emitter *e, const Receiver *r, const bool crossed)
+float3 open_over_texel(const Rays *rays, __global const Emitter *e, const Receiver *r)
 {
     if (is_far(e, r))
         return open_light(e, r->at, r);
     float3 sum = (float3)(0.0f);
     for (int i = 0; i < GRID * GRID; ++i) {
         const float2 at = (float2)(i % GRID + 0.5f, i / GRID + 0.5f) / GRID;
-        sum += open_light(e, start_in_texel(rays, r, crossed, at), r);
+        sum += open_light(e, start_in_texel(rays, r, at), r);
     }
     return sum / (GRID * GRID);
 }
@@ -128,7 +128,6 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
     const Receiver r = load_receiver(receivers + patch);
 
     const float total = total_weight(&lights, root, &r);
-    const bool crossed = total > 0.0f && is_crossed(&rays, &r);
     const uint key = hash((uint)patch ^ hash(seed));
     const float offset = unit_float(hash(r.rank / NEIGHBOURS ^ hash(seed + 1u)) + r.rank * GOLDEN);
     Walk walk;
@@ -160,7 +159,7 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
                 run = start_run(index, span.y);
                 blockers.count = UNKNOWN_BLOCKERS;
                 if (emitter >= 0 && emitters[emitter].uniform) {
-                    run.open = open_over_texel(&rays, emitters + emitter, &r, crossed);
+                    run.open = open_over_texel(&rays, emitters + emitter, &r);
                     if (emitters[emitter].casts_shadow && span.y >= SHAFT_FROM)
                         find_blockers(&rays, emitters + emitter, &r, &blockers);
                 }
@@ -183,7 +182,7 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
         if (spared && e->uniform)
             continue;
         const float4 u = sample_point(index + (run.rounds - 1) * budget, key);
-        const float3 p = start_in_texel(&rays, &r, crossed, u.zw);
+        const float3 p = start_in_texel(&rays, &r, u.zw);
         const Sample s = sample_emitter(e, &glow, &sky, &lights.modulations, &r, p, u.xy);
         const float cosine = dot(s.direction, r.normal);
         const float over = dot(s.direction, horizon_of(&r, s.back));

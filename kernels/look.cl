@@ -15,7 +15,7 @@ __kernel void look(LOOK_ARGUMENTS, const int start, const int cached_from, __glo
         const float3 direction = sample_direction(&view, i, pattern, n);
         uint kept = 0;
         if (dot(direction, view.horizon) > 0.0f) {
-            const uint seen = look_along(&rays, &lightmaps, view.eye, direction);
+            const uint seen = look_along(&rays, &lightmaps, eye_of(&view, &rays, &receiver, i), direction);
             kept = count_sample(seen, WEIGHT(i), direction, view.normal, emission, backs_seen, outside, &sum);
         }
         cache[(size_t)(patch - cached_from) * samples + i] = kept;
@@ -38,7 +38,7 @@ __kernel void gather_rays(LOOK_ARGUMENTS, const int start, __global const float4
         const float3 direction = sample_direction(&view, i, pattern, n);
         if (dot(direction, view.horizon) <= 0.0f)
             continue;
-        const uint seen = look_along(&rays, &lightmaps, view.eye, direction);
+        const uint seen = look_along(&rays, &lightmaps, eye_of(&view, &rays, &receiver, i), direction);
         const uint kept = count_sample(seen, WEIGHT(i), direction, view.normal, emission, backs_seen, outside, &sum);
         const float3 tilt = tilt_of(direction, view.normal);
         if (kept == outside) {

@@ -63,16 +63,19 @@ __kernel void look_again(LOOK_ARGUMENTS, const int start, const int cached_from,
     const Lightmaps lightmaps = {uvs, atlases, texel_to_patch, resolution};
     const Receiver receiver = load_receiver(receivers + patch);
     const View view = view_of(&receiver, patch, samples, salt, rotate);
-    const Window window = window_on(&view, moved_ball);
+
+    // Rays start all over the texel. What moves over it changes where.
+    const float reach = 0.5f * (length(receiver.edge_u) + length(receiver.edge_v)) + 2.0f * receiver.height;
+    const Window window = window_on(&view, moved_ball + (float4)(0.0f, 0.0f, 0.0f, reach));
     __global Front *row = cache + (size_t)(patch - cached_from) * samples;
-    const bool all = moved_views[patch];
+    const bool all = moved_views[patch] || distance(receiver.at, moved_ball.xyz) <= moved_ball.w + reach;
 
     // Samples that something has moved into, or out of, are forgotten: 0, as those that meet backs.
     int forgotten = all;
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
         if (!all && !leads_into(&window, &view, i, pattern))
             continue;
-        if (all || meets_anything(&moved, view.eye, sample_direction(&view, i, pattern, n))) {
+        if (all || meets_anything(&moved, eye_of(&view, &rays, &receiver, i), sample_direction(&view, i, pattern, n))) {
             row[i] = 0;
             forgotten = 1;
         }
@@ -89,7 +92,7 @@ __kernel void look_again(LOOK_ARGUMENTS, const int start, const int cached_from,
             direction = sample_direction(&view, i, pattern, n);
             if (!(dot(direction, view.horizon) > 0.0f))
                 continue;
-            seen = look_along(&rays, &lightmaps, view.eye, direction);
+            seen = look_along(&rays, &lightmaps, eye_of(&view, &rays, &receiver, i), direction);
         }
         row[i] = count_sample(seen, WEIGHT(i), direction, view.normal, emission, backs_seen, outside, &sum);
     }

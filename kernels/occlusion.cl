@@ -9,7 +9,6 @@ __kernel void occlusion(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers
     const Receiver r = load_receiver(receivers + patch);
     float3 x, y;
     basis(r.normal, &x, &y);
-    const bool crossed = is_crossed(&rays, &r);
     float open = 0.0f, all = 0.0f;
     const uint key = hash((uint)patch ^ hash(seed));
     for (int i = 0; i < budget; ++i) {
@@ -18,7 +17,7 @@ __kernel void occlusion(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers
         const float3 direction = q.x * x + q.y * y + sqrt(fmax(1.0f - dot(q, q), 0.0f)) * r.normal;
         if (dot(direction, r.geometric) <= 0.0f)
             continue;
-        const float3 p = start_in_texel(&rays, &r, crossed, u.zw), origin = p + start_of(&r, p, direction);
+        const float3 p = start_in_texel(&rays, &r, u.zw), origin = p + start_of(&r, p, direction);
         open += transmittance(&rays, origin, direction, reach);
         all += 1.0f;
     }

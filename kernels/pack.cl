@@ -71,5 +71,5 @@ __kernel void pack(__global const int *triangles, __global const float *barycent
     vstore3(normal[0], 0, record->normal1);
     vstore3(normal[1], 0, record->normal2);
     vstore3(normal[2], 0, record->normal3);
-    record->rank = rank_of(texels, patch, resolution, points);
+    record->rank = 2 * rank_of(texels, patch, resolution, points);
 }

@@ -8,6 +8,7 @@ typedef struct {
     float height, size;                            // of the start of rays above the surface; of the texel
     float lifted;                                  // factor of `lift_at`, 0 to 1: 0 on flat surfaces
     uint rank;                                     // along a curve through the texels
+    bool crossed;                                  // whether a face crosses the texel
     float3 horizon;                                // normal of the plane beyond which no lamp is seen
 } Receiver;
 
@@ -20,7 +21,8 @@ Receiver load_receiver(__global const ReceiverRecord *record)
         vload3(0, record->at), normal, geometric, edge_u, edge_v,
         vload3(0, record->corner), vload3(0, record->edge1), vload3(0, record->edge2),
         {vload3(0, record->normal1), vload3(0, record->normal2), vload3(0, record->normal3)},
-        record->height, fmax(length(edge_u), length(edge_v)), lifted, record->rank, lifted > 0.0f ? normal : geometric
+        record->height, fmax(length(edge_u), length(edge_v)), lifted, (uint)record->rank >> 1,
+        record->rank & 1, lifted > 0.0f ? normal : geometric
     };
     return r;
 }

@@ -15,10 +15,10 @@ bool is_crossed(const Rays *rays, const Receiver *r)
 }
 
 // A point of the texel (`point_of_texel`); where a face parts it from the centre, the one opposite, or the centre.
-float3 start_in_texel(const Rays *rays, const Receiver *r, const bool crossed, const float2 at)
+float3 start_in_texel(const Rays *rays, const Receiver *r, const float2 at)
 {
     const float3 p = point_of_texel(r, at);
-    if (!crossed || !is_parted(rays, r, r->at, p))
+    if (!r->crossed || !is_parted(rays, r, r->at, p))
         return p;
     const float3 opposite = 2.0f * r->at - p;
     return in_triangle(r, opposite) && !is_parted(rays, r, r->at, opposite) ? opposite : r->at;

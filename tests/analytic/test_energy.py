@@ -66,16 +66,19 @@ def test_lamp_of_a_closed_room_is_absorbed():
 @pytest.mark.parametrize(
     ("way", "tolerance"),
     [
-        ({"method": "stream"}, 5e-3),
+        ({"method": "stream"}, 1e-3),
         long({"visibility": "raster"}, 5e-3),
         long({"patch_groups": 2}, 1e-2),
-        long({"accelerate": False}, 5e-3),
-        long({"sample_emission": False}, 5e-3),
+        long({"accelerate": False}, 1e-3),
+        long({"sample_emission": False}, 1e-3),
     ],
 )
 def test_balance_holds_however_light_is_gathered(way, tolerance):
-    """Boxes stand on a floor of 18 texels: each that they cut counts as a whole, or not at all."""
-    found = energy(cornell_box(61), resolution=61, **way)
+    """Boxes stand on a floor of 18 texels, a lamp hangs a texel below the ceiling.
+
+    Rays start all over texels. Hemicubes see from their centres: of what shines there most is seen too well.
+    """
+    found = energy(cornell_box(61), resolution=61, **{"visibility": "rays", **way})
     assert found.emitted == pytest.approx(2 * flux(cornell_box(61)), rel=4e-3)
     assert abs(found.missing) < tolerance and abs(found.escaped) < 1e-3 * found.emitted
 

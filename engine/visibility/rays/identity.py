@@ -80,8 +80,9 @@ class RayIdentity:
         self.batch = 1
         options = ("-DDITHERED", *identity_options(size), *directional_options(settings))
         options += () if hemicube else ("-DCOSINE",)
-        files = ("hemicube.cl", "tilt.cl", "identity.cl", "views.cl", "open_sky.cl", "look_along.cl")
-        self._rays, self._source, self._options = rays, (*RECEIVER_SOURCE, *files), options
+        files = ("hemicube.cl", "tilt.cl", "identity.cl", "views.cl", "open_sky.cl")
+        self._source = (*RECEIVER_SOURCE, *files, "texel_starts.cl", "look_along.cl")
+        self._rays, self._options = rays, options
         self._look, self._gather_rays = self._kernels("look.cl", "look", "gather_rays")
         triangles = sources.triangles
         arrays = (triangles.uvs, triangles.atlas, sources.texel_to_patch)

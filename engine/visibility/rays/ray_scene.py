@@ -50,8 +50,9 @@ class RayScene:
 
     @cached_property
     def receivers(self) -> cl.Buffer:
-        """The records of all patches, see `receivers.pack_receivers`; their lifts end before other faces."""
+        """The records of all patches, see `receivers.pack_receivers`; no ray starts beyond another face."""
         records = pack_receivers(self.compute, self._parts.patches, self._parts.geometry)
-        (bound,) = self.rays.kernels((*RECEIVER_SOURCE, "lift.cl"), "bound_lifts")
-        self.rays.run(bound, self.count, records, np.int32(self.count))
+        source = (*RECEIVER_SOURCE, "texel_starts.cl", "place_starts.cl")
+        (place,) = self.rays.kernels(source, "place_starts")
+        self.rays.run(place, self.count, records, np.int32(self.count))
         return records

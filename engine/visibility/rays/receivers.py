@@ -30,7 +30,7 @@ RECEIVER = Record(
     ("float[3]", "normal1", "of the smooth surface at the first corner"),
     ("float[3]", "normal2", "at the second corner"),
     ("float[3]", "normal3", "at the third corner"),
-    ("int", "rank", "along a Hilbert curve through the texels of its lightmap, see pack.cl"),
+    ("int", "rank", "along a Hilbert curve through texels (pack.cl), times 2; + 1 if a face crosses its own"),
 )
 
 #: What kernels on receivers are built from.

@@ -1,9 +1,9 @@
 // Points of a texel from which a lift is tried, in texels from its centre.
 __constant float2 TRIED[5] = {{0.0f, 0.0f}, {-0.4f, -0.4f}, {0.4f, -0.4f}, {-0.4f, 0.4f}, {0.4f, 0.4f}};
 
-// Lifts of patches: none where the surface is flat, hollow or inside out, and at most half of the way to what
-// is above it, so that no ray starts beyond another face.
-__kernel void bound_lifts(RAYS_ARGUMENTS, __global ReceiverRecord *receivers, const int count)
+// Where rays of patches start. Lifts: none where the surface is flat, hollow or inside out, and at most half of the
+// way to what is above it, so that no ray starts beyond another face. And whether a face crosses the texel.
+__kernel void place_starts(RAYS_ARGUMENTS, __global ReceiverRecord *receivers, const int count)
 {
     const int patch = get_global_id(0);
     if (patch >= count)
@@ -17,4 +17,5 @@ __kernel void bound_lifts(RAYS_ARGUMENTS, __global ReceiverRecord *receivers, co
             lifted = fmin(lifted, 0.5f * nearest_hit(&rays, p + r.height * r.geometric, lift, false).distance);
     }
     receivers[patch].lifted = lifted;
+    receivers[patch].rank |= is_crossed(&rays, &r);
 }

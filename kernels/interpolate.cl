@@ -14,6 +14,10 @@
 #define SAME_WAY 0.9f
 #define FRONTS 0.9f
 
+// How far a patch may be more or less open than a plane through what groups have it says: in a groove between groups, or
+// beside what stands there, the light is another one, too.
+#define AS_OPEN 0.1f
+
 // Squares from a patch at which groups weigh nothing; the largest sum of squares of what groups count for.
 #define REACH 2.0f
 #define MOST_GAIN 0.75f
@@ -83,12 +87,12 @@ int anchors_of(const int patch, __global const uint *texel_to_patch, const int r
 
 // Light of each patch from `layers` of that of `group_count` groups, 0 where too few are around it, and not below
 // `lowest`; and whether it fits: whether theirs lies in a plane, but for `tolerance` of the light there and `beside`
-// it, from `least` to `most`.
+// it, from `least` to `most`. open: of each patch, see openness.cl.
 __kernel void interpolate(__global const uint *texel_to_patch, const int resolution, const int width,
                           __global const int *atlases, __global const int *texels, __global const int *groups,
                           __global const int *leaders, __global const ReceiverRecord *receivers,
                           __global const float4 *light, const int layers, const int group_count,
-                          __global const float *beside, const float least, const float most,
+                          __global const float *beside, __global const float *open, const float least, const float most,
                           const float tolerance, const float lowest,
                           __global float4 *values, __global int *fits, const int count)
 {
@@ -117,7 +121,7 @@ __kernel void interpolate(__global const uint *texel_to_patch, const int resolut
         return;
 
     // What each group counts for at the patch; the slope of all light together.
-    float counts[AROUND], gain = 0.0f, value = 0.0f;
+    float counts[AROUND], gain = 0.0f, value = 0.0f, as_open = 0.0f;
     float2 slope = (float2)(0.0f);
     for (int k = 0; k < found; ++k) {
         const Anchor a = anchors[k];
@@ -125,6 +129,7 @@ __kernel void interpolate(__global const uint *texel_to_patch, const int resolut
         counts[k] = a.weight * (inverse[0] + inverse[1] * a.x + inverse[2] * a.y);
         gain += counts[k] * counts[k];
         value += counts[k] * all;
+        as_open += counts[k] * open[leaders[a.group]];
         slope += a.weight * all * (float2)(inverse[1] + inverse[3] * a.x + inverse[4] * a.y,
                                            inverse[2] + inverse[4] * a.x + inverse[5] * a.y);
     }
@@ -145,7 +150,7 @@ __kernel void interpolate(__global const uint *texel_to_patch, const int resolut
     }
     left *= found / ((found - 3.0f) * moments[0]);
     const float allowed = tolerance * clamp(value + beside[patch], least, most);
-    fits[patch] = gain <= MOST_GAIN && left <= allowed * allowed;
+    fits[patch] = gain <= MOST_GAIN && left <= allowed * allowed && fabs(open[patch] - as_open) <= AS_OPEN;
     for (int layer = 0; layer < layers; ++layer) {
         float4 sum = (float4)(0.0f);
         for (int k = 0; k < found; ++k)

@@ -27,6 +27,7 @@ from ..solve.resumed_solver import ResumedSolver
 from ..solve.solution import Solution
 from ..solve.solver import FindStandIns, Solver
 from ..visibility.raster.tiles import IDENTITY_BYTES, plan_tiles
+from ..visibility.rays.openness import openness
 from ..visibility.samples import ray_count
 from .choice import Choice
 from .choose_sweep import choose_sweep
@@ -41,6 +42,9 @@ _TOLERANCE = 0.6
 
 #: Width of the smaller squares, texels, of which one patch gathers first where groups are too coarse.
 _SMALLER = 2
+
+#: How far from patches something is near, texels: patches near things of which groups know nothing gather.
+_NEAR = 2.0
 
 #: Patches that gather for themselves, as a fraction, before it is known.
 _GATHERING = 0.25
@@ -138,10 +142,11 @@ def _interpolated(
 
     inside = job.kept.inside(job.rays)
     smaller = numbered(leaders(job.rays, job.parts, job.first_radiance, inside, _SMALLER))
+    opening = openness(job.rays, _NEAR)
     widths = ((groups.group, groups.leader, groups.width), (*smaller, _SMALLER))
     return InterpolatedGather(
         solver,
-        [Interpolation(job.rays, job.parts, *squares_of_width) for squares_of_width in widths],
+        [Interpolation(job.rays, job.parts, *squares_of_width, opening) for squares_of_width in widths],
         job.sampled_light,
         squares.sampled_light,
         _TOLERANCE / math.sqrt(ray_count(job.settings)),

@@ -22,10 +22,19 @@ class Interpolation:
     """
 
     def __init__(
-        self, rays: RayScene, parts: Subdivision, group: np.ndarray, leader: np.ndarray, width: int
+        self,
+        rays: RayScene,
+        parts: Subdivision,
+        group: np.ndarray,
+        leader: np.ndarray,
+        width: int,
+        opening: cl.Buffer,
     ) -> None:
-        """Take the group of each patch, (n,) int64, and the width of groups, texels; see `numbered`."""
-        self.leader = leader
+        """Take the group of each patch, (n,) int64, and the width of groups, texels; see `numbered`.
+
+        opening: float32 of each patch, see `openness`
+        """
+        self.leader, self._opening = leader, opening
         self._compute, self._receivers = rays.compute, rays.receivers
         (self._interpolate,) = self._compute.kernels((*RECEIVER_SOURCE, "interpolate.cl"), "interpolate")
         patches = parts.patches
@@ -41,6 +50,8 @@ class Interpolation:
     ) -> tuple[list[np.ndarray], np.ndarray]:
         """Return the light of each patch, (n, 4) float32 of each layer, and whether it fits, (n,) bool.
 
+        What is nearer or farther around a patch than around the groups does not fit either.
+
         layers     (m, 4) float32 each, of the groups: light, and the fraction of the view that no back takes;
                    the first tells what fits
         beside     (n,) float32, other light of each patch, sum of the channels
@@ -55,7 +66,8 @@ class Interpolation:
         compute.run(
             self._interpolate, count, *self._where, self._receivers,
             upload(compute, np.stack(layers)), np.int32(len(layers)), np.int32(len(layers[0])),
-            upload(compute, beside), *map(np.float32, (_DARK * mean, _BRIGHT * mean, tolerance, lowest)),
+            upload(compute, beside), self._opening,
+            *map(np.float32, (_DARK * mean, _BRIGHT * mean, tolerance, lowest)),
             values, fits, np.int32(count),
         )  # fmt: skip
         fitting = np.empty(count, np.int32)

@@ -1,0 +1,21 @@
+"""How open the surroundings of patches are: what the light of others cannot tell of a patch."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyopencl as cl
+
+from .ray_scene import RayScene
+from .receivers import RECEIVER_SOURCE
+
+
+def openness(rays: RayScene, reach: float) -> cl.Buffer:
+    """Return the fraction of each patch's hemisphere in which nothing is near, float32 on the device.
+
+    It is weighted by the cosine. reach: texels from which on nothing is near.
+    """
+    compute, count = rays.compute, rays.count
+    (kernel,) = rays.rays.kernels((*RECEIVER_SOURCE, "texel_starts.cl", "openness.cl"), "openness")
+    found = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 4 * count)
+    rays.rays.run(kernel, count, rays.receivers, np.float32(reach), found, np.int32(count))
+    return found

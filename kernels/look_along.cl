@@ -22,16 +22,11 @@ uint look_along(const Rays *rays, const Lightmaps *lightmaps, const float3 origi
 }
 
 #ifdef COSINE
-// Steps of the places of samples in a texel, fractions of the range of integers: the golden ratio's, and that of the
-// root of 2.
-#define PLACES (uint2)(2654435769u, 1779033703u)
-
 // Where the ray of a sample starts: all over the texel, of which a patch has the mean light.
 float3 eye_of(const View *view, const Rays *rays, const Receiver *r, const int i)
 {
     const uint2 shift = (uint2)(hash(r->rank + view->shift.x), hash(r->rank + view->shift.y));
-    const float2 at = convert_float2(((uint)i * PLACES + shift) >> 8) * (1.0f / 16777216.0f);
-    return view->eye + start_in_texel(rays, r, at) - r->at;
+    return view->eye + start_in_texel(rays, r, place_of_sample(i, shift)) - r->at;
 }
 #else
 // A hemicube is one view, from the centre of the texel.

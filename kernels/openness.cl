@@ -3,9 +3,6 @@
 // Rays of a patch: the same ones for all, so that they differ by what is around patches alone.
 #define TRIES 16
 
-// Steps of the places of rays in a texel.
-#define PLACES (uint2)(2654435769u, 1779033703u)
-
 // The fraction of each patch's hemisphere, weighted by the cosine, in which nothing is nearer than `reach` texels.
 __kernel void openness(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, const float reach,
                        __global float *open, const int count)
@@ -23,8 +20,7 @@ __kernel void openness(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers,
         const float3 direction = q.x * x + q.y * y + sqrt(fmax(1.0f - dot(q, q), 0.0f)) * r.normal;
         if (dot(direction, r.geometric) <= 0.0f)
             continue;
-        const float2 at = convert_float2(((uint)i * PLACES) >> 8) * (1.0f / 16777216.0f);
-        const float3 p = start_in_texel(&rays, &r, at);
+        const float3 p = start_in_texel(&rays, &r, place_of_sample(i, (uint2)(0)));
         sum += transmittance(&rays, p + start_of(&r, p, direction), direction, reach * r.size);
         tried += 1.0f;
     }

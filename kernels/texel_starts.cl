@@ -1,6 +1,16 @@
 // Where rays of a texel start: at points of it that no face parts from its centre. What lies beyond such a face is
 // inside of something, or on the other side of a wall: it has other light, which nobody sees there.
 
+// Steps of the places of samples in a texel, fractions of the range of integers: the golden ratio's, and that of the
+// root of 2.
+#define PLACES (uint2)(2654435769u, 1779033703u)
+
+// Where the ray of a sample starts in a texel, 0 to 1 along u and v.
+float2 place_of_sample(const int i, const uint2 shift)
+{
+    return convert_float2(((uint)i * PLACES + shift) >> 8) * (1.0f / 16777216.0f);
+}
+
 // Whether a face stands between the centre of a texel, or a place of it, and another place, in its plane.
 bool is_parted(const Rays *rays, const Receiver *r, const float3 from, const float3 to)
 {

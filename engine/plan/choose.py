@@ -37,8 +37,8 @@ from .solve_job import SolveJob
 from .stand_ins import stand_ins
 
 #: What a plane through the light of groups may leave over, as a fraction of all light, times the root of the
-#: rays of a patch: about the error of these.
-_TOLERANCE = 0.6
+#: rays of a patch. Twice the error of these: much of it is noise of the groups, which the plane takes out.
+_TOLERANCE = 1.2
 
 #: Width of the smaller squares, texels, of which one patch gathers first where groups are too coarse.
 _SMALLER = 2

@@ -10,6 +10,7 @@ import numpy as np
 import pyopencl as cl
 
 from ..errors import DeviceError
+from .driver_options import set_driver_options
 from .kernel import Kernel
 from .program_cache import ProgramCache, build, device_digest
 from .record import Record
@@ -28,7 +29,13 @@ _STAGED = 1 << 17
 #: Files of kernels/ and records, one after another.
 Source = tuple[str | Record, ...]
 
-_PROBE = "__kernel void probe(__global float *x) { x[get_global_id(0)] = sqrt(2.0f); }"
+#: Has functions of kernels that drivers may lack, as Mesa's do with another's library of them.
+_PROBE = """
+__kernel void probe(__global float *x)
+{
+    x[get_global_id(0)] = fma(sqrt(2.0f), sin(x[0]), atan2(x[1], x[2]));
+}
+"""
 
 
 class Compute:
@@ -173,6 +180,7 @@ def _chosen(devices: list[cl.Device], name: str | None) -> list[cl.Device]:
 
 def found_devices() -> list[cl.Device]:
     """Return every device, the best kind first: GPU, accelerator, then anything else."""
+    set_driver_options()
     try:
         devices = [device for platform in cl.get_platforms() for device in platform.get_devices()]
     except cl.Error as error:
@@ -190,7 +198,7 @@ def _rank(device: cl.Device) -> int:
 def _reason(error: cl.Error) -> str:
     """Return the most telling line of an OpenCL error."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return next((line for line in lines if line.startswith("error")), lines[0])
+    return next((line for line in lines if "error:" in line.lower()), lines[0])
 
 
 def remedy(system: str) -> str:

@@ -1,6 +1,7 @@
 """Devices are found, told apart and chosen by name; what is missing is said."""
 
 import dataclasses
+import os
 
 import pytest
 
@@ -105,6 +106,33 @@ def test_device_that_cannot_build_kernels_says_why(workstation):
     workstation[3].works = False
     *_, processor = survey.survey(None).devices
     assert processor.trouble == "error: unknown target CPU 'generic'" and not processor.use
+
+
+def test_device_whose_driver_lacks_functions_does_not_count(monkeypatch):
+    """As llvmpipe of Mesa 26.2 answered beside a libclc that was not Mesa's: most kernels were built."""
+    answer = """clBuildProgram failed: BUILD_PROGRAM_FAILURE - clBuildProgram failed: BUILD_PROGRAM_FAILURE
+
+Build on <pyopencl.Device 'llvmpipe' on 'rusticl' at 0x1>:
+
+Internal compilation error: nir_shader not fully linked
+(options: -I .)"""
+
+    def build(context, source, options=()):
+        if "sin(" in source and "fma(" in source:
+            raise compute.cl.RuntimeError(answer)
+
+    monkeypatch.setattr(compute, "build", build)
+    with pytest.raises(DeviceError, match="Internal compilation error: nir_shader not fully linked"):
+        Compute()
+
+
+@pytest.mark.parametrize("own", [None, "8"])
+def test_drivers_are_asked_for_what_works_unless_the_user_says_otherwise(own, monkeypatch):
+    name = "CL_CONFIG_CPU_VECTORIZER_MODE"
+    monkeypatch.delenv(name, raising=False)
+    if own is not None:
+        monkeypatch.setenv(name, own)
+    assert compute.found_devices() and os.environ[name] == (own or "1")
 
 
 def test_device_that_is_not_there_is_told_with_those_that_are(workstation):

@@ -183,8 +183,8 @@ def test_colour_strength_and_profile_multiply(around):
     tree.links.new(node.outputs[0], product.inputs[0])
     tree.links.new(product.outputs[0], emission.inputs["Strength"])
     tree.links.new(warm.outputs[0], emission.inputs["Color"])
-    compare_ies(around)
     assert read_scene().notes == ()
+    compare_ies(around)
 
 
 @pytest.mark.parametrize("output", ["Quadratic", "Linear", "Constant"])

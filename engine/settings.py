@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import cache
+from types import MappingProxyType
 
 from .errors import SettingsError
 from .setting import (
@@ -395,9 +398,10 @@ class Settings:
         return self.accelerate and self.method != "paper" and self.bounces
 
 
-def descriptions() -> dict[str, Description]:
+@cache
+def descriptions() -> Mapping[str, Description]:
     """Return what is known of each setting, by name, in the order of the interface."""
-    return {entry.name: entry.metadata["description"] for entry in fields(Settings)}
+    return MappingProxyType({entry.name: entry.metadata["description"] for entry in fields(Settings)})
 
 
 def chosen_by_people() -> list[str]:

@@ -226,9 +226,8 @@ PART_OF_DESCENT void meet_packet(__global const PART *packet, const Search *sear
     const float4 a = packet[0], b = packet[1], c = packet[2];
     const float t[10] = {a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w, c.x, c.y};
 #else
-    LANES t[10];
-    for (int k = 0; k < 10; ++k)
-        t[k] = packet[k];
+    const LANES t[9] = {packet[0], packet[1], packet[2], packet[3], packet[4], packet[5], packet[6], packet[7],
+                        packet[8]};
 #endif
     meet(t, search, meeting);
 }
@@ -328,7 +327,8 @@ bool go_back(const int *stack, const float *begins, int *depth, const float reac
     return true;
 }
 #else
-PART_OF_DESCENT bool go_down(int *stack, float *begins, int *depth, const INTS met, const FLOATS in, const INTS children, int *node)
+PART_OF_DESCENT bool go_down(int *stack, float *begins, int *depth, const INTS met, const FLOATS in,
+                             const INTS children, int *node)
 {
     int entered = BITS_OF(met);
     if (entered == 0)

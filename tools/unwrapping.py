@@ -53,7 +53,9 @@ def main() -> None:
                 width = build()
                 bpy.context.scene.hemibake.resolution = options.resolution or width
             if options.cancel:
-                print(f"{name}: cancelled in {seconds_to_cancel(options.cancel):.3f} s", flush=True)
+                seconds = seconds_to_cancel(options.cancel)
+                told = "ended before it was cancelled" if seconds is None else f"cancelled in {seconds:.3f} s"
+                print(f"{name}: {told}", flush=True)
             print(_line(build.__doc__.rstrip(".")), flush=True)
 
 
@@ -91,11 +93,15 @@ def _line(title: str) -> str:
     )  # fmt: skip
 
 
-def seconds_to_cancel(after: float) -> float:
-    """Return the seconds that cancelling takes after so many seconds of unwrapping."""
+def seconds_to_cancel(after: float) -> float | None:
+    """Return the seconds that cancelling takes after so many of unwrapping; None if that ended before."""
     work, began = unwrapping(), time.perf_counter()
     while time.perf_counter() - began < after:
-        work.step()
+        try:
+            work.step()
+        except StopIteration:
+            work.cancel()
+            return None
     began = time.perf_counter()
     work.cancel()
     return time.perf_counter() - began

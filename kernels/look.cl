@@ -10,12 +10,14 @@ __kernel void look(LOOK_ARGUMENTS, const int start, const int cached_from, __glo
     const Lightmaps lightmaps = {uvs, atlases, texel_to_patch, resolution};
     const Receiver receiver = load_receiver(receivers + patch);
     const View view = view_of(&receiver, patch, samples, salt, rotate);
+    Eye eye = {view.eye, -1};
     ViewSum sum = {(float4)(0.0f)};
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
         const float3 direction = sample_direction(&view, i, pattern, n);
         uint kept = 0;
         if (dot(direction, view.horizon) > 0.0f) {
-            const uint seen = look_along(&rays, &lightmaps, eye_of(&view, &rays, &receiver, i), direction);
+            move_eye(&eye, &view, &rays, &receiver, i, samples);
+            const uint seen = look_along(&rays, &lightmaps, eye.at, direction);
             kept = count_sample(seen, WEIGHT(i), direction, view.normal, emission, backs_seen, outside, &sum);
         }
         cache[(size_t)(patch - cached_from) * samples + i] = kept;
@@ -33,12 +35,14 @@ __kernel void gather_rays(LOOK_ARGUMENTS, const int start, __global const float4
     const Lightmaps lightmaps = {uvs, atlases, texel_to_patch, resolution};
     const Receiver receiver = load_receiver(receivers + patch);
     const View view = view_of(&receiver, patch, samples, salt, rotate);
+    Eye eye = {view.eye, -1};
     ViewSum of_sky = {(float4)(0.0f)}, sum = {(float4)(0.0f)};
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
         const float3 direction = sample_direction(&view, i, pattern, n);
         if (dot(direction, view.horizon) <= 0.0f)
             continue;
-        const uint seen = look_along(&rays, &lightmaps, eye_of(&view, &rays, &receiver, i), direction);
+        move_eye(&eye, &view, &rays, &receiver, i, samples);
+        const uint seen = look_along(&rays, &lightmaps, eye.at, direction);
         const uint kept = count_sample(seen, WEIGHT(i), direction, view.normal, emission, backs_seen, outside, &sum);
         const float3 tilt = tilt_of(direction, view.normal);
         if (kept == outside) {

@@ -72,10 +72,12 @@ __kernel void look_again(LOOK_ARGUMENTS, const int start, const int cached_from,
 
     // Samples that something has moved into, or out of, are forgotten: 0, as those that meet backs.
     int forgotten = all;
+    Eye eye = {view.eye, -1};
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
         if (!all && !leads_into(&window, &view, i, pattern))
             continue;
-        if (all || meets_anything(&moved, eye_of(&view, &rays, &receiver, i), sample_direction(&view, i, pattern, n))) {
+        move_eye(&eye, &view, &rays, &receiver, i, samples);
+        if (all || meets_anything(&moved, eye.at, sample_direction(&view, i, pattern, n))) {
             row[i] = 0;
             forgotten = 1;
         }
@@ -92,7 +94,8 @@ __kernel void look_again(LOOK_ARGUMENTS, const int start, const int cached_from,
             direction = sample_direction(&view, i, pattern, n);
             if (!(dot(direction, view.horizon) > 0.0f))
                 continue;
-            seen = look_along(&rays, &lightmaps, eye_of(&view, &rays, &receiver, i), direction);
+            move_eye(&eye, &view, &rays, &receiver, i, samples);
+            seen = look_along(&rays, &lightmaps, eye.at, direction);
         }
         row[i] = count_sample(seen, WEIGHT(i), direction, view.normal, emission, backs_seen, outside, &sum);
     }

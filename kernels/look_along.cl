@@ -21,16 +21,32 @@ uint look_along(const Rays *rays, const Lightmaps *lightmaps, const float3 origi
     return lightmaps->texel_to_patch[row * lightmaps->resolution + texel.x] | (hit.front ? 0u : BACK);
 }
 
+// Where the ray of a sample starts, and the number of that place; -1 before the first one.
+typedef struct {
+    float3 at;
+    int place;
+} Eye;
+
 #ifdef COSINE
-// Where the ray of a sample starts: all over the texel, of which a patch has the mean light.
-float3 eye_of(const View *view, const Rays *rays, const Receiver *r, const int i)
+// Places of a texel that a face crosses: each costs rays of its own, so consecutive samples start together.
+#define PLACES_IF_CROSSED 8
+
+// Move to where a sample starts: all over the texel, of which a patch has the mean light.
+void move_eye(Eye *eye, const View *view, const Rays *rays, const Receiver *r, const int i, const int samples)
 {
+    const int place = r->crossed ? i * PLACES_IF_CROSSED / samples : i;
+    if (place == eye->place)
+        return;
     const uint2 shift = (uint2)(hash(r->rank + view->shift.x), hash(r->rank + view->shift.y));
-    return view->eye + start_in_texel(rays, r, place_of_sample(i, shift)) - r->at;
+    eye->place = place;
+    eye->at = view->eye + start_in_texel(rays, r, place_of_sample(place, shift)) - r->at;
 }
 #else
 // A hemicube is one view, from the centre of the texel.
-float3 eye_of(const View *view, const Rays *rays, const Receiver *r, const int i) { return view->eye; }
+void move_eye(Eye *eye, const View *view, const Rays *rays, const Receiver *r, const int i, const int samples)
+{
+    eye->at = view->eye;
+}
 #endif
 
 #define LOOK_ARGUMENTS RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const float2 *uvs, \

@@ -17,19 +17,29 @@ bool is_parted(const Rays *rays, const Receiver *r, const float3 from, const flo
     return transmittance(rays, from + r->height * r->geometric, to - from, 1.0f) < 0.5f;
 }
 
-// Whether a face crosses a texel: it meets one of the diagonals.
+// Whether a face crosses a texel: it meets one of the diagonals. These end a little before the corners, where faces
+// of texels that charts are aligned to end: by rounding, such a face would cross or not.
 bool is_crossed(const Rays *rays, const Receiver *r)
 {
-    const float3 rising = 0.5f * (r->edge_u + r->edge_v), falling = 0.5f * (r->edge_u - r->edge_v);
+    const float3 rising = 0.499f * (r->edge_u + r->edge_v), falling = 0.499f * (r->edge_u - r->edge_v);
     return is_parted(rays, r, r->at - rising, r->at + rising) || is_parted(rays, r, r->at - falling, r->at + falling);
+}
+
+// Places whose way from the centre, this much longer, meets no face: by rounding, those on a face may lie beyond it.
+#define BEYOND 1.01f
+
+// Whether a place of a texel that a face crosses is on the centre's side of it.
+bool is_with_centre(const Rays *rays, const Receiver *r, const float3 p)
+{
+    return !is_parted(rays, r, r->at, r->at + BEYOND * (p - r->at));
 }
 
 // A point of the texel (`point_of_texel`); where a face parts it from the centre, the one opposite, or the centre.
 float3 start_in_texel(const Rays *rays, const Receiver *r, const float2 at)
 {
     const float3 p = point_of_texel(r, at);
-    if (!r->crossed || !is_parted(rays, r, r->at, p))
+    if (!r->crossed || is_with_centre(rays, r, p))
         return p;
     const float3 opposite = 2.0f * r->at - p;
-    return in_triangle(r, opposite) && !is_parted(rays, r, r->at, opposite) ? opposite : r->at;
+    return in_triangle(r, opposite) && is_with_centre(rays, r, opposite) ? opposite : r->at;
 }

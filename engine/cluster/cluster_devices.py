@@ -79,7 +79,7 @@ class ClusterDevices:
         """Take the number of patches, and a folder in the memory of all workers; empty if there is none."""
         self._client, self._shipped, self._folder = client, shipped, folder
         self._settings, self._count, self._patches = settings, count, cut(count)
-        self._memory: SweepMemory | None = None
+        self._memories: list[SweepMemory] = []
         self._workers = set[str]()
         self._address: str = client.scheduler_info()["address"]
         self._squares: Future | None = None
@@ -118,7 +118,7 @@ class ClusterDevices:
         return (yield from self._of_blocks(block.views))
 
     def gather(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
-        """Gather once; see `RemoteGather.gather`. The rows are overwritten by the next time."""
+        """Gather once; see `RemoteGather.gather`. The rows are overwritten by the next time but one."""
         memory = self._sweep_memory(len(light.parts))
         if memory is None:
             return (yield from self._of_blocks(block.gather, self._sent(light)))
@@ -165,22 +165,26 @@ class ClusterDevices:
         return [lit[span] for span in tasks.values()]
 
     def _sweep_memory(self, count: int) -> SweepMemory | None:
-        """Return the memory for sweeps of `count` patches; None where light travels through Dask.
+        """Return the memory for a sweep of `count` patches; None where light travels through Dask.
 
-        A worker that was lost to the scheduler may still write: those that are left get other memory.
+        Sweeps take turns with two of them: once a worker is lost, others may repeat tasks of the last sweep.
+        It may itself still write: those that are left get other memory.
         """
         if not self._folder:
             return None
         with _losses_told(self._address):
             workers = set(self._client.scheduler_info(n_workers=-1)["workers"])
-        if self._memory is None or workers != self._workers:
-            if self._memory is not None:
-                self._memory.close()
+        if not self._memories or workers != self._workers:
+            for memory in self._memories:
+                memory.close()
             try:
-                self._memory, self._workers = SweepMemory(self._folder, count), workers
+                self._memories = [SweepMemory(self._folder, count) for _ in range(2)]
             except OSError:
-                self._memory, self._folder = None, ""
-        return self._memory
+                self._memories, self._folder = [], ""
+                return None
+            self._workers = workers
+        self._memories.reverse()
+        return self._memories[0]
 
     def _find(self, count: int) -> None:
         """Have what `count` patches, or groups of them, see found, by tasks that any worker can do again."""

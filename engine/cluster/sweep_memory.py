@@ -66,7 +66,7 @@ class MappedLight(Portable):
 
 
 class SweepMemory:
-    """Two files that the client and all workers map, from sweep to sweep: memory that is there is quick.
+    """Two files that the client and all workers map, for many sweeps: memory that is there is quick.
 
     rows  (count, 3) float32, what is gathered
     path  of the file of the rows
@@ -96,8 +96,8 @@ def write_rows(path: str, first: int, rows: np.ndarray, count: int) -> None:
     _mapped(path, np.float32, count)[first : first + len(rows)] = rows
 
 
-#: A worker keeps the files of a bake open: pages that it knows are not looked up again.
-@lru_cache(maxsize=2)
+#: A worker keeps the files of two sweeps open: pages that it knows are not looked up again.
+@lru_cache(maxsize=4)
 def _mapped(path: str, kind: type, count: int) -> np.ndarray:
     return _opened(path, kind, count)
 

@@ -238,11 +238,16 @@ def test_preview_looks_like_the_original(stage, tmp_path, surface):
     ids=["plain", "turned", "mirrored"],
 )
 def test_directional_maps_shade_normal_maps(stage, tmp_path, turn, scale, location):
-    """As the original, where a plain lightmap is flat; the maps are of the world, however objects turn."""
+    """As the original, where a plain lightmap is flat; the maps are of the world, however objects turn.
+
+    The shadow of bumps is that of Cycles since Blender 4.5; before, they are darker.
+    """
+    import bpy
+
     obj = shown_square(embossed())
     obj.rotation_euler.z, obj.scale, obj.location = turn, scale, location
     shaded, flat = errors_of_shading(stage, tmp_path)
-    assert shaded < 0.02 and shaded < 0.4 * flat
+    assert shaded < (0.02 if bpy.app.version >= (4, 5) else 0.03) and shaded < 0.4 * flat
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@
 // texel across an edge of a shadow. All noise of direct light is there.
 #define ROUNDS 4
 
-// From so many rays to an emitter on it is looked for what may be in their way.
+// Least rays to an emitter for which finding what may be in their way costs less than casting them.
 #define SHAFT_FROM 3.0f
 
 // The golden ratio's fraction of the range of integers, and patches along a curve through the texels that share

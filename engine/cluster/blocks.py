@@ -5,9 +5,12 @@ from __future__ import annotations
 #: Most patches of a block, and fewest blocks: enough of them for a slow device to take fewer than a fast one.
 _LARGEST, _FEWEST = 1 << 18, 16
 
+#: The first patch of a block, and the one after its last.
+Span = tuple[int, int]
 
-def cut(count: int, least: int = 1) -> list[tuple[int, int]]:
-    """Return the first patch of each block and the one after its last, by the number of all patches alone.
+
+def cut(count: int, least: int = 1) -> list[Span]:
+    """Return the blocks of patches, by the number of these alone.
 
     So the blocks, and the bits of a bake, are the same for any number of workers.
 

@@ -4,19 +4,14 @@ from __future__ import annotations
 
 import gc
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
-from functools import cache, cached_property
+from functools import cache
 
 import numpy as np
-import pyopencl as cl
 
-from ..device.buffers import zeros
 from ..device.devices import Devices
 from ..direct.contact import patches_in_contact
 from ..direct.lighting import DirectLighting
-from ..gather.half_light import HalfLight
 from ..plan.choice import Choice
 from ..plan.choose import light_alone
 from ..plan.display_points import DisplayJob
@@ -25,7 +20,7 @@ from ..plan.solve_job import SolveJob
 from ..plan.trial import untried_visibility
 from ..solve.patch_groups import PatchGroups
 from .shipment import Shipment, Squares
-from .sweep_memory import MappedLight
+from .sources import Sources
 
 #: Environment variable that names the OpenCL device of a worker.
 DEVICE = "HEMIBAKE_OPENCL_DEVICE"
@@ -35,41 +30,6 @@ DEVICE = "HEMIBAKE_OPENCL_DEVICE"
 def worker_devices() -> Devices:
     """Return the devices of this worker, which outlive bakes; raises DeviceError, see `Devices`."""
     return Devices(opencl_device=os.environ.get(DEVICE))
-
-
-class Sources:
-    """Patches, or groups of them, that send light out, on the device of a worker.
-
-    job  the radiosity equation of all of them, without the light that shadow rays sample
-    """
-
-    def __init__(self, devices: Devices, job: SolveJob) -> None:
-        self._devices, self.job = devices, job
-        self._light: HalfLight | MappedLight | None = None
-
-    @contextmanager
-    def working(self) -> Iterator[None]:
-        """Work on the devices of this worker, and tell how they fail."""
-        self._devices.graphics.use()
-        with self._devices.failures_told():
-            yield
-
-    def part(self, first: int, last: int) -> SolveJob:
-        """Return those from first to last, which see all of them."""
-        parts = self.job.parts.part(slice(first, last))
-        return replace(self.job, parts=parts, rays=self.job.rays.of(parts), kept=Kept())
-
-    def table(self, light: HalfLight | MappedLight) -> cl.Buffer:
-        """Return the light of all on the device: once for all blocks of a sweep."""
-        if light is not self._light:
-            opened = light.opened() if isinstance(light, MappedLight) else light
-            self._light, self._table = light, opened.table(self.job.opencl)
-        return self._table
-
-    @cached_property
-    def darkness(self) -> cl.Buffer:
-        """No light of all on the device."""
-        return zeros(self.job.opencl, 16 * (self.job.count + 2))
 
 
 class PreparedScene(Sources):

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import mmap
 import os
-import shutil
 import sys
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -18,38 +16,13 @@ import numpy as np
 from ..gather.half_light import HalfLight
 from ..portable import Portable
 
-#: Where Linux has files in memory; None on other systems.
-_MEMORY = Path("/dev/shm") if sys.platform == "linux" else None
-
-#: What folders are called; a number follows, that of the process that has made them.
-_NAME = "hemibake-"
-
 #: Numbers of a patch in light, and in what is gathered of it.
 _CHANNELS = 3
 
 
-@contextmanager
-def memory_folder() -> Iterator[str]:
-    """Make a folder in the memory of this machine, which ends with the context; empty where there is none."""
-    if _MEMORY is None or not os.access(_MEMORY, os.W_OK):
-        yield ""
-        return
-    _remove_orphans(_MEMORY)
-    folder = tempfile.mkdtemp(prefix=f"{_NAME}{os.getpid()}-", dir=_MEMORY)
-    try:
-        yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-def is_at_hand(folder: str) -> bool:
-    """Return whether this process can read and write files of a folder."""
-    return os.access(folder, os.R_OK | os.W_OK | os.X_OK)
-
-
 @dataclass(frozen=True)
 class MappedLight(Portable):
-    """A HalfLight in a file that all workers map; see `SentLight`.
+    """A HalfLight in a file that all workers map.
 
     path   of the file
     count  patches
@@ -124,24 +97,3 @@ def _file(folder: str, kind: type, count: int) -> str:
     finally:
         os.close(number)
     return path
-
-
-def _remove_orphans(memory: Path) -> None:
-    """Remove the folders of processes that were killed; those of other users stay."""
-    for folder in memory.glob(f"{_NAME}*-*"):
-        process = folder.name.removeprefix(_NAME).split("-")[0]
-        if process.isdecimal() and not _is_alive(int(process)):
-            shutil.rmtree(folder, ignore_errors=True)
-
-
-def _is_alive(process: int) -> bool:
-    """Return whether a process runs, by a signal that does nothing; on Linux alone."""
-    if sys.platform != "linux":
-        return True
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True
-    return True

@@ -20,11 +20,13 @@ from ..errors import DeviceError
 from ..scene.model import Scene
 from ..settings import Settings
 from .admission import REFUSED, Admission, refusal
-from .cluster_devices import ClusterDevices, ship
+from .cluster_devices import ClusterDevices
 from .event_loop import event_loop
 from .local_workers import ANSWER, GONE, LocalWorkers, local_environments
+from .memory_folder import is_at_hand, memory_folder
 from .shipment import Shipment
-from .sweep_memory import is_at_hand, memory_folder
+from .shipped import Shipped
+from .tasks import Tasks
 
 #: What stands for a worker on each device of this machine, instead of an address.
 LOCAL = "all"
@@ -86,9 +88,10 @@ class Workers:
         Returns what makes the devices for a number of patches.
         """
         local = _is_of_this_machine(self.address)
-        shipped = ship(self.client, Shipment.of(scene, settings, local))
+        tasks = Tasks(self.client)
+        shipped = Shipped.to_workers(tasks, Shipment.of(scene, settings, local))
         folder = self._folder if local and self._share_folder() else ""
-        return partial(ClusterDevices, self.client, shipped, settings, folder)
+        return partial(ClusterDevices, tasks, shipped, settings, folder)
 
     def _share_folder(self) -> bool:
         """Return whether all workers are at hand of the folder: in a container one has its own memory."""

@@ -116,7 +116,7 @@ def test_bits_are_the_same_without_room_in_memory(monkeypatch, two, by_two):
 
 def test_nothing_is_left_in_the_memory_of_the_machine(monkeypatch, tmp_path, two, by_two):
     """Sweeps take turns with two memories, each of a file of light and one of rows."""
-    monkeypatch.setattr("engine.cluster.sweep_memory._MEMORY", tmp_path)
+    monkeypatch.setattr("engine.cluster.memory_folder._MEMORY", tmp_path)
     made = set()
     for _ in bake(two):
         made |= {path.name for folder in tmp_path.iterdir() for path in folder.iterdir()}

@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.cluster import sweep_memory
-from engine.cluster.sweep_memory import SweepMemory, is_at_hand, memory_folder, write_rows
+from engine.cluster import memory_folder as folders
+from engine.cluster.memory_folder import is_at_hand, memory_folder
+from engine.cluster.sweep_memory import SweepMemory, write_rows
 from engine.gather.half_light import HalfLight
 
 pytestmark = pytest.mark.skipif(not Path("/dev/shm").exists(), reason="There are files in memory on Linux.")
@@ -74,7 +75,7 @@ def test_the_folder_ends_with_what_is_in_it():
 
 
 def test_without_files_in_memory_there_is_no_folder(monkeypatch, tmp_path):
-    monkeypatch.setattr(sweep_memory, "_MEMORY", tmp_path / "none")
+    monkeypatch.setattr(folders, "_MEMORY", tmp_path / "none")
     with memory_folder() as folder:
         assert folder == ""
 
@@ -87,6 +88,6 @@ def test_folders_of_killed_processes_are_removed(monkeypatch, tmp_path):
     )
     for found in (orphan, other, own):
         found.mkdir()
-    monkeypatch.setattr(sweep_memory, "_MEMORY", tmp_path)
+    monkeypatch.setattr(folders, "_MEMORY", tmp_path)
     with memory_folder():
         assert not orphan.exists() and other.exists() and own.exists()

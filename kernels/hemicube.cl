@@ -16,6 +16,8 @@ float3 texel_direction(const int x, const int y, const int n)
 // (Cycles, kernel/camera/projection.h): the four pixels around it, interpolated.
 float4 surroundings(const float3 direction, __global const float4 *sky, const int2 size)
 {
+    if (size.x * size.y == 1)
+        return sky[0];
     const float2 pixel = (float2)((0.5f - atan2pi(direction.y, direction.x) * 0.5f) * size.x - 0.5f,
                                   (1.0f - acospi(clamp(direction.z / length(direction), -1.0f, 1.0f))) * size.y - 0.5f);
     const float2 low = floor(pixel), f = pixel - low;

@@ -13,10 +13,17 @@ __kernel void add_surroundings(__global const Front *cache, const int cached_fro
     const Receiver receiver = load_receiver(receivers + patch);
     const View view = view_of(&receiver, patch, samples, salt, rotate);
     ViewSum seen = {(float4)(0.0f)}, sum = {(float4)(0.0f)};
+#ifdef DIRECTIONAL
+    const bool directed = true;
+#else
+    const bool directed = sky_width * sky_height > 1;
+#endif
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
         if (row[i] != outside)
             continue;
-        const float3 direction = sample_direction(&view, i, pattern, n);
+
+        // Light of an even sky needs no direction.
+        const float3 direction = directed ? sample_direction(&view, i, pattern, n) : view.normal;
         const float3 light = surroundings(direction, sky, (int2)(sky_width, sky_height)).xyz;
         add_light(&seen, WEIGHT(i) * (float4)(light, 1.0f), tilt_of(direction, view.normal));
     }

@@ -10,7 +10,9 @@ float distance_to(const float4 corner, const int line)
 
 // Clips a triangle at the four sides of a texel (Sutherland and Hodgman 1974). xy: position in the texel; zw:
 // barycentrics of the second and the third corner. Returns the number of corners, 1 at least: where nothing is left,
-// the first is one of the triangle before its last cut.
+// the first is one of the triangle before its last cut. A function and loops of their own: repeated in line they take
+// drivers seconds to build.
+__attribute__((noinline))
 int clip_at_texel(const float2 *corners, float4 *polygon)
 {
     float4 before[MOST_CORNERS];
@@ -18,11 +20,13 @@ int clip_at_texel(const float2 *corners, float4 *polygon)
     polygon[0] = (float4)(corners[0], 0.0f, 0.0f);
     polygon[1] = (float4)(corners[1], 1.0f, 0.0f);
     polygon[2] = (float4)(corners[2], 0.0f, 1.0f);
+#pragma unroll 1
     for (int line = 0; line < 4; ++line) {
         const int corners_before = count;
         for (int k = 0; k < corners_before; ++k)
             before[k] = polygon[k];
         count = 0;
+#pragma unroll 1
         for (int k = 0; k < corners_before; ++k) {
             const float4 start = before[k], end = before[k + 1 < corners_before ? k + 1 : 0];
             const float at_start = distance_to(start, line), at_end = distance_to(end, line);

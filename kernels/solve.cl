@@ -93,12 +93,12 @@ __kernel void balance(__global const float4 *gathered, __global const float4 *de
     for (int i = get_global_id(0); i < count; i += get_global_size(0)) {
         const float4 light = gathered[(size_t)newest * count + i];
         const float no_back = light.w, seen = patches_seen[i];
-        const float4 reflected = reflectance[i] * light, sent = emitted[i] + reflected;
+        const float4 reflected = reflectance[i] * light, own = emitted[i + 1], sent = own + reflected;
         acc[0] += area[i] * light;
         acc[1] += area[i] * reflected;
         acc[2] += area[i] * (no_back - seen) * sent;
         acc[3] += area[i] * (1.0f - no_back) * sent;
-        acc[4] += area[i] * (direct[i] + (1.0f - seen) * emitted[i]);
+        acc[4] += area[i] * (direct[i] + (1.0f - seen) * own);
         acc[5] += area[i] * seen * reflectance[i] * defects[(size_t)newest * count + i];
     }
     for (int k = 0; k < 6; ++k)

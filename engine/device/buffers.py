@@ -18,19 +18,26 @@ def upload(compute: Compute, values: np.ndarray) -> cl.Buffer:
     return buffer
 
 
-def upload_rows(compute: Compute, values: np.ndarray) -> tuple[cl.Buffer, int]:
+def upload_rows_once(compute: Compute, values: np.ndarray) -> tuple[cl.Buffer, int]:
     """Return values, (n, c), as float32 with all that lies between their rows, and how far apart these are.
 
-    Light is often three of four columns, which would take longer to copy than to upload.
+    Light is often three of four columns, which would take longer to copy than to upload. The one buffer of an
+    array that nobody changes; see `SharedBuffers`.
     """
+    rows, apart = _rows_in_memory(values)
+    return compute.shared.of(values, "rows", lambda: upload(compute, rows)), apart
+
+
+def _rows_in_memory(values: np.ndarray) -> tuple[np.ndarray, int]:
+    """Return all float32 from the first to the last of values, (n, c), and how far apart their rows are."""
     values = values.astype(np.float32, copy=False)
     (apart, step), (count, channels) = values.strides, values.shape
     size = values.itemsize
     if step != size or apart % size or apart < channels * size:
-        return upload(compute, values), channels
+        return values, channels
     shape = ((count - 1) * (apart // size) + channels,)
     rows = np.lib.stride_tricks.as_strided(values, shape, (size,), writeable=False)
-    return upload(compute, rows), apart // size
+    return rows, apart // size
 
 
 def upload_once(compute: Compute, values: np.ndarray) -> cl.Buffer:
@@ -47,6 +54,11 @@ def upload_float4(compute: Compute, values: np.ndarray, first: int = 0, last: in
     sizes = (first, len(values), count)
     compute.run(widen, count, narrow, wide, *map(np.int32, sizes))
     return wide
+
+
+def upload_float4_once(compute: Compute, values: np.ndarray, first: int = 0) -> cl.Buffer:
+    """Return the one buffer that `upload_float4` makes of an array that nobody changes."""
+    return compute.shared.of(values, f"float4 from {first}", lambda: upload_float4(compute, values, first))
 
 
 def download_colors(compute: Compute, wide: cl.Buffer, count: int, planes: int = 1) -> np.ndarray:

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import download, download_colors, upload, upload_float4, upload_once, zeros
+from ..device.buffers import download, download_colors, upload, upload_float4_once, upload_once, zeros
 from ..device.kernel import Kernel
 from ..device.slices import sliced
 from ..patches.subdivision import Subdivision
@@ -189,7 +189,7 @@ class ShadowRays:
     def _glow_arguments(self, parts: Subdivision) -> tuple:
         """Return radiance of patches, texels to patches, UVs of triangles and the resolution."""
         compute, emission = self._compute, parts.surfaces.emission
-        radiance = compute.shared.of(emission, "float4", lambda: upload_float4(compute, emission, first=1))
+        radiance = upload_float4_once(compute, emission, first=1)
         lookups = (upload_once(compute, array) for array in (parts.texel_to_patch, parts.triangles.uvs))
         return (radiance, *lookups, np.int32(parts.patches.resolution))
 

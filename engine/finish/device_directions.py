@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import upload, upload_rows
+from ..device.buffers import upload, upload_rows_once
 from ..gather.device_l1 import DeviceL1
 from ..visibility.rays.receivers import RECEIVER
 from .device_values import DeviceValues
@@ -21,7 +21,7 @@ class DeviceDirections:
 
     def __init__(self, gathered: DeviceL1, irradiance: np.ndarray, sampled: np.ndarray) -> None:
         self._compute, self._count, self._receivers = gathered.compute, len(gathered), gathered.receivers
-        rows, stride = upload_rows(self._compute, irradiance)
+        rows, stride = upload_rows_once(self._compute, irradiance)
         axes = upload(self._compute, sampled.transpose(1, 0, 2))
         self._given = rows, np.int32(stride), axes, gathered.buffer
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import download, upload, upload_rows, zeros
+from ..device.buffers import download, upload, upload_rows_once, zeros
 from ..device.compute import Compute
 from .device_fill import DeviceFill
 from .device_values import DeviceValues, Values
@@ -146,7 +146,7 @@ class DevicePatches:
         if isinstance(values, DeviceValues):
             (rows, stride), channels = (values.buffer, 3), 3
         else:
-            (rows, stride), channels = upload_rows(compute, values), values.shape[1]
+            (rows, stride), channels = upload_rows_once(compute, values), values.shape[1]
         count = int(np.prod(self._shape)) * channels
         texels = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 4 * count)
         sizes = np.int32(stride), np.int32(channels)

@@ -262,8 +262,8 @@ class LightmapStore:
 
 
 def _rows(values: Values) -> Values:
-    """Return values, (n, c) or (n,), as (n, c)."""
-    return values.reshape(len(values), -1) if isinstance(values, np.ndarray) else values
+    """Return values, (n, c) or (n,), as (n, c); the same array if it is."""
+    return values[:, None] if isinstance(values, np.ndarray) and values.ndim == 1 else values
 
 
 def _coloured(images: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import upload
+from ..device.buffers import upload, upload_once
 from ..device.compute import Compute
 from .geometry import PatchGeometry
 from .patch_list import PatchList
@@ -67,8 +67,8 @@ class DeviceBorder:
         """
         count = len(self._border)
         nearest, inside = np.empty(count, np.uint32), np.empty(count, np.uint8)
-        arrays = (own, patches.triangle, patches.barycentric)
-        inputs = [upload(self._compute, array) for array in arrays]
+        inputs = [upload(self._compute, own)]
+        inputs += [upload_once(self._compute, array) for array in (patches.triangle, patches.barycentric)]
         write = cl.mem_flags.WRITE_ONLY
         outputs = [cl.Buffer(self._compute.context, write, array.nbytes) for array in (nearest, inside)]
         self._compute.run(

@@ -8,7 +8,7 @@ from dataclasses import fields
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import download, upload, upload_float4, zeros
+from ..device.buffers import download, upload, upload_float4, upload_float4_once, zeros
 from ..device.compute import Compute
 from ..gather.device_l1 import L1
 from ..gather.sweep import Sweep
@@ -52,8 +52,8 @@ class DeviceRadiosity:
         options = (f"-DCOLUMNS={columns}",)
         kernels = compute.kernels("solve.cl", *names, options=options)
         self._send_out, self._products, self._mix, self._balance, self._add_up = kernels
-        self._emission, self._reflectance = emission, upload_float4(compute, reflectance)
-        self._sampled_light = upload_float4(compute, sampled_light)
+        self._emission, self._reflectance = emission, upload_float4_once(compute, reflectance)
+        self._sampled_light = upload_float4_once(compute, sampled_light)
 
         # Areas as fractions of all: bright light times large areas leaves float32.
         self._area = upload(compute, (area / max(self.area, _LEAST_AREA)).astype(np.float32))
@@ -65,7 +65,9 @@ class DeviceRadiosity:
             cl.enqueue_copy(self._queue, self._gathered, held, dst_offset=column)
         elif indirect is not None:
             first = indirect + (sampled_light if direct is None else direct)
-        self._irradiance = zeros(compute, 16 * self.count) if first is None else upload_float4(compute, first)
+        self._irradiance = zeros(compute, 16 * self.count)
+        if first is not None:
+            cl.enqueue_copy(self._queue, self._irradiance, upload_float4_once(compute, first))
         self.radiance = zeros(compute, 16 * (self.count + 2))
         self.let_stand_in(np.arange(self.count))
         kind = int(compute.processor)
@@ -119,7 +121,8 @@ class DeviceRadiosity:
 
     def balance(self, newest: int, emission: np.ndarray, direct: np.ndarray) -> Balance:
         """Return where light goes; see `solve.Radiosity.balance`."""
-        emitted, first = upload_float4(self._compute, emission), upload_float4(self._compute, direct)
+        emitted = upload_float4_once(self._compute, emission, first=1)
+        first = upload_float4_once(self._compute, direct)
         self._balance(
             self._queue, (self._items,), None,
             self._gathered, self._defects, np.int32(newest), self._reflectance, emitted, first, self._area,

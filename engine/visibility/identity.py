@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import upload_float4
+from ..device.buffers import upload_float4, upload_float4_once
 from ..device.compute import Compute
 from ..settings import Settings
 from .open_sky import open_sky
@@ -130,7 +130,7 @@ def surroundings(
     whole: Callable[[np.ndarray], np.ndarray | None] = open_sky,
 ) -> Surroundings:
     """Upload emission, (n, 3) float32, and sky, (h, w, 3) float32, with what `whole` makes of the sky."""
-    backs = compute.shared.of(emission, "float4", lambda: upload_float4(compute, emission, first=1))
+    backs = upload_float4_once(compute, emission, first=1)
     pixels = upload_float4(compute, sky.reshape(-1, 3))
     size = np.int32(sky.shape[1]), np.int32(sky.shape[0])
     table = whole(sky)

@@ -50,8 +50,8 @@ def pack_receivers(compute: Compute, patches: PatchList, geometry: PatchGeometry
     """Return the records of patches on the device; those that share a texel follow each other."""
     triangles, steps, count = geometry.triangles, geometry.steps, len(geometry.triangle)
     inputs = (
-        upload(compute, geometry.triangle),
-        upload(compute, geometry.barycentric),
+        upload_once(compute, geometry.triangle),
+        upload_once(compute, geometry.barycentric),
         upload_once(compute, triangles.positions),
         upload_once(compute, triangles.normals),
         compute.shared.of(steps.area, "steps", lambda: upload(compute, _step_records(steps))),
@@ -60,7 +60,7 @@ def pack_receivers(compute: Compute, patches: PatchList, geometry: PatchGeometry
     records = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, RECEIVER.dtype.itemsize * count)
     (pack,) = compute.kernels((*RECEIVER_SOURCE, TEXEL_STEP, "pack.cl"), "pack")
     origin = cl.cltypes.make_float4(*triangles.origin, 0)
-    texels = upload(compute, patches.texel), np.int32(patches.resolution), np.int32(_points(patches))
+    texels = upload_once(compute, patches.texel), np.int32(patches.resolution), np.int32(_points(patches))
     compute.run(pack, count, *inputs, *map(np.float32, heights), origin, *texels, records, np.int32(count))
     return records
 

@@ -42,7 +42,11 @@ int bits_of(const INTS flags)
 #define PARTS 10
 #define LANES PART
 #define FLAGS JOIN(int, PACKET)
+#if PACKET == WIDTH
+#define ANY(flags) BITS_OF(flags)
+#else
 #define ANY(flags) any(flags)
+#endif
 #define LANE(values, lane) ((const float *)&(values))[lane]
 #define FLAG(flags, lane) ((const int *)&(flags))[lane]
 #endif
@@ -232,37 +236,60 @@ PART_OF_DESCENT void meet_packet(__global const PART *packet, const Search *sear
     meet(t, search, meeting);
 }
 
+// What is met in a packet counts; false if nothing more can.
 #if PACKET == 8 && !defined(CUTOUTS)
-// What is met in a leaf counts, of a packet the nearest; false if nothing more can.
-PART_OF_DESCENT bool take_leaf(const Rays *rays, const int code, Search *search)
+// The nearest of all lanes, at a time.
+PART_OF_DESCENT bool take_packet(const Rays *rays, __global const PART *packet, const Meeting *meeting, Search *search)
 {
-    __global const PART *packet = rays->triangles + PARTS * (code >> LEAF_BITS);
-    const int count = code & ((1 << LEAF_BITS) - 1);
-    for (int i = 0; i < count; ++i, packet += PARTS) {
-        Meeting meeting;
-        meet_packet(packet, search, &meeting);
-        if (BITS_OF(meeting.met) == 0)
-            continue;
-        if (search->sought == ANYTHING || search->sought == ALL)
-            return false;
-        LANES distance = meeting.distance;
-        if (search->sought == NEAREST)
-            distance += (meeting.determinant < 0.0f) ? BACK_FARTHER * distance : 0.0f;
-        distance = meeting.met ? distance : INFINITY;
-        const float4 four = min(distance.lo, distance.hi);
-        const float2 two = min(four.lo, four.hi);
-        const float least = min(two.x, two.y);
-        if (!(least < search->reach))
-            continue;
-        const int here = BITS_OF(distance == least), lane = 31 - clz(here & -here);
-        const Hit hit = {least, (float2)(LANE(meeting.u, lane), LANE(meeting.v, lane)),
-                         ((__global const int *)packet)[9 * PACKET + lane], LANE(meeting.determinant, lane) > 0.0f};
-        search->nearest = hit;
-        search->reach = least;
-    }
+    if (search->sought == ALL)
+        return false;
+    LANES distance = meeting->distance;
+    if (search->sought == NEAREST)
+        distance += (meeting->determinant < 0.0f) ? BACK_FARTHER * distance : 0.0f;
+    distance = meeting->met ? distance : INFINITY;
+    const float4 four = min(distance.lo, distance.hi);
+    const float2 two = min(four.lo, four.hi);
+    const float least = min(two.x, two.y);
+    if (!(least < search->reach))
+        return true;
+    const int here = BITS_OF(distance == least), lane = 31 - clz(here & -here);
+    const Hit hit = {least, (float2)(LANE(meeting->u, lane), LANE(meeting->v, lane)),
+                     ((__global const int *)packet)[9 * PACKET + lane], LANE(meeting->determinant, lane) > 0.0f};
+    search->nearest = hit;
+    search->reach = least;
     return true;
 }
 #else
+// One lane after the other.
+PART_OF_DESCENT bool take_packet(const Rays *rays, __global const PART *packet, const Meeting *meeting, Search *search)
+{
+    for (int lane = 0; lane < PACKET; ++lane) {
+        const bool front = LANE(meeting->determinant, lane) > 0.0f;
+        float distance = LANE(meeting->distance, lane);
+        if (!front && search->sought == NEAREST)
+            distance += BACK_FARTHER * distance;
+        if (!FLAG(meeting->met, lane) || !(distance < search->reach))
+            continue;
+        const Hit hit = {distance, (float2)(LANE(meeting->u, lane), LANE(meeting->v, lane)),
+                         ((__global const int *)packet)[9 * PACKET + lane], front};
+#ifdef CUTOUTS
+        const float stopped = opacity(rays, &hit), least = least_opacity(&hit);
+#else
+        const float stopped = 1.0f, least = 0.5f;
+#endif
+        if (search->sought == ALL) {
+            search->through *= 1.0f - stopped;
+            if (search->through < 1e-4f)
+                return false;
+        } else if (stopped >= least) {
+            search->nearest = hit;
+            search->reach = distance;
+        }
+    }
+    return true;
+}
+#endif
+
 // What is met in a leaf counts; false if nothing more can.
 PART_OF_DESCENT bool take_leaf(const Rays *rays, const int code, Search *search)
 {
@@ -273,35 +300,11 @@ PART_OF_DESCENT bool take_leaf(const Rays *rays, const int code, Search *search)
         meet_packet(packet, search, &meeting);
         if (!ANY(meeting.met))
             continue;
-        if (search->sought == ANYTHING)
+        if (search->sought == ANYTHING || !take_packet(rays, packet, &meeting, search))
             return false;
-        for (int lane = 0; lane < PACKET; ++lane) {
-            const bool front = LANE(meeting.determinant, lane) > 0.0f;
-            float distance = LANE(meeting.distance, lane);
-            if (!front && search->sought == NEAREST)
-                distance += BACK_FARTHER * distance;
-            if (!FLAG(meeting.met, lane) || !(distance < search->reach))
-                continue;
-            const Hit hit = {distance, (float2)(LANE(meeting.u, lane), LANE(meeting.v, lane)),
-                             ((__global const int *)packet)[9 * PACKET + lane], front};
-#ifdef CUTOUTS
-            const float stopped = opacity(rays, &hit), least = least_opacity(&hit);
-#else
-            const float stopped = 1.0f, least = 0.5f;
-#endif
-            if (search->sought == ALL) {
-                search->through *= 1.0f - stopped;
-                if (search->through < 1e-4f)
-                    return false;
-            } else if (stopped >= least) {
-                search->nearest = hit;
-                search->reach = distance;
-            }
-        }
     }
     return true;
 }
-#endif
 
 // What a ray has yet to visit is on a stack, `depth` high. A ray enters few of the children of a wide node, and
 // passes many of them before their turn comes, so where they begin is kept beside. `go_down` leads to the

@@ -117,3 +117,10 @@ float2 disk(const float2 u)
     const float radius = turn & 2 ? -sqrt(u.x) : sqrt(u.x);
     return radius * (turn & 1 ? (float2)(-sine, cosine) : (float2)(cosine, sine));
 }
+
+// A direction around z, by the cosine, from a point of the unit square.
+float3 cosine_direction(const float2 u, const float3 x, const float3 y, const float3 z)
+{
+    const float2 q = disk(u);
+    return q.x * x + q.y * y + sqrt(fmax(1.0f - dot(q, q), 0.0f)) * z;
+}

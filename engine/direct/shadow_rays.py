@@ -144,7 +144,8 @@ class ShadowRays:
         """
         reach = np.float32(self._settings.ao_distance or np.inf)
         arguments = (np.int32(self._settings.ao_samples), reach, np.uint32(self._settings.seed))
-        (occlusion,) = self._rays.kernels((*EMITTER_SOURCE, "texel_starts.cl", "occlusion.cl"), "occlusion")
+        files = (*EMITTER_SOURCE, "texel_starts.cl", "opening.cl", "occlusion.cl")
+        (occlusion,) = self._rays.kernels(files, "occlusion")
         result = yield from self._sliced(occlusion, arguments, self._count)
         return download(self._compute, result, (self._count, 4))[:, 0].copy()
 

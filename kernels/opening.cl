@@ -1,0 +1,18 @@
+// Which part of a hemisphere is open: sums over rays of a patch.
+
+typedef struct {
+    float open, all;  // of the rays: what came through, and their number
+} Opening;
+
+// Adds a ray that leaves a place of the texel, unless it would lead below the surface.
+void look_out(Opening *opening, const Rays *rays, const Receiver *r, const float2 place, const float3 direction,
+              const float reach)
+{
+    if (dot(direction, r->geometric) <= 0.0f)
+        return;
+    const float3 p = start_in_texel(rays, r, place);
+    opening->open += transmittance(rays, p + start_of(r, p, direction), direction, reach);
+    opening->all += 1.0f;
+}
+
+float open_part(const Opening *opening) { return opening->all > 0.0f ? opening->open / opening->all : 0.0f; }

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Generator
 
-import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import upload
 from ..device.compute import Compute
 from ..progress import finished, part_of
 from ..resume.checkpoint import Checkpoint
-from ..visibility.identity import Identity, Sampling, identity_options
+from ..visibility.identity import Identity, Sampling
 from ..visibility.rays.identity import GatheredBuffers, RayIdentity
 from .device_l1 import L1
+from .gather_kernels import GatherKernels
 from .kept_samples import Backs, KeptSamples, Rows
 from .l1_gather import L1Gather, NoL1
 from .static_light import StaticLight
@@ -27,35 +26,6 @@ _MANY = 1024
 
 #: Of the time to find what patches see, and to sum up the static light there, the latter takes this part.
 _SUMMING = 0.04
-
-
-class _Gather:
-    """The gather kernel, for samples of an identity."""
-
-    def __init__(self, compute: Compute, sampling: Sampling) -> None:
-        self._compute, self._queue = compute, compute.queue
-        options = identity_options(sampling.sample_bytes)
-        options += ("-DEVEN",) if sampling.even else ()
-        files = ("hemicube.cl", "tilt.cl", "identity.cl", "gather.cl")
-        self._gather, self._take = compute.kernels(files, "gather", "take", options=options)
-        multiplier = np.zeros(4, np.float32) if sampling.multiplier is None else sampling.multiplier
-        self._multiplier = upload(compute, multiplier)
-        self._quads = np.int32(sampling.samples // 4)
-        self.can_be_sparse = sampling.even and sampling.samples >= _MANY
-
-    def gather(self, rows: Rows, static_light: cl.Buffer, light: Light, column: int) -> None:
-        """Gather for the patches whose samples these are."""
-        (group,) = self._gather.group(*self._compute.work_sizes.gather)
-        self._gather(
-            self._queue, (group * (rows.last - rows.first),), (group,),
-            rows.cache, self._multiplier, light.radiance, static_light, *light.outputs(column),
-            self._quads, np.int32(_STRIDE if light.sparse else 1), np.int32(rows.first),
-            cl.LocalMemory(16 * group),
-        )  # fmt: skip
-
-    def take(self, gathered: cl.Buffer, light: Light, column: int) -> None:
-        """Make what was gathered, static light included, an iterate."""
-        self._compute.run(self._take, light.count, gathered, *light.outputs(column))
 
 
 class CachedSweep:
@@ -76,21 +46,22 @@ class CachedSweep:
         checkpoint: Checkpoint,
     ) -> None:
         self._compute, self._kept, self._identity, self._checkpoint = compute, kept, identity, checkpoint
-        self._kernels = _Gather(compute, kept.sampling)
+        self._kernels = GatherKernels(compute, kept.sampling)
         self._static, self._l1, self._begun = static, l1, False
 
     @property
     def can_be_sparse(self) -> bool:
         """True if a few of the samples of each patch are enough to begin with."""
-        return self._kernels.can_be_sparse
+        return self._kept.sampling.even and self._kept.sampling.samples >= _MANY
 
     def gather(self, light: Light, column: int) -> Generator[float, None, None]:
         """Gather; see `sweep.Sweep.gather`."""
         if not self._begun:
             yield from self._begin(light)
         self._l1.keep_radiance(light.radiance)
+        stride = _STRIDE if light.sparse else 1
         for rows in self._kept.pieces:
-            self._kernels.gather(rows, self._static.light, light, column)
+            self._kernels.gather(rows, light.radiance, self._static.light, light.outputs(column), stride)
         yield 1.0
 
     def gather_l1(self) -> Generator[float, None, L1]:
@@ -137,7 +108,7 @@ class StreamSweep:
         """Keep the samples of at most `cached` patches at a time."""
         self._compute, self._static, self._l1, self._backs = compute, static, l1, backs
         self._identity, self._count, self._step = identity, count, max(1, min(cached, count))
-        self._kernels = _Gather(compute, Sampling.of(identity))
+        self._kernels = GatherKernels(compute, Sampling.of(identity))
         size = identity.row_bytes * self._step
         self._cache = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)
 
@@ -150,7 +121,7 @@ class StreamSweep:
                 yield (first + done * (last - first)) / self._count
             rows = Rows(self._cache, first, last)
             finished(self._static.sum_up(rows, self._backs))
-            self._kernels.gather(rows, self._static.light, light, column)
+            self._kernels.gather(rows, light.radiance, self._static.light, light.outputs(column))
             for _ in self._l1.gather(rows, self._static.l1):
                 pass
         cl.enqueue_copy(self._compute.queue, light.patches_seen, self._backs.patches_seen)
@@ -173,7 +144,7 @@ class RayStreamSweep:
         l1: L1Gather | NoL1,
     ) -> None:
         self._identity, self._count, self._l1 = identity, count, l1
-        self._kernels = _Gather(compute, Sampling.of(identity))
+        self._kernels = GatherKernels(compute, Sampling.of(identity))
         self._gathered = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count)
         self._backs_seen = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, sources + 1)
 

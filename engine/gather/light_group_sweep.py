@@ -11,7 +11,8 @@ from ..device.buffers import download, upload, zeros
 from ..device.compute import Compute
 from ..errors import DeviceError
 from ..progress import finished, part_of
-from ..visibility.identity import Identity, Sampling, identity_options
+from ..visibility.identity import Identity, Sampling
+from .gather_kernels import GatherKernels
 from .kept_samples import Backs, KeptSamples, Rows
 from .static_light import StaticLight
 from .sweep import Light
@@ -20,26 +21,19 @@ from .sweep import Light
 TOGETHER = 2
 
 
-class _Gather:
-    """The gather kernel of g light groups, and the radiance that it reads: that of a source lies together."""
+class _Radiance:
+    """The radiance of g light groups, as the gather kernel reads it: that of a source lies together."""
 
-    def __init__(self, compute: Compute, sampling: Sampling, groups: int, sources: int) -> None:
+    def __init__(self, compute: Compute, groups: int, sources: int) -> None:
         self._compute, self._groups, self._sources = compute, groups, sources
-        options = (*identity_options(sampling.sample_bytes), f"-DLIGHT_GROUPS={groups}")
-        options += ("-DEVEN",) if sampling.even else ()
-        files = ("hemicube.cl", "tilt.cl", "identity.cl", "gather.cl", "light_groups.cl")
-        (self._gather,) = compute.kernels(files, "gather_groups", options=options)
-        multiplier = np.zeros(4, np.float32) if sampling.multiplier is None else sampling.multiplier
-        self._multiplier = upload(compute, multiplier)
-        self._quads = np.int32(sampling.samples // 4)
 
         # Whole blocks of groups: of nothing, of each source, of the surroundings.
-        self._radiance = zeros(compute, 16 * groups * (sources + 2))
+        self.buffer = zeros(compute, 16 * groups * (sources + 2))
 
     def read(self, radiance: cl.Buffer) -> None:
         """Take radiance, float4 of each source and group behind a black one."""
         cl.enqueue_copy(
-            self._compute.queue, self._radiance, radiance, byte_count=16 * self._groups * self._sources,
+            self._compute.queue, self.buffer, radiance, byte_count=16 * self._groups * self._sources,
             src_offset=16, dst_offset=16 * self._groups,
         )  # fmt: skip
 
@@ -47,16 +41,7 @@ class _Gather:
         """Take radiance, (m, g, 3) float32."""
         blocks = np.zeros((self._sources + 2, self._groups, 4), np.float32)
         blocks[1:-1, :, :3] = radiance
-        cl.enqueue_copy(self._compute.queue, self._radiance, blocks)
-
-    def gather(self, rows: Rows, static_light: cl.Buffer, *outputs: object) -> None:
-        """Gather for the receivers whose samples these are; outputs as `sweep.Light` has them."""
-        (group,) = self._gather.group(*self._compute.work_sizes.gather)
-        self._gather(
-            self._compute.queue, (group * (rows.last - rows.first),), (group,),
-            rows.cache, self._multiplier, self._radiance, static_light, *outputs,
-            self._quads, np.int32(rows.first), cl.LocalMemory(16 * group),
-        )  # fmt: skip
+        cl.enqueue_copy(self._compute.queue, self.buffer, blocks)
 
 
 class LightGroupSweep:
@@ -69,7 +54,8 @@ class LightGroupSweep:
 
     def __init__(self, compute: Compute, kept: KeptSamples, static: Sequence[StaticLight]) -> None:
         self._compute, self._kept, self._groups = compute, kept, len(static)
-        self._kernel = _Gather(compute, kept.sampling, len(static), kept.count)
+        self._kernels = GatherKernels(compute, kept.sampling, len(static))
+        self._radiance = _Radiance(compute, len(static), kept.count)
         self._lights = static
         self._static: cl.Buffer | None = None
 
@@ -79,9 +65,9 @@ class LightGroupSweep:
             seen = download(self._compute, self._kept.backs.patches_seen, (self._kept.count,))
             cl.enqueue_copy(self._compute.queue, light.patches_seen, np.repeat(seen, self._groups))
             self._static = yield from self._static_light()
-        self._kernel.read(light.radiance)
+        self._radiance.read(light.radiance)
         for rows in self._kept.pieces:
-            self._kernel.gather(rows, self._static, *light.outputs(column))
+            self._kernels.gather(rows, self._radiance.buffer, self._static, light.outputs(column))
         yield 1.0
 
     def _static_light(self) -> Generator[float, None, cl.Buffer]:
@@ -123,15 +109,16 @@ class LightGroupLook:
         self._backs = Backs(compute, count, sources, False)
         self._runs = [slice(first, first + TOGETHER) for first in range(0, len(static), TOGETHER)]
         sampling = Sampling.of(identity)
-        self._kernels = [_Gather(compute, sampling, len(static[run]), sources) for run in self._runs]
+        self._kernels = [GatherKernels(compute, sampling, len(static[run])) for run in self._runs]
+        self._radiances = [_Radiance(compute, len(static[run]), sources) for run in self._runs]
 
     def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
         """Return E/pi of each group, (n, g, 3) float32, from radiance, (m, g, 3); yield the fraction done."""
         compute, count = self._compute, self._count
         sizes = [16 * count * len(self._static[run]) for run in self._runs]
         nothing, lights = zeros(compute, max(sizes)), [zeros(compute, size) for size in sizes]
-        for run, kernel in zip(self._runs, self._kernels, strict=True):
-            kernel.load(radiance[:, run])
+        for run, read in zip(self._runs, self._radiances, strict=True):
+            read.load(radiance[:, run])
         cache = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, self._identity.row_bytes * self._step)
         for first in range(0, count, self._step):
             last = min(first + self._step, count)
@@ -140,8 +127,9 @@ class LightGroupLook:
             rows = Rows(cache, first, last)
             for static in self._static:
                 finished(static.sum_up(rows, self._backs))
-            for kernel, light in zip(self._kernels, lights, strict=True):
-                kernel.gather(rows, nothing, nothing, nothing, light, light, np.int32(0), np.int32(0))
+            for kernels, read, light in zip(self._kernels, self._radiances, lights, strict=True):
+                outputs = (nothing, nothing, light, light, np.int32(0), np.int32(0))
+                kernels.gather(rows, read.buffer, nothing, outputs)
         gathered = [
             download(compute, light, (count, size // (16 * count), 4))[..., :3]
             for light, size in zip(lights, sizes, strict=True)

@@ -7,6 +7,7 @@ import pytest
 
 from engine import Light, Settings, bake, finished
 from engine.gather import cached
+from engine.gather.gather_kernels import GatherKernels
 from tests.analytic.scenes import nine_quad_room
 
 #: A room of prime size; 1,036 samples are 259 fours, which are no multiple of the stride.
@@ -21,12 +22,12 @@ def strides(monkeypatch):
     """Return a list of the strides of all sweeps to come."""
     found = []
 
-    class Noting(cached._Gather):
-        def gather(self, rows, static_light, light, column):
-            found.append(cached._STRIDE if light.sparse and self.can_be_sparse else 1)
-            super().gather(rows, static_light, light, column)
+    class Noting(GatherKernels):
+        def gather(self, rows, radiance, static_light, outputs, stride=1):
+            found.append(stride)
+            super().gather(rows, radiance, static_light, outputs, stride)
 
-    monkeypatch.setattr(cached, "_Gather", Noting)
+    monkeypatch.setattr(cached, "GatherKernels", Noting)
     return found
 
 

@@ -1,0 +1,50 @@
+"""The kernels of one iteration, kernels/gather.cl."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyopencl as cl
+
+from ..device.buffers import upload
+from ..device.compute import Compute
+from ..visibility.identity import Sampling, identity_options
+from .kept_samples import Rows
+from .sweep import Light
+
+
+class GatherKernels:
+    """Gather from samples of an identity.
+
+    sampling  of the samples
+    groups    light groups that gather at once: of each patch theirs lie side by side
+    """
+
+    def __init__(self, compute: Compute, sampling: Sampling, groups: int = 1) -> None:
+        self._compute, self._queue = compute, compute.queue
+        options = (*identity_options(sampling.sample_bytes), f"-DLIGHT_GROUPS={groups}")
+        options += ("-DEVEN",) if sampling.even else ()
+        files = ("hemicube.cl", "tilt.cl", "identity.cl", "gather.cl")
+        self._gather, self._take = compute.kernels(files, "gather", "take", options=options)
+        multiplier = np.zeros(4, np.float32) if sampling.multiplier is None else sampling.multiplier
+        self._multiplier = upload(compute, multiplier)
+        self._quads = np.int32(sampling.samples // 4)
+
+    def gather(
+        self, rows: Rows, radiance: cl.Buffer, static_light: cl.Buffer, outputs: tuple, stride: int = 1
+    ) -> None:
+        """Gather for the patches whose samples these are.
+
+        radiance  float4 of each group of each patch that is seen + 1
+        outputs   as `sweep.Light.outputs` has them
+        stride    one in this many groups of four samples is read; 1 unless all weigh the same
+        """
+        (group,) = self._gather.group(*self._compute.work_sizes.gather)
+        self._gather(
+            self._queue, (group * (rows.last - rows.first),), (group,),
+            rows.cache, self._multiplier, radiance, static_light, *outputs,
+            self._quads, np.int32(stride), np.int32(rows.first), cl.LocalMemory(16 * group),
+        )  # fmt: skip
+
+    def take(self, gathered: cl.Buffer, light: Light, column: int) -> None:
+        """Make what was gathered, static light included, an iterate."""
+        self._compute.run(self._take, light.count, gathered, *light.outputs(column))

@@ -10,7 +10,7 @@ __kernel void brightest(__global const float4 *radiance, const int count, __glob
 }
 
 // Radiance of patches, after one black entry, times a factor becomes half floats.
-__kernel void narrow(__global const float4 *radiance, const float factor, __global half *parts, const int count)
+__kernel void narrow_half(__global const float4 *radiance, const float factor, __global half *parts, const int count)
 {
     const int i = get_global_id(0);
     if (i < count)

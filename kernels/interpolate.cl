@@ -43,8 +43,6 @@ bool invert(const float *m, float *inverse)
     return determinant > 1e-4f * m[0] * m[0] * m[0];
 }
 
-float sum3(const float4 v) { return v.x + v.y + v.z; }
-
 // The groups around a patch on whose surface they are; return how many, 0 if one stands inside of something.
 int anchors_of(const int patch, __global const uint *texel_to_patch, const int resolution, const int width,
                __global const int *atlases, __global const int *texels, __global const int *groups,

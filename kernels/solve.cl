@@ -5,8 +5,6 @@
 #define PRODUCTS (COLUMNS * (COLUMNS - 1) / 2)
 #define SUMS (PRODUCTS + COLUMNS + 3)
 
-float sum3(const float4 v) { return v.x + v.y + v.z; }
-
 // For each channel: products of the defects' differences to the newest, D_i D_j and D_i f, and f f, with
 // weights that fall with the square of a patch's light above the mean; then what the patches reflect of
 // the newest defect, and of light that is 1 wherever they see others; then all light, in x. One sum for

@@ -35,7 +35,7 @@ class HalfLight(Portable):
     @classmethod
     def of(cls, compute: Compute, radiance: cl.Buffer, count: int) -> HalfLight:
         """Round radiance on the device, float4 of each of `count` patches between two black entries."""
-        brightest, narrow = compute.kernels("half_light.cl", "brightest", "narrow")
+        brightest, narrow = compute.kernels("half_light.cl", "brightest", "narrow_half")
         most = zeros(compute, 4 * _ITEMS)
         compute.run(brightest, _ITEMS, radiance, np.int32(count + 2), most)
         unit = np.float32(max(float(download(compute, most, (_ITEMS,)).max()), 1e-30) / _BRIGHTEST)

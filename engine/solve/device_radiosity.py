@@ -50,7 +50,7 @@ class DeviceRadiosity:
         self.columns, self._pairs = columns, np.triu_indices(columns)
         names = ("send_out", "products", "mix_iterates", "balance", "add_up")
         options = (f"-DCOLUMNS={columns}",)
-        kernels = compute.kernels("solve.cl", *names, options=options)
+        kernels = compute.kernels(("channels.cl", "solve.cl"), *names, options=options)
         self._send_out, self._products, self._mix, self._balance, self._add_up = kernels
         self._emission, self._reflectance = emission, upload_float4_once(compute, reflectance)
         self._sampled_light = upload_float4_once(compute, sampled_light)

@@ -36,7 +36,8 @@ class Interpolation:
         """
         self.leader, self._opening = leader, opening
         self._compute, self._receivers = rays.compute, rays.receivers
-        (self._interpolate,) = self._compute.kernels((*RECEIVER_SOURCE, "interpolate.cl"), "interpolate")
+        files = (*RECEIVER_SOURCE, "channels.cl", "interpolate.cl")
+        (self._interpolate,) = self._compute.kernels(files, "interpolate")
         patches = parts.patches
         arrays = (patches.atlas, patches.texel, group.astype(np.int32), leader.astype(np.int32))
         self._count = len(patches)

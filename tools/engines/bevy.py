@@ -7,7 +7,6 @@ a quarter of an hour on two cores.
 from __future__ import annotations
 
 import ctypes
-import json
 import os
 import shutil
 import subprocess
@@ -16,7 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .exported_maps import exported_maps, glb_json
+from .exported_maps import glb_json
+from .question import ask
 
 HERE = Path(__file__).parent
 SOURCE = HERE / "bevy_show"
@@ -59,15 +59,10 @@ def render(
 
     Raises RuntimeError if Bevy shows nothing.
     """
-    asked = {
-        "file": path.name, "width": width, "height": height, "hidden": list(hide),
-        "directional": directional, "maps": exported_maps(path.parent), **_camera(path),
-    }  # fmt: skip
     with tempfile.TemporaryDirectory(prefix="hemibake-bevy-") as folder:
         assets = Path(folder)
-        (assets / "show.json").write_text(json.dumps(asked), encoding="utf-8")
-        for file in (path, SOURCE / "src" / "directional.wgsl", *path.parent.glob(f"{path.stem}.*.exr")):
-            shutil.copy2(file, assets)
+        shader = SOURCE / "src" / "directional.wgsl"
+        ask(assets, shader, path, (width, height), hide, directional, **_camera(path))
         done = subprocess.run(
             [str(BUILT / "debug" / "show"), folder], timeout=_PATIENCE, capture_output=True, text=True
         )

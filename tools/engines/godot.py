@@ -6,7 +6,6 @@ Mesa draws, so no graphics card is needed. Godot imports the file into a project
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import subprocess
@@ -18,7 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .exported_maps import exported_maps, glb_json
+from .exported_maps import glb_json
+from .question import ask
 
 HERE = Path(__file__).parent
 
@@ -57,16 +57,10 @@ def render(
 
     Raises RuntimeError if Godot shows nothing.
     """
-    asked = {
-        "file": path.name, "width": width, "height": height, "hidden": list(hide),
-        "directional": directional, "maps": exported_maps(path.parent), "shine": _emission(path),
-    }  # fmt: skip
     with tempfile.TemporaryDirectory(prefix="hemibake-godot-", ignore_cleanup_errors=True) as folder:
         project = Path(folder)
         (project / "project.godot").write_text(_PROJECT, encoding="utf-8")
-        (project / "show.json").write_text(json.dumps(asked), encoding="utf-8")
-        for file in (path, HERE / "show.gd", *path.parent.glob(f"{path.stem}.*.exr")):
-            shutil.copy2(file, project)
+        ask(project, HERE / "show.gd", path, (width, height), hide, directional, shine=_emission(path))
         _import(project)
         pixels = project / "pixels.bin"
         with _display() as display:

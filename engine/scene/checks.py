@@ -8,7 +8,7 @@ from ..errors import SceneError
 from .model import LIGHT_KINDS, OCCLUDER, Light, Material, Mesh, Scene, Texture
 from .profile import check_profile
 
-#: Greater radiances count as infinite: sums of them would leave float32.
+#: Largest radiance, W/(m^2 sr), and largest strength of a light: sums of greater ones would leave float32.
 MAX_RADIANCE = 1e30
 
 #: Largest coordinate, m: areas, and squares of areas, then fit float32. Furnaces of 4e9 m are right, of 1e10
@@ -27,6 +27,9 @@ UV_TOLERANCE = 1e-4
 #: Axes of a light that must be unit vectors, and how far from 1 their lengths may be.
 _AXES_NEEDED = {"sun": slice(2, 3), "spot": slice(3), "area": slice(3)}
 _UNIT_TOLERANCE = 1e-3
+
+#: What is no light, as errors tell it.
+_NO_LIGHT = f"NaN, negative or greater than {MAX_RADIANCE:.0e}"
 
 
 def check_scene(scene: Scene) -> None:
@@ -84,7 +87,7 @@ def check_world(world: np.ndarray) -> None:
     if not world.size:
         raise SceneError("The world's image has no pixels. Choose another image.")
     if not _is_light(world):
-        raise SceneError("The world's radiance is NaN, infinite or negative. Mend its colour and strength.")
+        raise SceneError(f"The world's radiance is {_NO_LIGHT}. Mend its colour and strength.")
 
 
 def check_mesh(mesh: Mesh) -> None:
@@ -158,7 +161,7 @@ def check_material(material: Material) -> None:
         )
     if not all(_is_light(values) for values in _values(material.emission, material.emission_map)):
         raise SceneError(
-            f"Material '{material.name}' has an emission that is NaN, infinite or negative. "
+            f"Material '{material.name}' has an emission that is {_NO_LIGHT}. "
             "Mend its emission colour and strength."
         )
     alphas = _values(np.asarray(material.alpha), material.alpha_map)
@@ -175,7 +178,7 @@ def check_light(light: Light) -> None:
             f"Light '{light.name}' is of kind '{light.kind}'. Choose one of {', '.join(LIGHT_KINDS)}."
         )
     if not _is_light(light.strength):
-        raise SceneError(f"Light '{light.name}' has a power that is NaN, infinite or negative. Mend it.")
+        raise SceneError(f"Light '{light.name}' has a power that is {_NO_LIGHT}. Mend it.")
     numbers = (
         light.position,
         light.axes,
@@ -219,4 +222,4 @@ def _values(constant: np.ndarray, texture: Texture | None) -> list[np.ndarray]:
 
 def _is_light(values: np.ndarray, most: float = MAX_RADIANCE) -> bool:
     """True for numbers from 0 to `most`, the largest that float32 sums of many can hold; NaN is none."""
-    return bool(np.min(values) >= 0 and np.max(values) <= most)
+    return bool(np.min(values) >= 0 and np.max(values) <= np.float32(most))

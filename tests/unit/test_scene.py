@@ -46,6 +46,15 @@ def test_materials_that_are_no_light(reflectance, emission):
         check_scene(replace(scene(triangle()), materials=(bad,)))
 
 
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_the_largest_light_passes_and_an_error_names_the_limit(kind):
+    neon = Material("Neon", np.ones(3), np.full(3, 1e30, kind))
+    check_scene(replace(scene(triangle()), materials=(neon,), world=neon.emission))
+    for values in ({"materials": (replace(neon, emission=neon.emission * 2),)}, {"world": neon.emission * 2}):
+        with pytest.raises(SceneError, match="NaN, negative or greater than 1e[+]30"):
+            check_scene(replace(scene(triangle()), **values))
+
+
 def textured(**changes):
     texture = replace(Texture("Tiles", np.ones((3, 5, 3), np.float32), "Map"), **changes)
     return Material("Wall", np.ones(3), np.zeros(3), reflectance_map=texture)

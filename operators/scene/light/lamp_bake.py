@@ -31,7 +31,7 @@ _FLAT = 1e-3
 #: Factors that differ by less, of the largest one, are the same.
 _EVEN = 1e-3
 
-#: Radiances beyond it are no light (see engine.scene.model.MAX_RADIANCE).
+#: Radiances beyond it are no light (see engine.scene.checks.MAX_RADIANCE).
 _MOST = 1e20
 
 

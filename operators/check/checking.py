@@ -17,7 +17,7 @@ from ..scene import SceneContext, visible_meshes
 from ..scene.objects.visible import visible_objects
 from ..scene.targets import target_uids
 from ..worker_owner import owner
-from .faces import centres_of, check_coordinates, check_normals, check_zero_area
+from .faces import centres_of, check_coordinates, check_faceless, check_normals, check_zero_area
 from .finding import ERROR, INFO, WARNING, Checked, Finding
 from .meshes import CheckedMesh, read_meshes
 from .surroundings import check_hidden, check_images, check_light
@@ -62,6 +62,7 @@ def check_scene(context: SceneContext) -> Generator[None, None, Checked]:
         findings.append(
             Finding(ERROR, "There is no mesh with faces to bake. Add one, or set its role to Baked.")
         )
+    findings += check_faceless(visible_meshes(context), meshes)
     centres = centres_of(visible_objects(context))
     yield
     meshes, broken = yield from check_coordinates(meshes)
@@ -113,8 +114,8 @@ def _expect(
     placed = [one for one in charts if one.place is not None]
     patches = sum(one.charted.flat_area * one.place.scale**2 for one in placed) * texels
 
-    # Of those without a place yet, new ones fill an atlas for each name; tiles are as dense as the others.
-    new = {mesh.atlas for mesh in meshes if mesh.uvs is None}
+    # Of those without a place yet, new ones fill an atlas for each name, if they can get any UVs; tiles are as dense as the others.
+    new = {mesh.atlas for mesh in meshes if mesh.uvs is None and mesh.editable}
     tiled = [one for one in charts if one.mesh.several]
     surface = sum(one.charted.surface for one in placed)
     if surface > 0:

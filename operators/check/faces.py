@@ -71,6 +71,17 @@ def check_normals(meshes: Sequence[CheckedMesh], centres: dict[str, np.ndarray])
     ]
 
 
+def check_faceless(objects: Sequence[bpy.types.Object], meshes: Sequence[CheckedMesh]) -> list[Finding]:
+    """Return the mesh objects that are not among the meshes, which have faces."""
+    names = {mesh.name for mesh in meshes}
+    faceless = [obj.name for obj in objects if obj.name not in names]
+    return found(
+        WARNING,
+        "No faces: {}. The bake leaves out what has none. Give it faces, or set its role to Ignored.",
+        faceless,
+    )
+
+
 def check_zero_area(meshes: Sequence[CheckedMesh]) -> Steps:
     """Return meshes with triangles that have no area."""
     flat: dict[str, bool] = {}

@@ -233,6 +233,22 @@ def test_only_what_is_to_be_baked_needs_lightmap_uvs_and_counts():
     assert checked.estimate.patches == pytest.approx(0.16 * 32**2, rel=0.1) and both > 2 * 0.16 * 32**2
 
 
+def test_linked_objects_that_get_no_lightmap_do_not_count(tmp_path):
+    import bpy
+
+    library = str(tmp_path / "library.blend")
+    there = square("Linked", uvs=None)
+    bpy.data.libraries.write(library, {there})
+    bpy.data.objects.remove(there)
+    with bpy.data.libraries.load(library, link=True) as (_, linked):
+        linked.objects = ["Linked"]
+    bpy.context.scene.collection.objects.link(linked.objects[0])
+    square("Own")
+    checked = check()
+    assert [one.objects for one in checked.findings] == [("Linked",)]
+    assert checked.estimate.patches == pytest.approx(0.64 * 32**2, rel=0.1)
+
+
 def test_blocking_bake_is_checked_before_it_begins():
     import bpy
 
@@ -419,6 +435,8 @@ def test_nasty_scenes_are_checked():
     assert bpy.context.mode == "EDIT_MESH" and edited.data.is_editmode
     broken = {name for one in checked.findings if one.severity == "ERROR" for name in one.objects}
     assert {"NaN", "Huge", "Infinite"} <= broken and not {"Flat", "Mirrored", "Chair", "Point"} & broken
+    faceless = {one.objects for one in checked.findings if one.text.startswith("No faces")}
+    assert faceless == {("Edges", "Empty")}
     assert checked.estimate.patches > 0
 
 

@@ -14,6 +14,7 @@ class HEMIBAKE_PT_own_materials(SubPanel, bpy.types.Panel):
     """Surface of the active slot's own material, which Blender's panels cannot show during the preview."""
 
     bl_label = "Own Materials"
+    bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

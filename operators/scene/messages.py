@@ -9,7 +9,7 @@ from ...engine.scene.checks import LARGEST
 _LEFT_OUT = "left out of the bake"
 _SEEN = "seen and reflecting, but without a lightmap"
 
-NO_FACES = f"no faces with an area: {_LEFT_OUT}. Give it faces, or set its role to Ignored."
+NO_FACES = f"no faces with an area: {_LEFT_OUT}. Add faces, or set the role to Ignored."
 NOT_FINITE = (
     f"NaN or infinite vertex coordinates: {_LEFT_OUT}. Delete those vertices, "
     "or check the modifiers and the object's scale."

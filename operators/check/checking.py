@@ -114,7 +114,8 @@ def _expect(
     placed = [one for one in charts if one.place is not None]
     patches = sum(one.charted.flat_area * one.place.scale**2 for one in placed) * texels
 
-    # Of those without a place yet, new ones fill an atlas for each name, if they can get any UVs; tiles are as dense as the others.
+    # Of those without a place yet, new ones fill an atlas for each name (linked ones get no UVs); tiles are
+    # as dense as the others.
     new = {mesh.atlas for mesh in meshes if mesh.uvs is None and mesh.editable}
     tiled = [one for one in charts if one.mesh.several]
     surface = sum(one.charted.surface for one in placed)

@@ -18,7 +18,8 @@ from .blocks import Span, cut
 from .shipment import Squares
 from .shipped import Shipped
 from .sweep_memories import SweepMemories
-from .tasks import Tasks
+from .sweep_memory import MappedLight
+from .tasks import EARLY, Tasks
 
 #: Points of texels in a task, at least: fewer take as long.
 _FEWEST_POINTS = 2048
@@ -64,61 +65,68 @@ class ClusterDevices:
 
     def views(self, count: int) -> Generator[float, None, np.ndarray]:
         """Return how much patches see of patches and backs; see `RemoteGather.views`."""
-        if not self._blocks:
-            self._find(count)
+        self._find_once(count)
         return (yield from self._of_blocks(block.views))
 
     def gather(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
         """Gather once; see `RemoteGather.gather`. The rows are overwritten by the next time but one."""
+        self._find_once(len(light.parts))
         memory = self._memories.next(len(light.parts), self._tasks.workers())
         if memory is None:
-            return (yield from self._of_blocks(block.gather, self._tasks.sent(light)))
-        sent = self._tasks.sent(memory.put(light))
-        tasks = {
-            self._tasks.begin(block.gather_to, found, sent, memory.path): span
-            for span, found in self._blocks.items()
-        }
-        yield from self._tasks.take(tasks, lambda *_: None)
+            return (yield from self._of_blocks(block.gather, self._light_sent(light)))
+        sent = self._light_sent(memory.put(light))
+        blocks = self._blocks.values()
+        yield from self._tasks.finish(
+            self._tasks.begin(block.gather_to, [(found, sent, memory.path) for found in blocks])
+        )
         return memory.rows
 
     def gather_l1(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
         """Gather L1; see `RemoteGather.gather_l1`."""
-        return (yield from self._of_blocks(block.gather_l1, self._tasks.sent(light)))
+        return (yield from self._of_blocks(block.gather_l1, self._light_sent(light)))
 
     def of_groups(self, leader: np.ndarray, width: int) -> None:
         """Let the workers solve groups of patches; see `RemoteGather.of_groups`."""
-        self._squares = self._tasks.sent(Squares.of(leader, width))
+        self._squares = self._tasks.sent(Squares.of(leader, width), "squares")
         self._find(int(np.count_nonzero(leader == np.arange(len(leader), dtype=leader.dtype))))
 
     def final(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
         """Gather for every patch; see `RemoteGather.final`."""
         self._blocks = {}
-        return (yield from self._of_patches(final_tasks.final, self._squares, self._tasks.sent(light)))
+        return (yield from self._of_patches(final_tasks.final, self._squares, self._light_sent(light)))
 
     def final_l1(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
         """Gather L1 for every patch; see `RemoteGather.final_l1`."""
-        return (yield from self._of_patches(final_tasks.final_l1, self._squares, self._tasks.sent(light)))
+        return (yield from self._of_patches(final_tasks.final_l1, self._squares, self._light_sent(light)))
 
     def light_at(
         self, samples: DisplaySamples, light: HalfLight, choice: Choice, settings: Settings
     ) -> Generator[float, None, list[LitSamples]]:
         """Return the light at points of texels; see `RemoteDevices.light_at`."""
         self._blocks = {}
-        seen, tasks = (self._squares, self._tasks.sent(light)), {}
-        for first, last in cut(len(samples), _FEWEST_POINTS):
-            part = samples.part(slice(first, last))
-            task = self._tasks.begin(
-                final_tasks.light_at_samples, self._shipped.shipment, part, *seen, choice, settings
-            )
-            tasks[task] = first, last
+        scene, spans = self._shipped.shipment, cut(len(samples), _FEWEST_POINTS)
+        how, seen = self._tasks.sent((choice, settings), "how"), (self._squares, self._light_sent(light))
+        parts = [self._tasks.sent(samples.part(slice(*span)), "samples") for span in spans]
+        tasks = [(scene, part, *seen, how) for part in parts]
+        begun = self._tasks.begin(final_tasks.light_at_samples, tasks)
         lit: dict[Span, LitSamples] = {}
-        yield from self._tasks.take(tasks, lit.__setitem__)
-        return [lit[span] for span in tasks.values()]
+        yield from self._tasks.take(dict(zip(begun, spans, strict=True)), lit.__setitem__)
+        return [lit[span] for span in spans]
+
+    def _light_sent(self, light: HalfLight | MappedLight) -> Future:
+        """Return light as the result of a task."""
+        return self._tasks.sent(light, "light")
+
+    def _find_once(self, count: int) -> None:
+        """Have what patches, or groups of them, see found unless that has begun."""
+        if not self._blocks:
+            self._find(count)
 
     def _find(self, count: int) -> None:
         """Have what `count` patches, or groups of them, see found, by tasks that any worker can do again."""
-        scene, squares = self._shipped.shipment, self._squares
-        self._blocks = {span: self._tasks.begin(block.find, scene, *span, squares) for span in cut(count)}
+        scene, squares, spans = self._shipped.shipment, self._squares, cut(count)
+        found = self._tasks.begin(block.find, [(scene, *span, squares) for span in spans], EARLY)
+        self._blocks = dict(zip(spans, found, strict=True))
 
     def _of_patches(self, function: Callable, *arguments: object) -> Generator[float, None, np.ndarray]:
         """Do a task for each block of patches, on any worker; return the rows of all patches."""
@@ -127,9 +135,10 @@ class ClusterDevices:
     def _tasks_of_patches(self, function: Callable, *arguments: object) -> dict[Future, Span]:
         """Begin a task for each block of patches, on any worker."""
         scene = self._shipped.shipment
-        return {self._tasks.begin(function, scene, *span, *arguments): span for span in self._patches}
+        begun = self._tasks.begin(function, [(scene, *span, *arguments) for span in self._patches])
+        return dict(zip(begun, self._patches, strict=True))
 
     def _of_blocks(self, function: Callable, *arguments: object) -> Generator[float, None, np.ndarray]:
         """Do a task for each block whose views are found, where it is; return the rows of all."""
-        tasks = {self._tasks.begin(function, found, *arguments): span for span, found in self._blocks.items()}
-        return (yield from self._tasks.rows(tasks))
+        begun = self._tasks.begin(function, [(found, *arguments) for found in self._blocks.values()])
+        return (yield from self._tasks.rows(dict(zip(begun, self._blocks, strict=True))))

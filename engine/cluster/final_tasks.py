@@ -49,11 +49,13 @@ def light_at_samples(
     samples: DisplaySamples,
     squares: Squares | None,
     light: HalfLight,
-    choice: Choice,
-    settings: Settings,
+    how: tuple[Choice, Settings],
 ) -> LitSamples:
-    """Return what samples gather from the light of all sources; see `display_light.light_at`."""
-    scene = prepared(shipment)
+    """Return what samples gather from the light of all sources; see `display_light.light_at`.
+
+    how: the way that was chosen for patches, and the settings of samples
+    """
+    (choice, settings), scene = how, prepared(shipment)
     with scene.working():
         radiance = scene.sources(squares).table(light)
         return finished(light_at(scene.display(squares, choice), radiance, samples, settings))

@@ -25,5 +25,6 @@ class Shipped:
     @classmethod
     def to_workers(cls, tasks: Tasks, shipment: Shipment) -> Shipped:
         """Send a scene to all workers that are there, which make its patches."""
-        sent = tasks.sent(shipment)
-        return cls(sent, [tasks.begin(prepare, sent, worker=address) for address in tasks.workers()])
+        sent = tasks.sent(shipment, "scene")
+        ready = [tasks.begin(prepare, [(sent,)], worker=address) for address in tasks.workers()]
+        return cls(sent, [task for (task,) in ready])

@@ -1,20 +1,27 @@
-"""Tasks for the workers of a scheduler: how they begin, how their results come back, how they fail."""
+"""Tasks for the workers of a scheduler: how they begin, how their results come back, how they fail.
+
+The scheduler unpickles what it is sent, and has no Hemibake: functions and values are bytes to it, which a
+worker unpickles in tasks of their own.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator
+import pickle
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from typing import Any
 
 import dask
 import numpy as np
+from dask.utils import apply
 from distributed import Client, Future, wait
 from distributed.client import ClosedClientError
 from distributed.comm import CommClosedError
 from distributed.scheduler import KilledWorker
 
 from ..errors import DeviceError
+from ..portable import portable_bytes
 from .blocks import Span
 
 #: A bake that waits for workers can be cancelled this often, s.
@@ -26,6 +33,9 @@ _PATIENCE = 20.0
 #: Dask warns of tasks with large arguments; here the scheduler shall keep them, to repeat the tasks.
 _LARGE_GRAPH = "distributed.admin.large-graph-warning-threshold"
 
+#: Tasks that the client waits for are done before those that only begin early.
+URGENT, EARLY = 1, 0
+
 
 class Tasks:
     """Begins tasks and takes their results.
@@ -35,6 +45,7 @@ class Tasks:
 
     def __init__(self, client: Client) -> None:
         self._client, self._address = client, str(client.scheduler.address)
+        self._functions: dict[Callable, Future] = {}
 
     @property
     def dashboard(self) -> str:
@@ -46,21 +57,34 @@ class Tasks:
         with self._losses_told():
             return set(self._client.scheduler_info(n_workers=-1)["workers"])
 
-    def begin(self, function: Callable, *arguments: object, worker: str | None = None) -> Future:
-        """Have a worker do a task; the same one begun again is another task.
+    def begin(
+        self,
+        function: Callable,
+        arguments: Iterable[Sequence[object]],
+        priority: int = URGENT,
+        worker: str | None = None,
+    ) -> list[Future]:
+        """Have workers call a function with each of some arguments; begun again, these are other tasks.
 
-        worker: the address of the one that shall do it as long as it is there; None for any
+        arguments  futures, whose results are taken, and what is small and of Python itself
+        worker     address of the one that calls it unless it is lost; None for any
         """
+        calls = [list(values) for values in arguments]
+        called = [self._function(function)] * len(calls)
         where: dict[str, Any] = {"workers": [worker], "allow_other_workers": True} if worker else {}
-        with self._losses_told(), dask.config.set({_LARGE_GRAPH: "1 PiB"}):
-            return self._client.submit(function, *arguments, pure=False, **where)
+        options = {"key": function.__name__, "pure": False, "priority": priority, **where}
+        with self._losses_told():
+            return list(self._client.map(apply, called, calls, **options))
 
-    def sent(self, value: object) -> Future:
+    def sent(self, value: object, name: str) -> Future:
         """Return a value as the result of a task, which workers fetch from each other.
 
-        The scheduler keeps it as the argument of the task, so that it can give it to a worker again.
+        The scheduler keeps it as the argument of the task, so that it can give it to a worker again. Of tasks
+        that need few others it gives a worker two at a time: values of different names are different ones.
         """
-        return self.begin(_given, value)
+        options = {"key": name, "pure": False, "priority": URGENT}
+        with self._losses_told(), dask.config.set({_LARGE_GRAPH: "1 PiB"}):
+            return self._client.map(pickle.loads, [portable_bytes(value)], **options)[0]
 
     def rows(self, tasks: dict[Future, Span]) -> Generator[float, None, np.ndarray]:
         """Return the rows that tasks make, one after another; yield the fraction done.
@@ -85,25 +109,52 @@ class Tasks:
 
         Raises DeviceError without workers.
         """
+        done = 0
+        for ended in self._ended(tasks, "FIRST_COMPLETED"):
+            with self._losses_told():
+                results = self._client.gather(ended, direct=True)
+            for task, result in zip(ended, results, strict=True):
+                put(tasks[task], result)
+            done += len(ended)
+            yield done / len(tasks)
+
+    def finish(self, tasks: Sequence[Future]) -> Generator[float, None, None]:
+        """Wait for tasks whose results nobody needs; yield the fraction done. Errors as of `take`."""
+        done = 0
+        for ended in self._ended(tasks, "ALL_COMPLETED"):
+            for task in ended:
+                if task.status != "finished":
+                    with self._losses_told():
+                        task.result()
+            done += len(ended)
+            yield done / len(tasks)
+
+    def _ended(self, tasks: Iterable[Future], until: str) -> Iterator[list[Future]]:
+        """Yield the tasks that have ended since the last time, perhaps none, until there are no others.
+
+        until: what is waited for each time, if it does not take too long
+        """
         left, lost = set(tasks), 0.0
         while left:
             with self._losses_told():
-                ended, left = _ended(left)
-                results = self._client.gather(ended, direct=True)
+                ended = _wait(left, until)
                 lost = 0.0 if ended or self._has_workers() else lost + _PAUSE
             if lost > _PATIENCE:
                 raise DeviceError(
                     f"The scheduler at {self._address} has had no workers for {_PATIENCE:.0f} s. "
                     "Start some with tools/worker.py, then bake again."
                 )
-            for task, result in zip(ended, results, strict=True):
-                put(tasks[task], result)
-            yield 1 - len(left) / len(tasks)
+            left.difference_update(ended)
+            yield ended
+
+    def _function(self, function: Callable) -> Future:
+        """Return a function as the result of a task."""
+        if function not in self._functions:
+            self._functions[function] = self.sent(function, f"{function.__name__}_function")
+        return self._functions[function]
 
     def _has_workers(self) -> bool:
         """Return whether any worker is there; raises OSError if the scheduler is gone."""
-        if self._client.status == "connecting":
-            return False
         if self._client.status != "running":
             raise OSError("the connection is lost")
         return bool(self._client.scheduler_info(n_workers=1)["workers"])
@@ -126,15 +177,9 @@ class Tasks:
             ) from error
 
 
-def _ended(tasks: set[Future]) -> tuple[list[Future], set[Future]]:
-    """Wait a moment for any task to end; return those that have, and the others."""
+def _wait(tasks: set[Future], until: str) -> list[Future]:
+    """Wait a moment for tasks to end; return those that have."""
     try:
-        ended, left = wait(tasks, timeout=_PAUSE, return_when="FIRST_COMPLETED")
+        return list(wait(tasks, timeout=_PAUSE, return_when=until).done)
     except TimeoutError:
-        return [], tasks
-    return list(ended), left
-
-
-def _given(value: object) -> object:
-    """Return what is given."""
-    return value
+        return [task for task in tasks if task.done()]

@@ -69,12 +69,15 @@ class RemoteSweep:
 
     def gather(self, light: Light, column: int) -> Generator[float, None, None]:
         """Gather; see `sweep.Sweep.gather`. The first time waits for what patches see to be found."""
+        self._light = HalfLight.of(self._compute, light.radiance, self._count)
+        work = self._remote.gather(self._light)
         if not self._views:
+            # Who has found what its patches see gathers while others still look.
+            next(work)
             views = yield from self._remote.views(self._count)
             self._views = [upload(self._compute, fraction) for fraction in views.T]
         front, patches_seen = self._views
-        self._light = HalfLight.of(self._compute, light.radiance, self._count)
-        gathered = upload(self._compute, (yield from self._remote.gather(self._light)))
+        gathered = upload(self._compute, (yield from work))
         self._compute.run(self._join, self._count, gathered, front, self._gathered, np.int32(self._count))
         self._compute.run(self._take, self._count, self._gathered, *light.outputs(column))
         cl.enqueue_copy(self._compute.queue, light.patches_seen, patches_seen)

@@ -17,11 +17,15 @@ PATIENCE = 60
 
 @contextmanager
 def running_scheduler(folder, *options, scheme="tcp"):
-    """Yield the address of a scheduler with one worker, and its process; `options` are of both."""
+    """Yield the address of a scheduler with one worker, and its process; `options` are of both.
+
+    The scheduler is started in the folder: it cannot import Hemibake, as those of others.
+    """
     told = folder / "scheduler.json"
     command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", f"{scheme}://127.0.0.1"]
     command += ["--port", "0", "--no-dashboard", "--scheduler-file", str(told), *options]
-    processes = [subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)]
+    silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    processes = [subprocess.Popen(command, cwd=folder, **silent)]
     try:
         address = _address_in(told)
         processes.append(local_workers.start_worker(address, ONE_THREAD, *options))

@@ -115,12 +115,12 @@ def test_bits_are_the_same_without_room_in_memory(monkeypatch, two, by_two):
 
 
 def test_nothing_is_left_in_the_memory_of_the_machine(monkeypatch, tmp_path, two, by_two):
-    """Sweeps take turns with two memories, each of a file of light and one of rows."""
+    """The scene is a file; sweeps take turns with two memories, each of a file of light and one of rows."""
     monkeypatch.setattr("engine.cluster.memory_folder._MEMORY", tmp_path)
     made = set()
     for _ in bake(two):
         made |= {path.name for folder in tmp_path.iterdir() for path in folder.iterdir()}
-    assert len(made) == 4 and not list(tmp_path.iterdir())
+    assert len(made) == 5 and not list(tmp_path.iterdir())
 
 
 def test_all_devices_of_this_machine_work_for_a_bake(monkeypatch, by_two):
@@ -184,6 +184,15 @@ def test_a_scheduler_that_is_gone_is_an_error_with_the_remedy(tmp_path):
             finished(work)
 
 
+def test_images_are_made_and_saved_without_workers_and_scheduler(tmp_path, by_two_in_texels):
+    """All are killed once points of texels are lit."""
+    with running_scheduler(tmp_path) as (address, _):
+        work = Session().bake(nine_quad_room(), replace(IN_TEXELS, scheduler=address))
+        while next(work).stage != "Images":
+            pass
+    assert np.array_equal(finished(work).display, by_two_in_texels.display)
+
+
 def test_light_goes_on_by_another_scheduler(tmp_path, by_two):
     """What was found until the first one was gone is in a checkpoint."""
     cache, settings = tmp_path / "cache", replace(SETTINGS, checkpoint_interval=0)
@@ -214,7 +223,7 @@ def test_a_slow_device_gets_fewer_blocks():
         while next(work).stage != "Bounce 2":
             pass
         held = made.client.has_what()
-        found = {worker: sum("find" in str(key) for key in held[worker]) for worker in held}
+        found = {worker: sum(key.startswith("find-") for key in held[worker]) for worker in held}
         # A block may lie with both: a task of one that runs where the other lies takes a copy along.
         assert sum(found.values()) >= len(cut(finished(work).report.patches))
         assert 0 < found[slow_one] < found[quick_one]

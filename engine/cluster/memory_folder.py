@@ -36,6 +36,24 @@ def is_at_hand(folder: str) -> bool:
     return os.access(folder, os.R_OK | os.W_OK | os.X_OK)
 
 
+def new_file(folder: str, size: int) -> str:
+    """Return the path of a new file in a folder, with room for so many bytes; raises OSError without room.
+
+    Linux ends a process that finds no room once it writes; other systems have no such folder.
+    """
+    if sys.platform != "linux":
+        raise OSError("no files in memory")
+    number, path = tempfile.mkstemp(dir=folder)
+    try:
+        os.posix_fallocate(number, 0, size)
+    except OSError:
+        Path(path).unlink()
+        raise
+    finally:
+        os.close(number)
+    return path
+
+
 def _remove_orphans(memory: Path) -> None:
     """Remove the folders of processes that were killed; those of other users stay."""
     for folder in memory.glob(f"{_NAME}*-*"):

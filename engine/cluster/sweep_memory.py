@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import mmap
-import os
-import sys
-import tempfile
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
@@ -15,6 +12,7 @@ import numpy as np
 
 from ..gather.half_light import HalfLight
 from ..portable import Portable
+from .memory_folder import new_file
 
 #: Numbers of a patch in light, and in what is gathered of it.
 _CHANNELS = 3
@@ -47,7 +45,8 @@ class SweepMemory:
 
     def __init__(self, folder: str, count: int) -> None:
         """Take the number of patches; raises OSError if there is no room in the folder."""
-        self._files = [_file(folder, kind, count) for kind in (np.float16, np.float32)]
+        sizes = (np.dtype(kind).itemsize * _CHANNELS * count for kind in (np.float16, np.float32))
+        self._files = [new_file(folder, size) for size in sizes]
         self._count, self.path = count, self._files[1]
         self._parts = _opened(self._files[0], np.float16, count)
         self.rows = _opened(self.path, np.float32, count)
@@ -79,21 +78,3 @@ def _opened(path: str, kind: type, count: int) -> np.ndarray:
     """Return the array, (count, 3), in a file."""
     with Path(path).open("r+b") as file:
         return np.frombuffer(mmap.mmap(file.fileno(), 0), kind).reshape(count, _CHANNELS)
-
-
-def _file(folder: str, kind: type, count: int) -> str:
-    """Return the path of a new file with room for an array, (count, 3). Raises OSError if there is none.
-
-    Linux ends a process that finds no room once it writes; other systems have no such folder.
-    """
-    if sys.platform != "linux":
-        raise OSError("no files in memory")
-    number, path = tempfile.mkstemp(dir=folder)
-    try:
-        os.posix_fallocate(number, 0, np.dtype(kind).itemsize * _CHANNELS * count)
-    except OSError:
-        Path(path).unlink()
-        raise
-    finally:
-        os.close(number)
-    return path

@@ -89,8 +89,8 @@ class Workers:
         """
         local = _is_of_this_machine(self.address)
         tasks = Tasks(self.client)
-        shipped = Shipped.to_workers(tasks, Shipment.of(scene, settings, local))
         folder = self._folder if local and self._share_folder() else ""
+        shipped = Shipped.to_workers(tasks, Shipment.of(scene, settings, local, folder))
         return partial(ClusterDevices, tasks, shipped, settings, folder)
 
     def _share_folder(self) -> bool:

@@ -10,15 +10,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from engine import Settings
 from engine.cluster import memory_folder as folders
 from engine.cluster.memory_folder import is_at_hand, memory_folder
+from engine.cluster.shipment import Shipment
 from engine.cluster.sweep_memory import SweepMemory, write_rows
 from engine.gather.half_light import HalfLight
+from tests.analytic.scenes import nine_quad_room
 
 pytestmark = pytest.mark.skipif(not Path("/dev/shm").exists(), reason="There are files in memory on Linux.")
 
 #: Prime, and larger than a page.
 COUNT = 10007
+
+
+def full(*_):
+    """Stand for a machine whose memory is full."""
+    raise OSError(errno.ENOSPC, "No space left on device")
 
 
 @pytest.fixture
@@ -58,9 +66,6 @@ def test_who_still_writes_to_memory_that_was_closed_disturbs_nobody(folder):
 
 
 def test_no_room_is_an_error_that_leaves_nothing(folder, monkeypatch):
-    def full(*_):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
     monkeypatch.setattr(os, "posix_fallocate", full)
     with pytest.raises(OSError, match="No space left"):
         SweepMemory(folder, COUNT)
@@ -91,3 +96,16 @@ def test_folders_of_killed_processes_are_removed(monkeypatch, tmp_path):
     monkeypatch.setattr(folders, "_MEMORY", tmp_path)
     with memory_folder():
         assert not orphan.exists() and other.exists() and own.exists()
+
+
+def test_a_scene_travels_in_a_file_where_there_is_room(folder, monkeypatch):
+    scene, settings = nine_quad_room(), Settings(resolution=31)
+    in_file = Shipment.of(scene, settings, True, folder)
+    monkeypatch.setattr(os, "posix_fallocate", full)
+    inside = Shipment.of(scene, settings, True, folder)
+    assert len(pickle.dumps(in_file)) < 1000 < len(inside.data) and not inside.path
+    assert in_file.digest == inside.digest == Shipment.of(scene, settings, False).digest
+    for shipment in (in_file, inside):
+        arrived, told = pickle.loads(pickle.dumps(shipment)).unpacked()
+        assert told == settings and arrived.atlases == scene.atlases
+        assert arrived.meshes[0].positions.tobytes() == scene.meshes[0].positions.tobytes()

@@ -119,6 +119,9 @@ def _bake(
         areas.result(), settings, remote, kept, near=near,
     ).after(last)  # fmt: skip
     solution, choice, solved = choose_solver(job)
+    if remote and compute and choice.method != "none":
+        # What images need of texels is made while other processes find what patches see.
+        kept.begin_texels(compute, parts, len(atlases), settings)
     yield stages.chosen(choice)
 
     # Every patch gathers what all others send out, until the light has settled (III.B, IV.C). The first

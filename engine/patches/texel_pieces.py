@@ -59,14 +59,21 @@ class TexelClipper:
         self._uvs = upload(compute, triangles.uvs.astype(np.float32, copy=False))
         self._listed: dict[int, tuple] = {}
 
+    def rows(self, atlases: int) -> tuple:
+        """Return how many rows of texels the triangles of the first atlases touch, and these on the device.
+
+        They are made once.
+        """
+        if atlases not in self._listed:
+            self._listed[atlases] = self._list_rows(atlases)
+        return self._listed[atlases]
+
     def border_pieces(self, wanted: np.ndarray) -> TexelPieces:
         """Return the pieces of wanted texels, (atlases, r, r) bool, that triangles touch and do not fill.
 
         A texel that no border of a triangle crosses may have a piece here, too: one triangle fills it.
         """
-        if len(wanted) not in self._listed:
-            self._listed[len(wanted)] = self._list_rows(len(wanted))
-        count, *buffers = self._listed[len(wanted)]
+        count, *buffers = self.rows(len(wanted))
         if not count:
             none = np.zeros(0, np.int32)
             return self._pieces(none, none, np.zeros(0, np.float32))

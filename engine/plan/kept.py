@@ -196,6 +196,13 @@ class Kept:
             self._clipper = TexelClipper(compute, parts.triangles, parts.patches.resolution)
         return self._clipper
 
+    def begin_texels(self, compute: Compute, parts: Subdivision, atlases: int, settings: Settings) -> None:
+        """Make what images of the first `atlases` lightmaps need that is the same for any light."""
+        if settings.texel_samples > 1:
+            self.clipper(compute, parts).rows(atlases)
+        if settings.hide_seams:
+            self.thin_patches(compute, parts)
+
     def static_light(self, sky: np.ndarray, found: bool, make: Callable[[], StaticLight]) -> StaticLight:
         """Return the static light of `samples`, made anew if these or the sky are others than before.
 

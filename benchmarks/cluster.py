@@ -129,12 +129,24 @@ def _timed(work: Generator[Progress, None, Lightmap]) -> tuple[Lightmap, list[_S
 
 
 def _alone(scene: Scene, settings: Settings) -> dict[str, Any]:
-    """Bake without workers, with a new session each time, so that nothing is kept."""
-    for seed in _SEEDS:
-        with _Held() as held:
-            lightmap, spans = _timed(Session().bake(scene, replace(settings, seed=seed)))
+    """Bake without workers."""
+    lightmap, spans, held = _second(scene, settings)
     by_stage = _by_stage(spans, {})
-    return _bake(lightmap, spans, by_stage) | {"held_bytes": held.most, "host_bytes": [_host_bytes()]}
+    return _bake(lightmap, spans, by_stage) | {"held_bytes": held, "host_bytes": [_host_bytes()]}
+
+
+def _second(scene: Scene, settings: Settings) -> tuple[Lightmap, list[_Span], list[int]]:
+    """Bake twice in one session, which keeps programs, but nothing of the scene.
+
+    Returns the second lightmap, its stages, and the most memory of each graphics card in it, bytes.
+    """
+    session = Session()
+    for seed in _SEEDS:
+        session.forget()
+        with _Held() as held:
+            lightmap, spans = _timed(session.bake(scene, replace(settings, seed=seed)))
+    session.close()
+    return lightmap, spans, held.most
 
 
 def _by_workers(scene: Scene, settings: Settings, count: int, threads: int | None) -> dict[str, Any]:
@@ -148,13 +160,11 @@ def _by_workers(scene: Scene, settings: Settings, count: int, threads: int | Non
         client = workers.client
         settings = replace(settings, scheduler=client.scheduler_info()["address"])
         client.get_task_stream(count=0)
-        for seed in _SEEDS:
-            with _Held() as held:
-                lightmap, spans = _timed(Session().bake(scene, replace(settings, seed=seed)))
+        lightmap, spans, held = _second(scene, settings)
         hosts = [_host_bytes(), *client.run(_host_bytes).values()]
         done = client.get_task_stream(start=spans[0].began)
         told = _bake(lightmap, spans, _by_stage(spans, _busy(done)))
-        return told | {"tasks": _tasks(done), "held_bytes": held.most, "host_bytes": hosts}
+        return told | {"tasks": _tasks(done), "held_bytes": held, "host_bytes": hosts}
     finally:
         workers.close()
 

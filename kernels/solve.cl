@@ -42,18 +42,6 @@ __kernel void products(__global const float4 *gathered, __global const float4 *d
         sums[k * get_global_size(0) + get_global_id(0)] = acc[k];
 }
 
-// What patches send out: their emission, and what each, or its stand-in, reflects.
-__kernel void send_out(__global const float4 *emission, __global const float4 *reflectance,
-                       __global const float4 *irradiance, __global const uint *stand_in,
-                       __global float4 *radiance, const int count)
-{
-    const int i = get_global_id(0);
-    if (i >= count)
-        return;
-    const uint from = stand_in[i];
-    radiance[i + 1] = emission[i + 1] + reflectance[from] * irradiance[from];
-}
-
 // The next irradiance: iterates mixed, and the ambient light behind their weights where patches see others.
 // Sums: the change, the change relative to each patch's own light, and the flux that is added.
 __kernel void mix_iterates(__global const float4 *gathered, __global const float4 *weights,

@@ -28,7 +28,7 @@ from ..gather.half_light import HalfLight
 from ..progress import part_of
 from ..scene.color import channel_sum
 from ..settings import Settings
-from ..solve.reflected_light import reflected_light
+from ..solve.device_light import sent_light
 from ..solve.solution import Solution
 from ..visibility.samples import ray_count
 from .choice import Choice
@@ -107,9 +107,8 @@ def light_in_texels(
     if not len(samples):
         return _nothing("No texel shows more than its centre.")
     settings = _settings_of_samples(what.job.settings, count)
-    hidden = HiddenLight(what, known.hidden)
-    settled = hidden.seen(solution.settled)
-    radiance, remote = radiance_of(hidden.on_surfaces(what.solved), settled), what.job.remote
+    radiance, remote = radiance_of(what.solved, solution.settled), what.job.remote
+    HiddenLight(what, known.hidden).replace(radiance, solution.settled)
     if remote is not None:
         sent = HalfLight.of(compute, radiance, what.solved.count)
         lit = yield from remote.light_at(samples, sent, what.choice, settings)
@@ -196,12 +195,12 @@ def _nothing(*reasons: str) -> DisplayLight:
 def radiance_of(solved: SolveJob, settled: np.ndarray, stand_in: np.ndarray | None = None) -> cl.Buffer:
     """Return the radiance of patches of E/pi (m, 3) on the device; see `FinalGather.gather_from`.
 
-    stand_in: (m,) int64, see `reflected_light`
+    stand_in: (m,) int64, see `sent_light`
     """
-    radiance = solved.emission
-    if solved.settings.bounces:
-        radiance = radiance + reflected_light(solved.parts.surfaces.reflectance, settled, stand_in)
-    return upload_float4(solved.opencl, radiance, first=1, last=1)
+    if not solved.settings.bounces:
+        return upload_float4(solved.opencl, solved.emission, first=1, last=1)
+    reflectance = solved.parts.surfaces.reflectance
+    return sent_light(solved.opencl, solved.emission, reflectance, settled, stand_in)
 
 
 def light_at(

@@ -5,17 +5,19 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pyopencl as cl
 
 from ..patches.texels_around import entries_around
 from ..scene.color import channel_sum
 from ..segment_sums import segment_sums
+from ..solve.device_light import replace_radiance
 from .display_points import DisplayJob
 from .solve_job import SolveJob
 
 #: Texels between a hidden patch and the visible ones that it may have light from, at most.
 _REACH = 2
 
-#: Light below this part of the brightest counts as that much in harmonic means.
+#: Light below this part of the brightest near hidden patches counts as that much in harmonic means.
 _FAINTEST = 1e-4
 
 
@@ -31,7 +33,7 @@ class HiddenLight:
     """
 
     def __init__(self, what: DisplayJob, hidden: np.ndarray) -> None:
-        parts, self._hidden = what.job.parts, np.flatnonzero(hidden)
+        parts, self._hidden, self._solved = what.job.parts, np.flatnonzero(hidden), what.solved
         beside = entries_around(parts.texel_to_patch, parts.patches.key[self._hidden])
 
         # Hidden patches and those around them are numbered from 1 on, in the order of all patches.
@@ -59,19 +61,42 @@ class HiddenLight:
         """
         if not len(self._hidden):
             return light
-        brightest = float(channel_sum(light).max())
-        of_hidden = self._beside_hidden(light[self._sender], max(_FAINTEST * brightest, 1e-30))
-        if self._groups:
-            return self._groups.with_light(light, of_hidden)
+        changed, others = self._others(light)
         seen = light.copy()
-        seen[self._hidden] = of_hidden
+        seen[changed] = others
         return seen
+
+    def replace(self, radiance: cl.Buffer, settled: np.ndarray) -> None:
+        """Let hidden patches send out, on the device, what those beside them do.
+
+        radiance  as of `sent_light`, of the patches that send light out, in which that of hidden ones changes
+        settled   (m, 3) float32, their E/pi
+        """
+        if not len(self._hidden):
+            return
+        changed, light = self._others(settled)
+        sent = self._solved.emission[changed]
+        if self._solved.settings.bounces:
+            sent = sent + self._others(self._solved.parts.surfaces.reflectance)[1] * light
+        replace_radiance(self._solved.opencl, radiance, changed, sent)
 
     def on_surfaces(self, solved: SolveJob) -> SolveJob:
         """Return a job whose hidden patches reflect what those beside them do, as in `seen`."""
         surfaces = solved.parts.surfaces
         seen = replace(surfaces, reflectance=self.seen(surfaces.reflectance))
         return replace(solved, parts=replace(solved.parts, surfaces=seen))
+
+    def _others(self, light: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return which of the patches that send light out change, (k,) int64, and to what, (k, 3 g) float32.
+
+        light: (m, 3 g) float32, of all of them
+        """
+        near = light[self._sender]
+        brightest = float(channel_sum(near).max())
+        of_hidden = self._beside_hidden(near, max(_FAINTEST * brightest, 1e-30))
+        if self._groups:
+            return self._groups.changed, self._groups.mean(light, of_hidden)
+        return self._hidden, of_hidden
 
     def _beside_hidden(self, light: np.ndarray, faintest: float) -> np.ndarray:
         """Return the light of hidden patches, (h, 3 g) float32, black where no visible patch is near.
@@ -96,34 +121,34 @@ class HiddenLight:
 class _HiddenGroups:
     """Groups of patches that hidden ones are in.
 
-    group   (n,) uint32, of each patch, + 1
-    hidden  (h,) int64
+    group    (n,) uint32, of each patch, + 1
+    hidden   (h,) int64
+    changed  (k,) int64, the groups that have any
     """
 
     def __init__(self, group: np.ndarray, hidden: np.ndarray) -> None:
         members = np.bincount(group)[1:]
         of_hidden = group[hidden].astype(np.int64) - 1
         among = np.bincount(of_hidden, minlength=len(members))
-        self._changed = np.flatnonzero(among)
-        self._visible = (members - among)[self._changed]
-        self._group = np.searchsorted(self._changed, of_hidden)
+        self.changed = np.flatnonzero(among)
+        self._visible = (members - among)[self.changed]
+        self._group = np.searchsorted(self.changed, of_hidden)
 
-    def with_light(self, light: np.ndarray, of_hidden: np.ndarray) -> np.ndarray:
-        """Return light of all groups, (m, 3 g) float32; that of groups with hidden patches is made anew.
+    def mean(self, light: np.ndarray, of_hidden: np.ndarray) -> np.ndarray:
+        """Return the light of groups that are `changed`, (k, 3 g) float32.
 
-        It becomes the mean over the group's visible patches and over its hidden ones near visible patches.
+        It is the mean over the group's visible patches and over its hidden ones near visible patches.
         Patches without light do not count: hidden ones farther off, which nobody sees, have none.
 
         light: (m, 3 g) float32, of groups; of_hidden: (h, 3 g) float32
         """
-        before, lit = light[self._changed], of_hidden.any(axis=1)
+        before, lit = light[self.changed], of_hidden.any(axis=1)
         visible = self._visible * before.any(axis=1)
-        count = len(self._changed)
+        count = len(self.changed)
         number = visible + np.bincount(self._group[lit], minlength=count)
         sums = before * visible[:, None] + segment_sums(of_hidden[lit], self._group[lit], count)
-        result = light.copy()
-        result[self._changed] = sums / np.maximum(number, 1)[:, None]
-        return result
+        mean: np.ndarray = (sums / np.maximum(number, 1)[:, None]).astype(np.float32)
+        return mean
 
 
 def _darkened(total: np.ndarray, counts: np.ndarray, faintest: float) -> np.ndarray:

@@ -18,6 +18,9 @@ from .radiosity import Balance, Step, Sums
 #: card, where many items hide how long loads take, and on a processor. Many items keep float32 sums exact.
 _ITEMS, _ADDING = (16384, 512), (256, 1)
 
+#: Numbers of a patch in buffers of light.
+_STRIDE = 4
+
 #: Least sum of areas, m^2: slivers may have none.
 _LEAST_AREA = 1e-30
 
@@ -48,10 +51,11 @@ class DeviceRadiosity:
         self._compute, self._queue, self._sweep, self.sparse = compute, compute.queue, sweep, sparse
         self.count, self.area = len(reflectance), float(area.sum(dtype=np.float64))
         self.columns, self._pairs = columns, np.triu_indices(columns)
-        names = ("send_out", "products", "mix_iterates", "balance", "add_up")
+        names = ("products", "mix_iterates", "balance", "add_up")
         options = (f"-DCOLUMNS={columns}",)
         kernels = compute.kernels(("channels.cl", "solve.cl"), *names, options=options)
-        self._send_out, self._products, self._mix, self._balance, self._add_up = kernels
+        self._products, self._mix, self._balance, self._add_up = kernels
+        (self._send_out,) = compute.kernels("send_out.cl", "send_out")
         self._emission, self._reflectance = emission, upload_float4_once(compute, reflectance)
         self._sampled_light = upload_float4_once(compute, sampled_light)
 
@@ -69,7 +73,8 @@ class DeviceRadiosity:
         if first is not None:
             cl.enqueue_copy(self._queue, self._irradiance, upload_float4_once(compute, first))
         self.radiance = zeros(compute, 16 * (self.count + 2))
-        self.let_stand_in(np.arange(self.count))
+        self._stand_in: cl.Buffer | None = None
+        self._make_radiance()
         kind = int(compute.processor)
         self._items, self._adding = _ITEMS[kind], self._add_up.group(_ADDING[kind])[0]
 
@@ -163,8 +168,8 @@ class DeviceRadiosity:
     def _make_radiance(self) -> None:
         """Make the radiance that goes with the irradiance."""
         self._compute.run(
-            self._send_out, self.count, self._emission, self._reflectance, self._irradiance, self._stand_in,
-            self.radiance, np.int32(self.count),
+            self._send_out, self.count, self._emission, self._reflectance, self._irradiance,
+            np.int32(_STRIDE), self._stand_in, self.radiance, np.int32(self.count),
         )  # fmt: skip
 
     def _read_sums(self, numbers: int) -> np.ndarray:

@@ -80,6 +80,7 @@ class Solver:
         # Whether sweeps are sparse, and how many were before the first one from all samples.
         self._sparse, self._refined = radiosity.sparse, 0
         self._gathered: np.ndarray | None = None
+        self._light: tuple[np.ndarray, np.ndarray] | None = None
         self._total = 0.0
 
     @property
@@ -95,7 +96,14 @@ class Solver:
     @property
     def irradiance(self) -> np.ndarray:
         """E/pi of all light so far, (n, 3) float32."""
-        return self.gathered[:, :3] if self._newest >= 0 else self._sampled_light
+        if self._newest < 0:
+            return self._sampled_light
+
+        # The same array each time: the device keeps what it was given once.
+        gathered = self.gathered
+        if self._light is None or self._light[0] is not gathered:
+            self._light = gathered, gathered[:, :3]
+        return self._light[1]
 
     @property
     def gathered(self) -> np.ndarray:

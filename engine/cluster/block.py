@@ -23,6 +23,9 @@ from .sweep_memory import MappedLight, write_rows
 #: Bytes that Dask expects to travel in a second.
 _BANDWIDTH = parse_bytes(get("distributed.scheduler.bandwidth", config=config))
 
+#: Blocks that a worker still has to find for which Dask shall not move another block of it.
+_WAITING = 8
+
 
 class Block:
     """The patches first ... last of a scene, or groups of them, which gather from all of them.
@@ -51,8 +54,9 @@ class Block:
             seen = download(compute, self._gather.patches_seen, (lookers.count,))
             self.views = np.stack([gathered[:, 3], seen], axis=1)
 
-        # Dask weighs moving bytes: finding it anew elsewhere takes as long as sending this many.
-        self._bytes = max(kept, int(_BANDWIDTH * (time.perf_counter() - began)))
+        # Dask weighs sending bytes against waiting for who has them. Here sending is finding anew elsewhere,
+        # and waiting is better.
+        self._bytes = max(kept, int(_WAITING * _BANDWIDTH * (time.perf_counter() - began)))
 
     def gather(self, light: HalfLight | MappedLight) -> np.ndarray:
         """Gather from the light of all patches; return E/pi, (last - first, 3) float32."""

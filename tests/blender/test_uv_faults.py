@@ -47,6 +47,22 @@ def test_part_that_lies_on_another_is_found_wherever_it_is():
         assert not faults.overlap(np.concatenate([grid(31, low=0, high=1), patch + np.float32(1.5)]))
 
 
+def test_overlaps_are_looked_for_once_and_again_where_uvs_are_others(monkeypatch):
+    """Also in arrays that are changed in place; what was looked at long ago is forgotten."""
+    faults = part("operators.scene.uvs.uv_faults")
+    looked, found = [], faults._overlap
+    monkeypatch.setattr(faults, "_overlap", lambda uvs: looked.append(len(uvs)) or found(uvs))
+    monkeypatch.setattr(faults, "_overlapping", {})
+    monkeypatch.setattr(faults, "_REMEMBERED", 3)
+    uvs = grid(13, seed=8)
+    assert not faults.overlap(uvs) and not faults.overlap(uvs.copy()) and len(looked) == 1
+    uvs[: len(uvs) // 2] = uvs[len(uvs) // 2 :]
+    assert faults.overlap(uvs) and faults.overlap(uvs[:]) and len(looked) == 2
+    for seed in range(3):
+        assert not faults.overlap(grid(13, seed=20 + seed))
+    assert faults.overlap(uvs) and len(looked) == 6
+
+
 def test_faces_without_texels_are_missed():
     faults = part("operators.scene.uvs.uv_faults")
     uvs = grid(10)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Generator
 
 import numpy as np
@@ -13,6 +14,12 @@ from ....engine.unwrap.triangle_spans import triangle_spans
 #: Texels along the wider side of the charts' box when overlaps are looked for, and triangles at a time.
 _GRID = 512
 _CHUNK = 1 << 13
+
+#: Layers of which it is remembered whether triangles lie on each other: each bake asks that of all again.
+_REMEMBERED = 256
+
+#: What is remembered, by digests of UVs; what was looked at last comes last.
+_overlapping: dict[bytes, bool] = {}
 
 #: Fraction of the covered texels that several triangles may cover.
 _DOUBLED = 0.0025
@@ -34,6 +41,16 @@ def is_inside(uvs: np.ndarray) -> bool:
 
 def overlap(uvs: np.ndarray) -> bool:
     """Return whether triangles, (t, 3, 2) finite, lie on each other by more than a rounding's worth."""
+    key = hashlib.blake2b(np.ascontiguousarray(uvs)).digest()
+    known = _overlapping.pop(key, None)
+    _overlapping[key] = _overlap(uvs) if known is None else known
+    while len(_overlapping) > _REMEMBERED:
+        del _overlapping[next(iter(_overlapping))]
+    return _overlapping[key]
+
+
+def _overlap(uvs: np.ndarray) -> bool:
+    """Return what `overlap` does, found anew."""
     low = uvs.reshape(-1, 2).min(axis=0, initial=np.inf)
     size = float((uvs.reshape(-1, 2).max(axis=0, initial=-np.inf) - low).max())
     if not size > 0:

@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-import socket
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from functools import partial
-from urllib.parse import urlsplit
 
 from distributed import Client
-from distributed.comm import connect
-from distributed.comm.addressing import get_address_host_port
-from distributed.security import Security
-from distributed.utils import sync
-from tornado.ioloop import IOLoop
 
 from ..errors import DeviceError
 from ..scene.model import Scene
 from ..settings import Settings
 from .admission import REFUSED, Admission, refusal
 from .cluster_devices import ClusterDevices
+from .connection import connected, is_of_this_machine, is_private
 from .event_loop import event_loop
-from .local_workers import ANSWER, GONE, LocalWorkers, local_environments
+from .local_workers import GONE, LocalWorkers, local_environments
 from .memory_folder import is_at_hand, memory_folder
 from .shipment import Shipment
 from .shipped import Shipped
@@ -31,20 +25,16 @@ from .tasks import Tasks
 #: What stands for a worker on each device of this machine, instead of an address.
 LOCAL = "all"
 
-#: Seconds in which a machine has to answer whether a scheduler is there, and a first worker has to join.
-_LISTEN, _JOIN = 10, 30
+#: Seconds in which a first worker has to join.
+_JOIN = 30
 
 #: Seconds that refused workers have to tell why and to leave, and that others then have to join.
 _REFUSAL, _OTHERS = 0.25, 2
 
+#: What is told of a connection that others can listen to.
 _UNSAFE = (
     "The scene travels unencrypted to the scheduler at {}: use tls:// and certificates (docs/scale.md), or a "
     "network that nobody else is on."
-)
-
-_CERTIFICATES = (
-    "Name their files in Dask's configuration, distributed.comm.tls: ca-file, client.cert and client.key, or "
-    "in the environment, as DASK_DISTRIBUTED__COMM__TLS__CA_FILE (docs/scale.md)."
 )
 
 
@@ -65,7 +55,7 @@ class Workers:
         client.subscribe_topic(REFUSED, lambda event: self.warnings.append(event[1]))
         self._admission = Admission()
         client.register_plugin(self._admission)
-        if not _is_private(self.address):
+        if not is_private(self.address):
             self.warnings.append(_UNSAFE.format(self.address))
 
     def wait(self) -> None:
@@ -87,7 +77,7 @@ class Workers:
 
         Returns what makes the devices for a number of patches.
         """
-        local = _is_of_this_machine(self.address)
+        local = is_of_this_machine(self.address)
         tasks = Tasks(self.client)
         folder = self._folder if local and self._share_folder() else ""
         shipped = Shipped.to_workers(tasks, Shipment.of(scene, settings, local, folder))
@@ -109,40 +99,7 @@ def workers(scheduler: str) -> Iterator[Workers]:
             with closing(LocalWorkers(local_environments())) as local:
                 yield Workers(local.client, folder)
             return
-        with event_loop() as loop, _connected(scheduler, loop) as client:
+        with event_loop() as loop, connected(scheduler, loop) as client:
             found = Workers(client, folder)
             found.wait()
             yield found
-
-
-def _connected(scheduler: str, loop: IOLoop) -> Client:
-    """Return a client of a scheduler; raises DeviceError if none answers, or TLS has no certificates."""
-    if scheduler.startswith("tls://") and not Security().get_connection_args("client")["ssl_context"]:
-        raise DeviceError(f"The scheduler at '{scheduler}' needs certificates. {_CERTIFICATES}")
-    try:
-        if not scheduler.startswith("inproc://"):
-            socket.create_connection(get_address_host_port(scheduler), _LISTEN).close()
-            sync(loop, _greet, scheduler, callback_timeout=ANSWER)
-        return Client(scheduler, timeout=ANSWER, loop=loop)
-    except (OSError, ValueError) as error:
-        raise DeviceError(
-            f"No Dask scheduler answers at '{scheduler}' ({error}). Start one with `dask scheduler`, "
-            "and give its address as tcp://host:8786; one that was started with certificates has tls://host:8786."
-        ) from error
-
-
-async def _greet(scheduler: str) -> None:
-    """Exchange greetings with a scheduler. A client would wait without end for those of another program."""
-    comm = await connect(scheduler, ANSWER, **Security().get_connection_args("client"))
-    await comm.close()
-
-
-def _is_private(address: str) -> bool:
-    """True if nobody else can listen: TLS, or what does not leave this machine."""
-    return urlsplit(address).scheme in ("tls", "wss") or _is_of_this_machine(address)
-
-
-def _is_of_this_machine(address: str) -> bool:
-    """True for the memory of this process, and for addresses that nobody else can reach."""
-    parts = urlsplit(address)
-    return parts.scheme == "inproc" or parts.hostname in ("127.0.0.1", "::1", "localhost")

@@ -328,7 +328,7 @@ def test_scheduler_that_is_not_there_is_an_error_with_the_remedy(address):
 
 
 def test_something_else_that_listens_is_no_scheduler(monkeypatch):
-    monkeypatch.setattr("engine.cluster.workers.ANSWER", 1)
+    monkeypatch.setattr("engine.cluster.connection.ANSWER", 1)
     with socket.create_server(("127.0.0.1", 0)) as silent:
         address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
         with pytest.raises(DeviceError, match="No Dask scheduler answers.*dask scheduler"):

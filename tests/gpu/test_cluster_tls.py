@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from engine import Settings
-from engine.cluster.workers import _is_private
+from engine.cluster.connection import is_private
 from engine.errors import DeviceError
 from engine.progress import finished
 from engine.session import Session
@@ -83,4 +83,4 @@ def test_scene_and_light_travel_encrypted(certificates, encrypted):
     ],
 )
 def test_what_others_can_listen_to_is_told(address, private):
-    assert _is_private(address) == private
+    assert is_private(address) == private

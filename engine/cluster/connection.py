@@ -1,0 +1,58 @@
+"""The connection to a scheduler: whether one is there, and who else can listen."""
+
+from __future__ import annotations
+
+import socket
+from urllib.parse import urlsplit
+
+from distributed import Client
+from distributed.comm import connect
+from distributed.comm.addressing import get_address_host_port
+from distributed.security import Security
+from distributed.utils import sync
+from tornado.ioloop import IOLoop
+
+from ..errors import DeviceError
+from .local_workers import ANSWER
+
+#: Seconds in which a machine has to answer whether a scheduler is there.
+_LISTEN = 10
+
+#: Where certificates are named.
+_CERTIFICATES = (
+    "Name their files in Dask's configuration, distributed.comm.tls: ca-file, client.cert and client.key, or "
+    "in the environment, as DASK_DISTRIBUTED__COMM__TLS__CA_FILE (docs/scale.md)."
+)
+
+
+def connected(scheduler: str, loop: IOLoop) -> Client:
+    """Return a client of a scheduler; raises DeviceError if none answers, or TLS has no certificates."""
+    if scheduler.startswith("tls://") and not Security().get_connection_args("client")["ssl_context"]:
+        raise DeviceError(f"The scheduler at '{scheduler}' needs certificates. {_CERTIFICATES}")
+    try:
+        if not scheduler.startswith("inproc://"):
+            socket.create_connection(get_address_host_port(scheduler), _LISTEN).close()
+            sync(loop, _greet, scheduler, callback_timeout=ANSWER)
+        return Client(scheduler, timeout=ANSWER, loop=loop)
+    except (OSError, ValueError) as error:
+        raise DeviceError(
+            f"No Dask scheduler answers at '{scheduler}' ({error}). Start one with `dask scheduler`, "
+            "and give its address as tcp://host:8786; one that was started with certificates has tls://host:8786."
+        ) from error
+
+
+async def _greet(scheduler: str) -> None:
+    """Exchange greetings with a scheduler. A client would wait without end for those of another program."""
+    comm = await connect(scheduler, ANSWER, **Security().get_connection_args("client"))
+    await comm.close()
+
+
+def is_private(address: str) -> bool:
+    """True if nobody else can listen: TLS, or what does not leave this machine."""
+    return urlsplit(address).scheme in ("tls", "wss") or is_of_this_machine(address)
+
+
+def is_of_this_machine(address: str) -> bool:
+    """True for the memory of this process, and for addresses that nobody else can reach."""
+    parts = urlsplit(address)
+    return parts.scheme == "inproc" or parts.hostname in ("127.0.0.1", "::1", "localhost")

@@ -11,16 +11,19 @@ not negative: least squares with those that would be left out (Lawson and Hanson
 from __future__ import annotations
 
 import argparse
+import heapq
 import json
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
 import numpy as np
 
-#: Patches of a block at most, and blocks at least; see engine/cluster/blocks.py.
-_LARGEST, _FEWEST = 1 << 18, 16
+from engine.cluster.blocks import Span, cut
 
 #: Points of texels in a task, at least; see engine/cluster/cluster_devices.py.
 _FEWEST_POINTS = 2048
@@ -62,25 +65,30 @@ class Size:
         others = (record[name] for name in ("triangles", "samples", "sweeps", "workers"))
         return cls(patches, patches / record["groups"] ** 2, points, *others)
 
-    def share(self, blocks: float) -> float:
-        """Return the part of some blocks that the worker with most of them has."""
-        return float(np.ceil(blocks / self.workers) / blocks)
+    def share(self, blocks: Sequence[Span]) -> float:
+        """Return the part of some blocks that one worker has, if each takes the next when it is done.
+
+        It is that of the worker that ends last.
+        """
+        taken = [0] * int(self.workers)
+        for first, last in blocks:
+            heapq.heapreplace(taken, taken[0] + last - first)
+        return max(taken) / blocks[-1][1]
 
 
-def _blocks(size: Size) -> float:
+def _blocks(size: Size) -> list[Span]:
     """Return the blocks of what is solved."""
-    return float(max(_FEWEST, np.ceil(size.solved / _LARGEST)))
+    return cut(int(np.ceil(size.solved)))
 
 
-def _final_blocks(size: Size) -> float:
+def _final_blocks(size: Size) -> list[Span]:
     """Return the blocks of the patches."""
-    return float(max(_FEWEST, np.ceil(size.patches / _LARGEST)))
+    return cut(int(size.patches))
 
 
-def _point_blocks(size: Size) -> float:
+def _point_blocks(size: Size) -> list[Span]:
     """Return the blocks of points of texels."""
-    least = min(_FEWEST, np.ceil(size.points / _FEWEST_POINTS))
-    return float(max(1, least, np.ceil(size.points / _LARGEST)))
+    return cut(max(int(size.points), 1), _FEWEST_POINTS)
 
 
 @dataclass(frozen=True)
@@ -89,13 +97,13 @@ class Part:
 
     seconds  that a record tells of it
     terms    numbers that it grows with, by what they are
-    blocks   tasks that workers share; None if the client takes it
+    blocks   that workers share, a task for each; None if the client takes it
     """
 
     name: str
     seconds: Callable[[Record], float]
     terms: dict[str, Callable[[Size], float]]
-    blocks: Callable[[Size], float] | None = None
+    blocks: Callable[[Size], list[Span]] | None = None
 
 
 def _task(kind: str) -> Callable[[Record], float]:
@@ -116,19 +124,20 @@ PARTS = (
     Part("patches", lambda record: record["stages"]["patches"],
          {"patch": lambda size: size.patches, "triangle": lambda size: size.triangles}),
     Part("shadow rays", _task("sampled"),
-         {"patch": lambda size: size.patches, "block": _final_blocks}, _final_blocks),
+         {"patch": lambda size: size.patches, "block": lambda size: len(_final_blocks(size))}, _final_blocks),
     Part("shadow rays, client and way", _rest("direct", "sampled"),
-         {"patch": lambda size: size.patches, "block": _final_blocks}),
+         {"patch": lambda size: size.patches, "block": lambda size: len(_final_blocks(size))}),
     Part("finding", _task("find"),
-         {"ray": lambda size: size.solved * size.samples, "block": _blocks}, _blocks),
+         {"ray": lambda size: size.solved * size.samples, "block": lambda size: len(_blocks(size))}, _blocks),
     Part("sweeps", _task("gather"),
          {"sample": lambda size: size.solved * size.samples * size.sweeps,
-          "block": lambda size: _blocks(size) * size.sweeps}, _blocks),
+          "block": lambda size: len(_blocks(size)) * size.sweeps}, _blocks),
     Part("bounces, client and way", _rest("hemicubes", "find", "gather"),
          {"patch and sweep": lambda size: size.solved * size.sweeps,
-          "block and sweep": lambda size: _blocks(size) * (size.sweeps + 1)}),
+          "block and sweep": lambda size: len(_blocks(size)) * (size.sweeps + 1)}),
     Part("points of texels", _task("light_at_samples"),
-         {"ray": lambda size: size.points * size.samples, "block": _point_blocks}, _point_blocks),
+         {"ray": lambda size: size.points * size.samples,
+          "block": lambda size: len(_point_blocks(size))}, _point_blocks),
     Part("points of texels, client and way", _rest("texels", "light_at_samples"),
          {"patch": lambda size: size.patches, "point": lambda size: size.points}),
     Part("images", lambda record: record["stages"]["outputs"], {"patch": lambda size: size.patches}),

@@ -80,8 +80,8 @@ class TexelMeans:
         means = self._sums(chosen) / self._total[:, None]
         if len(self._cut):
             planes = self._planes.through(chosen)
-            slope = np.einsum("td,tdc->tc", self._centroid, planes[:, 1:])[self._off_centre]
-            off = means[self._cut[self._off_centre]] - slope
+            rise = self._planes.rise(planes, self._off_centre, self._centroid[self._off_centre])
+            off = means[self._cut[self._off_centre]] - rise
             means[self._cut[self._off_centre]] = self._planes.bounded(off, chosen, self._off_centre)
             means = np.concatenate([means, self._light_beyond(planes, chosen)])
             means = self._beyond.fitted(means, chosen)

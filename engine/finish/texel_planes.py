@@ -12,6 +12,9 @@ from ..segment_sums import segment_sums
 #: Variance of places, texels squared, which light has no slope over: that of noise stays small.
 _STEADY = 0.003
 
+#: Light goes on by its slope as far as so many standard deviations of the samples' places, and no farther.
+_FARTHEST = 1.4
+
 #: How far light may go on beyond the range of the samples around, in parts of that range: a plane through
 #: somewhat more than a texel is read up to a texel beyond it.
 _BEYOND = 1.0
@@ -56,6 +59,7 @@ class TexelPlanes:
         normal = np.zeros((len(around), 3, 3))
         for texel, there, step in self._steps:
             normal[there] += _shifted(_shifted(sums[texel], step).transpose(0, 2, 1), step).transpose(0, 2, 1)
+        self._total = normal[:, 0, 0].copy()
         normal[:, (1, 2), (1, 2)] += _STEADY * normal[:, :1, 0]
         self._inverse = _inverse(normal)
 
@@ -70,6 +74,21 @@ class TexelPlanes:
             right[there] += _shifted(sums[texel], step)
         planes: np.ndarray = self._inverse @ right
         return planes
+
+    def rise(self, planes: np.ndarray, number: np.ndarray, way: np.ndarray) -> np.ndarray:
+        """Return how much more light planes have a way off, (p, c) float64.
+
+        A way that is longer than the samples around spread along it (a Mahalanobis distance of 1.4) is cut
+        short: slopes across a strip of samples are those of its noise, times how far they are carried.
+
+        planes  (t, 3, c), see `through`
+        number  (p,) int64, of the planes
+        way     (p, 2), texels along u and v
+        """
+        spread = np.einsum("pd,pde,pe->p", way, self._inverse[number, 1:, 1:], way) * self._total[number]
+        part = _FARTHEST / np.sqrt(np.maximum(spread, _FARTHEST**2))
+        rise: np.ndarray = np.einsum("pd,pdc->pc", way * part[:, None], planes[number, 1:])
+        return rise
 
     def bounded(self, light: np.ndarray, values: np.ndarray, number: np.ndarray) -> np.ndarray:
         """Return light, (p, c), within the range of the samples around planes, and as much beyond.

@@ -30,3 +30,24 @@ def test_planes_are_those_of_weighted_least_squares(scale):
         right_side = np.concatenate([root * values[near], np.zeros((2, 3))])
         expected = np.linalg.lstsq(rows, right_side, rcond=None)[0]
         assert plane == pytest.approx(expected, rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize("scale", [1e-20, 1.0, 1e20])
+def test_light_goes_on_as_far_as_samples_spread(scale):
+    """Along a strip of texels slopes hold; across it, a twentieth of a texel, they are noise."""
+    rng = np.random.default_rng(7)
+    texels, each = np.arange(22, 27), 16
+    starts, place = each * np.arange(len(texels)), rng.uniform(-0.5, 0.5, (each * len(texels), 2))
+    place[:, 1] = 0.4 + 0.05 * rng.uniform(-1, 1, len(place))
+    planes = TexelPlanes(texels, starts, place, scale * np.ones(len(place)), texels[1:4], RESOLUTION)
+    number, along, across = np.arange(3), np.tile([0.4, 0.0], (3, 1)), np.tile([0.0, 0.4], (3, 1))
+    right = np.repeat(np.arange(len(texels)), each) + place[:, 0]
+    light = np.stack([2 * right, 1 - 3 * right], axis=1)
+    expected = np.tile([[0.8, -1.2]], (3, 1))
+    assert planes.rise(planes.through(light), number, along) == pytest.approx(expected, rel=0.01)
+
+    # The part of the way that is gone: 1.4 standard deviations, with that of light without a slope.
+    noisy = planes.through(light + rng.normal(size=light.shape))
+    expected = 1.4 * noisy[:, 2] * np.sqrt(0.05**2 / 3 + 0.003)
+    assert planes.rise(noisy, number, across) == pytest.approx(expected, rel=0.1)
+    assert not planes.rise(noisy, number, 0 * across).any()

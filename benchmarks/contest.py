@@ -33,11 +33,15 @@ _FIRST, _LAST = 16, 4096
 
 
 def operator_bake(context: bpy.types.Context, values: dict[str, Any]) -> tuple[float, Any]:
-    """Bake as the Bake operator does: read the scene, bake, store; return seconds and the Lightmap."""
+    """Bake as the Bake operator does: read the scene, bake, store; return seconds and the Lightmap.
+
+    Devices and what they run are kept from the bake before, but nothing that patches see.
+    """
     session = importlib.import_module(f"{MODULE}.engine.session")
     runs = importlib.import_module(f"{MODULE}.operators.run")
     for name, value in values.items():
         setattr(context.scene.hemibake, name, str(value) if name == "hemicube" else value)
+    session.forget()
     started = time.perf_counter()
     with quiet_stdout():
         run = runs.Run(context, session.bake, watched=False)

@@ -167,6 +167,12 @@ def _open_living_room(case: _Case, path: Path) -> None:
     import bpy
 
     bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False)
+
+    # The file was saved in Edit Mode, in which each bake has all modifiers evaluated several times.
+    for obj in bpy.context.view_layer.objects:
+        if obj.mode != "OBJECT":
+            with bpy.context.temp_override(object=obj, active_object=obj):
+                bpy.ops.object.mode_set(mode="OBJECT")
     _whiten_world()
 
 

@@ -96,7 +96,8 @@ class Stage:
         """Seconds that the rest is expected to take."""
         if not math.isnan(self.forecast):
             return self.forecast
-        return max(self.amount - self.done, 0.0) * self._likely_pace
+        rest = self.amount - self.done
+        return rest * self._likely_pace if rest > 0 else 0.0
 
     @property
     def _likely_pace(self) -> float:
@@ -205,14 +206,25 @@ class Schedule:
 
     def _estimate(self) -> None:
         """Estimate the time that is left, and how much of it is a guess."""
-        left, guessed, slowness = 0.0, 0.0, self._slowness()
+        left, guessed, slowness = 0.0, 0.0, math.nan
         for stage in self._stages[self._current :]:
-            seconds = stage.seconds_left * (1.0 if stage.known or stage is self.current else slowness)
+            seconds = stage.seconds_left
+
+            # Most stages of most bakes have nothing to do.
+            if seconds and not stage.known:
+                if stage is not self.current:
+                    slowness = self._slowness() if math.isnan(slowness) else slowness
+                    seconds *= slowness
+                guessed += seconds
             left += seconds
-            guessed += 0.0 if stage.known else seconds
-        spent = sum(stage.seconds for stage in self._stages[: self._current + 1])
         self._left = left
-        self.seconds_left = left if guessed <= max(left / 2, _NEGLIGIBLE * spent) else math.nan
+        matters = guessed > left / 2 and guessed > _NEGLIGIBLE * self._spent
+        self.seconds_left = math.nan if matters else left
+
+    @property
+    def _spent(self) -> float:
+        """Seconds that the stages so far have taken."""
+        return sum(stage.seconds for stage in self._stages[: self._current + 1])
 
     def _slowness(self) -> float:
         """Return how many times as long as expected the work so far took, at least 1.
@@ -221,7 +233,7 @@ class Schedule:
         """
         begun = [stage for stage in self._stages[: self._current + 1] if stage.seconds > 0]
         expected = sum(stage.pace * (stage.done or stage.amount) for stage in begun)
-        return max(1.0, (sum(stage.seconds for stage in begun) + _PRIOR) / (expected + _PRIOR))
+        return max(1.0, (self._spent + _PRIOR) / (expected + _PRIOR))
 
 
 def format_seconds_left(seconds: float) -> str:

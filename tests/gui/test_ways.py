@@ -50,8 +50,12 @@ FAILURE = "__import__('sys').modules[f'{MODULE}.operators.last_bake'].last_failu
 def stage(window):
     window.run(STAGE)
     yield
+
+    # The view stays as it is, and EEVEE, which new files have, must not draw in it: see test_window.
     window.run(
-        "bpy.ops.wm.read_homefile(load_ui=False)\nbpy.context.preferences.system.use_region_overlap = True"
+        "view3d()['area'].spaces.active.shading.type = 'SOLID'\n"
+        "bpy.ops.wm.read_homefile(load_ui=False)\n"
+        "bpy.context.preferences.system.use_region_overlap = True"
     )
 
 

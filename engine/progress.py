@@ -100,18 +100,31 @@ class Stage:
         return rest * self._likely_pace if rest > 0 else 0.0
 
     @property
+    def expected_pace(self) -> float:
+        """Seconds a unit, by what is known of others: its own pace is not asked."""
+        return self.pace if self._alike is None else self._alike._likely_pace
+
+    @property
+    def own_pace(self) -> float:
+        """Seconds a unit of what is done, without a first slice that compiles; NaN of nothing."""
+        done, seconds = self.done - self._start[0], self.seconds - self._start[1]
+        return seconds / done if done > 0 and seconds > 0 else math.nan
+
+    @property
+    def _alike(self) -> Stage | None:
+        return self.like if not self.measured and self.like is not None and self.like.known else None
+
+    @property
     def _likely_pace(self) -> float:
         """Seconds a unit: by its pace so far, at first by the expected one.
 
         The mean of both is geometric, since paces are wrong by factors, either way.
         """
-        alike = self.like if not self.measured and self.like is not None and self.like.known else None
-        expected = self.pace if alike is None else alike._likely_pace
-        done, seconds = self.done - self._start[0], self.seconds - self._start[1]
-        if done <= 0 or seconds <= 0 or expected <= 0:
+        expected, seconds = self.expected_pace, self.seconds - self._start[1]
+        if math.isnan(self.own_pace) or expected <= 0:
             return expected
-        trust = seconds / (seconds + (_GUESS if alike is None and not self.measured else _PRIOR))
-        pace: float = expected ** (1 - trust) * (seconds / done) ** trust
+        trust = seconds / (seconds + (_GUESS if self._alike is None and not self.measured else _PRIOR))
+        pace: float = expected ** (1 - trust) * self.own_pace**trust
         return pace
 
 
@@ -173,6 +186,7 @@ class Schedule:
             try:
                 fraction = next(work)
             except StopIteration as stop:
+                self.advance(stage.amount)
                 yield self.end()
                 made: Made = stop.value
                 return made

@@ -228,16 +228,16 @@ class BakeStages(Schedule):
     def learn(self) -> None:
         """Keep the paces of this bake for the next one; patches that an earlier bake had made tell none.
 
-        What begins and ends a stage weighs most in short ones: beside the pace of earlier bakes theirs counts
-        little. The mean of both is geometric, as in `Stage`.
+        What begins and ends a stage weighs most in short ones: beside the pace of earlier bakes, or what was
+        expected before the first one, theirs counts little. The mean of both is geometric, as in `Stage`.
         """
         for stage, name in self._names.items():
             if stage is self.patches and self._found:
                 continue
-            if stage.seconds > _SHORTEST and stage.done > 0:
-                pace = stage.seconds / stage.done
+            if stage.seconds > _SHORTEST and stage.own_pace > 0:
                 trust = stage.seconds / (stage.seconds + _LONG)
-                self._paces[name] = self._paces.get(name, pace) ** (1 - trust) * pace**trust
+                before = self._paces.get(name, stage.expected_pace) or stage.own_pace
+                self._paces[name] = before ** (1 - trust) * stage.own_pace**trust
 
     def _stage(self, name: str, amount: float, guess: float) -> Stage:
         stage = Stage(name, amount)

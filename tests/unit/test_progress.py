@@ -171,8 +171,8 @@ def test_sweeps_are_foretold_from_the_fall_of_the_residual(residuals, settings, 
 
 
 def test_paces_of_a_bake_serve_the_next_one(clock):
-    paces = {}
-    for measured in (False, True):
+    paces, known = {}, []
+    for measured in (False, True, True, True):
         stages = BakeStages(Extent.of(furnace(0.5, 1.0)), Settings(resolution=48), paces)
         assert stages.patches.measured == measured
         stages.begin(stages.patches)
@@ -180,7 +180,31 @@ def test_paces_of_a_bake_serve_the_next_one(clock):
         stages.listed(np.full((601, 3), 0.5))
         assert finished(stages.run(stages.images, work(clock, 0.001, 3))) is None
         stages.learn()
-    assert paces["Patches"] == pytest.approx(3 / stages.patches.amount) and "Images" not in paces
+        known.append(paces["Patches"] * stages.patches.amount)
+    assert known == sorted(known) and known[-1] == pytest.approx(3, rel=0.05) and "Images" not in paces
+
+
+def test_short_first_bake_does_not_foretell_minutes_for_a_long_one(clock):
+    """Half a second around next to no work says little of what two thousand times the work will take."""
+    paces = {}
+    stages = BakeStages(Extent.of(furnace(0.5, 1.0)), Settings(resolution=48), paces)
+    stages.texels.amount = 1e4
+    assert finished(stages.run(stages.texels, work(clock, 0.5, 3))) is None
+    stages.learn()
+    later = BakeStages(Extent.of(furnace(0.5, 1.0)), Settings(resolution=48), paces)
+    assert later.texels.measured and 2e7 * later.texels.pace < 60
+
+
+def test_work_that_ends_before_its_last_step_is_told_is_whole(clock):
+    def work_in_two():
+        yield 0.1
+        clock.now += 1
+        yield 0.2
+        clock.now += 0.01
+
+    stage = Stage("A", 1000, 0.01)
+    assert finished(Schedule([stage]).run(stage, work_in_two())) is None
+    assert stage.done == stage.amount == 1000
 
 
 def test_short_bake_hardly_changes_the_pace_of_a_long_one(clock):

@@ -38,7 +38,7 @@ URGENT, EARLY = 1, 0
 
 
 class Tasks:
-    """Begins tasks and takes their results.
+    """Begins tasks and takes their results, which nobody makes again once they are taken.
 
     All methods raise DeviceError if the scheduler is gone, or a task ends every worker that takes it.
     """
@@ -115,6 +115,7 @@ class Tasks:
                 results = self._client.gather(ended, direct=True)
             for task, result in zip(ended, results, strict=True):
                 put(tasks[task], result)
+                task.release()
             done += len(ended)
             yield done / len(tasks)
 
@@ -126,6 +127,7 @@ class Tasks:
                 if task.status != "finished":
                     with self._losses_told():
                         task.result()
+                task.release()
             done += len(ended)
             yield done / len(tasks)
 

@@ -17,7 +17,8 @@ from ..plan.choose_sweep import keeping_sweep
 from ..plan.trial import make_identity, untried_visibility
 from ..progress import finished
 from .prepared_scene import prepared
-from .shipment import Shipment, Squares
+from .shipment import Shipment
+from .squares import Squares
 from .sweep_memory import MappedLight, write_rows
 
 #: Bytes that Dask expects to travel in a second.

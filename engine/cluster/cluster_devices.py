@@ -15,8 +15,8 @@ from ..plan.memory import shared_width
 from ..settings import Settings
 from . import block, final_tasks, shadow_tasks
 from .blocks import Span, cut
-from .shipment import Squares
 from .shipped import Shipped
+from .squares import Squares
 from .sweep_memories import SweepMemories
 from .sweep_memory import MappedLight
 from .tasks import EARLY, Tasks
@@ -33,7 +33,8 @@ class ClusterDevices:
 
     def __init__(self, tasks: Tasks, shipped: Shipped, settings: Settings, folder: str, count: int) -> None:
         """Take the number of patches, and a folder in the memory of all workers; empty if there is none."""
-        self._tasks, self._shipped, self._memories = tasks, shipped, SweepMemories(folder)
+        self._tasks, self._shipped, self._folder = tasks, shipped, folder
+        self._memories = SweepMemories(folder)
         self._settings, self._count, self._patches = settings, count, cut(count)
         self._squares: Future | None = None
         self._blocks: dict[Span, Future] = {}
@@ -87,7 +88,7 @@ class ClusterDevices:
 
     def of_groups(self, leader: np.ndarray, width: int) -> None:
         """Let the workers solve groups of patches; see `RemoteGather.of_groups`."""
-        self._squares = self._tasks.sent(Squares.of(leader, width), "squares")
+        self._squares = self._tasks.sent(Squares.of(leader, width, self._folder), "squares")
         self._find(int(np.count_nonzero(leader == np.arange(len(leader), dtype=leader.dtype))))
 
     def final(self, light: HalfLight) -> Generator[float, None, np.ndarray]:

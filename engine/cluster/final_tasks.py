@@ -15,7 +15,8 @@ from ..plan.trial import untried_visibility
 from ..progress import finished
 from ..settings import Settings
 from .prepared_scene import PreparedScene, prepared
-from .shipment import Shipment, Squares
+from .shipment import Shipment
+from .squares import Squares
 
 
 def final(shipment: Shipment, first: int, last: int, squares: Squares, light: HalfLight) -> np.ndarray:

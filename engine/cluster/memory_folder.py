@@ -54,6 +54,19 @@ def new_file(folder: str, size: int) -> str:
     return path
 
 
+def file_with(folder: str, data: bytes | memoryview) -> str:
+    """Return the path of a new file with the bytes of data; empty without a folder, or without room in it."""
+    if not folder:
+        return ""
+    try:
+        path = new_file(folder, memoryview(data).nbytes)
+    except OSError:
+        return ""
+    with Path(path).open("r+b") as file:
+        file.write(data)
+    return path
+
+
 def _remove_orphans(memory: Path) -> None:
     """Remove the folders of processes that were killed; those of other users stay."""
     for folder in memory.glob(f"{_NAME}*-*"):

@@ -19,8 +19,9 @@ from ..plan.kept import Kept
 from ..plan.solve_job import SolveJob
 from ..plan.trial import untried_visibility
 from ..solve.patch_groups import PatchGroups
-from .shipment import Shipment, Squares
+from .shipment import Shipment
 from .sources import Sources
+from .squares import Squares
 
 #: Environment variable that names the OpenCL device of a worker.
 DEVICE = "HEMIBAKE_OPENCL_DEVICE"

@@ -14,6 +14,7 @@ from engine import Settings
 from engine.cluster import memory_folder as folders
 from engine.cluster.memory_folder import is_at_hand, memory_folder
 from engine.cluster.shipment import Shipment
+from engine.cluster.squares import Squares
 from engine.cluster.sweep_memory import SweepMemory, write_rows
 from engine.gather.half_light import HalfLight
 from tests.analytic.scenes import nine_quad_room
@@ -109,3 +110,15 @@ def test_a_scene_travels_in_a_file_where_there_is_room(folder, monkeypatch):
         arrived, told = pickle.loads(pickle.dumps(shipment)).unpacked()
         assert told == settings and arrived.atlases == scene.atlases
         assert arrived.meshes[0].positions.tobytes() == scene.meshes[0].positions.tobytes()
+
+
+def test_squares_travel_in_a_file_where_there_is_room(folder, monkeypatch):
+    leader = np.arange(2 * COUNT, dtype=np.uint32)[::2] // 16 * 16
+    in_file = Squares.of(leader, 4, folder)
+    monkeypatch.setattr(os, "posix_fallocate", full)
+    inside = Squares.of(leader, 4, folder)
+    assert len(pickle.dumps(in_file)) < 1000 < len(pickle.dumps(inside))
+    assert in_file.digest == inside.digest != Squares.of(leader[::-1], 4, "").digest
+    for squares in (in_file, inside):
+        arrived = pickle.loads(pickle.dumps(squares))
+        assert np.array_equal(arrived.leader, leader) and arrived.leader.dtype == np.uint32

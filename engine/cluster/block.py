@@ -16,6 +16,7 @@ from ..gather.half_light import HalfLight
 from ..plan.choose_sweep import keeping_sweep
 from ..plan.trial import make_identity, untried_visibility
 from ..progress import finished
+from ..scene.color import colors_of
 from .prepared_scene import prepared
 from .shipment import Shipment
 from .squares import Squares
@@ -62,7 +63,7 @@ class Block:
     def gather(self, light: HalfLight | MappedLight) -> np.ndarray:
         """Gather from the light of all patches; return E/pi, (last - first, 3) float32."""
         with self._sources.working():
-            return np.ascontiguousarray(self._gathered(self._sources.table(light))[:, :3])
+            return colors_of(self._gathered(self._sources.table(light)))
 
     def gather_to(self, light: MappedLight, path: str) -> None:
         """Gather as `gather` does, to the file of a `SweepMemory`."""

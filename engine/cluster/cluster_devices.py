@@ -12,6 +12,7 @@ from ..gather.half_light import HalfLight
 from ..plan.choice import Choice
 from ..plan.lit_samples import LitSamples
 from ..plan.memory import shared_width
+from ..scene.color import colors_of
 from ..settings import Settings
 from . import block, final_tasks, shadow_tasks
 from .blocks import Span, cut
@@ -54,7 +55,7 @@ class ClusterDevices:
         if shared_width(self._settings, self._count) == 1:
             self._find(self._count)
         light = yield from self._tasks.rows(tasks)
-        return np.ascontiguousarray(light[:, :3]), light[:, 3:].reshape(-1, 3, 3)
+        return colors_of(light), light[:, 3:].reshape(-1, 3, 3)
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
         """Return how much of a lamp patches see; see `Casting.shadow_mask`."""

@@ -10,6 +10,7 @@ import pyopencl as cl
 
 from ..device.buffers import upload, upload_float4
 from ..device.compute import Compute
+from ..scene.color import add_colors
 from ..visibility.identity import identity_options
 from .half_light import HalfLight
 from .sweep import Light
@@ -104,7 +105,7 @@ class RemoteFinal:
         """Gather from radiance on this device; see `LightGather.gather_from`."""
         self._light = HalfLight.of(self._compute, radiance, self._groups)
         gathered = yield from self._remote.final(self._light)
-        gathered[:, :3] += self._sampled_light
+        add_colors(gathered, self._sampled_light)
         return gathered
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..direct.contact import NearFaces
 from ..patches.patch_list import PatchList
+from ..scene.color import rest_of
 from ..scene.digests import same_values
 from ..solve.solution import Solution
 
@@ -54,12 +55,12 @@ class LastLight:
     @cached_property
     def gathered(self) -> np.ndarray:
         """E/pi of all light but that which shadow rays sample, (n, 3) float32."""
-        return _rest(self.light, self.sampled)
+        return rest_of(self.light, self.sampled)
 
     @cached_property
     def indirect(self) -> np.ndarray:
         """E/pi of the light that was reflected, (n, 3) float32."""
-        return _rest(self.light, self.direct)
+        return rest_of(self.light, self.direct)
 
     @property
     def front(self) -> np.ndarray:
@@ -87,9 +88,3 @@ class LastLight:
         place = np.searchsorted(self.patches.key, patches.key)
         found = np.minimum(place, len(self.patches) - 1)
         return found, self.patches.key[found] == patches.key
-
-
-def _rest(light: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """Return what is left of light, (n, 4) float32, without a part, (n, 3), as (n, 3) float32."""
-    rest: np.ndarray = light[:, :3] - part
-    return np.maximum(rest, 0, out=rest)

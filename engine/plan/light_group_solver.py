@@ -11,6 +11,7 @@ from ..device.buffers import upload_float4
 from ..gather.kept_samples import KeptSamples
 from ..gather.light_group_sweep import TOGETHER, LightGroupSweep
 from ..progress import part_of
+from ..scene.color import add_colors
 from ..solve.device_radiosity import DeviceRadiosity
 from ..solve.grouped_solution import GroupedSolution
 from ..solve.interpolated_gather import InterpolatedGather
@@ -122,7 +123,7 @@ def _of_patches(
     layers = []
     for part, light in zip(parts, gathered, strict=True):
         layers.append(light.copy())
-        layers[-1][:, :3] -= part.sampled_light
+        add_colors(layers[-1], part.sampled_light, -1)
         layers[-1][:, 3] = solution.of_patch_groups[:, 3]
     return (yield from solution.last.gather_groups(layers, sampled, gather))
 

@@ -26,6 +26,32 @@ def luminance(values: np.ndarray) -> np.ndarray:
     return total
 
 
+def colors_of(values: np.ndarray) -> np.ndarray:
+    """Return the first three channels of values, (n, c), in memory of their own, (n, 3); column by column."""
+    colors = np.empty((len(values), 3), values.dtype)
+    for channel in range(3):
+        colors[:, channel] = values[:, channel]
+    return colors
+
+
+def add_colors(values: np.ndarray, colors: np.ndarray, sign: int = 1) -> None:
+    """Add colors, (n, 3), times 1 or -1, to the first three channels of values, (n, c), in place.
+
+    Column by column, as `channel_sum`.
+    """
+    add = np.add if sign > 0 else np.subtract
+    for channel in range(3):
+        add(values[:, channel], colors[:, channel], out=values[:, channel])
+
+
+def rest_of(light: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """Return what is left of light, (n, c), without a part, (n, 3): (n, 3), from 0 on; column by column."""
+    rest = np.empty((len(light), 3), light.dtype)
+    for channel in range(3):
+        np.subtract(light[:, channel], part[:, channel], out=rest[:, channel])
+    return np.maximum(rest, 0, out=rest)
+
+
 def srgb_to_linear(values: np.ndarray) -> np.ndarray:
     """Return display values as scene-linear ones (IEC 61966-2-1)."""
     linear: np.ndarray = np.where(

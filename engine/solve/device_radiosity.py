@@ -60,7 +60,9 @@ class DeviceRadiosity:
         self._sampled_light = upload_float4_once(compute, sampled_light)
 
         # Areas as fractions of all: bright light times large areas leaves float32.
-        self._area = upload(compute, (area / max(self.area, _LEAST_AREA)).astype(np.float32))
+        self._area = compute.shared.of(
+            area, "fractions", lambda: upload(compute, _fractions(area, self.area))
+        )
         self.patches_seen = zeros(compute, 4 * self.count)
         self._gathered, self._defects = (zeros(compute, 16 * self.count * columns) for _ in range(2))
         first = None if gathers_direct else sampled_light
@@ -179,3 +181,9 @@ class DeviceRadiosity:
             self._sums, np.int32(self._items), self._totals, cl.LocalMemory(16 * self._adding),
         )  # fmt: skip
         return download(self._compute, self._totals, (numbers, 4))[:, :3].astype(np.float64)
+
+
+def _fractions(area: np.ndarray, whole: float) -> np.ndarray:
+    """Return areas, (n,), as fractions of a whole, float32."""
+    fractions: np.ndarray = (area / max(whole, _LEAST_AREA)).astype(np.float32)
+    return fractions

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..gather.device_l1 import L1
 from ..lightmap import Energy
+from ..scene.color import rest_of
 from .interpolated_gather import InterpolatedGather
 from .last_gather import LastGather
 from .patch_groups import PatchGroups
@@ -93,8 +94,7 @@ class GroupedSolution:
     @property
     def indirect(self) -> np.ndarray:
         """E/pi of the light that patches reflect, (n, 3) float32."""
-        indirect: np.ndarray = np.maximum(self.irradiance - self.direct, 0)
-        return indirect
+        return rest_of(self.irradiance, self.direct)
 
     @property
     def stand_in(self) -> np.ndarray | None:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Generator, Sequence
 import numpy as np
 
 from ..progress import part_of
-from ..scene.color import channel_sum
+from ..scene.color import add_colors, channel_sum, colors_of
 from .interpolation import Interpolation
 from .last_gather import LastGather
 from .solver import Solver
@@ -74,9 +74,10 @@ class InterpolatedGather:
             return values, fits
 
         self.gathered, *direct = yield from self._by_squares(self._layers(), fit, gather_for)
-        self.gathered[:, :3] += sampled
+        add_colors(self.gathered, sampled)
         if direct:
-            self.direct = direct[0][:, :3] + sampled
+            self.direct = colors_of(direct[0])
+            self.direct += sampled
         self.done = True
 
     def gather_groups(
@@ -106,7 +107,8 @@ class InterpolatedGather:
             return values, next(fitting)
 
         layers = yield from self._by_squares(list(gathered), fit, gather_for)
-        light: np.ndarray = np.stack([layer[:, :3] for layer in layers]) + sampled_light
+        light = np.stack([colors_of(layer) for layer in layers])
+        light += sampled_light
         return light
 
     def _by_squares(
@@ -172,9 +174,10 @@ class InterpolatedGather:
     def _layers(self) -> list[np.ndarray]:
         """Return what groups gathered beside sampled light, (m, 4) float32 each: all, and what is direct."""
         gathered = self._solver.gathered.copy()
-        gathered[:, :3] -= self._of_groups
+        add_colors(gathered, self._of_groups, -1)
         if not self.separate_direct:
             return [gathered]
         direct = gathered.copy()
-        direct[:, :3] = self._solver.direct - self._of_groups
+        direct[:, :3] = self._solver.direct
+        add_colors(direct, self._of_groups, -1)
         return [gathered, direct]

@@ -10,6 +10,7 @@ import pyopencl as cl
 from ..gather.device_l1 import L1
 from ..gather.final_gather import LightGather
 from ..progress import part_of
+from ..scene.color import rest_of
 from .reflected_light import reflected_light
 
 
@@ -75,5 +76,4 @@ class LastGather:
     @property
     def indirect(self) -> np.ndarray:
         """E/pi of light that was reflected, (n, 3) float32."""
-        indirect: np.ndarray = np.maximum(self.irradiance - self.direct, 0)
-        return indirect
+        return rest_of(self.irradiance, self.direct)

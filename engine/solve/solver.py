@@ -8,6 +8,7 @@ import numpy as np
 
 from ..gather.device_l1 import L1
 from ..lightmap import Energy
+from ..scene.color import add_colors, rest_of
 from ..settings import Settings
 from .anderson import Anderson
 from .radiosity import PLAIN_COLUMNS, Radiosity, Step, Sums
@@ -123,8 +124,7 @@ class Solver:
     @property
     def indirect(self) -> np.ndarray:
         """E/pi of the light that patches reflect, (n, 3) float32."""
-        indirect: np.ndarray = np.maximum(self.irradiance - self.direct, 0)
-        return indirect
+        return rest_of(self.irradiance, self.direct)
 
     @property
     def settled(self) -> np.ndarray:
@@ -202,9 +202,9 @@ class Solver:
         yield from self._radiosity.sweep(0)
         self._newest = 0
         gathered = self._radiosity.iterate(0)
-        self._direct = gathered[:, :3].copy()
-        gathered[:, :3] += 0.0 if self._reflected is None else self._reflected
-        self._gathered = gathered
+        self._direct, self._gathered = gathered[:, :3], gathered.copy()
+        if self._reflected is not None:
+            add_colors(self._gathered, self._reflected)
         weights = np.zeros((self._radiosity.columns, 3))
         weights[[0, -1]] = 1
         self._radiosity.mix(weights, np.zeros(3), _DARKEST)

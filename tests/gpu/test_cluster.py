@@ -1,5 +1,6 @@
 """Bakes by Dask workers: the same bits for any number of workers, whatever is lost on the way."""
 
+import gc
 import itertools
 import socket
 import sys
@@ -172,6 +173,29 @@ def test_a_worker_that_is_lost_in_a_stage_changes_no_bit(by_two_in_texels, stage
 @pytest.fixture(scope="module")
 def by_two_in_texels(two):
     return baked(two, IN_TEXELS)
+
+
+def test_tasks_whose_results_are_taken_are_forgotten(monkeypatch, two):
+    """Else those of a worker that is lost later were done again, though nobody needs them any more."""
+    monkeypatch.setattr("engine.cluster.tasks._PAUSE", 1e-3)
+    gc.disable()
+    try:
+        work = bake(two, IN_TEXELS)
+        while next(work).stage != "Images":
+            pass
+        deadline = time.monotonic() + 10
+        while kinds_of_tasks(two) & {"sampled", "find", "views", "gather_to", "light_at_samples"}:
+            assert time.monotonic() < deadline, kinds_of_tasks(two)
+            time.sleep(0.05)
+        finished(work)
+    finally:
+        gc.enable()
+
+
+def kinds_of_tasks(made):
+    """Return the names of all tasks that a scheduler knows."""
+    keys = made.client.run_on_scheduler(lambda dask_scheduler: list(dask_scheduler.tasks))
+    return {key.split("-")[0] for key in keys}
 
 
 def test_a_scheduler_that_is_gone_is_an_error_with_the_remedy(tmp_path):

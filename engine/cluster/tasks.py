@@ -79,8 +79,10 @@ class Tasks:
     def sent(self, value: object, name: str) -> Future:
         """Return a value as the result of a task, which workers fetch from each other.
 
-        The scheduler keeps it as the argument of the task, so that it can give it to a worker again. Of tasks
-        that need few others it gives a worker two at a time: values of different names are different ones.
+        The scheduler keeps it as the argument of the task, so that it can give it to a worker again.
+
+        name: of values of this kind. A worker gets tasks as it has done others, not all of its part at once,
+        where these need few values; Dask counts all of a name.
         """
         options = {"key": name, "pure": False, "priority": URGENT}
         with self._losses_told(), dask.config.set({_LARGE_GRAPH: "1 PiB"}):

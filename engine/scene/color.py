@@ -1,4 +1,4 @@
-"""Encodings of color, and sums of its channels."""
+"""Encodings of color, and arithmetic with its channels."""
 
 from __future__ import annotations
 

@@ -13,7 +13,8 @@ from pathlib import Path
 #: Where Linux has files in memory; None on other systems.
 _MEMORY = Path("/dev/shm") if sys.platform == "linux" else None
 
-#: What folders are called; a number follows, that of the process that has made them.
+#: What folders are called; two numbers follow: of the namespace of the process that has made them, and its
+#: own there. A container may have the same memory, but numbers of its own.
 _NAME = "hemibake-"
 
 
@@ -24,7 +25,7 @@ def memory_folder() -> Iterator[str]:
         yield ""
         return
     _remove_orphans(_MEMORY)
-    folder = tempfile.mkdtemp(prefix=f"{_NAME}{os.getpid()}-", dir=_MEMORY)
+    folder = tempfile.mkdtemp(prefix=f"{_NAME}{_namespace()}-{os.getpid()}-", dir=_MEMORY)
     try:
         yield folder
     finally:
@@ -68,11 +69,19 @@ def file_with(folder: str, data: bytes | memoryview) -> str:
 
 
 def _remove_orphans(memory: Path) -> None:
-    """Remove the folders of processes that were killed; those of other users stay."""
-    for folder in memory.glob(f"{_NAME}*-*"):
-        process = folder.name.removeprefix(_NAME).split("-")[0]
+    """Remove the folders of processes that were killed; those of other users and of containers stay."""
+    for folder in memory.glob(f"{_NAME}{_namespace()}-*-*"):
+        process = folder.name.removeprefix(f"{_NAME}{_namespace()}-").split("-")[0]
         if process.isdecimal() and not _is_alive(int(process)):
             shutil.rmtree(folder, ignore_errors=True)
+
+
+def _namespace() -> int:
+    """Return the number of the namespace that numbers of processes belong to; 0 where that is not told."""
+    try:
+        return Path("/proc/self/ns/pid").stat().st_ino
+    except OSError:
+        return 0
 
 
 def _is_alive(process: int) -> bool:

@@ -6,11 +6,11 @@ import hashlib
 import pickle
 import zlib
 from dataclasses import dataclass
-from pathlib import Path
 
 from ..portable import portable_bytes
 from ..scene.model import Scene
 from ..settings import Settings
+from .machine_files import file_bytes
 from .memory_folder import file_with
 
 #: Fast compression: coordinates and textures shrink little more at higher levels. Within a machine there is
@@ -23,7 +23,7 @@ class Shipment:
     """A scene and settings as bytes.
 
     data    compressed, see zlib; empty if they are in a file
-    path    of a file in the memory of all workers; empty without one
+    path    of a file in the memory of the client's machine; empty without one
     digest  of the bytes, hexadecimal: names the scene on workers
     """
 
@@ -45,6 +45,6 @@ class Shipment:
 
     def unpacked(self) -> tuple[Scene, Settings]:
         """Return the scene and the settings."""
-        data = Path(self.path).read_bytes() if self.path else zlib.decompress(self.data)
+        data = file_bytes(self.path) if self.path else zlib.decompress(self.data)
         scene, settings = pickle.loads(data)
         return scene, settings

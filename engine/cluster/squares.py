@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..portable import Portable
+from .machine_files import file_bytes
 from .memory_folder import file_with
 
 
@@ -16,7 +17,7 @@ class Squares(Portable):
     """Groups of the patches of a scene; see `solve.patch_groups.PatchGroups`.
 
     data    (n,) uint32, the patch that each patch follows; empty if it is in a file
-    path    of a file in the memory of all workers; empty without one
+    path    of a file in the memory of the client's machine; empty without one
     width   of a square, texels
     digest  hexadecimal: names the groups on workers
     """
@@ -40,4 +41,4 @@ class Squares(Portable):
     @property
     def leader(self) -> np.ndarray:
         """The patch that each patch follows, (n,) uint32."""
-        return np.fromfile(self.path, np.uint32) if self.path else self.data
+        return np.frombuffer(file_bytes(self.path), np.uint32) if self.path else self.data

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..gather.half_light import HalfLight
 from ..portable import Portable
+from .machine_files import by_other, file_bytes
 from .memory_folder import new_file
 
 #: Numbers of a patch in light, and in what is gathered of it.
@@ -20,7 +21,7 @@ _CHANNELS = 3
 
 @dataclass(frozen=True)
 class MappedLight(Portable):
-    """A HalfLight in a file that all workers map.
+    """A HalfLight in a file that the workers of a machine map.
 
     path   of the file
     count  patches
@@ -32,12 +33,16 @@ class MappedLight(Portable):
     unit: np.float32
 
     def opened(self) -> HalfLight:
-        """Return the light, whose parts are the file's."""
-        return HalfLight(_mapped(self.path, np.float16, self.count), self.unit)
+        """Return the light; its parts are the file's where it can be mapped. Raises as `file_bytes`."""
+        try:
+            parts = _mapped(self.path, np.float16, self.count)
+        except OSError:
+            parts = np.frombuffer(file_bytes(self.path), np.float16).reshape(self.count, _CHANNELS)
+        return HalfLight(parts, self.unit)
 
 
 class SweepMemory:
-    """Two files that the client and all workers map, for many sweeps: memory that is there is quick.
+    """Two files that the client and workers of its machine map, for many sweeps: what is there is quick.
 
     rows  (count, 3) float32, what is gathered
     path  of the file of the rows
@@ -64,8 +69,23 @@ class SweepMemory:
 
 
 def write_rows(path: str, first: int, rows: np.ndarray, count: int) -> None:
-    """Write rows from the first one on to the file of `SweepMemory.path`, of `count` patches."""
+    """Write rows from the first one on to the file of `SweepMemory.path`, of `count` patches.
+
+    Another worker does so if this one cannot map the file; raises as `by_other` does.
+    """
+    try:
+        _put(path, first, rows, count)
+    except OSError:
+        by_other(path, _put_bytes, path, first, rows.tobytes(), count)
+
+
+def _put(path: str, first: int, rows: np.ndarray, count: int) -> None:
     _mapped(path, np.float32, count)[first : first + len(rows)] = rows
+
+
+def _put_bytes(path: str, first: int, data: bytes, count: int) -> None:
+    """Write rows that come as bytes, which every version of NumPy reads."""
+    _put(path, first, np.frombuffer(data, np.float32).reshape(-1, _CHANNELS), count)
 
 
 #: A worker keeps the files of two sweeps open: pages that it knows are not looked up again.

@@ -84,7 +84,7 @@ class Workers:
         return partial(ClusterDevices, tasks, shipped, settings, folder)
 
     def _share_folder(self) -> bool:
-        """Return whether all workers are at hand of the folder: in a container one has its own memory."""
+        """Return whether all workers see the folder: in a container one has its own memory."""
         return all(self.client.run(is_at_hand, self._folder, on_error="ignore").values())
 
 

@@ -87,16 +87,19 @@ def test_without_files_in_memory_there_is_no_folder(monkeypatch, tmp_path):
 
 
 def test_folders_of_killed_processes_are_removed(monkeypatch, tmp_path):
+    """Not those of a container that has the same memory: its processes have other numbers."""
     ended = subprocess.Popen([sys.executable, "-c", ""])
     ended.wait()
-    orphan, other, own = (
-        tmp_path / name for name in (f"hemibake-{ended.pid}-x", "hemibake-notes", f"hemibake-{os.getpid()}-y")
+    here = folders._namespace()
+    orphan, *others = (
+        tmp_path / f"hemibake-{name}"
+        for name in (f"{here}-{ended.pid}-x", "notes", f"{here}-{os.getpid()}-y", f"{here + 1}-{ended.pid}-z")
     )
-    for found in (orphan, other, own):
+    for found in (orphan, *others):
         found.mkdir()
     monkeypatch.setattr(folders, "_MEMORY", tmp_path)
     with memory_folder():
-        assert not orphan.exists() and other.exists() and own.exists()
+        assert not orphan.exists() and all(other.exists() for other in others)
 
 
 def test_a_scene_travels_in_a_file_where_there_is_room(folder, monkeypatch):

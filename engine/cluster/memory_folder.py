@@ -13,8 +13,8 @@ from pathlib import Path
 #: Where Linux has files in memory; None on other systems.
 _MEMORY = Path("/dev/shm") if sys.platform == "linux" else None
 
-#: What folders are called; two numbers follow: of the namespace of the process that has made them, and its
-#: own there. A container may have the same memory, but numbers of its own.
+#: What folders are called; two numbers follow: of the process that has made them, and of the namespace in
+#: which it has that. A container may have the same memory, but numbers of its own.
 _NAME = "hemibake-"
 
 
@@ -25,7 +25,7 @@ def memory_folder() -> Iterator[str]:
         yield ""
         return
     _remove_orphans(_MEMORY)
-    folder = tempfile.mkdtemp(prefix=f"{_NAME}{_namespace()}-{os.getpid()}-", dir=_MEMORY)
+    folder = tempfile.mkdtemp(prefix=f"{_NAME}{os.getpid()}-{_namespace()}-", dir=_MEMORY)
     try:
         yield folder
     finally:
@@ -70,8 +70,8 @@ def file_with(folder: str, data: bytes | memoryview) -> str:
 
 def _remove_orphans(memory: Path) -> None:
     """Remove the folders of processes that were killed; those of other users and of containers stay."""
-    for folder in memory.glob(f"{_NAME}{_namespace()}-*-*"):
-        process = folder.name.removeprefix(f"{_NAME}{_namespace()}-").split("-")[0]
+    for folder in memory.glob(f"{_NAME}*-{_namespace()}-*"):
+        process = folder.name.removeprefix(_NAME).split("-")[0]
         if process.isdecimal() and not _is_alive(int(process)):
             shutil.rmtree(folder, ignore_errors=True)
 
@@ -92,6 +92,6 @@ def _is_alive(process: int) -> bool:
         os.kill(process, 0)
     except ProcessLookupError:
         return False
-    except OSError:
+    except (OSError, OverflowError):
         return True
     return True

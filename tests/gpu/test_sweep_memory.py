@@ -93,7 +93,13 @@ def test_folders_of_killed_processes_are_removed(monkeypatch, tmp_path):
     here = folders._namespace()
     orphan, *others = (
         tmp_path / f"hemibake-{name}"
-        for name in (f"{here}-{ended.pid}-x", "notes", f"{here}-{os.getpid()}-y", f"{here + 1}-{ended.pid}-z")
+        for name in (
+            f"{ended.pid}-{here}-x",
+            "notes",
+            f"{os.getpid()}-{here}-y",
+            f"{ended.pid}-{here + 1}-z",
+            f"99999999999-{here}-v",
+        )
     )
     for found in (orphan, *others):
         found.mkdir()

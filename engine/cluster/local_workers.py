@@ -45,6 +45,7 @@ class LocalWorkers:
             loop = opened.enter_context(event_loop())
             options = {"dashboard_address": ":0", "loop": loop}
             self._cluster = opened.enter_context(LocalCluster(n_workers=0, processes=True, **options))
+            self._cluster.scheduler.rpc.timeout = GONE
             self.client = opened.enter_context(Client(self._cluster, timeout=ANSWER))
             self._opened = opened.pop_all()
         try:

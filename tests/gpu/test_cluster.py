@@ -208,6 +208,18 @@ def test_a_scheduler_that_is_gone_is_an_error_with_the_remedy(tmp_path):
             finished(work)
 
 
+def test_a_worker_that_is_gone_is_not_waited_for_long(monkeypatch):
+    """By Dask's defaults its scheduler tries for 30 s to reach it."""
+    monkeypatch.setattr(local_workers, "GONE", 1)
+    with cluster(1) as made, socket.create_server(("127.0.0.1", 0)) as listening:
+        address = f"tcp://127.0.0.1:{listening.getsockname()[1]}"
+        listening.close()
+        began = time.monotonic()
+        with pytest.raises(OSError, match="Timed out trying to connect"):
+            made.client.sync(made._cluster.scheduler.rpc.connect, address)
+        assert time.monotonic() - began < 10
+
+
 def test_images_are_made_and_saved_without_workers_and_scheduler(tmp_path, by_two_in_texels):
     """All are killed once points of texels are lit."""
     with running_scheduler(tmp_path) as (address, _):

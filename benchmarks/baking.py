@@ -6,8 +6,8 @@ import time
 from typing import Any
 
 from engine import Lightmap, Scene, Settings, finished
+from engine.device.freed_memory import keep_freed_memory
 from engine.session import Session
-from engine.worker.memory import keep_freed_memory
 
 #: A bake faster than this is timed a second time, s.
 _QUICK = 10.0

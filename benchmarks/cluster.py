@@ -36,6 +36,7 @@ from distributed.utils import key_split
 from benchmarks.rooms import hilly_room
 from engine import Settings
 from engine.cluster.local_workers import LocalWorkers, local_environments
+from engine.device.freed_memory import keep_freed_memory
 from engine.lightmap import Lightmap
 from engine.progress import Progress
 from engine.scene.model import Scene
@@ -68,6 +69,7 @@ class _Size:
 def main() -> None:
     """Bake with each number of workers; print and keep what was measured."""
     options = _parser().parse_args()
+    keep_freed_memory()
     for size in options.bakes:
         scene = hilly_room(size.resolution, options.triangles)
         settings = Settings(

@@ -14,9 +14,9 @@ from dataclasses import replace
 import numpy as np
 
 from engine import Changes, Light, Scene, Session, Settings, finished
+from engine.device.freed_memory import keep_freed_memory
 from engine.live import Live
 from engine.quality import QUALITIES
-from engine.worker.memory import keep_freed_memory
 
 from .rooms import cornell_box, hilly_room, with_small_box
 

@@ -10,6 +10,7 @@ from functools import cache
 import numpy as np
 
 from ..device.devices import Devices
+from ..device.freed_memory import keep_freed_memory
 from ..direct.contact import patches_in_contact
 from ..direct.lighting import DirectLighting
 from ..plan.choice import Choice
@@ -30,6 +31,7 @@ DEVICE = "HEMIBAKE_OPENCL_DEVICE"
 @cache
 def worker_devices() -> Devices:
     """Return the devices of this worker, which outlive bakes; raises DeviceError, see `Devices`."""
+    keep_freed_memory()
     return Devices(opencl_device=os.environ.get(DEVICE))
 
 

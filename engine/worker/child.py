@@ -35,10 +35,10 @@ from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import Any, NoReturn
 
+from ..device.freed_memory import give_back_freed_memory, keep_freed_memory
 from ..lightmap import Lightmap
 from ..progress import Progress
 from . import messages
-from .memory import give_back_freed_memory, keep_freed_memory
 from .shared_block import BorrowedBlock
 
 #: How much less urgent than the parent the work here is.

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from engine.worker import memory
+from engine.device import freed_memory
 
 _SCRIPT = """
 import resource
 import numpy as np
-from engine.worker.memory import give_back_freed_memory, keep_freed_memory
+from engine.device.freed_memory import give_back_freed_memory, keep_freed_memory
 
 def resident():
     with open("/proc/self/statm") as pages:
@@ -30,7 +30,7 @@ print(first, second, kept - start, resident() - start)
 """
 
 
-@pytest.mark.skipif(memory._glibc() is None, reason="another C library")
+@pytest.mark.skipif(freed_memory._glibc() is None, reason="another C library")
 def test_the_next_bake_maps_no_pages_and_an_idle_process_has_none():
     root = Path(__file__).parents[2]
     found = subprocess.run(

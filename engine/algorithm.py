@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Generator
 from contextlib import closing
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from .plan.kept import Kept
 from .plan.last_light import LastLight
 from .plan.light_group_light import light_by_groups
 from .plan.limits import check_limits, check_patch_count
+from .plan.memory import shared_width
 from .plan.remote_devices import RemoteDevices
 from .plan.solve_job import SolveJob
 from .plan.stages import BakeStages
@@ -99,7 +101,11 @@ def _bake(
     # appears in it, while it is still to be found what patches see of each other.
     rays = kept.ray_scene(compute, parts)
     remote = shipped and shipped(len(parts.patches))
-    lighting = DirectLighting(scene, parts, rays, settings, remote, kept.bright_triangles, kept.split_sky)
+    in_squares = remote is not None and shared_width(settings, len(parts.patches)) > 1
+    meanwhile = partial(kept.inside, rays) if in_squares else None
+    lighting = DirectLighting(
+        scene, parts, rays, settings, remote, kept.bright_triangles, kept.split_sky, meanwhile
+    )
     outputs = Outputs(scene, settings, lighting)
     last = kept.light_on(parts.patches, settings)
     lighting.follow(kept.sampled if settings.warm_start else None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import time
 
 import numpy as np
@@ -100,9 +101,12 @@ def gather(block: Block, light: HalfLight | MappedLight) -> np.ndarray:
     return block.gather(light)
 
 
-def gather_to(block: Block, light: MappedLight, path: str) -> None:
-    """Gather for a block to the file of a `SweepMemory`, as a task of a sweep within a machine."""
-    block.gather_to(light, path)
+def gather_to(block: Block, light: bytes, path: str) -> None:
+    """Gather for a block to the file of a `SweepMemory`, as a task of a sweep within a machine.
+
+    light: a MappedLight's `portable_bytes`, which come with the task: another one for it would take longer
+    """
+    block.gather_to(pickle.loads(light), path)
 
 
 def gather_l1(block: Block, light: HalfLight | MappedLight) -> np.ndarray:

@@ -12,6 +12,7 @@ from ..gather.half_light import HalfLight
 from ..plan.choice import Choice
 from ..plan.lit_samples import LitSamples
 from ..plan.memory import shared_width
+from ..portable import portable_bytes
 from ..scene.color import colors_of
 from ..settings import Settings
 from . import block, final_tasks, shadow_tasks
@@ -19,8 +20,10 @@ from .blocks import Span, cut
 from .shipped import Shipped
 from .squares import Squares
 from .sweep_memories import SweepMemories
-from .sweep_memory import MappedLight
 from .tasks import EARLY, Tasks
+
+#: Columns of light without directions.
+_COLORS = 3
 
 #: Points of texels in a task, at least: fewer take as long.
 _FEWEST_POINTS = 2048
@@ -54,8 +57,11 @@ class ClusterDevices:
         # Those that are done find what patches see meanwhile. Squares are made of the light first.
         if shared_width(self._settings, self._count) == 1:
             self._find(self._count)
+        yield 0.0
         light = yield from self._tasks.rows(tasks)
-        return colors_of(light), light[:, 3:].reshape(-1, 3, 3)
+        if light.shape[1] == _COLORS:
+            return light, np.zeros((0, 3, 3), np.float32)
+        return colors_of(light), light[:, _COLORS:].reshape(-1, 3, 3)
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
         """Return how much of a lamp patches see; see `Casting.shadow_mask`."""
@@ -76,10 +82,9 @@ class ClusterDevices:
         memory = self._memories.next(len(light.parts), self._tasks.workers())
         if memory is None:
             return (yield from self._of_blocks(block.gather, self._light_sent(light)))
-        sent = self._light_sent(memory.put(light))
-        blocks = self._blocks.values()
+        mapped, blocks = portable_bytes(memory.put(light)), self._blocks.values()
         yield from self._tasks.finish(
-            self._tasks.begin(block.gather_to, [(found, sent, memory.path) for found in blocks])
+            self._tasks.begin(block.gather_to, [(found, mapped, memory.path) for found in blocks])
         )
         return memory.rows
 
@@ -115,7 +120,7 @@ class ClusterDevices:
         yield from self._tasks.take(dict(zip(begun, spans, strict=True)), lit.__setitem__)
         return [lit[span] for span in spans]
 
-    def _light_sent(self, light: HalfLight | MappedLight) -> Future:
+    def _light_sent(self, light: HalfLight) -> Future:
         """Return light as the result of a task."""
         return self._tasks.sent(light, "light")
 

@@ -41,7 +41,7 @@ class Sources:
 
     def table(self, light: HalfLight | MappedLight) -> cl.Buffer:
         """Return the light of all on the device: once for all blocks of a sweep."""
-        if light is not self._light:
+        if light != self._light:
             opened = light.opened() if isinstance(light, MappedLight) else light
             self._light, self._table = light, opened.table(self.job.opencl)
         return self._table

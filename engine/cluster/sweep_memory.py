@@ -23,14 +23,16 @@ _CHANNELS = 3
 class MappedLight(Portable):
     """A HalfLight in a file that the workers of a machine map.
 
-    path   of the file
-    count  patches
-    unit   W/(m^2 sr)
+    path    of the file
+    count   patches
+    unit    W/(m^2 sr)
+    number  of the light in this file: the file is written over
     """
 
     path: str
     count: int
     unit: np.float32
+    number: int
 
     def opened(self) -> HalfLight:
         """Return the light; its parts are the file's where it can be mapped. Raises as `file_bytes`."""
@@ -52,14 +54,15 @@ class SweepMemory:
         """Take the number of patches; raises OSError if there is no room in the folder."""
         sizes = (np.dtype(kind).itemsize * _CHANNELS * count for kind in (np.float16, np.float32))
         self._files = [new_file(folder, size) for size in sizes]
-        self._count, self.path = count, self._files[1]
+        self._count, self.path, self._number = count, self._files[1], 0
         self._parts = _opened(self._files[0], np.float16, count)
         self.rows = _opened(self.path, np.float32, count)
 
     def put(self, light: HalfLight) -> MappedLight:
         """Let workers have light."""
         np.copyto(self._parts, light.parts)
-        return MappedLight(self._files[0], self._count, light.unit)
+        self._number += 1
+        return MappedLight(self._files[0], self._count, light.unit, self._number)
 
     def close(self) -> None:
         """Remove the files; who still writes to them disturbs nobody."""

@@ -44,15 +44,17 @@ class DirectLighting:
         elsewhere: Casting | None = None,
         bright: Callable[[Subdivision], BrightTriangles] = bright_triangles,
         split: Callable[[np.ndarray], Sky] = split_sky,
+        meanwhile: Callable[[], object] | None = None,
     ) -> None:
         """Split the light.
 
         elsewhere  casts rays from all patches on devices of other processes
         bright     returns the triangles that are sampled
         split      parts the surroundings
+        meanwhile  called while other processes cast
         """
         self._scene, self._parts, self._settings = scene, parts, settings
-        self._ray_scene = rays
+        self._ray_scene, self._meanwhile = rays, meanwhile
         self._lamps = [lamp.relative_to(parts.triangles.origin) for lamp in shining_lights(scene)]
         self._shadow_rays: Casting | None = None
         self._elsewhere = elsewhere
@@ -111,6 +113,8 @@ class DirectLighting:
             # Other processes cast meanwhile.
             yield next(work)
             self._near = self.near_faces()
+            if self._meanwhile is not None:
+                self._meanwhile()
         light, self.l1 = yield from work
         return light
 

@@ -18,7 +18,7 @@ _BRIGHTEST = 32768.0
 _ITEMS = 1024
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HalfLight(Portable):
     """Radiance in parts of its largest value, 6 bytes a patch.
 

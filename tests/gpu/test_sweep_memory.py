@@ -47,6 +47,13 @@ def test_light_arrives_as_it_was_sent_in_every_sweep(folder):
         assert arrived.parts.tobytes() == parts.tobytes() and arrived.unit == np.float32(unit)
 
 
+def test_light_that_is_written_over_is_another(folder):
+    """Workers take the light of a sweep to their device once, and know it by this."""
+    memory, light = SweepMemory(folder, COUNT), HalfLight(np.ones((COUNT, 3), np.float16), np.float32(1))
+    first, second = (pickle.loads(pickle.dumps(memory.put(light))) for _ in range(2))
+    assert first != second and first == pickle.loads(pickle.dumps(first))
+
+
 def test_rows_lie_where_they_belong(folder):
     memory = SweepMemory(folder, COUNT)
     wanted = np.random.default_rng(5).normal(size=(COUNT, 3)).astype(np.float32)

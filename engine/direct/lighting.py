@@ -75,7 +75,8 @@ class DirectLighting:
             )
             self._sky = Sky(whole_sky(scene.world), None)
         self.emission_left, self.sky_left = self._bright.emission_left, self._sky.rest
-        if settings.light_outputs and not (self._lamps or len(surfaces.shining) or scene.world.any()):
+        shines = self._lamps or len(self._bright.triangles) or scene.world.any() or len(surfaces.shining)
+        if settings.light_outputs and not shines:
             self.warnings.append(
                 "Nothing emits light: the lightmaps are black. Add a light, an emissive material or a world."
             )

@@ -12,6 +12,7 @@ from ..device.buffers import zeros
 from ..device.compute import Compute
 from ..patches.subdivision import Subdivision
 from ..resume.checkpoint import Checkpoint
+from ..scene.digests import same_values
 from ..visibility.identity import Identity, Sampling, SeenBuffers
 from ..visibility.rays.identity import RayIdentity
 from ..visibility.rays.ray_scene import RayScene
@@ -176,8 +177,8 @@ class KeptSamples:
         there = self._parts if self._moved is None else self._moved.parts
         if parts.triangles is there.triangles:
             patches, mine = parts.patches, there.patches
-            same = np.array_equal(patches.texel, mine.texel) and np.array_equal(patches.atlas, mine.atlas)
-            return same and np.array_equal(parts.texel_to_patch, there.texel_to_patch)
+            same = same_values(patches.texel, mine.texel) and same_values(patches.atlas, mine.atlas)
+            return same and same_values(parts.texel_to_patch, there.texel_to_patch)
         if self.sampling.name != RayIdentity.name:
             return False
         begun = self._moved if self._moved is not None and self._moved.begun else None

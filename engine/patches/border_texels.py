@@ -51,7 +51,7 @@ class DeviceBorder:
         options = (f"-DWITHIN={WITHIN}f",)
         names = "nearest_patches", "covered_middles"
         self._nearest, self._middles = compute.kernels(_SOURCE, *names, options=options)
-        self._texels = upload(compute, border.texel), upload(compute, border.triangle)
+        self._texels = upload_once(compute, border.texel), upload_once(compute, border.triangle)
         triangles, offsets = geometry.triangles, np.array(OFFSETS, np.int32)[:, ::-1]
         self._uvs = upload(compute, triangles.uvs)
         arrays = (triangles.positions, triangles.mesh, geometry.steps.longer, offsets)
@@ -63,12 +63,12 @@ class DeviceBorder:
         Same surface: the same mesh, and at most twice as far away in the world as on the lightmap. The second
         array, (m,) bool, tells where the triangle's nearest point lies within the texel.
 
-        own: that of `PatchList.on_texels`
+        own: that of `PatchList.on_texels`, which nobody changes
         """
         count = len(self._border)
         nearest, inside = np.empty(count, np.uint32), np.empty(count, np.uint8)
-        inputs = [upload(self._compute, own)]
-        inputs += [upload_once(self._compute, array) for array in (patches.triangle, patches.barycentric)]
+        arrays = (own, patches.triangle, patches.barycentric)
+        inputs = [upload_once(self._compute, array) for array in arrays]
         write = cl.mem_flags.WRITE_ONLY
         outputs = [cl.Buffer(self._compute.context, write, array.nbytes) for array in (nearest, inside)]
         self._compute.run(

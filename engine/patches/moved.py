@@ -28,12 +28,13 @@ def moved_triangles(before: Subdivision, after: Subdivision) -> np.ndarray | Non
     if len(ranges[0]) != len(ranges[1]):
         return None
     stays = _unmoved(before.triangles, after.triangles, *ranges)
-    changed = before.texel_to_patch != after.texel_to_patch
+    shown = before.texel_to_patch, after.texel_to_patch
+    changed = None if shown[0] is shown[1] else shown[0] != shown[1]
     found = []
     for parts, still in zip((before, after), stays, strict=True):
         triangles = parts.triangles
         moved = ~still
-        if changed.any():
+        if changed is not None and changed.any():
             moved |= _touching(triangles, changed)
         if moved.sum() > _MOST * len(moved):
             return None
@@ -58,8 +59,8 @@ def _same_patches(before: Subdivision, after: Subdivision) -> bool:
     return (
         one.resolution == other.resolution
         and before.texel_to_patch.shape == after.texel_to_patch.shape
-        and np.array_equal(one.texel, other.texel)
-        and np.array_equal(one.atlas, other.atlas)
+        and same_values(one.texel, other.texel)
+        and same_values(one.atlas, other.atlas)
     )
 
 

@@ -13,13 +13,11 @@ from ..scene.cutouts import Cutouts, read_cutouts
 from ..scene.model import Scene
 from ..scene.triangles import Triangles, join_meshes
 from ..settings import Settings
-from .coverage import border_texels, check_overlap, covered_texels, note_uncovered
-from .edge_patches import away_from_edges
-from .geometry import PatchGeometry, patch_geometry
-from .patch_file import list_or_load_patches
+from .charts import Charts, read_charts
+from .geometry import PatchGeometry, texel_steps
 from .patch_list import PatchList
-from .surfaces import PatchSurfaces, patch_surfaces
-from .texel_to_patch import add_thin_patches
+from .surfaces import KnownSurfaces, PatchSurfaces, patch_surfaces
+from .texel_to_patch import IndexMap, index_map
 
 
 @dataclass(frozen=True)
@@ -30,6 +28,7 @@ class Subdivision:
     texel_to_patch  (atlases, r, r) uint32 index map: patch + 1, or 0
     warnings        sentences for the user
     back_to_back    whether faces lie on one another that look apart
+    charts, index   what the next subdivision may start from, if they are known
     """
 
     triangles: Triangles
@@ -40,6 +39,8 @@ class Subdivision:
     texel_to_patch: np.ndarray
     warnings: tuple[str, ...]
     back_to_back: bool = False
+    charts: Charts | None = None
+    index: IndexMap | None = None
 
     def part(self, chosen: np.ndarray | slice) -> Subdivision:
         """Return some patches, which see all of them."""
@@ -56,22 +57,34 @@ def subdivide(
     compute: Compute | None,
     scene: Scene,
     settings: Settings,
-    before: Triangles | None = None,
+    before: tuple[Subdivision, Scene | None] | None = None,
 ) -> Subdivision:
     """Make the patches of a scene (paper, III.A and IV.A); raises Scene-, Settings-, PatchFileError.
 
-    before: triangles of the scene before something moved, see `join_meshes`
+    before: those of the scene before something moved, by the same settings, and that scene, if it is known.
+    Triangles that stay keep their bits, see `join_meshes`; charts that stay are not drawn again.
     """
-    triangles = join_meshes(scene, before)
-    covered = list_or_load_patches(graphics, scene, triangles, settings)
-    own, geometry = covered.on_texels(len(scene.atlases)), patch_geometry(triangles, covered)
-    covered = away_from_edges(compute, geometry, covered, own)
-    geometry = geometry.at(covered)
-    texels = covered_texels(scene, geometry)
-    warnings = note_uncovered(scene, texels)
-    warnings += check_overlap(graphics, scene, triangles, covered, texels)
-    border = border_texels(graphics, triangles, own)
-    patches, geometry, texel_to_patch = add_thin_patches(compute, geometry, covered, own, border)
-    surfaces = patch_surfaces(compute, scene, geometry, settings.resolution)
-    cutouts = read_cutouts(scene)
-    return Subdivision(triangles, cutouts, patches, geometry, surfaces, texel_to_patch, tuple(warnings))
+    last = before[0] if before else None
+    triangles = join_meshes(scene, last.triangles if last else None)
+    steps = texel_steps(triangles, settings.resolution)
+    charts = last.charts if last else None
+    if last is None or charts is None or not charts.suit(scene, triangles, last.triangles):
+        charts, last = read_charts(graphics, compute, scene, triangles, settings), None
+    covered = PatchGeometry(triangles, steps, charts.patches.triangle, charts.patches.barycentric)
+    index = index_map(compute, covered, charts, last.index if last else None)
+    patches, geometry = index.patches, covered.at(index.patches)
+
+    # What patches are made of, which is known where they are the same and of the same materials.
+    known = None
+    if before and before[1] and last and _same_materials(last, triangles, patches):
+        known = KnownSurfaces(before[1], last.surfaces)
+    surfaces = patch_surfaces(compute, scene, geometry, settings.resolution, known)
+    return Subdivision(
+        triangles, read_cutouts(scene), patches, geometry, surfaces, index.texel_to_patch, charts.warnings,
+        charts=charts, index=index,
+    )  # fmt: skip
+
+
+def _same_materials(before: Subdivision, triangles: Triangles, patches: PatchList) -> bool:
+    """Return whether patches are those of before, and their triangles of the same materials."""
+    return before.patches is patches and np.array_equal(before.triangles.material, triangles.material)

@@ -8,45 +8,65 @@ to cover any centre nearby gets a patch of its own.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..device.compute import Compute
 from .border_texels import BorderTexels, DeviceBorder
+from .charts import Charts
 from .geometry import PatchGeometry
 from .host_border_texels import HostBorder
 from .patch_list import PatchList
 
 
-def add_thin_patches(
-    compute: Compute | None,
-    geometry: PatchGeometry,
-    patches: PatchList,
-    texel_to_patch: np.ndarray,
-    border: BorderTexels,
-) -> tuple[PatchList, PatchGeometry, np.ndarray]:
-    """Give every touched texel a patch; return the grown patch list, its geometry and the whole index map.
+@dataclass(frozen=True)
+class IndexMap:
+    """Which patch each texel shows.
 
-    texel_to_patch  that of `PatchList.on_texels`, which is changed
-    border          all other texels that a triangle touches
+    patches         all of them, those on thin surfaces included
+    texel_to_patch  (atlases, r, r) uint32: patch + 1, or 0
+    nearest         (m,) uint32, the covered patch of the same surface that is nearest to each border texel
+                    + 1, or 0
+    inside          (m,) bool: more than a border of the surface is in the texel
     """
+
+    patches: PatchList
+    texel_to_patch: np.ndarray
+    nearest: np.ndarray
+    inside: np.ndarray
+
+
+def index_map(
+    compute: Compute | None, geometry: PatchGeometry, charts: Charts, before: IndexMap | None
+) -> IndexMap:
+    """Give every touched texel a patch.
+
+    geometry  of the charts' patches
+    before    that of the same charts where they were: the same one is returned if nothing has changed
+    """
+    patches, border = charts.patches, charts.border
     if not len(border):
-        return patches, geometry, texel_to_patch
+        none = np.zeros(0, np.uint32), np.zeros(0, bool)
+        return before or IndexMap(patches, charts.entries, *none)
     texels = DeviceBorder(compute, geometry, border) if compute else HostBorder(geometry, border)
-    nearest, inside = texels.nearest_patches(patches, texel_to_patch)
+    nearest, inside = texels.nearest_patches(patches, charts.entries)
+    found = nearest
+    if before and np.array_equal(nearest, before.nearest) and np.array_equal(inside, before.inside):
+        return before
 
     # Surfaces without a covered centre nearby become patches in the middle of what the texel shows of them:
     # a point on their edge would see past the surfaces that meet them there.
+    texel_to_patch = charts.entries.copy()
     thin = np.flatnonzero((nearest == 0) & inside)
     if len(thin):
         middle = texels.middles(thin, patches.resolution)
         patches = _with_thin(patches, border.part(thin), middle)
-        geometry = geometry.at(patches)
-        texel_to_patch = patches.on_texels(len(texel_to_patch))
-        own = texel_to_patch.ravel()[border.texel[thin]]
-        nearest, _ = texels.nearest_patches(patches, texel_to_patch)
-        nearest[thin] = own
+        own = patches.on_texels(len(texel_to_patch))
+        nearest, _ = texels.nearest_patches(patches, own)
+        texel_to_patch, nearest[thin] = own.copy(), own.ravel()[border.texel[thin]]
     texel_to_patch.ravel()[border.texel] = nearest
-    return patches, geometry, texel_to_patch
+    return IndexMap(patches, texel_to_patch, found, inside)
 
 
 def _with_thin(patches: PatchList, thin: BorderTexels, middle: np.ndarray) -> PatchList:

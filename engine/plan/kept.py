@@ -35,6 +35,7 @@ from ..settings import Settings
 from ..visibility.identity import directional_options
 from ..visibility.open_sky import open_sky
 from ..visibility.rays.ray_scene import RayScene
+from ..visibility.rays.treetop import Treetop
 from .last_light import LastLight
 from .stand_ins import PatchPairs, seen_beside
 
@@ -74,6 +75,7 @@ class Kept:
     _parts: Subdivision | None
     _follows: bool
     _rays: RayScene | None
+    _top: Treetop | None
     _seams: Future[Seams] | None
     _areas: Future[np.ndarray] | None
     _inside: np.ndarray | None
@@ -96,7 +98,7 @@ class Kept:
 
     def clear(self) -> None:
         """Drop everything."""
-        self._parts = self._rays = self._seams = self.samples = None
+        self._parts = self._rays = self._top = self._seams = self.samples = None
         self._areas = self._inside = self._near = self._clipper = self._thin = None
         self._static = self._bright = self._beside = None
         self._follows = False
@@ -114,13 +116,14 @@ class Kept:
         surfaces = surfaces_digest(scene, arrays)
         before = self._parts if settings.warm_start and self.key and self.key[1:] == key[1:] else None
         if key != self.key or (self._follows and not settings.warm_start):
-            samples = self.samples
+            samples, rays = self.samples, self._rays
             self.clear()
-            self.samples = samples if before else None
+            if before:
+                self.samples, self._top = samples, rays.top if rays else None
         if self._parts is None:
             self._follows = before is not None
-            triangles = before.triangles if before else None
-            self._parts = subdivide(graphics, compute, scene, settings, triangles)
+            followed = (before, self._surfaces_of) if before else None
+            self._parts = subdivide(graphics, compute, scene, settings, followed)
         elif surfaces != self._surfaces_key:
             last = self._surfaces_of
             known = None if last is None else KnownSurfaces(last, self._parts.surfaces)
@@ -135,7 +138,7 @@ class Kept:
     def ray_scene(self, compute: Compute | None, parts: Subdivision) -> RayScene:
         """Return what casts rays from the patches of the scene."""
         if self._rays is None:
-            self._rays = RayScene(compute, parts)
+            self._rays = RayScene(compute, parts, self._top)
         return self._rays
 
     def seams(self, parts: Subdivision, atlases: int) -> Future[Seams]:
@@ -149,6 +152,12 @@ class Kept:
         if self._areas is None:
             self._areas = _in_thread(surface_areas, parts.triangles, parts.patches, parts.geometry)
         return self._areas
+
+    def begin(
+        self, parts: Subdivision, atlases: int, settings: Settings
+    ) -> tuple[Future[np.ndarray], Future[Seams] | None]:
+        """Begin to find areas and, if they are asked for, the seams of the first `atlases` lightmaps."""
+        return self.areas(parts), self.seams(parts, atlases) if settings.hide_seams else None
 
     def bright_triangles(self, parts: Subdivision) -> BrightTriangles:
         """Return the triangles that are sampled as lights; see `direct.emitters.bright_triangles`."""

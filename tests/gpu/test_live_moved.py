@@ -11,7 +11,11 @@ from engine.device import slices
 from engine.device.compute import Compute
 from engine.device.devices import Devices
 from engine.gather.kept_samples import KeptSamples
+from engine.patches import chart_raster, coverage, patch_list
+from engine.patches.occluders import place_occluders
+from engine.patches.subdivision import subdivide
 from engine.resume.checkpoint import Checkpoint, Checkpoints
+from engine.scene.digests import same_values
 from engine.scene.model import OCCLUDER
 from engine.visibility.identity import surroundings
 from engine.visibility.rays.identity import RayIdentity
@@ -188,3 +192,32 @@ def test_a_bake_of_its_own_after_live_has_its_own_bits(lively):
     image = finished(session.bake(live.scene, settings)).display
     session.forget()
     assert np.array_equal(image, finished(session.bake(live.scene, settings)).display)
+
+
+def test_charts_that_stay_are_not_drawn_again(lively, monkeypatch):
+    """Patches, the index map and what they are made of are those of a scene of its own all the same."""
+    session, random, drawn = lively(Compute), np.random.default_rng(3), []
+    live = session.live(open_room(), SETTINGS)
+    finished(live.settle())
+    draw = chart_raster.draw_charts
+    for module in (patch_list, coverage):
+        monkeypatch.setattr(module, "draw_charts", lambda *drawing: drawn.append(1) or draw(*drawing))
+    for _ in range(6):
+        charts = session._kept._parts.triangles.uvs
+        live.update(edit(live.scene, random))
+        drawn.clear()
+        next(live.settle())
+        finished(live.settle())
+        parts = session._kept._parts
+        assert bool(drawn) == (not np.array_equal(charts, parts.triangles.uvs))
+        scene = place_occluders(live.scene, SETTINGS.resolution)
+        unknown = dataclasses.replace(parts, charts=None), None
+        expected = subdivide(session._devices.graphics, session._devices.compute, scene, SETTINGS, unknown)
+        for found, wanted in (
+            (parts.patches, expected.patches),
+            (parts.texel_to_patch, expected.texel_to_patch),
+            (parts.surfaces, expected.surfaces),
+            (parts.geometry.center, expected.geometry.center),
+            (parts.warnings, expected.warnings),
+        ):
+            assert same_values(found, wanted)

@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 
 from engine import Material, Scene, SceneError
+from engine.patches.charts import Charts
 from engine.patches.coverage import border_texels, check_overlap, covered_texels
 from engine.patches.geometry import patch_geometry
 from engine.patches.patch_list import list_patches
-from engine.patches.texel_to_patch import add_thin_patches
+from engine.patches.texel_to_patch import index_map
 from engine.scene.triangles import join_meshes
 from tests.analytic.scenes import furnace, nine_quad_room, quads, rectangle
 
@@ -25,7 +26,8 @@ def grown(graphics, compute, scene, resolution):
     covered = list_patches(graphics, scene, triangles, resolution)
     own = covered.on_texels(len(scene.atlases))
     border, geometry = border_texels(graphics, triangles, own), patch_geometry(triangles, covered)
-    return covered, *add_thin_patches(compute, geometry, covered, own, border)
+    index = index_map(compute, geometry, Charts((), covered, own, border, ()), None)
+    return covered, index.patches, geometry.at(index.patches), index.texel_to_patch
 
 
 def test_texels_of_a_quad_become_patches(graphics):

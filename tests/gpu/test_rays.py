@@ -11,6 +11,7 @@ from engine.scene.triangles import join_meshes
 from engine.visibility.rays import bvh
 from engine.visibility.rays.bvh import Shape
 from engine.visibility.rays.rays import Rays
+from engine.visibility.rays.treetop import Treetop
 
 SOLID = SimpleNamespace(needed=False, culled=np.zeros(1, bool))
 SHAPES = [Shape(8, 8, 8, 0.5), Shape(2, 1, 4, 0.35), Shape(4, 4, 8, 0.5)]
@@ -119,26 +120,7 @@ def test_every_triangle_is_in_the_hierarchy_once(compute, shape):
     """Leaves name all triangles, and children lie within the boxes their parents keep of them."""
     triangles = random(40_000, 0.05).astype(np.float32)
     built = bvh.build_bvh(compute, triangles, 6.0, shape)
-    nodes = download(compute, built.nodes).reshape(-1, 8, shape.width)
-    children = nodes[:, 6].view(np.int32)
-    leaves = ~children[(children < 0) & np.isfinite(nodes[:, 0])]
-    record = 12 if shape.packet == 1 else 10
-    packets = download(compute, built.triangles)
-    packets = packets.reshape(-1, record) if shape.packet == 1 else packets.reshape(-1, record, shape.packet)
-    numbers = packets[:, 9].view(np.int32)[packets[:, 3:9].any(axis=1)]
-    assert sorted(numbers) == list(range(len(triangles)))
-    assert sorted(np.concatenate([(leaf >> 3) + np.arange(leaf & 7) for leaf in leaves])) == list(
-        range(len(packets))
-    )
-    low, high = nodes[:, 0:6:2], nodes[:, 1:6:2]
-    rounding = 0
-    if shape.width == 2:
-        low, high, rounding = low - high, low + high, 1e-5
-    for parent, child in np.argwhere(children >= 0)[:1000]:
-        inside = children[parent, child]
-        kept = np.isfinite(high[inside, 0])
-        assert np.abs(low[inside][:, kept].min(axis=1) - low[parent, :, child]).max() <= rounding
-        assert np.abs(high[inside][:, kept].max(axis=1) - high[parent, :, child]).max() <= rounding
+    assert_whole(compute, built, shape, len(triangles))
 
 
 def test_builds_are_repeatable(compute):
@@ -151,6 +133,47 @@ def test_builds_are_repeatable(compute):
         packets = [values.reshape(-1, 12)[:, :10] for values in packets]  # the last two only fill four floats
     for first, second in (nodes, packets):
         assert (first.view(np.int32) == second.view(np.int32)).all()
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: f"{shape.width} wide")
+def test_a_tree_serves_where_its_triangles_move_a_little(compute, shape, monkeypatch):
+    """A tree that has become bad, or that is of other triangles, is made anew."""
+    made, build = [], Treetop.__init__
+    monkeypatch.setattr(Treetop, "__init__", lambda *boxes: made.append(1) or build(*boxes))
+    triangles = random(301, 0.2).astype(np.float32)
+    first = bvh.build_bvh(compute, triangles, 6.0, shape)
+    steps = np.zeros((301, 1, 3), np.float32)
+    for distance, count, anew in ((0.05, 301, 0), (0.1, 301, 0), (5.0, 301, 1), (0.0, 300, 1)):
+        made.clear()
+        steps[:90] = distance
+        moved = (triangles + steps)[:count]
+        built = bvh.build_bvh(compute, moved, 12.0, shape, first.top)
+        assert len(made) == anew
+        assert_whole(compute, built, shape, count)
+
+
+def assert_whole(compute, built, shape, count):
+    """Leaves name all triangles once, and children lie within the boxes their parents keep of them."""
+    nodes = download(compute, built.nodes).reshape(-1, 8, shape.width)
+    children = nodes[:, 6].view(np.int32)
+    leaves = ~children[(children < 0) & np.isfinite(nodes[:, 0])]
+    record = 12 if shape.packet == 1 else 10
+    packets = download(compute, built.triangles)
+    packets = packets.reshape(-1, record) if shape.packet == 1 else packets.reshape(-1, record, shape.packet)
+    numbers = packets[:, 9].view(np.int32)[packets[:, 3:9].any(axis=1)]
+    assert sorted(numbers) == list(range(count))
+    assert sorted(np.concatenate([(leaf >> 3) + np.arange(leaf & 7) for leaf in leaves])) == list(
+        range(len(packets))
+    )
+    low, high = nodes[:, 0:6:2], nodes[:, 1:6:2]
+    rounding = 0
+    if shape.width == 2:
+        low, high, rounding = low - high, low + high, 1e-5
+    for parent, child in np.argwhere(children >= 0)[:1000]:
+        inside = children[parent, child]
+        kept = np.isfinite(high[inside, 0])
+        assert np.abs(low[inside][:, kept].min(axis=1) - low[parent, :, child]).max() <= rounding
+        assert np.abs(high[inside][:, kept].max(axis=1) - high[parent, :, child]).max() <= rounding
 
 
 def download(compute, buffer):

@@ -76,6 +76,7 @@ class Bvh:
     options    the layout, for the build of kernels/rays.cl
     levels     of nodes
     stack      most nodes that a ray comes back to, as the layout has it
+    top        tree over the triangles, for one of the same ones elsewhere; None if they are many
     """
 
     nodes: cl.Buffer
@@ -83,6 +84,7 @@ class Bvh:
     options: tuple[str, ...]
     levels: int
     stack: int
+    top: Treetop | None = None
 
 
 def shape_for(compute: Compute) -> Shape:
@@ -90,14 +92,21 @@ def shape_for(compute: Compute) -> Shape:
     return _PROCESSOR if compute.processor else _GRAPHICS
 
 
-def build_bvh(compute: Compute, positions: np.ndarray, reach: float, shape: Shape | None = None) -> Bvh:
+def build_bvh(
+    compute: Compute,
+    positions: np.ndarray,
+    reach: float,
+    shape: Shape | None = None,
+    top: Treetop | None = None,
+) -> Bvh:
     """Build the hierarchy of triangles, (t, 3, 3) float32, at least one.
 
-    reach: the largest coordinate of a corner, metres. Clusters along a Morton curve are merged with their
-    best neighbours (PLOC; Meister and Bittner 2018), those left are split from the top down, and binary nodes
+    reach: the largest coordinate of a corner, metres; top: of as many triangles, where they were. Clusters
+    along a Morton curve are merged with their best neighbours (PLOC; Meister and Bittner 2018), those left
+    are split from the top down, or take the shape of the tree over them where they were, and binary nodes
     joined to wide ones.
     """
-    return _Builder(compute, positions, reach, shape or shape_for(compute)).build()
+    return _Builder(compute, positions, reach, shape or shape_for(compute), top).build()
 
 
 @dataclass(frozen=True)
@@ -112,8 +121,10 @@ class _Level:
 
 
 class _Builder:
-    def __init__(self, compute: Compute, positions: np.ndarray, reach: float, shape: Shape) -> None:
-        self._compute, self._queue, self._shape = compute, compute.queue, shape
+    def __init__(
+        self, compute: Compute, positions: np.ndarray, reach: float, shape: Shape, top: Treetop | None
+    ) -> None:
+        self._compute, self._queue, self._shape, self._top = compute, compute.queue, shape, top
         self._count = len(positions)
         options = _layout(shape, _STACK)
         options += (f"-DLEAF={shape.leaf}", f"-DPACKET_COST={shape.cost}f")
@@ -134,8 +145,13 @@ class _Builder:
         return self._widen(self._join(*self._merge(*self._sorted())))
 
     def _sorted(self) -> tuple[cl.Buffer, int]:
-        """Return the triangles' numbers in the lowest bits of their keys in ascending order, and a mask."""
+        """Return the triangles' numbers in the lowest bits of their keys in ascending order, and a mask.
+
+        Where none are merged, their order does not matter.
+        """
         bits = max(int(self._count - 1).bit_length(), 1)
+        if self._count <= _TOP:
+            return upload(self._compute, np.arange(self._count, dtype=np.uint64)), (1 << bits) - 1
         keys = np.empty(self._count, np.uint64)
         buffer = self._buffer(keys.nbytes)
         scale = np.float32(1 / self._reach)
@@ -183,7 +199,7 @@ class _Builder:
         boxes, links = BOX.array(count), LINK.array(count)
         for array, buffer in zip((boxes, links), picked, strict=True):
             cl.enqueue_copy(self._queue, array, buffer)
-        top = Treetop(boxes["low"], boxes["high"], links["triangles"])
+        top = self._tree(boxes["low"], boxes["high"], links["triangles"])
         inner = np.concatenate([*top.levels, np.zeros(0, np.int64)])
         number = links["left"][top.cluster]
         number[inner] = made + np.arange(len(inner))
@@ -209,6 +225,13 @@ class _Builder:
             cl.enqueue_copy(self._queue, self._boxes, boxes, dst_offset=BOX.dtype.itemsize * made)
             cl.enqueue_copy(self._queue, self._links, links, dst_offset=LINK.dtype.itemsize * made)
         return int(number[0])
+
+    def _tree(self, low: np.ndarray, high: np.ndarray, weight: np.ndarray) -> Treetop:
+        """Return the tree over clusters; what there was of as many triangles gives it its shape."""
+        known = self._top if self._count <= _TOP else None
+        top = known.around(low, high, weight) if known else Treetop(low, high, weight)
+        self._top = top if self._count <= _TOP else None
+        return top
 
     def _widen(self, root: int) -> Bvh:
         """Join binary nodes to wide ones, level by level, and store them."""
@@ -240,7 +263,7 @@ class _Builder:
             first, first_packet = first + level.count, first_packet + level.packets
         need = len(levels) * (self._shape.width - 1) + 1
         stack = -(-need // _STACK) * _STACK
-        return Bvh(nodes, packets, _layout(self._shape, stack), len(levels), stack)
+        return Bvh(nodes, packets, _layout(self._shape, stack), len(levels), stack, self._top)
 
     def _level(self, roots: cl.Buffer, count: int) -> tuple[_Level, int]:
         """Return the wide nodes that stand for binary ones, and how many wide nodes are their children."""

@@ -12,13 +12,15 @@ from ...errors import DeviceError
 from ...patches.subdivision import Subdivision
 from .rays import Rays
 from .receivers import RECEIVER_SOURCE, pack_receivers
+from .treetop import Treetop
 
 
 class RayScene:
     """The triangles and patches of a bake on the OpenCL device."""
 
-    def __init__(self, compute: Compute | None, parts: Subdivision) -> None:
-        self._compute, self._parts = compute, parts
+    def __init__(self, compute: Compute | None, parts: Subdivision, before: Treetop | None = None) -> None:
+        """Take the triangles and patches; before: `top` of the same triangles where they were."""
+        self._compute, self._parts, self._before = compute, parts, before
 
     @property
     def compute(self) -> Compute:
@@ -46,7 +48,12 @@ class RayScene:
     @cached_property
     def rays(self) -> Rays:
         """The triangles and their hierarchy."""
-        return Rays(self.compute, self._parts.triangles, self._parts.cutouts)
+        return Rays(self.compute, self._parts.triangles, self._parts.cutouts, self._before)
+
+    @property
+    def top(self) -> Treetop | None:
+        """Of the hierarchy, if that was made; see `Rays`."""
+        return self.rays.top if "rays" in vars(self) else None
 
     @cached_property
     def receivers(self) -> cl.Buffer:

@@ -12,6 +12,7 @@ from ...device.record import Record
 from ...scene.cutouts import EXTENSIONS, Cutouts
 from ...scene.triangles import Triangles
 from .bvh import build_bvh
+from .treetop import Treetop
 
 #: What light passes through on the triangles of a material; see `Cutouts`.
 CUTOUT = Record(
@@ -32,13 +33,18 @@ class Rays:
 
     culled     (m,) bool of each material: its back is see-through
     arguments  what kernels take for RAYS_ARGUMENTS
+    top        of the hierarchy, see `Bvh`
     """
 
-    def __init__(self, compute: Compute, triangles: Triangles, cutouts: Cutouts) -> None:
+    def __init__(
+        self, compute: Compute, triangles: Triangles, cutouts: Cutouts, before: Treetop | None = None
+    ) -> None:
+        """Build the hierarchy; before: `top` of the same triangles where they were."""
         self._compute, self._queue = compute, compute.queue
         self.culled = cutouts.culled
-        bvh = build_bvh(compute, triangles.positions, float(np.abs(triangles.box).max()))
-        self._options, self._stack = bvh.options, bvh.stack
+        reach = float(np.abs(triangles.box).max())
+        bvh = build_bvh(compute, triangles.positions, reach, top=before)
+        self._options, self._stack, self.top = bvh.options, bvh.stack, bvh.top
         arrays: list[np.ndarray] = []
         if cutouts.needed:
             self._options = (*bvh.options, "-DCUTOUTS")

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 
 from ...runs import run_starts
 
 #: Bins in which the surface area heuristic looks for a split (Wald 2007).
 _BINS = 16
+
+#: A tree around boxes that have moved is kept while its cost is at most this multiple of what it was.
+_WORSE = 1.25
 
 
 class Treetop:
@@ -36,6 +41,24 @@ class Treetop:
         self.left = self.left[: self._made]
         self.cluster = self._order[np.minimum(self._first[: self._made], count - 1)]
         self.low, self.high = self._node_boxes()
+        self._built_for = self._cost()
+
+    def around(self, low: np.ndarray, high: np.ndarray, weight: np.ndarray) -> Treetop:
+        """Return a tree over the same clusters where they are now: this one with other boxes if it serves.
+
+        Parameters as of the first one.
+        """
+        if not np.array_equal(weight, self._weight):
+            return Treetop(low, high, weight)
+        other = copy(self)
+        other._low, other._high = low, high
+        other.low, other.high = other._node_boxes()
+        return other if other._cost() <= _WORSE * self._built_for else Treetop(low, high, weight)
+
+    def _cost(self) -> float:
+        """Return the boxes that a ray through the whole meets, about (surface area heuristic)."""
+        areas = _areas(self.low, self.high).astype(np.float64)
+        return float(areas.sum() / max(areas[0], 1e-300))
 
     def _split(self, nodes: np.ndarray) -> np.ndarray:
         """Split each node, a range of `_order`, in two; return the halves that can be split further."""

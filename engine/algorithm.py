@@ -10,9 +10,9 @@ from functools import partial
 import numpy as np
 
 from .device.devices import Devices
+from .device.values import Values
 from .direct.contact import NearFaces
 from .direct.lighting import DirectLighting
-from .finish.device_values import Values
 from .finish.made_outputs import Outputs
 from .finish.outputs import output_names
 from .finish.store import LightmapStore
@@ -94,7 +94,9 @@ def _bake(
     parts = kept.subdivide(graphics, compute, scene, settings)
     check_patch_count(len(parts.patches))
     store = kept.store(parts.patches, len(atlases), settings, compute)
-    areas, seams = kept.areas(parts), kept.seams(parts, len(atlases)) if settings.hide_seams else None
+    last = kept.light_on(parts.patches, settings)
+    if last is None:
+        kept.begin(parts, len(atlases), settings)
     yield stages.listed(parts.surfaces.reflectance)
 
     # Lamps, small bright surfaces and bright sky are sampled with shadow rays (direct light). The room
@@ -107,10 +109,12 @@ def _bake(
         scene, parts, rays, settings, remote, kept.bright_triangles, kept.split_sky, meanwhile
     )
     outputs = Outputs(scene, settings, lighting)
-    last = kept.light_on(parts.patches, settings)
     lighting.follow(kept.sampled if settings.warm_start else None)
     sampled = yield from _direct_light(stages, store, outputs, lighting, last)
     kept.sampled = lighting.sampled_light(sampled) if settings.warm_start else None
+
+    # Threads beside the devices would hold up the first image of a scene that changes.
+    areas, seams = kept.begin(parts, len(atlases), settings)
 
     # Faces that touch patches hide them, whose light is not seen, or lie back to back with them.
     yield stages.begin(stages.choosing)
@@ -209,7 +213,7 @@ def _settle(
             light = LastLight.of(solution, job.parts.patches, job.sampled_light, near, job.direct_sources)
             job.kept.light = light.prepared() if done else light
         if done or (shows and not hidden):
-            store.hide(solution.gathered[:, 3], near)
+            store.hide(solution.front, near)
             hidden = True
         yield stages.iterated(solution, store.display(outputs.light(solution)) if shows else None)
 

@@ -14,3 +14,23 @@ __kernel void narrow(__global const float4 *wide, const int planes, const int it
     if (i < planes * items)
         vstore3(wide[i].xyz, (size_t)(i % planes) * items + i / planes, narrow);
 }
+
+// The colours of some items of rows `stride` apart, close together.
+__kernel void take_colors(__global const float *rows, const int stride, __global const uint *chosen,
+                          __global float *taken, const int count)
+{
+    const int i = get_global_id(0);
+    if (i < count)
+        vstore3(vload3(0, rows + (size_t)stride * chosen[i]), i, taken);
+}
+
+// Colours, rows `stride` apart, plus others times a sign, from 0 on, as float4.
+__kernel void add_colors(__global const float *rows, const int stride, __global const float *others,
+                         const int apart, const float sign, __global float4 *total, const int count)
+{
+    const int i = get_global_id(0);
+    if (i >= count)
+        return;
+    const float3 sum = vload3(0, rows + (size_t)stride * i) + sign * vload3(0, others + (size_t)apart * i);
+    total[i] = (float4)(fmax(sum, 0.0f), 0.0f);
+}

@@ -6,9 +6,9 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import upload, upload_rows_once
+from ..device.values import DeviceValues
 from ..gather.device_l1 import DeviceL1
 from ..visibility.rays.receivers import RECEIVER
-from .device_values import DeviceValues
 
 
 class DeviceDirections:

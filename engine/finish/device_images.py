@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import download, upload, upload_rows_once, zeros
+from ..device.buffers import download, upload, zeros
 from ..device.compute import Compute
+from ..device.values import DeviceValues, Values, rows_on_device
 from .device_fill import DeviceFill
-from .device_values import DeviceValues, Values
 
 _SOURCE = ("texel.cl", "images.cl")
 
@@ -143,10 +143,8 @@ class DevicePatches:
     def texels(self, values: Values) -> DeviceTexels:
         """Return what texels show of the patches' values, (n, c) float32; 0 elsewhere."""
         compute = self._compute
-        if isinstance(values, DeviceValues):
-            (rows, stride), channels = (values.buffer, 3), 3
-        else:
-            (rows, stride), channels = upload_rows_once(compute, values), values.shape[1]
+        rows, stride = rows_on_device(compute, values)
+        channels = 3 if isinstance(values, DeviceValues) else values.shape[1]
         count = int(np.prod(self._shape)) * channels
         texels = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 4 * count)
         sizes = np.int32(stride), np.int32(channels)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..device.values import Values
 from ..gather.device_l1 import L1, DeviceL1
 from ..patches.geometry import PatchGeometry
 from ..scene.color import luminance
 from ..settings import Settings
 from .device_directions import DeviceDirections
-from .device_values import Values
 from .outputs import DIRECTIONAL_MAPS, PROJECTED_MAPS
 
 

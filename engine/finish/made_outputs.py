@@ -7,13 +7,13 @@ from typing import Protocol
 
 import numpy as np
 
+from ..device.values import DeviceValues, Values
 from ..direct.lighting import DirectLighting
 from ..gather.device_l1 import L1
 from ..patches.geometry import PatchGeometry
 from ..scene.model import Scene
 from ..settings import Settings
 from ..solve.solution import Solution
-from .device_values import Values
 from .directional_maps import maps_of_directions
 from .outputs import light_group_maps, output_names
 
@@ -62,10 +62,14 @@ class Outputs:
         """
         return solution.done or (solution.iterations > 0 and not self._settings.bounces)
 
-    def light(self, solution: Solution) -> np.ndarray:
+    def light(self, solution: Solution) -> Values:
         """Return the first output that is light, so far, (n, 3) float32; direct light if none is."""
         first, *_ = (*self._settings.light_outputs, "direct")
-        return light_output(first, solution)
+        if first == "indirect":
+            return solution.indirect
+        light, direct = solution.so_far
+        shown = light if first == "combined" else direct
+        return shown if isinstance(shown, DeviceValues) else shown[:, :3]
 
     def make(self, solution: Light, geometry: PatchGeometry) -> Generator[float, None, dict[str, Values]]:
         """Make every output but light groups, (n, 3) or (n,) float32, by name; yield the fraction of each.

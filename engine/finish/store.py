@@ -7,13 +7,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..device.compute import Compute
+from ..device.values import Values
 from ..direct.contact import NearFaces
 from ..patches.patch_list import PatchList
 from ..patches.seams import Seams
+from ..scene.digests import same_values
 from .device_display import DeviceDisplay
 from .device_fill import DeviceFill
 from .device_images import DeviceImages, DevicePatches, DeviceTexels, light_at, texels_of
-from .device_values import Values
 from .dilation import Dilation
 from .display_fit import DisplayFit
 from .display_samples import no_samples
@@ -58,7 +59,7 @@ class LightmapStore:
     def suits(self, patches: PatchList, atlases: int, dilation: int) -> bool:
         """Return whether this is of the same texels, and extends charts as far, in texels."""
         same = self._patches.resolution == patches.resolution and len(self.has_patch) == atlases
-        return same and self._rings == dilation and np.array_equal(self._patches.key, patches.key)
+        return same and self._rings == dilation and same_values(self._patches.key, patches.key)
 
     def begin_anew(self) -> None:
         """Show the patches' centres alone, and take no account of seams."""
@@ -77,7 +78,7 @@ class LightmapStore:
 
         Those of before are chosen no more: faces move away.
         """
-        if not np.array_equal(near.hide, self._dark):
+        if not same_values(near.hide, self._dark):
             self._entry[self._texel] = np.where(near.hide[self._chosen], 0, self._visible)
             self._device, self._dark = None, near.hide
         self._fill(is_hidden(front, near))
@@ -92,7 +93,7 @@ class LightmapStore:
         """Return the patches' values, (n, 3) or (n,), as (atlases, r, r, 3) float32, 0 elsewhere."""
         return _coloured(self._scattered(values))
 
-    def display(self, values: np.ndarray) -> np.ndarray:
+    def display(self, values: Values) -> np.ndarray:
         """Return the patches' values as images with hidden texels filled and charts dilated."""
         if self._compute is None:
             return self._dilated(self.image(values))

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from ..device.values import colors_on_host
 from ..gather.cached import CachedSweep
 from ..gather.glsl_cached import fits_glsl_cache
 from ..gather.hemicube_gather import Gather, GlslGather, PaperGather
@@ -69,7 +70,8 @@ def choose_solver(job: SolveJob) -> tuple[Solution, Choice, SolveJob]:
 def solver_like(job: SolveJob, choice: Choice, stand_in: np.ndarray | None) -> Solver:
     """Return what solves for a part of the light, with samples and stand-ins as of all of it."""
     settings = replace(job.settings, method=choice.method, visibility=choice.visibility)
-    return _solver(replace(job, settings=settings, indirect=None, direct=None), lambda _: stand_in)[0]
+    part = replace(job, settings=settings, indirect=None, direct=None, front=None)
+    return _solver(part, lambda _: stand_in)[0]
 
 
 def _solver(job: SolveJob, find_stand_ins: FindStandIns | None = None) -> tuple[Solver, Choice]:
@@ -81,6 +83,7 @@ def _solver(job: SolveJob, find_stand_ins: FindStandIns | None = None) -> tuple[
     solver = ResumedSolver(
         radiosity, job.sampled_light, job.settings, job.gathers_direct, job.indirect,
         job.checkpoint, lambda: digest_of((*job.light_key, *gathered_by)), find_stand_ins, job.direct,
+        job.front,
     )  # fmt: skip
     return solver, replace(choice, patches=job.count)
 
@@ -99,8 +102,9 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Choic
         emission=groups.mean(job.emission),
         sampled_light=groups.mean(job.sampled_light),
         area=groups.area,
-        indirect=None if job.indirect is None else groups.mean(job.indirect),
+        indirect=None if job.indirect is None else groups.mean(colors_on_host(job.indirect)),
         direct=None,
+        front=None,
         near=job.near and job.near.part(groups.leader),
     )
     solver, choice = _solver(squares)
@@ -189,7 +193,8 @@ def _host_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
     reflectance = job.parts.surfaces.reflectance
     radiosity = HostRadiosity(
         gather, reflectance, job.emission, job.area,
-        job.sampled_light, job.gathers_direct, job.columns, job.indirect, job.direct,
+        job.sampled_light, job.gathers_direct, job.columns,
+        *(None if light is None else colors_on_host(light) for light in (job.indirect, job.direct)),
     )  # fmt: skip
     return radiosity, choice
 

@@ -7,9 +7,9 @@ from concurrent.futures import Future
 
 import numpy as np
 
+from ..device.values import Values
 from ..finish.carried_maps import carried_maps, restored_maps
 from ..finish.denoising import Denoising
-from ..finish.device_values import Values
 from ..finish.light_group_maps import summing_up
 from ..finish.outputs import is_light, is_of_light_group
 from ..finish.parted_seams import without_parted

@@ -82,7 +82,7 @@ def settled_groups(
 def _part_of(job: SolveJob, solved: SolveJob, solution: Solution, sources: Sources) -> SolveJob:
     """Return what is to be solved of a light group."""
     if not isinstance(solution, GroupedSolution):
-        return replace(job, **vars(sources), part_of=job, indirect=None, direct=None)
+        return replace(job, **vars(sources), part_of=job, indirect=None, direct=None, front=None)
     mean = solution.groups.mean
     return replace(
         solved,
@@ -92,6 +92,7 @@ def _part_of(job: SolveJob, solved: SolveJob, solution: Solution, sources: Sourc
         part_of=solved,
         indirect=None,
         direct=None,
+        front=None,
     )
 
 

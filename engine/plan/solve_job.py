@@ -12,6 +12,7 @@ from ..device.compute import Compute
 from ..device.graphics import Graphics
 from ..device.program_cache import device_digest
 from ..device.source import source_digest
+from ..device.values import Values
 from ..direct.contact import NearFaces
 from ..errors import DeviceError
 from ..patches.subdivision import Subdivision
@@ -39,6 +40,7 @@ class SolveJob:
     kept           what an earlier bake has left of the same patches, and what this one leaves
     indirect       (n, 3) float32, E/pi of reflected light that a warm start begins with; None for none
     direct         (n, 3) float32, E/pi of light that is not reflected, if it is known to be as it was
+    front          (n,) float32, the fraction of each patch's view that no back takes, if that is known
     part_of        the job of all light, of which this one is a part: both begin alike
     near           what faces nearby do to the patches; None if that is not known
     """
@@ -54,8 +56,9 @@ class SolveJob:
     settings: Settings
     remote: RemoteDevices | None = None
     kept: Kept = field(default_factory=Kept)
-    indirect: np.ndarray | None = None
-    direct: np.ndarray | None = None
+    indirect: Values | None = None
+    direct: Values | None = None
+    front: np.ndarray | None = None
     part_of: SolveJob | None = None
     near: NearFaces | None = None
 
@@ -85,13 +88,16 @@ class SolveJob:
         """Return the same, but that it begins with the light of an earlier bake, if there is any."""
         if last is None:
             return self
-        return replace(self, indirect=last.indirect, direct=last.direct_of(self.direct_sources))
+        sources = self.direct_sources
+        return replace(
+            self, indirect=last.indirect, direct=last.direct_of(sources), front=last.front_of(sources)
+        )
 
     @property
     def direct_sources(self) -> tuple | None:
         """All that decides the light that is not reflected; None unless what patches see is kept.
 
-        What refers to this does not keep it.
+        The first two decide what patches see. What refers to this does not keep it.
         """
         samples = self.kept.samples
         if samples is None or not samples.complete:

@@ -11,6 +11,7 @@ from ..finish.store import is_hidden
 from ..patches.subdivision import Subdivision
 from ..patches.texels_around import entries_around
 from ..scene.color import channel_sum
+from ..solve.solver import Seen
 
 #: Texels that are looked around at once.
 _TEXELS = 1 << 18
@@ -41,7 +42,7 @@ def seen_beside(parts: Subdivision, hidden: np.ndarray) -> PatchPairs:
 def stand_ins(
     parts: Subdivision,
     near: NearFaces,
-    gathered: np.ndarray,
+    seen_light: Seen,
     beside: Callable[[Subdivision, np.ndarray], PatchPairs] = seen_beside,
 ) -> np.ndarray | None:
     """Return the patch that stands in for each one, (n,) int64: itself, if it is seen; None if all are.
@@ -50,17 +51,17 @@ def stand_ins(
     in texels beside its own, on the same plane: what is seen of its texel has their light, and under a thin
     wall the dark side must not get that of the lit one. Without one a patch is its own.
 
-    near      what faces nearby do to the patches
-    gathered  (n, 4) float32, E/pi and the fraction of the view that no back takes
-    beside    `seen_beside`, or what remembers its last result
+    near        what faces nearby do to the patches
+    seen_light  what they have gathered
+    beside      `seen_beside`, or what remembers its last result
     """
-    hidden = is_hidden(gathered[:, 3], near)
+    hidden = is_hidden(seen_light.front, near)
     if not hidden.any():
         return None
     patch, seen = beside(parts, hidden)
 
     # The first of each patch's pairs, the darkest before others.
-    order = np.lexsort((channel_sum(gathered[seen, :3]), patch))
+    order = np.lexsort((channel_sum(seen_light.light_of(seen)), patch))
     patch, first = np.unique(patch[order], return_index=True)
     result = np.arange(len(hidden))
     result[patch] = seen[order[first]]

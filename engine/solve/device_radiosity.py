@@ -8,8 +8,9 @@ from dataclasses import fields
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import download, upload, upload_float4, upload_float4_once, zeros
+from ..device.buffers import download, upload, upload_float4_once, zeros
 from ..device.compute import Compute
+from ..device.values import DeviceValues, Values, float4_on_device
 from ..gather.device_l1 import L1
 from ..gather.sweep import Sweep
 from .radiosity import Balance, Step, Sums
@@ -20,6 +21,9 @@ _ITEMS, _ADDING = (16384, 512), (256, 1)
 
 #: Numbers of a patch in buffers of light.
 _STRIDE = 4
+
+#: Light that takes at most this part of the device's memory is left there until the host asks for it.
+_LEFT = 64
 
 #: Least sum of areas, m^2: slivers may have none.
 _LEAST_AREA = 1e-30
@@ -44,9 +48,9 @@ class DeviceRadiosity:
         sampled_light: np.ndarray,
         gathers_direct: bool,
         columns: int,
-        indirect: np.ndarray | None = None,
+        indirect: Values | None = None,
         sparse: bool = False,
-        direct: np.ndarray | None = None,
+        direct: Values | None = None,
     ) -> None:
         self._compute, self._queue, self._sweep, self.sparse = compute, compute.queue, sweep, sparse
         self.count, self.area = len(reflectance), float(area.sum(dtype=np.float64))
@@ -65,15 +69,16 @@ class DeviceRadiosity:
         )
         self.patches_seen = zeros(compute, 4 * self.count)
         self._gathered, self._defects = (zeros(compute, 16 * self.count * columns) for _ in range(2))
-        first = None if gathers_direct else sampled_light
+        first = None if gathers_direct else self._sampled_light
         if indirect is not None and gathers_direct and direct is None:
-            held, column = upload_float4(compute, indirect), 16 * self.count * (columns - 1)
+            held, column = float4_on_device(compute, indirect), 16 * self.count * (columns - 1)
             cl.enqueue_copy(self._queue, self._gathered, held, dst_offset=column)
         elif indirect is not None:
-            first = indirect + (sampled_light if direct is None else direct)
+            held = DeviceValues(compute, float4_on_device(compute, indirect), self.count, _STRIDE)
+            first = held.plus(sampled_light if direct is None else direct).buffer
         self._irradiance = zeros(compute, 16 * self.count)
         if first is not None:
-            cl.enqueue_copy(self._queue, self._irradiance, upload_float4_once(compute, first))
+            cl.enqueue_copy(self._queue, self._irradiance, first)
         self.radiance = zeros(compute, 16 * (self.count + 2))
         self._stand_in: cl.Buffer | None = None
         self._make_radiance()
@@ -110,6 +115,7 @@ class DeviceRadiosity:
     def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> Step:
         """Make the next irradiance; see `solve.Radiosity.mix`."""
         self._mixture[:-1, :3], self._mixture[-1, :3] = weights, ambient
+        self._mixture[:-1, 3] = weights[:, 0]
         cl.enqueue_copy(self._queue, self._weights, self._mixture, is_blocking=False)
         self._mix(
             self._queue, (self._items,), None,
@@ -126,10 +132,14 @@ class DeviceRadiosity:
         self._stand_in = upload(self._compute, stand_in.astype(np.uint32))
         self._make_radiance()
 
-    def balance(self, newest: int, emission: np.ndarray, direct: np.ndarray) -> Balance:
+    def balance(self, newest: int, emission: np.ndarray, direct: Values) -> Balance:
         """Return where light goes; see `solve.Radiosity.balance`."""
         emitted = upload_float4_once(self._compute, emission, first=1)
-        first = upload_float4_once(self._compute, direct)
+        first = (
+            float4_on_device(self._compute, direct)
+            if isinstance(direct, DeviceValues)
+            else upload_float4_once(self._compute, direct)
+        )
         self._balance(
             self._queue, (self._items,), None,
             self._gathered, self._defects, np.int32(newest), self._reflectance, emitted, first, self._area,
@@ -153,9 +163,22 @@ class DeviceRadiosity:
         for name, buffer in self._state_buffers().items():
             cl.enqueue_copy(self._queue, buffer, state[name])
 
-    def iterate(self, column: int) -> np.ndarray:
+    def iterate(self, column: int) -> Values:
         """Return E/pi and the fraction that is no back, (n, 4) float32, of a column."""
-        return download(self._compute, self._gathered, (self.count, 4), 16 * self.count * column)
+        return self._light(self._gathered, 16 * self.count * column)
+
+    def mixed(self, column: int) -> Values:
+        """Return the next irradiance, and the fraction that is no back; see `solve.Radiosity.mixed`."""
+        return self._light(self._irradiance, 0)
+
+    def _light(self, buffer: cl.Buffer, first: int) -> Values:
+        """Return float4 of all patches from the byte `first` of a buffer on: a copy."""
+        compute, size = self._compute, 16 * self.count
+        if size > compute.device.global_mem_size // _LEFT:
+            return download(compute, buffer, (self.count, 4), first)
+        light = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)
+        cl.enqueue_copy(self._queue, light, buffer, src_offset=first, byte_count=size)
+        return DeviceValues(compute, light, self.count, _STRIDE)
 
     def _state_buffers(self) -> dict[str, cl.Buffer]:
         """Return the buffers that sweeps change and later ones read."""

@@ -81,6 +81,16 @@ class GroupedSolution:
         return self.last.gathered if self.done else self._solver.gathered[self.groups.group]
 
     @property
+    def so_far(self) -> tuple[np.ndarray, np.ndarray]:
+        """What was gathered, and light that was not reflected; see `solution.Solution.so_far`."""
+        return self.gathered, self.direct
+
+    @property
+    def front(self) -> np.ndarray:
+        """The fraction of each patch's view that no back takes, (n,) float32."""
+        return self.gathered[:, 3]
+
+    @property
     def irradiance(self) -> np.ndarray:
         """E/pi of all light so far, (n, 3) float32."""
         return self.gathered[:, :3]

@@ -6,6 +6,7 @@ from collections.abc import Generator, Mapping
 
 import numpy as np
 
+from ..device.values import Values
 from ..errors import DeviceError
 from ..gather.hemicube_gather import Gather
 from .radiosity import PLAIN_COLUMNS, Step, Sums
@@ -94,7 +95,7 @@ class HostRadiosity:
         self._irradiance = following
         return Step(float(change.mean()), float(relative.mean()), float(flux))
 
-    def balance(self, newest: int, emission: np.ndarray, direct: np.ndarray) -> None:
+    def balance(self, newest: int, emission: np.ndarray, direct: Values) -> None:
         """Return None: hemicubes that are summed at once do not tell sky from patches."""
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
@@ -114,3 +115,7 @@ class HostRadiosity:
     def iterate(self, column: int) -> np.ndarray:
         """Return E/pi and the fraction that is no back, (n, 4) float32, of a column: a copy."""
         return self._gathered[column].copy()
+
+    def mixed(self, column: int) -> np.ndarray:
+        """Return the next irradiance, and the fraction that is no back; see `solve.Radiosity.mixed`."""
+        return np.concatenate([self._irradiance, self._gathered[column, :, 3:]], axis=1)

@@ -8,6 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
+from ..device.values import Values
 from ..gather.device_l1 import L1
 from ..lightmap import Energy
 
@@ -109,10 +110,13 @@ class Radiosity(Protocol):
         That goes for the current radiance, too.
         """
 
-    def iterate(self, column: int) -> np.ndarray:
+    def iterate(self, column: int) -> Values:
         """Return E/pi and the fraction that is no back, (n, 4) float32, of a column: a copy."""
 
-    def balance(self, newest: int, emission: np.ndarray, direct: np.ndarray) -> Balance | None:
+    def mixed(self, column: int) -> Values:
+        """Return the next irradiance, and a column's fraction that is no back, (n, 4) float32: a copy."""
+
+    def balance(self, newest: int, emission: np.ndarray, direct: Values) -> Balance | None:
         """Return where light goes after a sweep; None where it is not known what part of a view patches take.
 
         emission  (n, 3) float32, radiance of each patch, all of it

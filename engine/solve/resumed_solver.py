@@ -6,6 +6,7 @@ from collections.abc import Callable, Generator
 
 import numpy as np
 
+from ..device.values import Values
 from ..resume.checkpoint import Arrays, Checkpoint
 from ..settings import Settings
 from .radiosity import Radiosity, Step
@@ -26,14 +27,15 @@ class ResumedSolver(Solver):
         sampled_light: np.ndarray,
         settings: Settings,
         gathers_direct: bool,
-        reflected: np.ndarray | None,
+        reflected: Values | None,
         checkpoint: Checkpoint,
         key: Callable[[], str],
         find_stand_ins: FindStandIns | None = None,
-        direct: np.ndarray | None = None,
+        direct: Values | None = None,
+        front: np.ndarray | None = None,
     ) -> None:
         super().__init__(
-            radiosity, sampled_light, settings, gathers_direct, reflected, find_stand_ins, direct
+            radiosity, sampled_light, settings, gathers_direct, reflected, find_stand_ins, direct, front
         )
         self._checkpoint, self._key = checkpoint, key
         state = checkpoint.light(key)
@@ -54,7 +56,7 @@ class ResumedSolver(Solver):
         state = self._radiosity.state()
         state["ring"] = np.array([self._newest])
         state["total"] = np.array([self._total])
-        state["direct"] = self._direct
+        state["direct"] = self.direct
         if self.stand_in is not None:
             state["stand_in"] = self.stand_in
         state["steps"] = np.array([(step.change, step.relative, step.flux) for step in self._steps])

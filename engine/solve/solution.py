@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from ..device.values import Values
 from ..gather.device_l1 import L1
 from ..lightmap import Energy
 
@@ -40,6 +41,16 @@ class Solution(Protocol):
     @property
     def gathered(self) -> np.ndarray:
         """E/pi and the fraction that is no back, (n, 4) float32."""
+        ...
+
+    @property
+    def so_far(self) -> tuple[Values, Values]:
+        """What `gathered` and `direct` are, where they are: the device may hold them."""
+        ...
+
+    @property
+    def front(self) -> np.ndarray:
+        """The fraction of each patch's view that no back takes, (n,) float32."""
         ...
 
     @property

@@ -3,18 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
+from typing import Protocol
 
 import numpy as np
 
+from ..device.values import DeviceValues, Values, colors_on_host, rows_of
 from ..gather.device_l1 import L1
 from ..lightmap import Energy
-from ..scene.color import add_colors, rest_of
+from ..scene.color import rest_of
 from ..settings import Settings
 from .anderson import Anderson
 from .radiosity import PLAIN_COLUMNS, Radiosity, Step, Sums
 
-#: Returns which patches stand in for others from E/pi and the fraction that is no back, (n, 4) float32.
-FindStandIns = Callable[[np.ndarray], np.ndarray | None]
+
+class Seen(Protocol):
+    """What patches have gathered, of which the device may hold the most."""
+
+    @property
+    def front(self) -> np.ndarray:
+        """The fraction of each patch's view that no back takes, (n,) float32."""
+        ...
+
+    def light_of(self, patches: np.ndarray) -> np.ndarray:
+        """Return E/pi of some patches, (k,) int64, as (k, 3) float32."""
+        ...
+
+
+#: Returns which patches stand in for others from what the first sweep has gathered.
+FindStandIns = Callable[[Seen], np.ndarray | None]
 
 #: Patches darker than this fraction of the mean count as if they had it.
 _DARK = 1e-4
@@ -46,6 +62,7 @@ class Solver:
                     of emission and surroundings
     reflected       (n, 3) float32, E/pi of reflected light that the radiosity begins with, if it does
     direct          (n, 3) float32, E/pi of light that is not reflected, if the radiosity begins with it, too
+    front           (n,) float32, the fraction of each patch's view that no back takes, if it is known
     find_stand_ins  returns `stand_in` from what the first sweep gathered; None to let nothing stand in
     stand_in        (n,) int64, the patch whose reflected light each one sends out, itself for most; None for
                     all, and before the first sweep
@@ -62,25 +79,26 @@ class Solver:
         sampled_light: np.ndarray,
         settings: Settings,
         gathers_direct: bool = True,
-        reflected: np.ndarray | None = None,
+        reflected: Values | None = None,
         find_stand_ins: FindStandIns | None = None,
-        direct: np.ndarray | None = None,
+        direct: Values | None = None,
+        front: np.ndarray | None = None,
     ) -> None:
         self.stand_in: np.ndarray | None = None
         self._find_stand_ins = find_stand_ins
         self._radiosity, self._sampled_light, self._gathers_direct = radiosity, sampled_light, gathers_direct
-        self._reflected = reflected
+        self._warm, self._front = reflected is not None, front
         self._begins_with_direct = self._warm and gathers_direct and direct is None
         self._limit, self._tolerance = settings.iterations, settings.tolerance
         self._anderson = Anderson() if radiosity.columns > PLAIN_COLUMNS else None
         self._newest = -1
-        self._direct = sampled_light if direct is None else direct
+        self._direct: Values = sampled_light if direct is None else direct
         self._steps: list[Step] = []
         self._factors: list[float] = []
 
         # Whether sweeps are sparse, and how many were before the first one from all samples.
         self._sparse, self._refined = radiosity.sparse, 0
-        self._gathered: np.ndarray | None = None
+        self._gathered: Values | None = None
         self._light: tuple[np.ndarray, np.ndarray] | None = None
         self._total = 0.0
 
@@ -101,9 +119,11 @@ class Solver:
             return self._sampled_light
 
         # The same array each time: the device keeps what it was given once.
-        gathered = self.gathered
-        if self._light is None or self._light[0] is not gathered:
-            self._light = gathered, gathered[:, :3]
+        light = self._newest_light
+        if isinstance(light, DeviceValues):
+            return light.colors
+        if self._light is None or self._light[0] is not light:
+            self._light = light, light[:, :3]
         return self._light[1]
 
     @property
@@ -112,14 +132,37 @@ class Solver:
 
         After that for direct light alone, with the light that was reflected before.
         """
+        return rows_of(self._newest_light)
+
+    @property
+    def so_far(self) -> tuple[Values, Values]:
+        """What `gathered` and `direct` are, where they are: the device may hold them."""
+        return self._newest_light, self._direct
+
+    @property
+    def _newest_light(self) -> Values:
+        """What the last sweep gathered."""
         if self._gathered is None:
             self._gathered = self._radiosity.iterate(self._newest)
         return self._gathered
 
     @property
+    def front(self) -> np.ndarray:
+        """The fraction of each patch's view that no back takes, (n,) float32: no sweep changes it."""
+        if self._front is None:
+            self._front = np.ascontiguousarray(self.gathered[:, 3])
+        return self._front
+
+    def light_of(self, patches: np.ndarray) -> np.ndarray:
+        """Return E/pi of some patches, (k,) int64, as (k, 3) float32."""
+        light = self._newest_light
+        some: np.ndarray = light.some(patches) if isinstance(light, DeviceValues) else light[patches, :3]
+        return some
+
+    @property
     def direct(self) -> np.ndarray:
         """E/pi of light that was not reflected, (n, 3) float32."""
-        return self._direct
+        return colors_on_host(self._direct)
 
     @property
     def indirect(self) -> np.ndarray:
@@ -147,19 +190,15 @@ class Solver:
         yield from self._radiosity.sweep(self._newest)
         self._gathered = None
         if not self._steps and self._find_stand_ins is not None:
-            self._let_stand_in(self._find_stand_ins(self.gathered))
+            self._let_stand_in(self._find_stand_ins(self))
         sums = self._radiosity.sums(self._newest, max(self._least_part * self._total, _DARKEST))
         if self._gathers_direct and not self._warm and not self._steps:
-            self._direct = self._radiosity.iterate(self._newest)[:, :3]
+            self._direct = _colors(self._radiosity.iterate(self._newest))
         self._total = sums.total
         if self._steps:
             self._factors.append(_schwarz_quotient(sums.products, self._newest))
         weights, ambient = self._mixture(sums)
         self._steps.append(self._radiosity.mix(weights, ambient, max(_DARK * sums.total, _DARKEST)))
-
-    @property
-    def _warm(self) -> bool:
-        return self._reflected is not None
 
     def _let_stand_in(self, stand_in: np.ndarray | None) -> None:
         """Let patches send out what others reflect; None for none."""
@@ -194,20 +233,18 @@ class Solver:
         """Return where the light goes; see `solution.Solution.energy`."""
         if not self._steps:
             return None
-        balance = self._radiosity.balance(self._newest, emission, self.direct)
+        balance = self._radiosity.balance(self._newest, emission, self._direct)
         return None if balance is None else balance.energy
 
     def _sweep_direct(self) -> Generator[float, None, None]:
         """Sweep for direct light alone, and add the reflected light that the last column holds."""
         yield from self._radiosity.sweep(0)
         self._newest = 0
-        gathered = self._radiosity.iterate(0)
-        self._direct, self._gathered = gathered[:, :3], gathered.copy()
-        if self._reflected is not None:
-            add_colors(self._gathered, self._reflected)
+        self._direct = _colors(self._radiosity.iterate(0))
         weights = np.zeros((self._radiosity.columns, 3))
         weights[[0, -1]] = 1
         self._radiosity.mix(weights, np.zeros(3), _DARKEST)
+        self._gathered = self._radiosity.mixed(0)
 
     def _mixture(self, sums: Sums) -> tuple[np.ndarray, np.ndarray]:
         """Return weights of the columns, (columns, 3), and the ambient light, (3,)."""
@@ -249,6 +286,11 @@ class Solver:
     def done(self) -> bool:
         """True once converged, or out of iterations."""
         return self.iterations >= self._limit or (self._tolerance > 0 and self.converged)
+
+
+def _colors(light: Values) -> Values:
+    """Return the colours of light, (n, 4): (n, 3), where it is."""
+    return light if isinstance(light, DeviceValues) else light[:, :3]
 
 
 def _schwarz_quotient(products: np.ndarray, newest: int) -> float:

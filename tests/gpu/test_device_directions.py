@@ -8,7 +8,7 @@ import pytest
 from engine import Settings
 from engine.device.buffers import upload
 from engine.device.compute import Compute
-from engine.finish.device_values import DeviceValues
+from engine.device.values import DeviceValues
 from engine.finish.directional_maps import maps_of_directions
 from engine.gather.device_l1 import DeviceL1
 from engine.visibility.rays.receivers import RECEIVER

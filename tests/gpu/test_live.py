@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from engine import Changes, Light, Lightmap, Scene, SceneError, Session, Settings, finished
-from engine.device import slices
+from engine.device import slices, values
 from engine.gather.cached import CachedSweep
 from engine.plan import stages
 from engine.scene.model import OCCLUDER
@@ -215,6 +215,21 @@ def test_sweeps_that_are_faster_than_anybody_sees_have_one_image(session, other,
             if step.iteration == 2:
                 break
     lightmap, expected = finished(live.settle()), fresh(other, live.scene)
+    assert error(lightmap.image, expected.image, expected.has_patch) < 2 * SETTINGS.tolerance
+
+
+@pytest.mark.parametrize("edit", [{"world": 2 * ROOM.world}, {"materials": PAINTED}], ids=["world", "paint"])
+def test_light_stays_on_the_device_until_the_first_image(session, other, edit, monkeypatch):
+    """Nothing but the image comes from there, and what stands in for hidden patches."""
+    live, came = session.live(ROOM, SETTINGS), []
+    finished(live.settle())
+    live.update(Changes(**edit))
+    fetch = values.download
+    monkeypatch.setattr(values, "download", lambda *where: came.append(where[2]) or fetch(*where))
+    work = live.settle()
+    image = next(step.intermediate for step in work if step.intermediate is not None)
+    assert all(shape[1] == 3 for shape in came) and image.any()
+    lightmap, expected = finished(work), fresh(other, live.scene)
     assert error(lightmap.image, expected.image, expected.has_patch) < 2 * SETTINGS.tolerance
 
 

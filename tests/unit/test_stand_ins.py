@@ -39,7 +39,8 @@ def floor(entries=None, height=None):
 
 def gathered_by(light, front):
     light, front = (np.asarray(values, np.float32).ravel() for values in (light, front))
-    return np.stack([light, light / 2, 0 * light, front], axis=1)
+    colors = np.stack([light, light / 2, 0 * light], axis=1)
+    return SimpleNamespace(front=front, light_of=colors.__getitem__)
 
 
 def near(count):

@@ -1,0 +1,89 @@
+"""Values of patches, or of other points, on the OpenCL device."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import numpy as np
+import pyopencl as cl
+
+from .buffers import download, upload, upload_float4, upload_rows_once
+from .compute import Compute
+
+
+class DeviceValues:
+    """Colours of n points, in rows of three floats or more; NumPy reads them as an array, (n, 3) float32.
+
+    buffer  (n, stride) float32, which nobody changes
+    """
+
+    def __init__(self, compute: Compute, buffer: cl.Buffer, count: int, stride: int = 3) -> None:
+        self._compute, self.buffer, self._count, self.stride = compute, buffer, count, stride
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        return self.colors if dtype is None else self.colors.astype(dtype, copy=False)
+
+    @cached_property
+    def rows(self) -> np.ndarray:
+        """All of them, (n, stride) float32, in the memory of the host."""
+        return download(self._compute, self.buffer, (self._count, self.stride))
+
+    @cached_property
+    def colors(self) -> np.ndarray:
+        """The colours, (n, 3) float32, in the memory of the host: who uploads them gets what is there."""
+        colors: np.ndarray = self.rows[:, :3]
+        self._compute.shared.of(colors, "rows", lambda: self.buffer)
+        return colors
+
+    def some(self, chosen: np.ndarray) -> np.ndarray:
+        """Return the colours of some points, (k,) int64, as (k, 3) float32 of the host."""
+        if "rows" in vars(self) or not len(chosen):
+            return self.colors[chosen]
+        compute, count = self._compute, len(chosen)
+        (kernel,) = compute.kernels("widen.cl", "take_colors")
+        taken = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 12 * count)
+        numbers = upload(compute, chosen.astype(np.uint32))
+        compute.run(kernel, count, self.buffer, np.int32(self.stride), numbers, taken, np.int32(count))
+        return download(compute, taken, (count, 3))
+
+    def plus(self, others: Values, sign: int = 1) -> DeviceValues:
+        """Return float4 of these colours plus those of others times 1 or -1, from 0 on; the fourth is 0."""
+        compute = self._compute
+        (kernel,) = compute.kernels("widen.cl", "add_colors")
+        total = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * self._count)
+        rows, stride = rows_on_device(compute, others)
+        sizes = np.int32(self.stride), rows, np.int32(stride), np.float32(sign)
+        compute.run(kernel, self._count, self.buffer, *sizes, total, np.int32(self._count))
+        return DeviceValues(compute, total, self._count, 4)
+
+
+#: Values of the host, (n, c) or (n,) float32, or of the device.
+Values: TypeAlias = np.ndarray | DeviceValues
+
+
+def rows_on_device(compute: Compute, values: Values) -> tuple[cl.Buffer, int]:
+    """Return values, (n, c), which nobody changes, on the device, and how many floats apart rows are."""
+    if isinstance(values, DeviceValues):
+        return values.buffer, values.stride
+    return upload_rows_once(compute, values)
+
+
+def float4_on_device(compute: Compute, values: Values) -> cl.Buffer:
+    """Return colours, (n, 3), on the device as float4, of which the fourth may be anything."""
+    if isinstance(values, DeviceValues) and values.stride == 4:
+        return values.buffer
+    return upload_float4(compute, np.asarray(values))
+
+
+def rows_of(values: Values) -> np.ndarray:
+    """Return values in the memory of the host, (n, c) float32 with all that is in their rows."""
+    return values.rows if isinstance(values, DeviceValues) else values
+
+
+def colors_on_host(values: Values) -> np.ndarray:
+    """Return the colours of values, (n, 3) float32, in the memory of the host; the same array each time."""
+    return values.colors if isinstance(values, DeviceValues) else values

@@ -15,8 +15,8 @@ from .machines import find_machine
 from .pictures import write_picture
 from .window import Window
 
-#: Adds a lamp to the room, and starts Live.
-_START = """
+#: Adds a lamp to the room, and shows it.
+STAGE = """
 scene, view = bpy.context.scene, view3d()
 shine = bpy.data.materials["Light"].node_tree.nodes["Principled BSDF"]
 shine.inputs["Emission Strength"].default_value = 3
@@ -30,12 +30,16 @@ scene.view_settings.view_transform = "Standard"
 space = view["area"].spaces.active
 space.region_3d.view_perspective, space.shading.type = "CAMERA", "RENDERED"
 space.overlay.show_overlays = space.show_gizmo = False
-with bpy.context.temp_override(**view):
+"""
+
+#: Starts Live, whatever the editors show.
+START = """
+with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
     bpy.ops.hemibake.live("INVOKE_DEFAULT")
 """
 
 #: What is done to the room, one after the other.
-_CHANGES = (
+CHANGES = (
     "bpy.data.objects['Lamp'].location = (0.6, -0.5, 1.0)",
     "bpy.data.lights['Lamp'].color = (0.25, 0.4, 1.0)",
     "bpy.data.materials['Red'].node_tree.nodes['Principled BSDF'].inputs['Base Color'].default_value"
@@ -43,7 +47,7 @@ _CHANGES = (
     "bpy.data.objects['Tall Box'].location.x = 0.45; bpy.data.objects['Short Box'].location.x = -0.45",
 )
 
-_RUNNING = "__import__('sys').modules[f'{MODULE}.operators.worker_owner'].owner.running"
+RUNNING = "__import__('sys').modules[f'{MODULE}.operators.worker_owner'].owner.running"
 
 #: Opposite corners of the front of the room, world space, metres.
 _CORNERS = ((-1.0, -1.0, 2.0), (1.0, -1.0, 0.0))
@@ -58,10 +62,10 @@ def main() -> None:
     parser.add_argument("picture", type=Path, help="PNG file to write")
     options = parser.parse_args()
     with Window(find_machine(), options.package) as window:
-        window.run(BUILD_ROOM + _START)
-        window.wait_for(f"{_RUNNING}.following")
+        window.run(BUILD_ROOM + STAGE + START)
+        window.wait_for(f"{RUNNING}.following")
         frames = [_frame(window)]
-        for change in _CHANGES:
+        for change in CHANGES:
             window.run(change)
             frames.append(_frame(window))
     write_picture(_strip(frames), options.picture)
@@ -70,7 +74,7 @@ def main() -> None:
 def _frame(window: Window) -> np.ndarray:
     """Return the room as the view shows it once its light has settled, (_SIDE, _SIDE, 3) uint8."""
     window.ask("bpy.context.view_layer.update()")
-    window.wait_for(f"{_RUNNING}.run.settled")
+    window.wait_for(f"{RUNNING}.run.settled")
     picture = window.still_picture()
     (left, top), (right, bottom) = (window.ask(f"pixel_of({corner})") for corner in _CORNERS)
     rows = np.linspace(top, bottom, _SIDE + 1).round().astype(int)

@@ -94,9 +94,7 @@ def _bake(
     parts = kept.subdivide(graphics, compute, scene, settings)
     check_patch_count(len(parts.patches))
     store = kept.store(parts.patches, len(atlases), settings, compute)
-    last = kept.light_on(parts.patches, settings)
-    if last is None:
-        kept.begin(parts, len(atlases), settings)
+    last = kept.light_on(parts, len(atlases), settings)
     yield stages.listed(parts.surfaces.reflectance)
 
     # Lamps, small bright surfaces and bright sky are sampled with shadow rays (direct light). The room
@@ -113,7 +111,7 @@ def _bake(
     sampled = yield from _direct_light(stages, store, outputs, lighting, last)
     kept.sampled = lighting.sampled_light(sampled) if settings.warm_start else None
 
-    # Threads beside the devices would hold up the first image of a scene that changes.
+    # Threads beside the devices; they would hold up the first image of a scene that changes.
     areas, seams = kept.begin(parts, len(atlases), settings)
 
     # Faces that touch patches hide them, whose light is not seen, or lie back to back with them.

@@ -244,9 +244,15 @@ class Kept:
         self._store = store if settings.warm_start else None
         return store
 
-    def light_on(self, patches: PatchList, settings: Settings) -> LastLight | None:
-        """Return the light of the last bake on patches for a warm start; None without one."""
-        return self.light.on(patches) if settings.warm_start and self.light else None
+    def light_on(self, parts: Subdivision, atlases: int, settings: Settings) -> LastLight | None:
+        """Return the light of the last bake on patches for a warm start.
+
+        None without one; then areas and seams begin to be found, see `begin`.
+        """
+        if settings.warm_start and self.light:
+            return self.light.on(parts.patches)
+        self.begin(parts, atlases, settings)
+        return None
 
     def limit(self, compute: Compute | None, budget: int) -> None:
         """Drop what patches see if it takes more memory of the device than a budget, bytes.

@@ -80,13 +80,13 @@ class LocalWorkers:
         self._opened.close()
         deadline = time.monotonic() + _FAREWELL
         for worker in self._workers:
-            _end(worker, deadline)
+            end_worker(worker, deadline - time.monotonic())
 
 
-def _end(worker: subprocess.Popen[bytes], deadline: float) -> None:
+def end_worker(worker: subprocess.Popen[bytes], seconds: float = _FAREWELL) -> None:
     """Wait for a worker that was asked to end; one whose driver does not in time is killed."""
     try:
-        worker.wait(max(deadline - time.monotonic(), 0))
+        worker.wait(max(seconds, 0))
     except subprocess.TimeoutExpired:
         worker.kill()
         worker.wait()

@@ -9,6 +9,7 @@ from .command import bake, check_paths, execute, export, prepare, save
 from .merge import merge_parser, merge_parts
 from .options import parser
 from .signals import Signals
+from .worker import work
 
 _DESCRIPTION = """Bake the lightmaps of the file that is open, or of a .blend, .glb, .gltf or .obj.
 The folder receives an .exr and a .png picture of each lightmap, or what --file-format says. With --json
@@ -24,6 +25,7 @@ def register() -> None:
 
     _commands.append(bpy.utils.register_cli_command("hemibake", main))
     _commands.append(bpy.utils.register_cli_command("hemibake_merge", main_of_merge))
+    _commands.append(bpy.utils.register_cli_command("hemibake_worker", main_of_worker))
 
 
 def unregister() -> None:
@@ -46,6 +48,11 @@ def main(arguments: list[str]) -> int:
 def main_of_merge(arguments: list[str]) -> int:
     """Merge the reports of parts that were baked apart, and return the exit code."""
     return execute(arguments, merge_parser("blender -c hemibake_merge"), merge_parts)
+
+
+def main_of_worker(arguments: list[str]) -> int:
+    """Work for a scheduler until it ends, and return the exit code."""
+    return work(arguments, "blender -c hemibake_worker")
 
 
 def _bake(options: Namespace, signals: Signals) -> dict:

@@ -348,7 +348,11 @@ def test_commands_come_and_go_with_the_add_on(monkeypatch):
     monkeypatch.setattr(bpy.utils, "unregister_cli_command", lambda handle: there.pop())
     enable()
     commands = part("operators.command_line")
-    assert there == [("hemibake", commands.main), ("hemibake_merge", commands.main_of_merge)]
+    assert there == [
+        ("hemibake", commands.main),
+        ("hemibake_merge", commands.main_of_merge),
+        ("hemibake_worker", commands.main_of_worker),
+    ]
     disable()
     assert there == []
     monkeypatch.undo()

@@ -20,11 +20,10 @@ _EDGE_NEAR_BORDER = 0.05
 #: Light below this part of the map's mean counts as if it were that bright.
 _DARK = 0.05
 
-#: Edges stand out from noise: by this many times the median difference.
-_ABOVE_NOISE = 6.0
-
-#: The median difference is that of about this many patches, spread evenly.
-_FOR_NOISE = 1 << 16
+#: Edges stand out from noise, which is told in blocks of this many texels squared: dark corners have more of
+#: it than what sees the sky. A part of a block at least has no edges; they stand out by this many times the
+#: largest difference there, which for a quarter is 0.67 standard deviations of normal noise.
+_BLOCK, _EVEN, _ABOVE_NOISE = 16, 0.25, 4.0
 
 #: Marks of kernels/edges.cl.
 _ON_EDGE, _AT_AN_END, _AT_A_BORDER = 1, 2, 4
@@ -51,7 +50,8 @@ def find_edges(compute: Compute, entries: np.ndarray, known: PatchLight) -> tupl
 
     An edge is where light or the backs in view are not the mean of the neighbours', and both sides of a
     border of what is hidden. Light around a texel at the border of its chart that is less even than elsewhere
-    is one, too: a shadow may end on the way from the centre to the border.
+    is one, too: a shadow may end on the way from the centre to the border. Both have to stand out from the
+    noise nearby, so that bakes of few rays do not take noise for edges.
     """
     (kernel,) = compute.kernels(("texel.cl", "edges.cl"), "find_edges")
     off, marks = zeros(compute, 4 * entries.size), zeros(compute, 4 * (entries.size // 4 + 1))
@@ -61,11 +61,48 @@ def find_edges(compute: Compute, entries: np.ndarray, known: PatchLight) -> tupl
     compute.run_texels(kernel, entries.shape, *buffers, least, off, marks)
     found = download(compute, marks, (entries.size // 4 + 1,)).view(np.uint8)[: entries.size]
     found = found.reshape(entries.shape)
-    steps, lit = download(compute, off, entries.shape), np.flatnonzero(entries)
-    noise = float(np.median(steps.ravel()[lit[:: 1 + len(lit) // _FOR_NOISE]])) if len(lit) else 0.0
-    noise *= _ABOVE_NOISE
-    edge = (steps > max(_EDGE, noise)) | (found & _ON_EDGE > 0)
+    steps = download(compute, off, entries.shape)
+    noise = _noise(steps, entries)
+    edge = _above(steps, np.maximum(_EDGE, noise)) | (found & _ON_EDGE > 0)
     border = np.flatnonzero(found & _AT_A_BORDER)
-    beside = cells_around(steps, border).max(axis=1, initial=0) > max(_EDGE_NEAR_BORDER, noise)
-    edge.ravel()[border[beside]] = True
+    around = cells_around(steps, border).max(axis=1, initial=0)
+    least = np.maximum(_EDGE_NEAR_BORDER, noise)[_block_of(border, entries.shape[1])]
+    edge.ravel()[border[around > least]] = True
     return edge, found & _AT_AN_END > 0
+
+
+def _noise(steps: np.ndarray, entries: np.ndarray) -> np.ndarray:
+    """Return by how much steps of light differ by noise in each block of texels, (atlases, b, b) float32.
+
+    steps, entries: (atlases, r, r), of which every second row and column is looked at
+    """
+    some = np.where(entries[:, ::2, ::2] > 0, steps[:, ::2, ::2], np.float32(np.inf))
+    side, atlases = _BLOCK // 2, len(steps)
+    blocks = -(-some.shape[1] // side)
+    rest = blocks * side - some.shape[1]
+    some = np.pad(some, ((0, 0), (0, rest), (0, rest)), constant_values=np.inf)
+
+    # Texels without a patch are infinitely uneven, so that they come last of their block.
+    some = some.reshape(atlases, blocks, side, blocks, side).swapaxes(2, 3)
+    some = np.sort(some.reshape(atlases, blocks, blocks, side * side), axis=3)
+    place = (_EVEN * np.isfinite(some).sum(axis=3)).astype(np.int64)
+    found = np.take_along_axis(some, place[..., None], axis=3)[..., 0]
+    noise: np.ndarray = np.where(np.isfinite(found), _ABOVE_NOISE * found, 0).astype(np.float32)
+    return noise
+
+
+def _above(steps: np.ndarray, least: np.ndarray) -> np.ndarray:
+    """Return where steps, (atlases, r, r), are above the limit of their block, (atlases, b, b)."""
+    width = steps.shape[1]
+    above = np.empty(steps.shape, bool)
+    for row, limits in enumerate(least.swapaxes(0, 1)):
+        rows = slice(row * _BLOCK, min((row + 1) * _BLOCK, width))
+        np.greater(steps[:, rows], limits.repeat(_BLOCK, axis=1)[:, None, :width], out=above[:, rows])
+    return above
+
+
+def _block_of(texel: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the atlas, the row and the column of the block of texels, flat indices."""
+    row, column = np.divmod(texel, width)
+    atlas, row = np.divmod(row, width)
+    return atlas, row // _BLOCK, column // _BLOCK

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from engine.finish import display_samples as module
-from engine.finish.light_edges import PatchLight
+from engine.finish.light_edges import PatchLight, find_edges
 from engine.finish.push_out import pushed_barycentrics
 from engine.finish.texel_means import TexelMeans
 from engine.patches.geometry import PatchGeometry, texel_steps
@@ -113,6 +113,24 @@ def test_an_edge_of_light_has_samples_on_both_sides_and_a_slope_none(compute):
     local = samples.position % 1
     assert np.abs(np.abs(local - 0.5) - 0.25).max() < 1e-4
     assert len(np.unique(np.c_[samples.texel, local > 0.5], axis=0)) == len(samples)
+
+
+def test_noise_of_a_dark_corner_is_no_edge_but_shadows_in_it_and_beside_it_are(compute):
+    width, rng = 67, np.random.default_rng(3)
+    light = np.ones((width, width), np.float32)
+    light[:, 31:] *= 0.2 * (1 + 0.1 * rng.standard_normal((width, 36)))
+    light[:, 9:17] *= 0.75
+    light[:, 50:53] *= 0.05
+    entries = np.arange(1, width**2 + 1, dtype=np.uint32).reshape(1, width, width)
+    count = width**2
+    known = PatchLight(light.ravel(), np.ones(count, np.float32), np.zeros(count, bool))
+    edge = find_edges(compute, entries, known)[0][0]
+    assert edge[:, [8, 9, 16, 17, 30, 31]].all()
+    assert edge[:, [49, 50, 52, 53]].mean() > 0.9
+
+    # Of texels with nothing but noise hardly any is taken for an edge.
+    assert edge[1:-1, 1:8].sum() == edge[1:-1, 18:30].sum() == 0
+    assert np.delete(edge[:, 33:], slice(15, 22), axis=1).mean() < 0.03
 
 
 def test_borders_of_charts_have_samples_beside_light_that_is_hardly_even(compute):

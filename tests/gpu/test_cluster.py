@@ -325,6 +325,27 @@ def test_a_worker_that_cannot_be_started_leaves_none_of_the_others(monkeypatch):
     assert started[0].poll() is not None
 
 
+@pytest.mark.long
+def test_the_report_names_who_is_refused_while_others_work(by_two):
+    with cluster(1) as made:
+        made.add({local_workers.DEVICE: "Platform: Voodoo 2"})
+        made.client.wait_for_workers(2, timeout=60)
+        lightmap = baked(made)
+    (told,) = lightmap.report.warnings
+    assert told.startswith("Worker 'tcp://") and "There is no OpenCL device 'Platform: Voodoo 2'" in told
+    assert any("1 Dask workers" in reason for reason in lightmap.report.reasons)
+    assert np.array_equal(lightmap.image, by_two.image)
+
+
+def test_a_scene_that_leaves_the_machine_in_the_clear_is_told(monkeypatch, two, by_two):
+    monkeypatch.setattr("engine.cluster.connection.is_of_this_machine", lambda _: False)
+    lightmap = baked(two)
+    (told,) = lightmap.report.warnings
+    assert told.startswith("The scene travels unencrypted to the scheduler at tcp://") and "tls://" in told
+    assert not any("unencrypted" in warning for warning in by_two.report.warnings)
+    assert np.array_equal(lightmap.image, by_two.image)
+
+
 def test_worker_without_its_device_is_refused_by_name():
     made = local_workers.LocalWorkers([{local_workers.DEVICE: "Platform: Voodoo 2"}])
     try:

@@ -17,6 +17,7 @@ from ..direct.contact import NearFaces
 from ..errors import DeviceError
 from ..patches.subdivision import Subdivision
 from ..resume.checkpoint import Checkpoint
+from ..scene.color import channel_sum
 from ..scene.digests import digest_of
 from ..settings import Settings
 from ..solve.anderson import COLUMNS
@@ -106,9 +107,15 @@ class SolveJob:
 
     @property
     def first_radiance(self) -> np.ndarray:
-        """What each patch sends out before light has gone from patch to patch, (n, 3) float32."""
-        surfaces = self.parts.surfaces
-        radiance: np.ndarray = surfaces.emission + surfaces.reflectance * self.sampled_light
+        """What each patch sends out before light has gone from patch to patch, (n,) float32, sum of channels.
+
+        Column by column: pages of three would be mapped for it.
+        """
+        surfaces, light = self.parts.surfaces, self.sampled_light
+        radiance: np.ndarray = channel_sum(surfaces.emission)
+        column = np.empty_like(radiance)
+        for channel in range(3):
+            radiance += np.multiply(surfaces.reflectance[:, channel], light[:, channel], out=column)
         return radiance
 
     @property

@@ -17,7 +17,6 @@ from ..device.buffers import download, upload, upload_once
 from ..device.compute import Compute
 from ..patches.subdivision import Subdivision
 from ..patches.surfaces import PatchSurfaces
-from ..scene.color import channel_sum
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receivers import RECEIVER_SOURCE
 
@@ -111,11 +110,11 @@ def leaders(
 ) -> np.ndarray:
     """Return the patch that each patch follows, (n,) uint32; kernels/patch_groups.cl.
 
-    radiance  (n, 3) float32, what each sends out before any bounce
+    radiance  (n,) float32, what each sends out before any bounce, sum of the channels
     inside    (n,) bool, patches inside of something, see `patches_inside`
     width     of a square, texels
     """
-    compute, patches, radiance = rays.compute, parts.patches, channel_sum(radiance)
+    compute, patches = rays.compute, parts.patches
     (group_patches,) = compute.kernels((*RECEIVER_SOURCE, "patch_groups.cl"), "group_patches")
     lookup, texels = upload_once(compute, parts.texel_to_patch), upload_once(compute, patches.texel)
     arrays = (parts.geometry.material, radiance, inside.view(np.uint8))

@@ -31,7 +31,7 @@ def test_means_are_those_of_the_members(graphics, compute: Compute, resolution: 
     parts = replace(parts, surfaces=replace(parts.surfaces, emission=emission))
     rays, area = RayScene(compute, parts), random.random(count).astype(np.float32)
     groups = PatchGroups(
-        rays, parts, area, leaders(rays, parts, light, patches_inside(rays, len(light)), width), width
+        rays, parts, area, leaders(rays, parts, light.sum(1), patches_inside(rays, count), width), width
     )
     members = np.bincount(groups.group)
     assert len(np.unique(members)) > 2 and width**2 / 2 < members.max() <= width**2

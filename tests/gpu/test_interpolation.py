@@ -35,7 +35,7 @@ def room(graphics, compute):
     """The patches of a room of quads, groups of them, and what interpolates between these."""
     parts = subdivide(graphics, compute, nine_quad_room(), Settings(resolution=128))
     rays = RayScene(compute, parts)
-    dark = np.zeros((len(parts.patches), 3), np.float32)
+    dark = np.zeros(len(parts.patches), np.float32)
     groups = PatchGroups(
         rays,
         parts,
@@ -127,7 +127,7 @@ def test_patches_between_things_that_no_group_knows_do_not_fit(graphics, compute
         graphics, compute, scene_of([floor, *fins], world=np.ones(3, np.float32)), Settings(resolution=160)
     )
     rays = RayScene(compute, parts)
-    dark = np.zeros((len(parts.patches), 3), np.float32)
+    dark = np.zeros(len(parts.patches), np.float32)
     group, leader = numbered(leaders(rays, parts, dark, patches_inside(rays, len(dark)), WIDTH))
     interpolation = Interpolation(rays, parts, group, leader, WIDTH, openness(rays, 2.0))
     even = np.ones((len(leader), 4), np.float32)
@@ -206,7 +206,7 @@ def sunk_box():
 def test_patches_inside_of_things_and_outside_are_not_one(graphics, compute):
     parts = subdivide(graphics, compute, sunk_box(), Settings(resolution=160))
     rays = RayScene(compute, parts)
-    dark = np.zeros((len(parts.patches), 3), np.float32)
+    dark = np.zeros(len(parts.patches), np.float32)
     leader = leaders(rays, parts, dark, patches_inside(rays, len(dark)), WIDTH)
     center, radius = parts.geometry.center + parts.triangles.origin, 0.2
     on_floor = np.abs(center[:, 2]) < 1e-4

@@ -127,11 +127,10 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
     const Bright sky = {sky_pixels, cumulative, listed, sky_width, sky_height, sky_count, sky_total};
     const Receiver r = load_receiver(receivers + patch);
 
-    const float total = total_weight(&lights, root, &r);
     const uint key = hash((uint)patch ^ hash(seed));
     const float offset = unit_float(hash(r.rank / NEIGHBOURS ^ hash(seed + 1u)) + r.rank * GOLDEN);
     Walk walk;
-    start_walk(&walk, root, budget / total);
+    const float total = start_walk(&walk, &lights, root, &r, budget);
     float2 span = (float2)(0.0f);
     Sum sum = {(float3)(0.0f)};
     Run run = start_run(0, 0.0f);
@@ -141,17 +140,19 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
     for (int i = 0; i < light_groups; ++i)
         groups[i] = (float4)(0.0f);
     int group = 0;
-    for (int index = 0; total > 0.0f; ++index) {
+    int step;
+    for (int index = 0; total > 0.0f; index += step) {
         if (index == budget || index + offset >= span.x) {
             // Once more, along further points of the sequence, if only part of the rays arrived.
             if (!is_even(&run) && run.rounds < ROUNDS) {
                 ++run.rounds;
                 index = run.first;
             } else {
+                // After the last sample, too, come emitters that have one of their own.
                 finish_run(&run, &sum);
-                if (index == budget)
+                emitter = next_emitter(&walk, &lights, &r, index == budget ? INFINITY : index + offset, &span);
+                if (index == budget && emitter < 0)
                     break;
-                emitter = next_emitter(&walk, &lights, &r, index + offset, &span);
                 if (emitter >= 0 && emitters[emitter].light_group != group) {
                     add_to_group(&sum, groups + group);
                     group = emitters[emitter].light_group;
@@ -165,6 +166,8 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
                 }
             }
         }
+        // A sample of an emitter's own takes none of the line.
+        step = index < budget && index + offset < span.x;
         if (emitter < 0)
             continue;
         __global const Emitter *e = emitters + emitter;

@@ -5,6 +5,11 @@
 // A node is taken as one light if its radius is less than this part of the distance (Barnes and Hut 1986).
 #define OPENING 0.4f
 
+// An emitter nearby, of one radiance, that expects at least this many samples but less than one has one of its own, not
+// by lot: its light is known but for the shadow, and would be noise. These are at most a part of a patch's samples.
+#define OWN_SAMPLE 0.1f
+#define PART_OF_OWN 0.25f
+
 typedef struct {
     __global const Emitter *emitters;
     __global const LightNode *nodes;
@@ -50,14 +55,20 @@ float weight_of(const Lights *lights, const int code, const Receiver *r, bool *o
         : node_weight(lights->nodes + code, r, open);
 }
 
-// The weight of all lights: of emitters nearby, and of nodes far away.
-float total_weight(const Lights *lights, const int root, const Receiver *r)
+// Weights that are kept from one way down the tree to the next, which comes to the same nodes in the same order: -1 of
+// a node that is not taken as one light.
+#define WEIGHTS_KEPT 32
+
+// The weight of all lights: of emitters nearby, and of nodes far away. The first ones are kept.
+float total_weight(const Lights *lights, const int root, const Receiver *r, float *kept)
 {
     int stack[TREE_STACK], depth = 0, code = root;
     float total = 0.0f;
-    for (;;) {
+    for (int visit = 0;; ++visit) {
         bool open;
         const float weight = weight_of(lights, code, r, &open);
+        if (visit < WEIGHTS_KEPT)
+            kept[visit] = open ? -1.0f : weight;
         if (open) {
             const int2 halves = vload2(0, lights->nodes[code].children);
             stack[depth++] = halves.y;
@@ -79,19 +90,37 @@ typedef struct {
     int depth;
     float scale;   // width of a weight of 1
     float passed;  // where the intervals of nodes taken as one light end so far
+    int visits;    // of how many nodes and emitters the weight was asked for
+    float kept[WEIGHTS_KEPT];
+    int own;       // how many more emitters may have a sample of their own
 } Walk;
 
-// At the root, with all samples before it; a weight of 1 is `scale` wide.
-void start_walk(Walk *walk, const int root, const float scale)
+// At the root, with all `budget` samples before it; return what all lights weigh.
+float start_walk(Walk *walk, const Lights *lights, const int root, const Receiver *r, const int budget)
 {
+    const float total = total_weight(lights, root, r, walk->kept);
     walk->codes[0] = root;
     walk->spans[0] = (float2)(0.0f, -1.0f);
     walk->depth = 1;
-    walk->scale = scale;
+    walk->scale = budget / total;
     walk->passed = 0.0f;
+    walk->visits = 0;
+    walk->own = (int)(PART_OF_OWN * budget);
+    return total;
 }
 
-// The emitter whose interval a sample lies in, with the interval's end and width; -1 if nothing there shines.
+// The weight of a node or an emitter that `total_weight` came to, too.
+float weight_again(Walk *walk, const Lights *lights, const int code, const Receiver *r, bool *open)
+{
+    const int visit = walk->visits++;
+    if (visit >= WEIGHTS_KEPT)
+        return weight_of(lights, code, r, open);
+    *open = walk->kept[visit] < 0.0f;
+    return walk->kept[visit];
+}
+
+// The emitter whose interval a sample lies in, with the interval's end and width; -1 if nothing there shines. Before
+// it come those that have a sample of their own: their width is 1, whether or not the sample lies in their interval.
 int next_emitter(Walk *walk, const Lights *lights, const Receiver *r, const float sample, float2 *span)
 {
     while (walk->depth > 0) {
@@ -99,10 +128,16 @@ int next_emitter(Walk *walk, const Lights *lights, const Receiver *r, const floa
         *span = walk->spans[walk->depth];
         bool open = false;
         if (span->y < 0.0f) {
-            const float weight = weight_of(lights, code, r, &open);
+            const float weight = weight_again(walk, lights, code, r, &open);
             if (!open) {
                 walk->passed += weight * walk->scale;
                 *span = (float2)(walk->passed, weight * walk->scale);
+                if (code < 0 && lights->emitters[~code].uniform && span->y >= OWN_SAMPLE && span->y < 1.0f
+                    && walk->own > 0) {
+                    --walk->own;
+                    span->y = 1.0f;
+                    return ~code;
+                }
             }
         }
         if (!open && (sample >= span->x || span->y <= 0.0f))

@@ -100,6 +100,36 @@ def test_rectangle(height):
     assert image == pytest.approx(expected, rel=2e-2)
 
 
+def at(lamp, x, y):
+    """Return a lamp elsewhere, at its height."""
+    return dataclasses.replace(lamp, position=np.array([x, y, lamp.position[2]]))
+
+
+@pytest.mark.parametrize(("place", "samples"), [((0.11, -0.1), 31), ((-0.13, 0.13), 17), ((0.15, -0.21), 53)])
+def test_a_near_triangle_that_brings_little_is_no_noise(place, samples):
+    """Of the two of a panel 5 cm away one brings less than one of so few rays stands for, but always."""
+    lamp = at(light("area", 0.05, size=np.array([0.8, 0.6])), *place)
+    corners = rectangle((place[0] - 0.4, place[1] - 0.3, 0.05), 0.6 * Y, 0.8 * X)
+    halves = corners[[0, 1, 2]], corners[[0, 2, 3]]
+    parts = [np.abs(polygon(np.zeros((1, 3)), Z[None], half)).max() for half in halves]
+    assert 0.1 / samples < min(parts) / sum(parts) < 1 / samples
+    settings = dataclasses.replace(SETTINGS, light_samples=samples)
+    assert baked(lamp, 0.002, settings=settings) == pytest.approx(5 * sum(parts), rel=3e-3)
+
+
+def test_samples_of_emitters_own_are_not_counted_twice():
+    """Twelve panels in a row, some behind a wall: the mean is that of many rays."""
+    lamps = tuple(at(light("area", 0.4, size=np.array([0.3, 0.3])), 0.35 * k, 0.1) for k in range(12))
+    floor = rectangle((-0.01, -0.01, 0), 0.02 * X, 0.02 * Y)
+    wall = rectangle((0.5, -1, 0.1), 2 * Y, 0.2 * Z)
+    pieces = quads(np.stack([floor, wall]), [(1, 1, 6, 6), (9, 1, 2, 2)], [0, 0], 16, "Scene")
+    scene = Scene((pieces,), (BLACK,), lights=lamps)
+    choices = ({"light_samples": 512}, *({"light_samples": 2, "seed": seed} for seed in range(3)))
+    bakes = (drive(scene, dataclasses.replace(SETTINGS, **values)) for values in choices)
+    many, *few = (lightmap.image[0, 1:7, 1:7, 0] for lightmap in bakes)
+    assert np.mean(few) == pytest.approx(many.mean(), rel=0.01)
+
+
 @pytest.mark.parametrize("height", [3.0, 0.5, 0.05])
 def test_disk(height):
     lamp = light("area", height, size=np.array([1.0, 1.0]), ellipse=True)

@@ -41,10 +41,9 @@ __kernel void chosen(__global const ReceiverRecord *receivers, __global const Em
 {
     const Receiver r = load_receiver(receivers);
     const Lights lights = {emitters, nodes, 0.0f, {0, 0}};
-    const float total = total_weight(&lights, root, &r);
     for (int seed = 0; seed < seeds; ++seed) {
         Walk walk;
-        start_walk(&walk, root, budget / total);
+        start_walk(&walk, &lights, root, &r, budget);
         float2 span = (float2)(0.0f);
         int emitter = -1;
         for (int index = 0; index < budget; ++index) {

@@ -310,12 +310,19 @@ float3 open_light(__global const Emitter *e, const float3 p, const Receiver *r)
     const bool front = dot(facing, a) < 0.0f;
     if (!front && (e->triangle < 0 || e->one_sided))
         return (float3)(0.0f);
-    const float3 triangle[3] = {a, a + edge1, a + edge2};
-    float3 above[4], corners[5];
-    const int kept = clip(triangle, 3, horizon_of(r, !shows_front(r, a, facing)), above);
-    const int count = kept > 2 ? clip(above, kept, r->normal, corners) : 0;
-    if (count < 3)
-        return (float3)(0.0f);
+    const float3 horizon = horizon_of(r, !shows_front(r, a, facing));
+    const float3 b = a + edge1, c = a + edge2;
+    float3 corners[5] = {a, b, c};
+    int count = 3;
+    const float lowest = fmin(fmin(fmin(dot(a, horizon), dot(b, horizon)), dot(c, horizon)),
+                              fmin(fmin(dot(a, r->normal), dot(b, r->normal)), dot(c, r->normal)));
+    if (!(lowest > 0.0f)) {
+        float3 above[4];
+        const int kept = clip(corners, 3, horizon, above);
+        count = kept > 2 ? clip(above, kept, r->normal, corners) : 0;
+        if (count < 3)
+            return (float3)(0.0f);
+    }
     float sum = 0.0f;
     float3 from = normalize(corners[count - 1]);
     for (int i = 0; i < count; ++i) {

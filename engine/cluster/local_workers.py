@@ -129,7 +129,7 @@ def start_worker(
     options  further ones of `dask worker`
     printed  True to leave its output to that of this process
     """
-    command = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1"]
+    command = [sys.executable, "-P", "-m", "distributed.cli.dask_worker", address, "--nthreads", "1"]
     command += ["--no-dashboard", "--no-nanny", "--memory-limit", "0", *options]
     folders = (str(_HOME), *(path for path in sys.path if path))
     gone = {"DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": f"{GONE}s"}

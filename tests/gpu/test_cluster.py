@@ -325,6 +325,15 @@ def test_a_worker_that_cannot_be_started_leaves_none_of_the_others(monkeypatch):
     assert started[0].poll() is not None
 
 
+def test_workers_import_nothing_of_the_folder_that_a_bake_is_started_in(monkeypatch, tmp_path):
+    """As of another checkout, whose workers would be refused."""
+    (tmp_path / "engine").mkdir()
+    (tmp_path / "engine" / "__init__.py").write_text("raise SystemExit(3)")
+    monkeypatch.chdir(tmp_path)
+    with cluster(1) as made:
+        assert [*made.client.run(admission.refusal, admission.source_digest()).values()] == [""]
+
+
 @pytest.mark.long
 def test_the_report_names_who_is_refused_while_others_work(by_two):
     with cluster(1) as made:

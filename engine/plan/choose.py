@@ -147,10 +147,12 @@ def _interpolated(
     inside = job.kept.inside(job.rays)
     smaller = numbered(leaders(job.rays, job.parts, job.first_radiance, inside, _SMALLER))
     opening = openness(job.rays, _NEAR)
+    patches = np.arange(job.count)
     widths = ((groups.group, groups.leader, groups.width), (*smaller, _SMALLER))
     return InterpolatedGather(
         solver,
         [Interpolation(job.rays, job.parts, *squares_of_width, opening) for squares_of_width in widths],
+        Interpolation(job.rays, job.parts, patches, patches, 1, opening),
         job.sampled_light,
         squares.sampled_light,
         _TOLERANCE / math.sqrt(ray_count(job.settings)),

@@ -22,9 +22,11 @@ class InterpolatedGather:
 
     Where the light that the groups around a patch gather lies in a plane, the patch has it from there. Of
     all others those gather first that lead smaller squares, and planes are fitted to the light of these;
-    then those that fit there neither.
+    then those that fit there neither. Those that gathered have the light of planes through their own and their
+    neighbours' where it lies in one: that has less noise.
 
     squares          fit planes to the light of the groups that are solved for, then of smaller squares
+    neighbours       fits planes to the light of patches
     sampled_light    (n, 3) float32, E/pi of the light that shadow rays sample
     of_groups        (m, 3) float32, the same of the groups
     tolerance        what a plane may leave over, as a fraction of all light
@@ -37,6 +39,7 @@ class InterpolatedGather:
         self,
         solver: Solver,
         squares: Sequence[Interpolation],
+        neighbours: Interpolation,
         sampled_light: np.ndarray,
         of_groups: np.ndarray,
         tolerance: float,
@@ -46,6 +49,7 @@ class InterpolatedGather:
     ) -> None:
         self._solver, self._last_of = solver, last_of
         self._solved, *self._smaller = squares
+        self._neighbours = neighbours
         self._of_groups, self._tolerance, self.separate_direct = of_groups, tolerance, separate_direct
         self.direct, self.gathered = sampled_light, np.zeros((len(sampled_light), 4), np.float32)
         self._directional, self._l1 = directional, list[np.ndarray]()
@@ -122,7 +126,7 @@ class InterpolatedGather:
         gather_for  replaces the light of patches, by their numbers, in layers of all patches
         """
         values, fits = fit(self._solved, layers)
-        left = ~fits
+        left, own = ~fits, np.zeros_like(fits)
         steps = 1 + len(self._smaller)
         for step, squares in enumerate(self._smaller):
             leads = np.zeros_like(left)
@@ -137,8 +141,16 @@ class InterpolatedGather:
             for layer, finer in zip(values, found, strict=True):
                 layer[left & fits] = finer[left & fits]
             left &= ~fits
+            own |= leads
         if left.any():
             yield from part_of(1 - 1 / steps, 1, gather_for(values, np.flatnonzero(left)))
+        own |= left
+
+        # What gathered for itself is noisy; where it lies in a plane, that is not.
+        if own.any():
+            found, fits = fit(self._neighbours, values)
+            for layer, smoother in zip(values, found, strict=True):
+                layer[own & fits] = smoother[own & fits]
         return values
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:

@@ -71,6 +71,23 @@ def test_light_that_lies_in_a_plane_is_met(room):
         assert found[fits] == pytest.approx(plane[fits], rel=1e-4)
 
 
+def test_noise_of_single_patches_is_taken_out_and_steps_stay(room, compute):
+    """Planes through the light of nine patches have a third of its noise; what is a step keeps to itself."""
+    parts = room[0]
+    rays, each = RayScene(compute, parts), np.arange(len(parts.patches))
+    neighbours = Interpolation(rays, parts, each, each, 1, openness(rays, 2.0))
+    step = np.where(parts.geometry.center[:, 0] > 0.83, 3, 1).astype(np.float32)
+    exact = step + parts.geometry.center @ np.float32([0.3, -0.2, 0.5])
+    noise = 0.03 * np.random.default_rng(5).standard_normal(len(exact)).astype(np.float32)
+    layer = np.ones((len(exact), 4), np.float32)
+    layer[:, :3] = (exact + noise)[:, None]
+    (values,), fits = neighbours.fit([layer], np.zeros(len(exact), np.float32), 0.075)
+    assert 0.6 < fits.mean() < 0.95
+    off = values[fits, 0] - exact[fits]
+    assert np.sqrt((off**2).mean()) < 0.6 * 0.03
+    assert np.abs(off).max() < 0.3
+
+
 def test_values_of_both_signs_are_met_where_they_are_asked_for(room):
     parts, groups, interpolation = room
     plane = parts.geometry.center @ np.float32([0.3, -0.2, 0.5]) - 0.4

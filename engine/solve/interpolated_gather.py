@@ -22,8 +22,8 @@ class InterpolatedGather:
 
     Where the light that the groups around a patch gather lies in a plane, the patch has it from there. Of
     all others those gather first that lead smaller squares, and planes are fitted to the light of these;
-    then those that fit there neither. Those that gathered have the light of planes through their own and their
-    neighbours' where it lies in one: that has less noise.
+    then those that fit there neither. Those that gathered have the light of planes through their own and that
+    of their neighbours where it lies in one: it has less noise.
 
     squares          fit planes to the light of the groups that are solved for, then of smaller squares
     neighbours       fits planes to the light of patches

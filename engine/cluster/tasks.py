@@ -185,5 +185,16 @@ def _wait(tasks: set[Future], until: str) -> list[Future]:
     """Wait a moment for tasks to end; return those that have."""
     try:
         return list(wait(tasks, timeout=_PAUSE, return_when=until).done)
-    except TimeoutError:
+    except TimeoutError as error:
+        _forget_traceback(error)
         return [task for task in tasks if task.done()]
+
+
+def _forget_traceback(error: BaseException | None) -> None:
+    """Forget which functions an error and its causes came through.
+
+    They hold the tasks and, in a cycle, the error: the tasks would live until garbage is collected.
+    """
+    while error:
+        error.__traceback__ = None
+        error = error.__cause__ or error.__context__

@@ -15,6 +15,7 @@ from .kernel import Kernel
 from .program_cache import ProgramCache, build, device_digest
 from .record import Record
 from .shared_buffers import SharedBuffers
+from .slices import SliceSize
 from .source import kernel_source
 from .staging import Staging
 from .starters import keep_starters_in_memory
@@ -61,6 +62,7 @@ class Compute:
         self._built: dict[tuple, cl.Program] = {}
         self._kernels: dict[tuple, Kernel] = {}
         self.shared = SharedBuffers()
+        self._slice_sizes: dict[tuple, SliceSize] = {}
         self.context = self._first_working_context(_chosen(found_devices(), opencl_device))
         self.device = self.context.devices[0]
         self._programs = ProgramCache(self.context, None if self._is_pocl else cache_dir)
@@ -112,6 +114,13 @@ class Compute:
             if (key, name) not in self._kernels:
                 self._kernels[key, name] = Kernel(self._built[key], name, self.device)
         return [self._kernels[key, name] for name in names]
+
+    def slice_size(self, *work: object) -> SliceSize:
+        """Return how many items a slice of some work has, as earlier work has shown that is called the same.
+
+        Short first slices cost a card as long as large ones: it does thousands of items at a time.
+        """
+        return self._slice_sizes.setdefault(work, SliceSize())
 
     def run(self, kernel: Kernel, items: int, *arguments: object, layers: int = 1) -> None:
         """Run a kernel for at least `items` work items of each layer; it has to ignore those beyond.

@@ -47,15 +47,15 @@ def sliced(
     first: int,
     last: int,
     launch: Callable[[int, int], object],
-    size: SliceSize | None = None,
+    size: SliceSize,
 ) -> Generator[int, None, None]:
     """Call launch(start, end) for slices of first ... last; yield the end of each once it is done.
 
-    size: of slices of the same work before, None for the first ones
+    size: of slices of the same work before
     """
 
     def work(start: int, end: int) -> None:
         launch(start, end)
         queue.finish()
 
-    return (size or SliceSize()).run(first, last, work)
+    return size.run(first, last, work)

@@ -62,7 +62,7 @@ class ShadowRays:
     ) -> None:
         compute, rays = receivers.compute, receivers.rays
         self._compute, self._rays, self._settings = compute, rays, settings
-        self._count = receivers.count
+        self._count, self._triangles = receivers.count, len(parts.triangles.mesh).bit_length()
         options = directional_options(settings)
         (self._direct,) = rays.kernels(_SOURCE, "direct", options=options)
         self._receivers, self._mesh = receivers.receivers, parts.triangles.mesh
@@ -146,7 +146,8 @@ class ShadowRays:
         arguments = (np.int32(self._settings.ao_samples), reach, np.uint32(self._settings.seed))
         files = (*EMITTER_SOURCE, "texel_starts.cl", "opening.cl", "occlusion.cl")
         (occlusion,) = self._rays.kernels(files, "occlusion")
-        result = yield from self._sliced(occlusion, arguments, self._count)
+        samples = self._settings.ao_samples
+        result = yield from self._sliced(occlusion, samples, arguments, self._count)
         return download(self._compute, result, (self._count, 4))[:, 0].copy()
 
     def _light(
@@ -165,7 +166,7 @@ class ShadowRays:
             *self._glow, *self._sky, np.uint32(self._settings.seed), self._l1, np.int32(groups),
             None if chosen is None else upload(self._compute, chosen),
         )  # fmt: skip
-        return (yield from self._sliced(self._direct, arguments, items, groups))
+        return (yield from self._sliced(self._direct, budget, arguments, items, groups))
 
     def _read_l1(self, items: int) -> np.ndarray:
         """Return the L1 of the light that was computed last, (items, 3, 3) float32; (0, 3, 3) without one."""
@@ -174,16 +175,17 @@ class ShadowRays:
         return download_colors(self._compute, self._l1, items, 3).transpose(1, 0, 2)
 
     def _sliced(
-        self, kernel: Kernel, arguments: tuple, items: int, results: int = 1
+        self, kernel: Kernel, samples: int, arguments: tuple, items: int, results: int = 1
     ) -> Generator[float, None, cl.Buffer]:
-        """Run a kernel over items, some at a time; return its results, float4 of each."""
+        """Run a kernel over items of so many samples, some at a time; return its results, float4 of each."""
         result = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, 16 * items * results)
 
         def launch(start: int, end: int) -> None:
             slice_ = np.int32(start), np.int32(end)
             self._rays.run(kernel, end - start, self._receivers, *arguments, result, *slice_)
 
-        for end in sliced(self._compute.queue, 0, items, launch):
+        size = self._compute.slice_size(kernel, samples, self._triangles)
+        for end in sliced(self._compute.queue, 0, items, launch, size):
             yield end / items
         return result
 

@@ -144,7 +144,7 @@ class SolveJob:
     def gathers_direct(self) -> bool:
         """True if patches gather light before any is reflected."""
         all_light = self.part_of or self
-        return bool(all_light.emission.any() or all_light.sky.any())
+        return all_light._is_seen
 
     @property
     def dark(self) -> bool:
@@ -154,4 +154,9 @@ class SolveJob:
     @property
     def lit(self) -> bool:
         """True if light reaches any patch."""
-        return bool(self.emission.any() or self.sky.any() or self.sampled_light.any())
+        return self._is_seen or bool(self.sampled_light.any())
+
+    @cached_property
+    def _is_seen(self) -> bool:
+        """True if patches or the sky, as patches see them, send out light of their own."""
+        return bool(self.sky.any() or self.emission.any())

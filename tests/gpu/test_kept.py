@@ -229,8 +229,8 @@ def test_another_sky_is_summed_up_in_slices(session, monkeypatch):
     """What takes seconds in a large scene tells how far it is; the same sky is not summed up again."""
     finished(session.bake(ROOM, SETTINGS))
     monkeypatch.setattr(slices, "_SLICE", 0)
-    monkeypatch.setattr(slices, "_FIRST", 64)
     monkeypatch.setattr(progress, "_STEP", 0)
+    session._devices.compute._slice_sizes.clear()
     scene, _ = RELIT["world"]
     for steps in (4, 0):
         told = [step.fraction for step in session.bake(scene, SETTINGS) if step.stage == "Bounce 1"]

@@ -135,3 +135,9 @@ def test_a_move_that_comes_before_the_light_of_the_last_one_is_not_lost(session)
             edits += 1
     light, _ = cast_anew(session, live.scene, SETTINGS)
     assert edits == 5 and np.array_equal(session._kept.sampled.light, light)
+
+
+def test_work_of_one_name_goes_on_with_the_slices_of_before(compute):
+    first = compute.slice_size("look", 64, 7)
+    assert compute.slice_size("look", 64, 7) is first
+    assert compute.slice_size("look", 2048, 7) is not first

@@ -11,7 +11,7 @@ import pyopencl as cl
 from ...device.buffers import upload, upload_once
 from ...device.compute import Compute
 from ...device.kernel import Kernel
-from ...device.slices import SliceSize, sliced
+from ...device.slices import sliced
 from ...patches.subdivision import Subdivision
 from ...settings import Settings
 from ..identity import SeenBuffers, Surroundings, directional_options, identity_options
@@ -94,7 +94,7 @@ class RayIdentity:
             np.uint32(rotation_salt(settings.seed)), np.int32(settings.rotate),
         )  # fmt: skip
         self._sky = surroundings.sky_arguments
-        self._slice = SliceSize()
+        self._size = int(triangles.mesh.size).bit_length()
 
     def find(self, first: int, last: int, seen: SeenBuffers) -> Generator[float, None, None]:
         """Find what the patches first ... last see; yield the fraction done."""
@@ -133,7 +133,8 @@ class RayIdentity:
                 *self._arguments, np.int32(start), *outputs, partial, *more,
             )  # fmt: skip
 
-        for end in sliced(self._queue, first, last, launch, self._slice):
+        size = self._compute.slice_size(kernel, self.samples, self._size)
+        for end in sliced(self._queue, first, last, launch, size):
             yield (end - first) / (last - first)
 
 

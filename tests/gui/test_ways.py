@@ -177,3 +177,22 @@ def test_live_follows_a_lamp_and_a_mesh_until_its_button_is_clicked_again(window
     keep("after live")
     bake_to_the_end(window)
     assert window.ask(LIGHT) == pytest.approx(moved, rel=0.02)
+
+
+def test_live_ends_where_another_file_is_opened_and_has_stored_its_light(window, keep):
+    path = str(window.folder / "followed.blend")
+    window.run("view3d()['area'].spaces.active.shading.type = 'SOLID'")
+    window.run(f"bpy.ops.wm.save_as_mainfile(filepath={path!r})")
+    window.click(*window.button(*LIVE))
+    window.wait_for(f"{RUNNING} and {SETTLED}")
+    window.run("view3d()['area'].spaces.active.shading.type = 'SOLID'")
+    before = window.ask(LIGHT)
+    window.run("bpy.data.objects['Warm'].data.energy *= 3")
+    window.wait_for(f"{LIGHT} > {1.5 * before} and {SETTLED}")
+    shown, file = window.ask(LIGHT), window.ask("bpy.data.images['Lightmap'].filepath_from_user()")
+    window.run("bpy.ops.wm.read_homefile(load_ui=False)")
+    assert not window.ask(RUNNING)
+    window.run(f"bpy.data.images.load({file!r}).name = 'Lightmap'")
+    assert window.ask(LIGHT) == pytest.approx(shown, rel=1e-5) and "Traceback" not in window.console()
+    window.run(f"bpy.ops.wm.open_mainfile(filepath={path!r}, load_ui=False)")
+    keep("opened again")

@@ -26,7 +26,11 @@ _NVIDIA = "NVIDIA"
 _HOME = Path(__file__).resolve().parents[2]
 
 #: Seconds in which a scheduler has to answer, and a worker before it counts as gone.
-ANSWER, GONE = 60, 10
+ANSWER, _GONE = 60, 10
+
+#: Seconds in which a worker has to answer who asks it for results: one that has just died does not. If it is
+#: only late they are asked for again, by way of the scheduler.
+RESULTS = 3
 
 #: Seconds that workers have to start, and to end.
 _START, _FAREWELL = 60.0, 3.0
@@ -45,7 +49,7 @@ class LocalWorkers:
             loop = opened.enter_context(event_loop())
             options = {"dashboard_address": ":0", "loop": loop}
             self._cluster = opened.enter_context(LocalCluster(n_workers=0, processes=True, **options))
-            self._cluster.scheduler.rpc.timeout = GONE
+            self._cluster.scheduler.rpc.timeout = RESULTS
             self.client = opened.enter_context(Client(self._cluster, timeout=ANSWER))
             self._opened = opened.pop_all()
         try:
@@ -132,7 +136,7 @@ def start_worker(
     command = [sys.executable, "-P", "-m", "distributed.cli.dask_worker", address, "--nthreads", "1"]
     command += ["--no-dashboard", "--no-nanny", "--memory-limit", "0", *options]
     folders = (str(_HOME), *(path for path in sys.path if path))
-    gone = {"DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": f"{GONE}s"}
+    gone = {"DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": f"{_GONE}s"}
     variables = {**os.environ, **gone, "PYTHONPATH": os.pathsep.join(folders), **environment}
     output = None if printed else subprocess.DEVNULL
     return subprocess.Popen(command, env=variables, stdout=output, stderr=output)

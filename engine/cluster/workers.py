@@ -16,7 +16,7 @@ from .admission import REFUSED, Admission, refusal
 from .cluster_devices import ClusterDevices
 from .connection import connected, is_of_this_machine, is_private
 from .event_loop import event_loop
-from .local_workers import GONE, LocalWorkers, local_environments
+from .local_workers import RESULTS, LocalWorkers, local_environments
 from .memory_folder import is_at_hand, memory_folder
 from .shipment import Shipment
 from .shipped import Shipped
@@ -50,7 +50,7 @@ class Workers:
 
     def __init__(self, client: Client, folder: str) -> None:
         self.client, self._folder, self.warnings = client, folder, list[str]()
-        client.rpc.timeout = GONE
+        client.rpc.timeout = RESULTS
         self.address: str = client.scheduler_info()["address"]
         client.subscribe_topic(REFUSED, lambda event: self.warnings.append(event[1]))
         self._admission = Admission()

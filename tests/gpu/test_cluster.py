@@ -210,7 +210,7 @@ def test_a_scheduler_that_is_gone_is_an_error_with_the_remedy(tmp_path):
 
 def test_a_worker_that_is_gone_is_not_waited_for_long(monkeypatch):
     """By Dask's defaults its scheduler tries for 30 s to reach it."""
-    monkeypatch.setattr(local_workers, "GONE", 1)
+    monkeypatch.setattr(local_workers, "RESULTS", 1)
     with cluster(1) as made, socket.create_server(("127.0.0.1", 0)) as listening:
         address = f"tcp://127.0.0.1:{listening.getsockname()[1]}"
         listening.close()

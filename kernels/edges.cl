@@ -48,3 +48,45 @@ __kernel void find_edges(__global const uint *entries, __global const float *lig
         }
     marks[texel] |= edge ? ON_EDGE : 0;
 }
+
+// The noise of each block of BLOCK x BLOCK texels, as images of blocks: ABOVE_NOISE times the value of off that a part EVEN of every
+// second texel in rows and columns stays below, of those with patches; 0 where there are none.
+__kernel void noise_of_blocks(__global const uint *entries, __global const float *off, const int side,
+                              __global float *noise, const int width, const int height)
+{
+    TEXEL;
+    float values[BLOCK / 2 * (BLOCK / 2)];
+    int count = 0;
+    for (int v = y * BLOCK; v < min((y + 1) * BLOCK, side); v += 2)
+        for (int u = x * BLOCK; u < min((x + 1) * BLOCK, side); u += 2) {
+            const size_t place = ((size_t)get_global_id(2) * side + v) * side + u;
+            if (entries[place])
+                values[count++] = off[place];
+        }
+
+    // The value with as many below it, or equal and listed before it, as its rank says.
+    const int rank = (int)(EVEN * count);
+    noise[texel] = 0.0f;
+    for (int i = 0; i < count; ++i) {
+        int before = 0;
+        for (int k = 0; k < count; ++k)
+            before += values[k] < values[i] || (values[k] == values[i] && k < i);
+        if (before == rank)
+            noise[texel] = ABOVE_NOISE * values[i];
+    }
+}
+
+// Marks texels whose light is off the mean of their neighbours by more than noise: at the border of a chart, that of their neighbours,
+// too. blocks: of BLOCK texels along each side of an image.
+__kernel void mark_edges(__global const float *off, __global const float *noise, const int blocks,
+                         __global uchar *marks, const int width, const int height)
+{
+    TEXEL;
+    const float least = noise[((size_t)get_global_id(2) * blocks + y / BLOCK) * blocks + x / BLOCK];
+    bool edge = off[texel] > fmax(EDGE, least);
+    if (marks[texel] & AT_A_BORDER)
+        for (int v = max(y - 1, 0); v <= min(y + 1, height - 1); ++v)
+            for (int u = max(x - 1, 0); u <= min(x + 1, width - 1); ++u)
+                edge |= off[AT(u, v)] > fmax(EDGE_NEAR_BORDER, least);
+    marks[texel] |= edge ? ON_EDGE : 0;
+}

@@ -8,7 +8,6 @@ import numpy as np
 
 from ..device.buffers import download, upload, zeros
 from ..device.compute import Compute
-from ..patches.texels_around import cells_around
 
 #: Light has an edge where it differs from the mean of its neighbours by more than this part.
 _EDGE = 0.1
@@ -25,8 +24,17 @@ _DARK = 0.05
 #: largest difference there, which for a quarter is 0.67 standard deviations of normal noise.
 _BLOCK, _EVEN, _ABOVE_NOISE = 16, 0.25, 4.0
 
+#: The same in kernels/edges.cl.
+_OPTIONS = {
+    "EDGE": f"{_EDGE}f",
+    "EDGE_NEAR_BORDER": f"{_EDGE_NEAR_BORDER}f",
+    "BLOCK": _BLOCK,
+    "EVEN": f"{_EVEN}f",
+    "ABOVE_NOISE": f"{_ABOVE_NOISE}f",
+}
+
 #: Marks of kernels/edges.cl.
-_ON_EDGE, _AT_AN_END, _AT_A_BORDER = 1, 2, 4
+_ON_EDGE, _AT_AN_END = 1, 2
 
 
 @dataclass(frozen=True)
@@ -53,56 +61,22 @@ def find_edges(compute: Compute, entries: np.ndarray, known: PatchLight) -> tupl
     is one, too: a shadow may end on the way from the centre to the border. Both have to stand out from the
     noise nearby, so that bakes of few rays do not take noise for edges.
     """
-    (kernel,) = compute.kernels(("texel.cl", "edges.cl"), "find_edges")
-    off, marks = zeros(compute, 4 * entries.size), zeros(compute, 4 * (entries.size // 4 + 1))
+    options = [f"-D{name}={value}" for name, value in _OPTIONS.items()]
+    names = "find_edges", "noise_of_blocks", "mark_edges"
+    find, tell_noise, mark = compute.kernels(("texel.cl", "edges.cl"), *names, options=options)
+    atlases, side, _ = entries.shape
+    blocks = -(-side // _BLOCK)
+    sizes = 4 * entries.size, 4 * atlases * blocks**2, 4 * (entries.size // 4 + 1)
+    off, noise, marks = (zeros(compute, size) for size in sizes)
+
+    # How far light is off the mean of its neighbours, how much of that is noise, and what is more.
     values = (values.astype(np.float32, copy=False) for values in (known.light, known.front))
     least = np.float32(_DARK * float(known.light.mean()))
     buffers = [upload(compute, array) for array in (entries, *values, known.hidden.view(np.uint8))]
-    compute.run_texels(kernel, entries.shape, *buffers, least, off, marks)
+    compute.run_texels(find, entries.shape, *buffers, least, off, marks)
+    in_blocks = atlases, blocks, blocks
+    compute.run_texels(tell_noise, in_blocks, buffers[0], off, np.int32(side), noise)
+    compute.run_texels(mark, entries.shape, off, noise, np.int32(blocks), marks)
     found = download(compute, marks, (entries.size // 4 + 1,)).view(np.uint8)[: entries.size]
     found = found.reshape(entries.shape)
-    steps = download(compute, off, entries.shape)
-    noise = _noise(steps, entries)
-    edge = _above(steps, np.maximum(_EDGE, noise)) | (found & _ON_EDGE > 0)
-    border = np.flatnonzero(found & _AT_A_BORDER)
-    around = cells_around(steps, border).max(axis=1, initial=0)
-    least = np.maximum(_EDGE_NEAR_BORDER, noise)[_block_of(border, entries.shape[1])]
-    edge.ravel()[border[around > least]] = True
-    return edge, found & _AT_AN_END > 0
-
-
-def _noise(steps: np.ndarray, entries: np.ndarray) -> np.ndarray:
-    """Return by how much steps of light differ by noise in each block of texels, (atlases, b, b) float32.
-
-    steps, entries: (atlases, r, r), of which every second row and column is looked at
-    """
-    some = np.where(entries[:, ::2, ::2] > 0, steps[:, ::2, ::2], np.float32(np.inf))
-    side, atlases = _BLOCK // 2, len(steps)
-    blocks = -(-some.shape[1] // side)
-    rest = blocks * side - some.shape[1]
-    some = np.pad(some, ((0, 0), (0, rest), (0, rest)), constant_values=np.inf)
-
-    # Texels without a patch are infinitely uneven, so that they come last of their block.
-    some = some.reshape(atlases, blocks, side, blocks, side).swapaxes(2, 3)
-    some = np.sort(some.reshape(atlases, blocks, blocks, side * side), axis=3)
-    place = (_EVEN * np.isfinite(some).sum(axis=3)).astype(np.int64)
-    found = np.take_along_axis(some, place[..., None], axis=3)[..., 0]
-    noise: np.ndarray = np.where(np.isfinite(found), _ABOVE_NOISE * found, 0).astype(np.float32)
-    return noise
-
-
-def _above(steps: np.ndarray, least: np.ndarray) -> np.ndarray:
-    """Return where steps, (atlases, r, r), are above the limit of their block, (atlases, b, b)."""
-    width = steps.shape[1]
-    above = np.empty(steps.shape, bool)
-    for row, limits in enumerate(least.swapaxes(0, 1)):
-        rows = slice(row * _BLOCK, min((row + 1) * _BLOCK, width))
-        np.greater(steps[:, rows], limits.repeat(_BLOCK, axis=1)[:, None, :width], out=above[:, rows])
-    return above
-
-
-def _block_of(texel: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the atlas, the row and the column of the block of texels, flat indices."""
-    row, column = np.divmod(texel, width)
-    atlas, row = np.divmod(row, width)
-    return atlas, row // _BLOCK, column // _BLOCK
+    return found & _ON_EDGE > 0, found & _AT_AN_END > 0

@@ -65,12 +65,15 @@ def split_sky(world: np.ndarray) -> Sky:
         return Sky(whole_sky(world), None)
     bright = luminance(world.astype(np.float64))
     mean = float((bright.mean(axis=1) * row_fractions(len(world))).sum())
-    most = np.full_like(bright, _BRIGHT * mean)
-    kept = np.divide(most, bright, out=np.ones_like(most), where=bright > most)[..., None]
-    rest = world * kept
-    if (kept == 1).all():
-        return Sky(_shrunk(rest), None)
-    return Sky(_shrunk(rest), (world * (1 - kept)).astype(np.float32))
+    places = np.flatnonzero(bright > _BRIGHT * mean)
+    if not len(places):
+        return Sky(_shrunk(world), None)
+    kept = (_BRIGHT * mean / bright.ravel()[places]).astype(np.float32)[:, None]
+    rest, above = world.astype(np.float32), np.zeros(world.shape, np.float32)
+    pixels, bright_pixels = rest.reshape(-1, 3), above.reshape(-1, 3)
+    bright_pixels[places] = pixels[places] * (1 - kept)
+    pixels[places] *= kept
+    return Sky(_shrunk(rest), above)
 
 
 def whole_sky(world: np.ndarray) -> np.ndarray:

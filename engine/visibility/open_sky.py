@@ -5,13 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from ..scene.color import luminance
-from ..scene.sky_maps import directions, row_fractions, shrink_sky
+from ..scene.sky_maps import row_fractions, shrink_sky
 
 #: Normals of the table, rows and columns, as in kernels/open_sky.cl: rows from pole to pole, both included.
 ROWS, COLUMNS = 49, 96
 
 #: Pixels of the sky that are summed, rows and columns.
 _PIXELS = (32, 64)
+
+#: Steps around the horizon that have both the columns of the table and the middles of the pixels.
+_STEPS = 384
 
 #: Root mean square of the luminance of a sky, in parts of its mean, up to which it is even: views of a few
 #: rays then tell how much of its light comes through. Bright spots are sampled as lights, unless that is off.
@@ -28,16 +31,30 @@ def open_sky(sky: np.ndarray) -> np.ndarray | None:
     if not _has_use(sky):
         return None
     v, u = ((np.arange(size) + 0.5) / size for size in _PIXELS)
-    weight = np.repeat(row_fractions(len(v)), len(u))
+    light = np.zeros((len(v), _STEPS, 4))
+    middles = np.round(u * _STEPS).astype(int)
+    light[:, middles, :3], light[:, middles, 3] = _seen(sky, v, u), 1
 
-    # Weights of the cosine are made to sum to one, so that the mean of an even sky is exact.
-    table = np.empty((ROWS, COLUMNS, 3), np.float32)
-    normals = directions(np.linspace(0, 1, ROWS), np.arange(COLUMNS) / COLUMNS).astype(np.float32)
-    pixels, radiance = directions(v, u).reshape(-1, 3).astype(np.float32), _seen(sky, v, u).reshape(-1, 3)
-    for row, normal in zip(table, normals, strict=True):
-        cosine = np.maximum(normal @ pixels.T, 0) * weight
-        row[:] = cosine @ radiance / cosine.sum(axis=1, keepdims=True)
-    return table.reshape(-1, 3)
+    # Of two rows the cosine depends on the difference of longitudes alone: a circular convolution along the
+    # rows. Its weights are made to sum to one, so that the mean of an even sky is exact.
+    spectrum = np.einsum("npk,pkc->nkc", np.fft.rfft(_cosines(v), axis=2), np.fft.rfft(light, axis=1))
+    sums = np.fft.irfft(spectrum, _STEPS, axis=1)[:, :: _STEPS // COLUMNS]
+    table: np.ndarray = np.maximum(sums[..., :3] / sums[..., 3:], 0).reshape(-1, 3).astype(np.float32)
+    return table
+
+
+def _cosines(v: np.ndarray) -> np.ndarray:
+    """Return what pixels weigh at the normals of the table, (ROWS, p, _STEPS), at each step between them.
+
+    v: (p,) rows of pixels
+    """
+    normals, pixels = np.pi * np.linspace(0, 1, ROWS), np.pi * v
+    turn = np.cos(2 * np.pi * np.arange(_STEPS) / _STEPS)
+    cosine = np.sin(normals)[:, None, None] * np.sin(pixels)[:, None] * turn
+    cosine += (np.cos(normals)[:, None] * np.cos(pixels))[..., None]
+    np.maximum(cosine, 0, out=cosine)
+    cosine *= row_fractions(len(v))[:, None]
+    return cosine
 
 
 def _seen(sky: np.ndarray, v: np.ndarray, u: np.ndarray) -> np.ndarray:

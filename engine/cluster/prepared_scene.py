@@ -50,7 +50,7 @@ class PreparedScene(Sources):
         devices = worker_devices()
         graphics, compute = devices.graphics, devices.compute
         graphics.use()
-        parts = kept.subdivide(graphics, compute, self.scene, settings)
+        parts = kept.subdivide(graphics, compute, self.scene, settings, checked=True)
         rays = kept.ray_scene(compute, parts)
         if untried_visibility(settings) == "raster":
             parts = replace(parts, back_to_back=bool(patches_in_contact(rays, rays.count)[1].any()))

@@ -58,18 +58,20 @@ def subdivide(
     scene: Scene,
     settings: Settings,
     before: tuple[Subdivision, Scene | None] | None = None,
+    checked: bool = False,
 ) -> Subdivision:
     """Make the patches of a scene (paper, III.A and IV.A); raises Scene-, Settings-, PatchFileError.
 
     before: those of the scene before something moved, by the same settings, and that scene, if it is known.
     Triangles that stay keep their bits, see `join_meshes`; charts that stay are not drawn again.
+    checked: see `read_charts`
     """
     last = before[0] if before else None
     triangles = join_meshes(scene, last.triangles if last else None)
     steps = texel_steps(triangles, settings.resolution)
     charts = last.charts if last else None
     if last is None or charts is None or not charts.suit(scene, triangles, last.triangles):
-        charts, last = read_charts(graphics, compute, scene, triangles, settings), None
+        charts, last = read_charts(graphics, compute, scene, triangles, settings, checked), None
     covered = PatchGeometry(triangles, steps, charts.patches.triangle, charts.patches.barycentric)
     index = index_map(compute, covered, charts, last.index if last else None)
     patches, geometry = index.patches, covered.at(index.patches)

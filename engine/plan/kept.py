@@ -104,7 +104,12 @@ class Kept:
         self._follows = False
 
     def subdivide(
-        self, graphics: Graphics, compute: Compute | None, scene: Scene, settings: Settings
+        self,
+        graphics: Graphics,
+        compute: Compute | None,
+        scene: Scene,
+        settings: Settings,
+        checked: bool = False,
     ) -> Subdivision:
         """Return the patches of a scene whose occluders have places; see `patches.subdivision.subdivide`.
 
@@ -123,7 +128,7 @@ class Kept:
         if self._parts is None:
             self._follows = before is not None
             followed = (before, self._surfaces_of) if before else None
-            self._parts = subdivide(graphics, compute, scene, settings, followed)
+            self._parts = subdivide(graphics, compute, scene, settings, followed, checked)
         elif surfaces != self._surfaces_key:
             last = self._surfaces_of
             known = None if last is None else KnownSurfaces(last, self._parts.surfaces)

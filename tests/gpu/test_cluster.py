@@ -16,7 +16,7 @@ import engine
 from engine import Light, Settings
 from engine.cluster import admission, block, local_workers, prepared_scene
 from engine.cluster.blocks import cut
-from engine.errors import DeviceError, SettingsError
+from engine.errors import DeviceError, OverlapError, SettingsError
 from engine.progress import finished
 from engine.session import Session
 from tests.analytic.scenes import nine_quad_room
@@ -399,6 +399,14 @@ def test_something_else_that_listens_is_no_scheduler(monkeypatch):
         address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
         with pytest.raises(DeviceError, match="No Dask scheduler answers.*dask scheduler"):
             finished(Session().bake(nine_quad_room(), replace(SETTINGS, scheduler=address)))
+
+
+def test_charts_that_overlap_are_named_though_workers_do_not_look_for_them(two, by_two):
+    room = nine_quad_room()
+    twice = replace(room, meshes=(*room.meshes, replace(room.meshes[0], name="Again")))
+    with pytest.raises(OverlapError, match="Again"):
+        baked(two, scene=twice)
+    assert np.array_equal(baked(two).image, by_two.image)
 
 
 def test_what_workers_do_not_do_is_refused(two):

@@ -106,16 +106,22 @@ class DirectLighting:
         """Return E/pi of the sampled light, (n, 3) float32; yield the fraction done."""
         if not self._samples_any:
             return np.zeros((self._ray_scene.count, 3), np.float32)
+        if self._elsewhere is not None:
+            return (yield from self._gathered_elsewhere(self._elsewhere))
         casting = self._casting()
         if self._last is not None and isinstance(casting, ShadowRays):
             return (yield from self._gather_changed(casting, self._last))
-        work = casting.sampled()
-        if casting is self._elsewhere:
-            # Other processes cast meanwhile.
-            yield next(work)
-            self._near = self.near_faces()
-            if self._meanwhile is not None:
-                self._meanwhile()
+        light, self.l1 = yield from casting.sampled()
+        return light
+
+    def _gathered_elsewhere(self, elsewhere: Casting) -> Generator[float, None, np.ndarray]:
+        """Return what other processes gather; find meanwhile what this one has to."""
+        work = elsewhere.sampled()
+        yield next(work)
+        self._casting()
+        self._near = self.near_faces()
+        if self._meanwhile is not None:
+            self._meanwhile()
         light, self.l1 = yield from work
         return light
 
@@ -210,7 +216,7 @@ class DirectLighting:
         return ShadowRays(points, self._parts, self._lamps, self._bright, self._sky, settings)
 
     def _casting(self) -> Casting:
-        """Return what casts rays, made when it is first needed."""
+        """Return what casts rays, made when it is first needed; warns of lamps that things enclose."""
         if self._shadow_rays is None:
             rays = self._ray_scene.rays
             self.warnings += note_enclosed(rays, self._scene, self._parts.triangles, self._lamps)

@@ -38,8 +38,9 @@ from .solve_job import SolveJob
 from .stand_ins import stand_ins
 
 #: What a plane through the light of groups may leave over, as a fraction of all light, times the root of the
-#: rays of a patch. Twice the error of these: much of it is noise of the groups, which the plane takes out.
-_TOLERANCE = 1.2
+#: rays of a patch. Three times the error of these: much of it is noise of the groups, which the plane takes
+#: out, and where light bends the middle of the plane is nearer to it than what is left over says.
+_TOLERANCE = 2.0
 
 #: Width of the smaller squares, texels, of which one patch gathers first where groups are too coarse.
 _SMALLER = 2

@@ -85,7 +85,19 @@ def move_something(scene: Scene, random: np.random.Generator) -> Changes:
     return Changes(moves={int(random.integers(1, 3)): matrix})
 
 
-EDITS = [change_lights, change_lights, change_world, change_colour, change_emission, move_something]
+def bend_something(scene: Scene, random: np.random.Generator) -> Changes:
+    """Deform the pillar or the panel: some of its corners go elsewhere."""
+    number = int(random.integers(1, 3))
+    mesh = scene.meshes[number]
+    high = mesh.positions[..., 2:] > np.median(mesh.positions[..., 2])
+    bent = mesh.positions + high * random.uniform(-0.15, 0.15, 3)
+    return Changes(meshes={number: dataclasses.replace(mesh, positions=bent.astype(np.float32))})
+
+
+EDITS = [
+    change_lights, change_lights, change_world, change_colour, change_emission,
+    move_something, bend_something,
+]  # fmt: skip
 
 
 @pytest.fixture

@@ -6,9 +6,11 @@ import numpy as np
 
 from ..naming import naming
 from ..patches.subdivision import Subdivision
+from ..runs import run_starts
 from ..scene.model import Scene
 from .display_samples import DisplaySamples
 from .push_out import WaysOut
+from .texel_planes import steps_around
 
 #: Light on both sides that differs by more than this part shows through.
 _DIFFERS = 0.25
@@ -29,9 +31,10 @@ def in_thin_walls(
     outside = np.flatnonzero(visible & (ways.wall < 0))
     if not len(thin) or not len(outside):
         return thin[:0]
-    least, most = _extremes_around(parts.patches.resolution, samples, outside, light[outside])
-    key = samples.keys(parts.patches.resolution)[thin]
-    shows = thin[most[key] - least[key] > _DIFFERS * most[key]]
+    keys, resolution = samples.keys(parts.patches.resolution), parts.patches.resolution
+    texels, number = np.unique(keys[thin], return_inverse=True)
+    least, most = _extremes_around(texels, keys[outside], light[outside], resolution)
+    shows = thin[(most - least > _DIFFERS * most)[number]]
     return shows[ways.thickness[shows] < _PARTING * _texel(parts, samples, shows)]
 
 
@@ -66,27 +69,21 @@ def _rounded(density: float) -> str:
 
 
 def _extremes_around(
-    resolution: int, samples: DisplaySamples, chosen: np.ndarray, light: np.ndarray
+    texels: np.ndarray, keys: np.ndarray, light: np.ndarray, resolution: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the least and the largest light of chosen samples within a texel of each texel.
+    """Return the least and the largest light of samples within a texel of each texel, (k,) float32 each.
 
-    light: (c,) of the chosen samples. Returns (a * r * r,) each; inf and -inf where there is none.
+    Where there are no samples these are inf and 0.
+
+    texels  (k,) int64, atlas * r * r + texel
+    keys    (c,) int64, ascending, those of the samples
+    light   (c,) float32, of the samples, one at least
     """
-    keys = samples.keys(resolution)
-    shape = (int(samples.atlas.max()) + 1, resolution, resolution)
-    least, most = np.full(shape, np.inf), np.full(shape, -np.inf)
-    np.minimum.at(least.ravel(), keys[chosen], light)
-    np.maximum.at(most.ravel(), keys[chosen], light)
-    return _spread(least, np.minimum), _spread(most, np.maximum)
-
-
-def _spread(values: np.ndarray, extreme: np.ufunc) -> np.ndarray:
-    """Return the extreme of each texel and its eight neighbours, flat."""
-    for axis in (1, 2):
-        before, after = np.swapaxes(values, 0, axis)[:-1], np.swapaxes(values, 0, axis)[1:]
-        result = values.copy()
-        view = np.swapaxes(result, 0, axis)
-        view[1:] = extreme(view[1:], before)
-        view[:-1] = extreme(view[:-1], after)
-        values = result
-    return values.ravel()
+    starts = run_starts(keys)
+    found = []
+    for extreme, without in ((np.minimum, np.inf), (np.maximum, 0)):
+        of_texel, around = extreme.reduceat(light, starts), np.full(len(texels), without, np.float32)
+        for there, here, _ in steps_around(keys[starts], texels, resolution):
+            around[here] = extreme(around[here], of_texel[there])
+        found.append(around)
+    return found[0], found[1]

@@ -64,13 +64,14 @@ class WallFit:
         self._centres = np.flatnonzero(stays | (beside.ravel() & ~sampled))
 
         # The square of the relative error, of what is around.
-        bright = _brightest_around(np.where(known, shown[..., 0], 0)).ravel()
-        relative = _relative_weight(light[self._samples], bright[keys[self._samples]])
+        bright = _brightest_around(shown[..., 0], known, keys[self._samples])
+        relative = _relative_weight(light[self._samples], bright)
         chosen = LightmapPoints(
             samples.atlas[self._samples], samples.position[self._samples],
             samples.weight[self._samples] * relative,
         )  # fmt: skip
-        weight = _relative_weight(shown.ravel()[self._centres], bright[self._centres])
+        bright = _brightest_around(shown[..., 0], known, self._centres)
+        weight = _relative_weight(shown.ravel()[self._centres], bright)
         weight[stays[self._centres]] *= _FIXED
         centres = centre_points(self._centres, resolution)
         centres = LightmapPoints(centres.atlas, centres.position, weight)
@@ -103,12 +104,20 @@ def _grown(mask: np.ndarray, texels: int) -> np.ndarray:
     return mask
 
 
-def _brightest_around(light: np.ndarray) -> np.ndarray:
-    """Return the largest light around each texel, (atlases, r, r)."""
-    for axis in (1, 2):
-        padded = np.pad(light, [(0, 0), *((_AROUND * (axis == a),) * 2 for a in (1, 2))])
-        steps = [
-            np.take(padded, range(step, step + light.shape[axis]), axis) for step in range(2 * _AROUND + 1)
-        ]
-        light = np.max(steps, axis=0)
-    return light
+def _brightest_around(light: np.ndarray, known: np.ndarray, texels: np.ndarray) -> np.ndarray:
+    """Return the largest known light around some texels, (n,) float32, at least 0.
+
+    light   (atlases, r, r) float32
+    known   (atlases, r, r) bool
+    texels  (n,) int64, flat indices
+    """
+    resolution, steps = light.shape[1], range(-_AROUND, _AROUND + 1)
+    atlas, texel = np.divmod(texels, resolution**2)
+    row, column = np.divmod(texel, resolution)
+    rows, columns = ([np.clip(place + step, 0, resolution - 1) for step in steps] for place in (row, column))
+    brightest = np.zeros(len(texels), np.float32)
+    for y in rows:
+        for x in columns:
+            found = np.where(known[atlas, y, x], light[atlas, y, x], 0)
+            np.maximum(brightest, found, out=brightest)
+    return brightest

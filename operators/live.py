@@ -8,7 +8,6 @@ from contextlib import suppress
 import bpy
 
 from ..engine.errors import EngineError
-from ..engine.progress import Progress
 from .bake import ModalBake, push_undo, tell_report
 from .last_bake import last_failure
 from .live_run import RESTING, LiveRun
@@ -31,17 +30,6 @@ class WindowLive(WindowBake):
     def __init__(self, context: bpy.types.Context, run: LiveRun, began_anew: bool) -> None:
         self.began_anew = began_anew
         super().__init__(context, run, QUICK)
-
-    def show(self, context: bpy.types.Context, progress: Progress) -> None:
-        """Show progress in the window; the time until the next redraw runs from each change on."""
-        if self.progress is RESTING and progress is not RESTING:
-            self._redrawn = time.perf_counter()
-        super().show(context, progress)
-
-    def _is_due(self, work: str) -> bool:
-        """Return whether to redraw now: other work without new pixels must not hold up the next image."""
-        with_pixels = not self.following or self._has_new_pixels or work == RESTING.stage
-        return super()._is_due(work if with_pixels else self._shown)
 
     @property
     def following(self) -> bool:

@@ -61,16 +61,12 @@ class WindowBake:
         self.progress = progress
         self._has_new_pixels |= progress.intermediate is not None
         work = progress.stage.rstrip("0123456789 ")
-        if self._is_due(work):
+        if work != self._shown or time.perf_counter() - self._redrawn > self._period:
             self._shown = work
             self._tell_status(context)
             self._manager.progress_update(100 * progress.overall)
             _redraw(self._manager, None if self._has_new_pixels else {"UI"})
             self._redrawn, self._is_drawing, self._has_new_pixels = time.perf_counter(), True, False
-
-    def _is_due(self, work: str) -> bool:
-        """Return whether to redraw now, at a kind of work."""
-        return work != self._shown or time.perf_counter() - self._redrawn > self._period
 
     def leave(self) -> None:
         """Give the window back."""

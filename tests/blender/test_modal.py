@@ -10,7 +10,6 @@ import shutil
 import time
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from tests.blender.test_panels import Layout
@@ -521,35 +520,3 @@ def test_process_that_unwraps_dies_and_is_replaced(unwrap_operator, context, mon
     made[0].process.kill()
     assert drive(unwrap_operator, context) == {"FINISHED"}
     assert len(made) == 2 and "Lightmap" in obj.data.uv_layers
-
-
-def test_live_draws_nothing_between_a_change_and_its_first_image(operator, context, window, monkeypatch):
-    """What would be drawn meanwhile holds up the image; without one, progress is shown as seldom as ever."""
-    window_bake, live = part("operators.window_bake"), part("operators.live")
-    clock = SimpleNamespace(now=10.0, perf_counter=lambda: clock.now)
-    for module in (window_bake, live):
-        monkeypatch.setattr(module, "time", clock)
-    monkeypatch.setattr(window_bake, "_PERIODS", (0.2, 2.0))
-    progress, run = part("engine.progress").Progress, SimpleNamespace(lightmap=None, cancel=lambda **_: False)
-    bake = live.WindowLive(context, run, began_anew=False)
-    texts = window.workspaces[0].texts
-    run.keep = lambda: None
-
-    def told(step, after):
-        clock.now += after
-        bake.wake()
-        before = len(texts)
-        bake.show(context, step)
-        return len(texts) > before
-
-    try:
-        assert told(progress("Patches", 0.1), 0.01) and told(progress("Direct light", 0.2), 0.01)
-        run.lightmap = object()
-        assert told(live.RESTING, 5.0)
-        assert not told(progress("Patches", 0.1), 5.0) and not told(progress("First light", 0.2), 0.05)
-        assert told(progress("Direct light", 0.3, intermediate=np.zeros((1, 2, 2, 3), np.float32)), 0.05)
-        assert not told(progress("Bounce 1", 0.4), 0.01)
-        assert told(live.RESTING, 0.01)
-        assert not told(progress("Patches", 0.1), 5.0) and told(progress("Visibility rays", 0.2), 2.1)
-    finally:
-        bake.leave()

@@ -78,6 +78,8 @@ def _remove_orphans(memory: Path) -> None:
 
 def _namespace() -> int:
     """Return the number of the namespace that numbers of processes belong to; 0 where that is not told."""
+    if sys.platform != "linux":
+        return 0
     try:
         return Path("/proc/self/ns/pid").stat().st_ino
     except OSError:

@@ -166,8 +166,8 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
                 }
             }
         }
-        // A sample of an emitter's own takes none of the line.
-        step = index < budget && index + offset < span.x;
+        // A sample of an emitter's own takes none of the line. Of lights too bright for floats the span may be NaN.
+        step = index < budget && !(index + offset >= span.x);
         if (emitter < 0)
             continue;
         __global const Emitter *e = emitters + emitter;

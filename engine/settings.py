@@ -179,7 +179,7 @@ class Settings:
     adaptive: bool = described(
         False,
         "Adaptive",
-        "On a processor, solve bounces for squares of 4 x 4 patches with twice the rays; only patches "
+        "On a processor, solve bounces for squares of 4 x 4 patches with three times the rays; only patches "
         "around which the light of these does not lie in a plane gather for themselves. Off, on a card, and "
         "in maps of fewer than 16,384 texels on surfaces, every patch gathers",
         Switch(),

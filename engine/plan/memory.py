@@ -11,7 +11,7 @@ from .solve_job import SolveJob
 _GROUP_WIDTH = 4
 
 #: Rays of a group where the light between groups is interpolated, as a multiple of those of a patch.
-MORE_RAYS = 2
+MORE_RAYS = 3
 
 #: Where other processes gather, more patches than this are solved in squares: light of all of them travels
 #: to each process in each sweep. No memory decides, so that the bits are the same for any devices.

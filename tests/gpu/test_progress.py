@@ -81,6 +81,8 @@ def test_seconds_left_are_right_within_a_factor_of_three_at_half_time(changes):
 
 
 def told_over_true_at_half_time(settings):
+    """Of the first estimate after half time; inf if there is none in a quarter: guesses are not told."""
     steps, took = timed(nine_quad_room(), settings)
-    at, step = next((at, step) for at, step in steps if at > took / 2)
-    return math.inf if math.isnan(step.seconds_left) else step.seconds_left / (took - at)
+    told = [(at, step.seconds_left) for at, step in steps if not math.isnan(step.seconds_left)]
+    at, left = next((at, left) for at, left in told if at > took / 2)
+    return left / (took - at) if at < 0.75 * took else math.inf

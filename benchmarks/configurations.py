@@ -8,9 +8,10 @@ from engine import Settings
 
 #: Rays a patch sends out, shadow rays a patch sends to each light, tolerance, whether light is interpolated.
 _RAYS = (
-    (32, 4, 0.02, False), (64, 8, 0.01, False), (128, 16, 0.005, False), (256, 32, 0.005, False),
-    (256, 32, 0.005, True), (512, 64, 0.002, False), (1024, 128, 0.002, False), (2048, 256, 0.001, False),
-    (4096, 512, 0.001, False),
+    (16, 2, 0.02, True), (24, 3, 0.02, True), (32, 4, 0.02, False), (32, 4, 0.02, True),
+    (64, 8, 0.01, False), (64, 8, 0.01, True), (128, 16, 0.005, False), (128, 16, 0.005, True),
+    (256, 32, 0.005, False), (256, 32, 0.005, True), (512, 64, 0.002, False), (1024, 128, 0.002, False),
+    (2048, 256, 0.001, False), (4096, 512, 0.001, False),
 )  # fmt: skip
 
 #: Width of the hemicubes, shadow rays a patch sends to each light, tolerance.

@@ -31,12 +31,12 @@ _FEWEST_POINTS = 2048
 #: Points of texels at most; see engine/finish/display_samples.py.
 _MOST_POINTS = 1 << 22
 
-#: Bytes of a patch: its radiance on the way to a worker, its light on the way back, a kept sample.
-SENT, RETURNED, SAMPLE = 6, 12, 4
+#: Bytes of a patch: its radiance on the way to a worker, its light on the way back, a kept sample, itself.
+SENT, RETURNED, SAMPLE, ROW = 6, 12, 4, 20
 
-#: Bytes of a patch in the process of each worker: of 0.2 and 3.4 M patches on a processor, whose memory holds
-#: the device's buffers, too.
-HOST = 86
+#: Bytes of a patch in the process of each worker, and those that workers share: of 3.4 M patches in squares,
+#: by one worker and by two, on a processor, whose memory holds the device's buffers, too.
+HOST, HOST_SHARED = 69, 80
 
 Record = dict[str, Any]
 
@@ -64,6 +64,11 @@ class Size:
         patches, points = record["patches"], record.get("points", 0)
         others = (record[name] for name in ("triangles", "samples", "sweeps", "workers"))
         return cls(patches, patches / record["groups"] ** 2, points, *others)
+
+    @property
+    def grouped(self) -> float:
+        """Patches that are solved in groups, and gather once more at last."""
+        return self.patches if self.solved < self.patches else 0.0
 
     def share(self, blocks: Sequence[Span]) -> float:
         """Return the part of some blocks that one worker has, if each takes the next when it is done.
@@ -132,8 +137,10 @@ PARTS = (
     Part("sweeps", _task("gather"),
          {"sample": lambda size: size.solved * size.samples * size.sweeps,
           "block": lambda size: len(_blocks(size)) * size.sweeps}, _blocks),
-    Part("bounces, client and way", _rest("hemicubes", "find", "gather"),
-         {"patch and sweep": lambda size: size.solved * size.sweeps,
+    Part("last gather", _task("final"), {"ray": lambda size: size.grouped * size.samples}, _final_blocks),
+    Part("squares and bounces, client and way", _rest("hemicubes", "find", "gather", "final"),
+         {"patch in squares": lambda size: size.grouped,
+          "patch and sweep": lambda size: size.solved * size.sweeps,
           "block and sweep": lambda size: len(_blocks(size)) * (size.sweeps + 1)}),
     Part("points of texels", _task("light_at_samples"),
          {"ray": lambda size: size.points * size.samples,
@@ -184,27 +191,15 @@ class CostModel:
         )
         return float(all_together) * (size.share(part.blocks(size)) if part.blocks else 1)
 
-    @property
-    def ray(self) -> float:
-        """Seconds that a device takes to find where a ray ends."""
-        return float(self.constants["finding"][0])
-
-
-def final_seconds(model: CostModel, size: Size) -> float:
-    """Return the seconds of the last gather by every patch, whose rays nobody keeps; 0 without groups."""
-    if size.solved == size.patches:
-        return 0.0
-    return model.ray * size.patches * size.samples * size.share(_final_blocks(size))
-
 
 def network_seconds(size: Size, bandwidth: float) -> float:
     """Return what a network adds to the measured ways within a machine; bandwidth in bytes a second.
 
     Workers that have the radiance of a sweep give it to others, so that it is everywhere after log2 of their
-    number of ways; light comes back to the client from one worker after the other.
+    number of ways; light comes back to the client from one worker after the other, as patches go to them.
     """
     ways = SENT * np.ceil(np.log2(max(size.workers, 2))) + RETURNED
-    return float(size.sweeps * size.solved * ways / bandwidth)
+    return float((size.sweeps * size.solved * ways + ROW * size.patches) / bandwidth)
 
 
 def traffic(size: Size) -> dict[str, float]:
@@ -212,7 +207,7 @@ def traffic(size: Size) -> dict[str, float]:
     return {
         "to each worker in a sweep": SENT * size.solved,
         "to the client in a sweep": RETURNED * size.solved,
-        "memory of each process": HOST * size.patches,
+        "memory of each worker": (HOST + HOST_SHARED / size.workers) * size.patches,
         "samples on each device": SAMPLE * size.solved * size.samples * size.share(_blocks(size)),
     }
 
@@ -224,8 +219,7 @@ def main() -> None:
         record for record in json.loads(options.results.read_text()) if record["devices"] == options.devices
     ]
     by_workers = [record for record in records if record["workers"]]
-    left_out = {number for number, record in enumerate(by_workers) if record["groups"] > 1}
-    left_out |= set(options.left_out)
+    left_out = set(options.left_out)
     model = CostModel([record for number, record in enumerate(by_workers) if number not in left_out])
     for part in PARTS:
         told = zip(part.terms, model.constants[part.name], strict=True)
@@ -233,7 +227,7 @@ def main() -> None:
     print("\n| patches | solved | rays | workers | measured s | model s | |\n|---|---|---|---|---|---|---|")
     for number, record in enumerate(by_workers):
         size = Size.of(record)
-        told = sum(model.seconds(size).values()) + final_seconds(model, size)
+        told = sum(model.seconds(size).values())
         measured = sum(record["stages"].values()) - record["stages"]["devices"]
         sizes = f"{size.patches:,} | {size.solved:,.0f} | {size.samples:,} | {size.workers}"
         kept = "left out" if number in left_out else "fitted"
@@ -250,8 +244,7 @@ def _foretell(model: CostModel, options: argparse.Namespace) -> None:
     )
     print(f"\n{size.patches:,.0f} patches, {solved:,.0f} solved, {options.workers} workers:\n")
     print("| | s |\n|---|---|")
-    seconds = model.seconds(size) | {"last gather": final_seconds(model, size)}
-    seconds |= {"network": network_seconds(size, options.bandwidth)}
+    seconds = model.seconds(size) | {"network": network_seconds(size, options.bandwidth)}
     for name, value in seconds.items():
         print(f"| {name} | {value:,.1f} |")
     print(f"| all | {sum(seconds.values()):,.1f} |")
@@ -264,7 +257,9 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("results", type=Path, help="what benchmarks/cluster.py has stored")
     parser.add_argument("--devices", default="processor", help="of which records")
-    parser.add_argument("--left-out", type=int, nargs="*", default=[], help="not fitted, as those by groups")
+    parser.add_argument(
+        "--left-out", type=int, nargs="*", default=[], help="numbers of bakes that are not fitted"
+    )
     parser.add_argument("--patches", type=float, default=0, help="of a bake to foretell")
     parser.add_argument("--triangles", type=float, default=1e7)
     parser.add_argument("--samples", type=float, default=2048)

@@ -7,15 +7,19 @@ killed (SIGKILL) so many times, at moments spread over the stage's length in an 
 is started after the bake. Prints a table: of each stage how many bakes ended with the same bits, in how many
 the worker was gone before the stage was over, the most blocks that were found anew and those that the killed
 worker had held then, and how much longer than undisturbed ones bakes took. The exit code is 1 if a bake
-differs, or finds more anew than was lost.
+differs, or finds more anew than was lost. All of it runs in a copy of the checkout, since workers of another
+version are refused: files may be edited meanwhile.
 """
 
 from __future__ import annotations
 
 import argparse
 import random
+import shutil
 import statistics
+import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Generator
@@ -45,6 +49,10 @@ _SEED = 20260811
 
 #: Seconds that a new worker has to start.
 _START = 120
+
+#: The checkout, and what is needed of it.
+_ROOT = Path(__file__).resolve().parents[1]
+_NEEDED = ("benchmarks", "engine", "kernels", "shaders", "tests/analytic", "tools")
 
 
 @dataclass
@@ -148,8 +156,20 @@ class Moment:
 
 
 def main() -> int:
-    """Bake; print the table, and return the exit code."""
+    """Bake, in a copy of the checkout; print the table, and return the exit code."""
     options = _parser().parse_args()
+    if options.here:
+        return _measured(options)
+    with tempfile.TemporaryDirectory() as folder:
+        for part in _NEEDED:
+            ignored = shutil.ignore_patterns("__pycache__", "results")
+            shutil.copytree(_ROOT / part, Path(folder) / part, ignore=ignored)
+        command = [sys.executable, str(Path(folder) / "tools" / "faults.py"), "--here", *sys.argv[1:]]
+        return subprocess.run(command).returncode
+
+
+def _measured(options: argparse.Namespace) -> int:
+    """Bake; print the table, and return the exit code."""
     workers = LocalWorkers([_HALF] * 2)
     try:
         room = Room(workers, options.resolution, options.samples)
@@ -186,6 +206,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--times", type=int, default=10)
     parser.add_argument("--resolution", type=int, default=128)
     parser.add_argument("--samples", type=int, default=256)
+    parser.add_argument("--here", action="store_true", help="in this checkout, not in a copy of it")
     parser.add_argument("--stages", nargs="+", choices=_STAGES, default=_STAGES)
     return parser
 

@@ -7,18 +7,24 @@ from collections.abc import Callable, Generator
 import numpy as np
 from distributed import Future
 
+from ..direct.contact import patches_in_contact
+from ..direct.emitters import BrightTriangles
 from ..finish.display_samples import DisplaySamples
 from ..gather.half_light import HalfLight
+from ..patches.subdivision import Subdivision
 from ..plan.choice import Choice
 from ..plan.lit_samples import LitSamples
 from ..plan.memory import shared_width
+from ..plan.trial import untried_visibility
 from ..portable import portable_bytes
 from ..scene.color import colors_of
 from ..settings import Settings
+from ..visibility.rays.ray_scene import RayScene
 from . import block, final_tasks, shadow_tasks
 from .blocks import Span, cut
+from .patch_table import Glow, PatchTable, SceneTable
 from .shipped import Shipped
-from .squares import Squares
+from .shipped_patches import ShippedPatches
 from .sweep_memories import SweepMemories
 from .tasks import EARLY, Tasks
 
@@ -35,28 +41,47 @@ class ClusterDevices:
     A worker that is lost takes its blocks along; Dask has others find these anew, with the same bits.
     """
 
-    def __init__(self, tasks: Tasks, shipped: Shipped, settings: Settings, folder: str, count: int) -> None:
-        """Take the number of patches, and a folder in the memory of all workers; empty if there is none."""
+    def __init__(
+        self,
+        tasks: Tasks,
+        shipped: Shipped,
+        settings: Settings,
+        folder: str,
+        parts: Subdivision,
+        rays: RayScene,
+        bright: BrightTriangles,
+    ) -> None:
+        """Send the patches of a scene that workers have, or are given.
+
+        folder  in the memory of all workers; empty if there is none
+        rays    from the patches
+        bright  what of their light is sampled
+        """
         self._tasks, self._shipped, self._folder = tasks, shipped, folder
         self._memories = SweepMemories(folder)
-        self._settings, self._count, self._patches = settings, count, cut(count)
-        self._squares: Future | None = None
+        self._settings, self._parts = settings, parts
+        self._back_to_back = _lies_back_to_back(rays, settings)
+        table = SceneTable.of_scene(parts, bright, self._back_to_back, folder)
+        self._patches = self._solved = ShippedPatches(tasks, parts.patches, table, folder)
         self._blocks: dict[Span, Future] = {}
 
     def describe(self) -> str:
         """Return a sentence for the report: how many workers there are, and where to watch them."""
-        return (
-            f"{len(self._tasks.workers())} Dask workers find what patches see and gather for them; "
-            f"dashboard: {self._tasks.dashboard}."
+        count = len(self._tasks.workers())
+        who = (
+            "1 Dask worker finds what patches see and gathers"
+            if count == 1
+            else (f"{count} Dask workers find what patches see and gather")
         )
+        return f"{who} for them; dashboard: {self._tasks.dashboard}."
 
     def sampled(self) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
         """Return the light that shadow rays sample, and its L1; see `Casting.sampled`."""
         tasks = self._tasks_of_patches(shadow_tasks.sampled)
 
         # Those that are done find what patches see meanwhile. Squares are made of the light first.
-        if shared_width(self._settings, self._count) == 1:
-            self._find(self._count)
+        if shared_width(self._settings, self._patches.count) == 1:
+            self._find()
         yield 0.0
         light = yield from self._tasks.rows(tasks)
         if light.shape[1] == _COLORS:
@@ -71,14 +96,14 @@ class ClusterDevices:
         """Return how open patches are; see `Casting.ambient_occlusion`."""
         return (yield from self._of_patches(shadow_tasks.ambient_occlusion))
 
-    def views(self, count: int) -> Generator[float, None, np.ndarray]:
+    def views(self) -> Generator[float, None, np.ndarray]:
         """Return how much patches see of patches and backs; see `RemoteGather.views`."""
-        self._find_once(count)
+        self._find_once()
         return (yield from self._of_blocks(block.views))
 
     def gather(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
         """Gather once; see `RemoteGather.gather`. The rows are overwritten by the next time but one."""
-        self._find_once(len(light.parts))
+        self._find_once()
         memory = self._memories.next(len(light.parts), self._tasks.workers())
         if memory is None:
             return (yield from self._of_blocks(block.gather, self._light_sent(light)))
@@ -92,29 +117,34 @@ class ClusterDevices:
         """Gather L1; see `RemoteGather.gather_l1`."""
         return (yield from self._of_blocks(block.gather_l1, self._light_sent(light)))
 
-    def of_groups(self, leader: np.ndarray, width: int) -> None:
+    def of_groups(self, leader: np.ndarray, texel_to_group: np.ndarray, emission: np.ndarray) -> None:
         """Let the workers solve groups of patches; see `RemoteGather.of_groups`."""
-        self._squares = self._tasks.sent(Squares.of(leader, width, self._folder), "squares")
-        self._find(int(np.count_nonzero(leader == np.arange(len(leader), dtype=leader.dtype))))
+        table = PatchTable.of(texel_to_group, Glow.of(emission), self._back_to_back, self._folder)
+        self._solved = ShippedPatches(self._tasks, self._parts.patches.part(leader), table, self._folder)
+        self._find()
+
+        # As one value: Dask holds tasks back for who is done with others only where they need few.
+        tables = self._patches.table, self._solved.table
+        (self._both,) = self._tasks.begin(final_tasks.both, [tables])
 
     def final(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
         """Gather for every patch; see `RemoteGather.final`."""
         self._blocks = {}
-        return (yield from self._of_patches(final_tasks.final, self._squares, self._light_sent(light)))
+        return (yield from self._final(final_tasks.final, light))
 
     def final_l1(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
         """Gather L1 for every patch; see `RemoteGather.final_l1`."""
-        return (yield from self._of_patches(final_tasks.final_l1, self._squares, self._light_sent(light)))
+        return (yield from self._final(final_tasks.final_l1, light))
 
     def light_at(
         self, samples: DisplaySamples, light: HalfLight, choice: Choice, settings: Settings
     ) -> Generator[float, None, list[LitSamples]]:
         """Return the light at points of texels; see `RemoteDevices.light_at`."""
         self._blocks = {}
-        scene, spans = self._shipped.shipment, cut(len(samples), _FEWEST_POINTS)
-        how, seen = self._tasks.sent((choice, settings), "how"), (self._squares, self._light_sent(light))
+        spans, scene = cut(len(samples), _FEWEST_POINTS), (self._shipped.shipment, self._patches.table)
+        how, seen = self._tasks.sent((choice, settings), "how"), (self._solved.table, self._light_sent(light))
         parts = [self._tasks.sent(samples.part(slice(*span)), "samples") for span in spans]
-        tasks = [(scene, part, *seen, how) for part in parts]
+        tasks = [(*scene, part, *seen, how) for part in parts]
         begun = self._tasks.begin(final_tasks.light_at_samples, tasks)
         lit: dict[Span, LitSamples] = {}
         yield from self._tasks.take(dict(zip(begun, spans, strict=True)), lit.__setitem__)
@@ -124,16 +154,25 @@ class ClusterDevices:
         """Return light as the result of a task."""
         return self._tasks.sent(light, "light")
 
-    def _find_once(self, count: int) -> None:
+    def _find_once(self) -> None:
         """Have what patches, or groups of them, see found unless that has begun."""
         if not self._blocks:
-            self._find(count)
+            self._find()
 
-    def _find(self, count: int) -> None:
-        """Have what `count` patches, or groups of them, see found, by tasks that any worker can do again."""
-        scene, squares, spans = self._shipped.shipment, self._squares, cut(count)
-        found = self._tasks.begin(block.find, [(scene, *span, squares) for span in spans], EARLY)
-        self._blocks = dict(zip(spans, found, strict=True))
+    def _find(self) -> None:
+        """Have what patches, or groups of them, see found, by tasks that any worker can do again."""
+        solved, scene = self._solved, self._shipped.shipment
+        spans = cut(solved.count)
+        tasks = [(scene, solved.table, solved.rows(span)) for span in spans]
+        self._blocks = dict(zip(spans, self._tasks.begin(block.find, tasks, EARLY), strict=True))
+
+    def _final(self, function: Callable, light: HalfLight) -> Generator[float, None, np.ndarray]:
+        """Gather for each block of patches from the light of groups, on any worker; return all rows."""
+        spans, sent = cut(self._patches.count), self._light_sent(light)
+        rows = map(self._patches.rows, spans)
+        tasks = [(self._shipped.shipment, self._both, row, sent) for row in rows]
+        begun = self._tasks.begin(function, tasks)
+        return (yield from self._tasks.rows(dict(zip(begun, spans, strict=True))))
 
     def _of_patches(self, function: Callable, *arguments: object) -> Generator[float, None, np.ndarray]:
         """Do a task for each block of patches, on any worker; return the rows of all patches."""
@@ -141,11 +180,17 @@ class ClusterDevices:
 
     def _tasks_of_patches(self, function: Callable, *arguments: object) -> dict[Future, Span]:
         """Begin a task for each block of patches, on any worker."""
-        scene = self._shipped.shipment
-        begun = self._tasks.begin(function, [(scene, *span, *arguments) for span in self._patches])
-        return dict(zip(begun, self._patches, strict=True))
+        patches, scene = self._patches, self._shipped.shipment
+        spans = cut(patches.count)
+        tasks = [(scene, patches.table, patches.rows(span), *arguments) for span in spans]
+        return dict(zip(self._tasks.begin(function, tasks), spans, strict=True))
 
     def _of_blocks(self, function: Callable, *arguments: object) -> Generator[float, None, np.ndarray]:
         """Do a task for each block whose views are found, where it is; return the rows of all."""
         begun = self._tasks.begin(function, [(found, *arguments) for found in self._blocks.values()])
         return (yield from self._tasks.rows(dict(zip(begun, self._blocks, strict=True))))
+
+
+def _lies_back_to_back(rays: RayScene, settings: Settings) -> bool:
+    """Return whether faces lie on one another that look apart, where hemicubes are drawn; rays do not ask."""
+    return untried_visibility(settings) == "raster" and bool(patches_in_contact(rays, rays.count)[1].any())

@@ -14,31 +14,39 @@ from ..plan.receivers import Receivers, final_gather
 from ..plan.trial import untried_visibility
 from ..progress import finished
 from ..settings import Settings
-from .prepared_scene import PreparedScene, prepared
+from .patch_rows import SentRows
+from .patch_table import PatchTable, SceneTable
+from .prepared_scene import prepared
 from .shipment import Shipment
-from .squares import Squares
+
+#: The patches of a scene, and groups of them.
+Both = tuple[SceneTable, PatchTable]
 
 
-def final(shipment: Shipment, first: int, last: int, squares: Squares, light: HalfLight) -> np.ndarray:
+def both(table: SceneTable, groups: PatchTable) -> Both:
+    """Return patches and groups as one value."""
+    return table, groups
+
+
+def final(shipment: Shipment, tables: Both, rows: SentRows, light: HalfLight) -> np.ndarray:
     """Gather for patches from the light of groups; see `RemoteGather.final`."""
-    scene = prepared(shipment)
-    with scene.working():
-        return _gathered(scene, squares, (first, last), light)[1]
+    with prepared(shipment).patches(tables[0]).working():
+        return _gathered(shipment, tables, rows, light)[1]
 
 
-def final_l1(shipment: Shipment, first: int, last: int, squares: Squares, light: HalfLight) -> np.ndarray:
+def final_l1(shipment: Shipment, tables: Both, rows: SentRows, light: HalfLight) -> np.ndarray:
     """Return the L1 of the same light; see `RemoteGather.final_l1`."""
-    scene = prepared(shipment)
-    with scene.working():
-        gather, _ = _gathered(scene, squares, (first, last), light)
+    with prepared(shipment).patches(tables[0]).working():
+        gather, _ = _gathered(shipment, tables, rows, light)
         return np.asarray(finished(gather.gather_l1()))
 
 
 def _gathered(
-    scene: PreparedScene, squares: Squares, span: tuple[int, int], light: HalfLight
+    shipment: Shipment, tables: Both, rows: SentRows, light: HalfLight
 ) -> tuple[FinalGather, np.ndarray]:
     """Return what has gathered for patches, and what."""
-    lookers, groups = scene.part(*span), scene.sources(squares)
+    scene, (table, seen) = prepared(shipment), tables
+    lookers, groups = scene.patches(table).part(rows), scene.sources(seen)
     receivers = Receivers(lookers.parts, lookers.rays, np.zeros((lookers.count, 3), np.float32))
     visibility = untried_visibility(lookers.settings)
     gather, _ = final_gather(groups.job, visibility, receivers, lookers.settings)
@@ -47,16 +55,19 @@ def _gathered(
 
 def light_at_samples(
     shipment: Shipment,
+    table: SceneTable,
     samples: DisplaySamples,
-    squares: Squares | None,
+    solved: PatchTable,
     light: HalfLight,
     how: tuple[Choice, Settings],
 ) -> LitSamples:
     """Return what samples gather from the light of all sources; see `display_light.light_at`.
 
-    how: the way that was chosen for patches, and the settings of samples
+    solved  the patches, or the groups of them, that send light out
+    how     the way that was chosen for patches, and the settings of samples
     """
     (choice, settings), scene = how, prepared(shipment)
-    with scene.working():
-        radiance = scene.sources(squares).table(light)
-        return finished(light_at(scene.display(squares, choice), radiance, samples, settings))
+    patches, sources = scene.patches(table), scene.sources(solved)
+    with patches.working():
+        what = scene.display(patches, sources, choice)
+        return finished(light_at(what, sources.table(light), samples, settings))

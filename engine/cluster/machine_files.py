@@ -16,14 +16,16 @@ from ..errors import DeviceError
 from .memory_folder import is_at_hand
 
 
-def file_bytes(path: str) -> bytes:
-    """Return the bytes of a file, from another worker unless this one sees it.
+def file_bytes(path: str, first: int = 0, size: int = -1) -> bytes:
+    """Return bytes of a file, from another worker unless this one sees it.
 
     Called in tasks alone; raises DeviceError if no worker sees the file.
+
+    size: how many from the first one on; -1 for all
     """
     if is_at_hand(str(Path(path).parent)):
-        return Path(path).read_bytes()
-    return bytes(by_other(path, _read, path))
+        return _read(path, first, size)
+    return bytes(by_other(path, _read, path, first, size))
 
 
 def by_other(path: str, function: Callable[..., Any], *arguments: object) -> Any:
@@ -45,5 +47,7 @@ def by_other(path: str, function: Callable[..., Any], *arguments: object) -> Any
     )
 
 
-def _read(path: str) -> bytes:
-    return Path(path).read_bytes()
+def _read(path: str, first: int, size: int) -> bytes:
+    with Path(path).open("rb") as file:
+        file.seek(first)
+        return file.read(size)

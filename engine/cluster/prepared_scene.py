@@ -1,28 +1,20 @@
-"""A scene on the device of a worker: patches, triangles, and what blocks of them are solved with."""
+"""A scene on the device of a worker: its triangles, and what blocks of patches are solved with."""
 
 from __future__ import annotations
 
 import gc
 import os
-from dataclasses import replace
 from functools import cache
-
-import numpy as np
 
 from ..device.devices import Devices
 from ..device.freed_memory import keep_freed_memory
-from ..direct.contact import patches_in_contact
-from ..direct.lighting import DirectLighting
+from ..direct.split_light import sky_of
 from ..plan.choice import Choice
-from ..plan.choose import light_alone
 from ..plan.display_points import DisplayJob
-from ..plan.kept import Kept
-from ..plan.solve_job import SolveJob
-from ..plan.trial import untried_visibility
-from ..solve.patch_groups import PatchGroups
+from .patch_table import PatchTable, SceneTable
 from .shipment import Shipment
-from .sources import Sources
-from .squares import Squares
+from .sources import Patches, Sources
+from .triangle_scene import KeptTriangles
 
 #: Environment variable that names the OpenCL device of a worker.
 DEVICE = "HEMIBAKE_OPENCL_DEVICE"
@@ -35,61 +27,48 @@ def worker_devices() -> Devices:
     return Devices(opencl_device=os.environ.get(DEVICE))
 
 
-class PreparedScene(Sources):
-    """The scene of a shipment; its patches are those that are kept of the last bake, if they serve.
+class PreparedScene:
+    """The scene of a shipment; its triangles are those that are kept of the last bake, if they serve.
 
-    scene     occluders have their places in it
-    lighting  what shadow rays sample
+    scene  occluders have their places in it
 
     Raises DeviceError if the worker has no OpenGL, or no OpenCL.
     """
 
-    def __init__(self, shipment: Shipment, kept: Kept) -> None:
+    def __init__(self, shipment: Shipment, kept: KeptTriangles) -> None:
         self.scene, settings = shipment.unpacked()
         self.digest = shipment.digest
-        devices = worker_devices()
-        graphics, compute = devices.graphics, devices.compute
-        graphics.use()
-        parts = kept.subdivide(graphics, compute, self.scene, settings, checked=True)
-        rays = kept.ray_scene(compute, parts)
-        if untried_visibility(settings) == "raster":
-            parts = replace(parts, back_to_back=bool(patches_in_contact(rays, rays.count)[1].any()))
-        self.lighting = DirectLighting(self.scene, parts, rays, settings)
-        nothing = np.zeros((len(parts.patches), 3), np.float32)
-        left = self.lighting.emission_left, self.lighting.sky_left
-        job = SolveJob(graphics, compute, parts, rays, *left, nothing, parts.geometry.area, settings)
-        super().__init__(devices, job)
-        self._display: DisplayJob | None = None
-        self._groups: tuple[str, Sources] | None = None
-
-    def sources(self, squares: Squares | None) -> Sources:
-        """Return groups of the patches, the last of which are kept; without any the patches themselves."""
-        if squares is None:
-            return self
-        if self._groups is None or self._groups[0] != squares.digest:
-            self._groups = squares.digest, Sources(self._devices, self._grouped(squares))
-        return self._groups[1]
-
-    def display(self, squares: Squares | None, choice: Choice) -> DisplayJob:
-        """Return what light at points of texels is gathered for; the last one is kept."""
-        solved = self.sources(squares).job
-        if self._display is None or self._display.solved is not solved:
-            self._display = DisplayJob(self.scene, self.job, solved, choice, self.lighting)
-        return self._display
-
-    def _grouped(self, squares: Squares) -> SolveJob:
-        """Return the radiosity equation of groups."""
-        job = self.job
-        groups = PatchGroups(job.rays, job.parts, job.area, squares.leader, squares.width)
-        return replace(
-            job,
-            parts=groups.parts,
-            rays=groups.rays,
-            emission=groups.mean(job.emission),
-            sampled_light=groups.mean(job.sampled_light),
-            area=groups.area,
-            settings=light_alone(job.settings),
+        self._devices = worker_devices()
+        self._devices.graphics.use()
+        triangles, sky = (
+            kept.of(self._devices.compute, self.scene, settings),
+            sky_of(self.scene.world, settings),
         )
+        self._common = self._devices, triangles, settings, sky
+        self._patches: Patches | None = None
+        self._groups: Sources | None = None
+        self._display: DisplayJob | None = None
+
+    def patches(self, table: SceneTable) -> Patches:
+        """Return the patches of a table; the last ones are kept."""
+        if self._patches is None or self._patches.name != table.name:
+            self._patches = Patches(*self._common, table, self.scene)
+        return self._patches
+
+    def sources(self, table: PatchTable) -> Sources:
+        """Return the patches, or groups of them, of a table; the last ones are kept."""
+        if isinstance(table, SceneTable):
+            return self.patches(table)
+        if self._groups is None or self._groups.name != table.name:
+            self._groups = Sources(*self._common, table)
+        return self._groups
+
+    def display(self, patches: Patches, solved: Sources, choice: Choice) -> DisplayJob:
+        """Return what light at points of texels is gathered for; the last one is kept."""
+        last = self._display
+        if last is None or last.job is not patches.job or last.solved is not solved.job:
+            self._display = last = DisplayJob(self.scene, patches.job, solved.job, choice, patches.lighting)
+        return last
 
     def clear(self) -> None:
         """Free what the devices hold of the scene."""
@@ -97,7 +76,7 @@ class PreparedScene(Sources):
 
 
 _prepared: PreparedScene | None = None
-_kept = Kept()
+_kept = KeptTriangles()
 
 
 def prepared(shipment: Shipment) -> PreparedScene:
@@ -115,5 +94,5 @@ def prepared(shipment: Shipment) -> PreparedScene:
 
 
 def prepare(shipment: Shipment) -> None:
-    """Make the patches of a scene: a task for each worker, while the client makes its own."""
+    """Make what casts rays through a scene: a task for each worker, while the client makes the patches."""
     prepared(shipment)

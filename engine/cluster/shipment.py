@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import pickle
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..portable import portable_bytes
 from ..scene.model import Scene
@@ -33,12 +33,12 @@ class Shipment:
 
     @classmethod
     def of(cls, scene: Scene, settings: Settings, local: bool, folder: str = "") -> Shipment:
-        """Pack a scene that occluders have their places in.
+        """Pack a scene that occluders have their places in, without what patches alone are made of.
 
         local   whether it does not leave this machine
         folder  in the memory of all workers; empty if there is none
         """
-        data = portable_bytes((scene, settings))
+        data = portable_bytes((_for_rays(scene), settings))
         digest = hashlib.sha256(data).hexdigest()
         path = file_with(folder, data)
         return cls(b"" if path else zlib.compress(data, _NONE if local else _LEVEL), path, digest)
@@ -48,3 +48,16 @@ class Shipment:
         data = file_bytes(self.path) if self.path else zlib.decompress(self.data)
         scene, settings = pickle.loads(data)
         return scene, settings
+
+
+def _for_rays(scene: Scene) -> Scene:
+    """Return a scene without textures but those that light passes through."""
+    materials = tuple(
+        replace(material, reflectance_map=None, emission_map=None) for material in scene.materials
+    )
+    needed = {material.alpha_map.uv_map for material in materials if material.alpha_map}
+    meshes = tuple(
+        replace(mesh, texture_uvs={name: uvs for name, uvs in mesh.texture_uvs.items() if name in needed})
+        for mesh in scene.meshes
+    )
+    return replace(scene, meshes=meshes, materials=materials)

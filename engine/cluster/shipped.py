@@ -16,7 +16,7 @@ class Shipped:
     """A scene that workers have, or are given.
 
     shipment  a task whose result workers fetch from each other
-    ready     of each worker a task that makes the patches
+    ready     of each worker a task that makes what casts rays through it
     """
 
     shipment: Future
@@ -24,7 +24,7 @@ class Shipped:
 
     @classmethod
     def to_workers(cls, tasks: Tasks, shipment: Shipment) -> Shipped:
-        """Send a scene to all workers that are there, which make its patches."""
+        """Send a scene to all workers that are there, which make what casts rays through it."""
         sent = tasks.sent(shipment, "scene")
         ready = [tasks.begin(prepare, [(sent,)], worker=address) for address in tasks.workers()]
         return cls(sent, [task for (task,) in ready])

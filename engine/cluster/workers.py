@@ -9,9 +9,12 @@ from functools import partial
 
 from distributed import Client
 
+from ..direct.emitters import BrightTriangles
 from ..errors import DeviceError
+from ..patches.subdivision import Subdivision
 from ..scene.model import Scene
 from ..settings import Settings
+from ..visibility.rays.ray_scene import RayScene
 from .admission import REFUSED, Admission, refusal
 from .cluster_devices import ClusterDevices
 from .connection import connected, is_of_this_machine, is_private
@@ -72,10 +75,12 @@ class Workers:
                 f"{' '.join(self.warnings)}".rstrip()
             ) from error
 
-    def ship(self, settings: Settings, scene: Scene) -> Callable[[int], ClusterDevices]:
-        """Send a scene in which occluders have their places.
+    def ship(
+        self, settings: Settings, scene: Scene
+    ) -> Callable[[Subdivision, RayScene, BrightTriangles], ClusterDevices]:
+        """Send a scene in which occluders have their places; workers make what casts rays through it.
 
-        Returns what makes the devices for a number of patches.
+        Returns what sends its patches and makes the devices for them.
         """
         local = is_of_this_machine(self.address)
         tasks = Tasks(self.client)

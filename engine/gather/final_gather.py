@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import download, upload_float4, zeros
+from ..device.buffers import download, upload_float4, upload_float4_once, zeros
 from ..device.compute import Compute
 from .device_l1 import L1
 from .sweep import Sweep
@@ -33,14 +33,14 @@ class LightGather(Protocol):
 class FinalGather:
     """Gathers for n patches from the radiance of m sources that their identities name; see `Light`.
 
-    sampled_light  (n, 3) float32, E/pi of the light that shadow rays sample
+    sampled_light  (n, 3) float32, E/pi of the light that shadow rays sample; nobody changes it
     """
 
     sparse = False
 
     def __init__(self, compute: Compute, sweep: Sweep, sampled_light: np.ndarray) -> None:
         self._compute, self._sweep, self.count = compute, sweep, len(sampled_light)
-        self._sampled_light = upload_float4(compute, sampled_light)
+        self._sampled_light = upload_float4_once(compute, sampled_light)
         self._nothing, self._gathered = (zeros(compute, 16 * self.count) for _ in range(2))
         self.patches_seen = zeros(compute, 4 * self.count)
 

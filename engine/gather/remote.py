@@ -22,8 +22,8 @@ class RemoteGather(Protocol):
     All arrays are float32 in host memory; generators yield the fraction done.
     """
 
-    def views(self, count: int) -> Generator[float, None, np.ndarray]:
-        """Return the fractions of each patch's view that no back takes, and that patches take, (count, 2).
+    def views(self) -> Generator[float, None, np.ndarray]:
+        """Return the fractions of each patch's view that no back takes, and that patches take, (n, 2).
 
         The patches are all, or the groups that `of_groups` names.
         """
@@ -37,10 +37,12 @@ class RemoteGather(Protocol):
         """Return the L1 of the same light, (n, 3, 3); see `Sweep.gather_l1`."""
         ...
 
-    def of_groups(self, leader: np.ndarray, width: int) -> None:
+    def of_groups(self, leader: np.ndarray, texel_to_group: np.ndarray, emission: np.ndarray) -> None:
         """Let the devices solve groups of the patches, and begin to find what these see.
 
-        See `solve.patch_groups.PatchGroups`.
+        leader          (m,) int64, the patch that each group is
+        texel_to_group  (atlases, r, r) uint32, the group + 1 of each texel's patch, or 0
+        emission        (m, 3) float32, radiance of each group that is seen
         """
         ...
 
@@ -75,7 +77,7 @@ class RemoteSweep:
         if not self._views:
             # Who has found what its patches see gathers while others still look.
             next(work)
-            views = yield from self._remote.views(self._count)
+            views = yield from self._remote.views()
             self._views = [upload(self._compute, fraction) for fraction in views.T]
         front, patches_seen = self._views
         gathered = upload(self._compute, (yield from work))

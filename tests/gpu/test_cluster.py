@@ -14,7 +14,7 @@ from distributed.utils import LoopRunner
 
 import engine
 from engine import Light, Settings
-from engine.cluster import admission, block, local_workers, prepared_scene
+from engine.cluster import admission, found_block, local_workers, prepared_scene
 from engine.cluster.blocks import cut
 from engine.errors import DeviceError, OverlapError, SettingsError
 from engine.progress import finished
@@ -116,12 +116,15 @@ def test_bits_are_the_same_without_room_in_memory(monkeypatch, two, by_two):
 
 
 def test_nothing_is_left_in_the_memory_of_the_machine(monkeypatch, tmp_path, two, by_two):
-    """The scene is a file; sweeps take turns with two memories, each of a file of light and one of rows."""
+    """Scene, index map, and three columns of patches are files; sweeps take turns with two memories.
+
+    Each of these has a file of light and one of rows.
+    """
     monkeypatch.setattr("engine.cluster.memory_folder._MEMORY", tmp_path)
     made = set()
     for _ in bake(two):
         made |= {path.name for folder in tmp_path.iterdir() for path in folder.iterdir()}
-    assert len(made) == 5 and not list(tmp_path.iterdir())
+    assert len(made) == 9 and not list(tmp_path.iterdir())
 
 
 def test_all_devices_of_this_machine_work_for_a_bake(monkeypatch, by_two):
@@ -267,13 +270,13 @@ def test_a_slow_device_gets_fewer_blocks():
 
 def slow_down():
     """Have this worker take a second longer for each block."""
-    find = block.Block.__init__
+    find = found_block.FoundBlock.__init__
 
     def find_slowly(self, *arguments):
         time.sleep(1)
         find(self, *arguments)
 
-    block.Block.__init__ = find_slowly
+    found_block.FoundBlock.__init__ = find_slowly
 
 
 @pytest.mark.long
@@ -287,21 +290,21 @@ def test_a_worker_that_joins_is_used(by_two):
 
 
 @pytest.mark.long
-def test_patches_stay_on_workers_when_only_light_changes(two, by_two):
+def test_triangles_stay_on_workers_when_only_light_changes(two, by_two):
     lamp = Light("Lamp", "point", np.array([0.4, 0.5, 0.6]), np.eye(3), np.full(3, 2, np.float32), 0.1)
     scene = replace(nine_quad_room(), lights=(lamp,))
     baked(two)
-    before = two.client.run(kept_patches)
+    before = two.client.run(kept_triangles)
     again = baked(two, scene=scene)
-    assert two.client.run(kept_patches) == before
+    assert two.client.run(kept_triangles) == before
     with cluster(1) as fresh:
         assert np.array_equal(baked(fresh, scene=scene).image, again.image)
     assert not np.array_equal(again.image, by_two.image)
 
 
-def kept_patches():
-    """Return which arrays hold the patches of this worker."""
-    return id(prepared_scene._kept._parts.patches.texel)
+def kept_triangles():
+    """Return which array holds the triangles of this worker."""
+    return id(prepared_scene._kept._last[1].triangles.positions)
 
 
 def test_worker_of_another_version_is_refused_by_name(monkeypatch):
@@ -342,7 +345,7 @@ def test_the_report_names_who_is_refused_while_others_work(by_two):
         lightmap = baked(made)
     (told,) = lightmap.report.warnings
     assert told.startswith("Worker 'tcp://") and "There is no OpenCL device 'Platform: Voodoo 2'" in told
-    assert any("1 Dask workers" in reason for reason in lightmap.report.reasons)
+    assert any("1 Dask worker finds" in reason for reason in lightmap.report.reasons)
     assert np.array_equal(lightmap.image, by_two.image)
 
 

@@ -5,14 +5,21 @@ import weakref
 
 from engine import Settings
 from engine.cluster.block import find
+from engine.cluster.patch_rows import PatchRows
+from engine.cluster.patch_table import SceneTable
 from engine.cluster.shipment import Shipment
+from engine.direct.split_light import split_light
+from engine.plan.kept import Kept
 from tests.analytic.scenes import nine_quad_room
 
 
-def test_samples_go_with_their_block_at_once():
-    settings = Settings(resolution=19, samples=16, visibility="rays")
-    block = find(Shipment.of(nine_quad_room(), settings, local=True), 3, 50, None)
-    samples = weakref.ref(block._gather._sweep._kept)
+def test_samples_go_with_their_block_at_once(graphics, compute):
+    settings, scene = Settings(resolution=19, samples=16, visibility="rays"), nine_quad_room()
+    parts = Kept().subdivide(graphics, compute, scene, settings)
+    table = SceneTable.of_scene(parts, split_light(scene.world, parts, settings).bright, False, "")
+    rows = PatchRows.of(parts.patches, "").part(3, 50)
+    block = find(Shipment.of(scene, settings, local=True), table, rows)
+    samples = weakref.ref(block.found._gather._sweep._kept)
     gc.disable()
     try:
         del block

@@ -5,6 +5,7 @@ import os
 import pickle
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,15 @@ import pytest
 from engine import Settings
 from engine.cluster import memory_folder as folders
 from engine.cluster.memory_folder import is_at_hand, memory_folder
+from engine.cluster.patch_rows import PatchRows, unpacked
+from engine.cluster.patch_table import Glow
 from engine.cluster.shipment import Shipment
-from engine.cluster.squares import Squares
+from engine.cluster.stored_array import StoredArray
 from engine.cluster.sweep_memory import SweepMemory, write_rows
 from engine.gather.half_light import HalfLight
+from engine.patches.patch_list import PatchList
+from engine.portable import portable_bytes
+from engine.scene.model import Texture
 from tests.analytic.scenes import nine_quad_room
 
 pytestmark = pytest.mark.skipif(not Path("/dev/shm").exists(), reason="There are files in memory on Linux.")
@@ -128,13 +134,58 @@ def test_a_scene_travels_in_a_file_where_there_is_room(folder, monkeypatch):
         assert arrived.meshes[0].positions.tobytes() == scene.meshes[0].positions.tobytes()
 
 
-def test_squares_travel_in_a_file_where_there_is_room(folder, monkeypatch):
-    leader = np.arange(2 * COUNT, dtype=np.uint32)[::2] // 16 * 16
-    in_file = Squares.of(leader, 4, folder)
+def test_textures_travel_only_where_light_passes_through_them():
+    room, pixels = nine_quad_room(), np.linspace(0, 1, 127 * 61, dtype=np.float32).reshape(127, 61, 1)
+    look, holes = Texture("Look", np.repeat(pixels, 3, axis=2), "Look"), Texture("Holes", pixels, "Holes")
+    uvs = dict.fromkeys(("Look", "Holes"), room.meshes[0].uvs)
+    materials = (replace(room.materials[0], reflectance_map=look, emission_map=look, alpha_map=holes),)
+    meshes = (replace(room.meshes[0], texture_uvs=uvs), *room.meshes[1:])
+    scene = replace(room, meshes=meshes, materials=(*materials, *room.materials[1:]))
+    arrived, _ = Shipment.of(scene, Settings(), False).unpacked()
+    material = arrived.materials[0]
+    assert material.reflectance_map is None and material.emission_map is None
+    assert np.array_equal(material.alpha_map.pixels, holes.pixels)
+    assert arrived.meshes[0].texture_uvs.keys() == {"Holes"}
+    assert np.array_equal(material.reflectance, room.materials[0].reflectance)
+
+
+@pytest.mark.parametrize("kind", [np.uint32, np.float32, np.int32])
+def test_arrays_travel_in_files_where_there_is_room(folder, monkeypatch, kind):
+    """Rows of 12 bytes begin at no multiple of a page."""
+    array = np.arange(2 * 3 * COUNT, dtype=kind)[::2].reshape(COUNT, 3)
+    in_file = StoredArray.of(array, folder)
     monkeypatch.setattr(os, "posix_fallocate", full)
-    inside = Squares.of(leader, 4, folder)
+    inside = StoredArray.of(array, folder)
     assert len(pickle.dumps(in_file)) < 1000 < len(pickle.dumps(inside))
-    assert in_file.digest == inside.digest != Squares.of(leader[::-1], 4, "").digest
-    for squares in (in_file, inside):
-        arrived = pickle.loads(pickle.dumps(squares))
-        assert np.array_equal(arrived.leader, leader) and arrived.leader.dtype == np.uint32
+    for stored in (in_file, inside):
+        arrived = pickle.loads(pickle.dumps(stored))
+        assert arrived.opened().dtype == kind and np.array_equal(arrived.opened(), array)
+        some = pickle.loads(pickle.dumps(arrived.rows(3001, 10006)))
+        assert np.array_equal(some.opened(), array[3001:10006])
+        assert np.array_equal(some.rows(5, 11).opened(), array[3006:3012])
+
+
+def test_no_rows_are_no_file(folder):
+    nothing = StoredArray.of(np.zeros((0, 3), np.float32), folder)
+    assert not nothing.path and nothing.opened().shape == (0, 3)
+
+
+@pytest.mark.parametrize("in_files", [True, False])
+def test_a_block_gets_its_rows_alone(folder, in_files):
+    numbers = np.arange(COUNT, dtype=np.int32)
+    patches = PatchList(101, numbers, numbers * 3, numbers // 7, np.eye(3, dtype=np.float32)[numbers % 3])
+    rows = PatchRows.of(patches, folder if in_files else "").part(5003, 5017)
+    assert rows.in_files == in_files
+    arrived = unpacked(portable_bytes(rows) if in_files else pickle.loads(pickle.dumps(rows)))
+    assert arrived.first == 5003
+    for name in ("texel", "triangle", "barycentric"):
+        assert np.array_equal(getattr(arrived, name).opened(), getattr(patches, name)[5003:5017])
+
+
+def test_radiance_of_few_patches_arrives_as_that_of_all():
+    radiance = np.zeros((COUNT, 3), np.float32)
+    radiance[[0, 17, COUNT - 1]] = [(1, 0, 0), (0, 0, 2), (0, np.inf, 3)]
+    glow = Glow.of(radiance)
+    assert np.array_equal(glow.patch, [0, 17, COUNT - 1])
+    assert np.array_equal(pickle.loads(pickle.dumps(glow)).of_all(), radiance)
+    assert Glow.of(radiance[:0]).of_all().shape == (0, 3)

@@ -1,0 +1,110 @@
+"""Patches, or groups of them, on their way to workers: what all workers need of all of them."""
+
+from __future__ import annotations
+
+import mmap
+import uuid
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..direct.emitters import BrightTriangles
+from ..patches.subdivision import Subdivision
+from ..portable import Portable
+from ..short_rows import any_in_rows
+from .stored_array import StoredArray
+
+
+@dataclass(frozen=True)
+class Glow(Portable):
+    """Radiance of patches, most of which are dark.
+
+    count   patches
+    patch   (k,) uint32, those that are not dark
+    values  (k, 3) float32
+    """
+
+    count: int
+    patch: np.ndarray
+    values: np.ndarray
+
+    @classmethod
+    def of(cls, radiance: np.ndarray) -> Glow:
+        """Take the radiance of all patches, (n, 3) float32."""
+        return cls.among(radiance, np.flatnonzero(any_in_rows(radiance)))
+
+    @classmethod
+    def among(cls, radiance: np.ndarray, patches: np.ndarray) -> Glow:
+        """Take the radiance of all patches, of which all but some, (k,) int64, are dark."""
+        values = radiance[patches]
+        shines = any_in_rows(values)
+        return cls(len(radiance), patches[shines].astype(np.uint32), values[shines])
+
+    def of_all(self) -> np.ndarray:
+        """Return the radiance of all patches, (n, 3) float32: where all are dark, it takes no memory."""
+        pages = mmap.mmap(-1, max(12 * self.count, 1))
+        radiance = np.frombuffer(pages, np.float32, 3 * self.count).reshape(-1, 3)
+        radiance[self.patch] = self.values
+        return radiance
+
+
+@dataclass(frozen=True)
+class PatchTable(Portable):
+    """Patches, or groups of them, as all workers need them: how they are found, and what they emit.
+
+    name            tells them from all others
+    texel_to_patch  (atlases, r, r) uint32, see `Subdivision`
+    emission        what is seen of it, see `SolveJob`
+    back_to_back    see `Subdivision`
+    """
+
+    name: str
+    texel_to_patch: StoredArray
+    emission: Glow
+    back_to_back: bool
+
+    @classmethod
+    def of(cls, texel_to_patch: np.ndarray, emission: Glow, back_to_back: bool, folder: str) -> PatchTable:
+        """Pack groups of patches; folder: in the memory of all workers, empty if there is none."""
+        return cls(uuid.uuid4().hex, StoredArray.of(texel_to_patch, folder), emission, back_to_back)
+
+
+@dataclass(frozen=True)
+class SceneTable(PatchTable):
+    """The patches of a scene, and what shines as shadow rays need it.
+
+    glow      what they emit
+    shining   (s,) int64, triangles with a patch that emits
+    sampled   (b,) int64, those that are sampled as lights
+    radiance  (b, 3) float32, of these
+    uniform   (b,) bool, it is the same all over the triangle
+    """
+
+    glow: Glow
+    shining: np.ndarray
+    sampled: np.ndarray
+    radiance: np.ndarray
+    uniform: np.ndarray
+
+    @classmethod
+    def of_scene(
+        cls, parts: Subdivision, bright: BrightTriangles, back_to_back: bool, folder: str
+    ) -> SceneTable:
+        """Pack the patches of a scene, and what of it is sampled as lights; folder: as of `of`."""
+        surfaces, stored = parts.surfaces, StoredArray.of(parts.texel_to_patch, folder)
+        glow, left = (
+            Glow.among(radiance, surfaces.shining) for radiance in (surfaces.emission, bright.emission_left)
+        )
+        table = uuid.uuid4().hex, stored, left, back_to_back
+        sampled = bright.triangles, bright.radiance, bright.uniform
+        return cls(*table, glow, np.flatnonzero(bright.shining), *sampled)
+
+    def bright(self, triangles: int, left: np.ndarray) -> BrightTriangles:
+        """Return what is sampled.
+
+        triangles  how many there are
+        left       (n, 3) float32, see `BrightTriangles.emission_left`
+        """
+        shining = np.zeros(triangles, bool)
+        shining[self.shining] = True
+        return BrightTriangles(self.sampled, self.radiance, self.uniform, left, shining)

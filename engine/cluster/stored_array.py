@@ -1,0 +1,60 @@
+"""Arrays on their way to workers: in files within a machine, of which each worker reads what it needs."""
+
+from __future__ import annotations
+
+import math
+import mmap
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ..portable import Portable
+from .machine_files import file_bytes
+from .memory_folder import file_with
+
+
+@dataclass(frozen=True)
+class StoredArray(Portable):
+    """An array that goes to workers, or some of its rows.
+
+    data   the rows; empty if they are in a file
+    path   of a file in the memory of the client's machine; empty without one
+    kind   type of the values, as `numpy.dtype.str` has it
+    shape  of the rows
+    first  the first of them in the file
+    """
+
+    data: np.ndarray
+    path: str
+    kind: str
+    shape: tuple[int, ...]
+    first: int = 0
+
+    @classmethod
+    def of(cls, array: np.ndarray, folder: str) -> StoredArray:
+        """Put an array into a file of a folder in the memory of all workers; empty if there is none."""
+        array = np.ascontiguousarray(array)
+        path = file_with(folder, array.reshape(-1).view(np.uint8).data) if array.size else ""
+        return cls(array[:0] if path else array, path, array.dtype.str, array.shape)
+
+    def rows(self, first: int, last: int) -> StoredArray:
+        """Return some of the rows."""
+        data = self.data if self.path else self.data[first:last]
+        return replace(self, data=data, shape=(last - first, *self.shape[1:]), first=self.first + first)
+
+    def opened(self) -> np.ndarray:
+        """Return the rows, which nobody changes; pages of a file are read where they are looked at.
+
+        Called in tasks alone; raises DeviceError as `file_bytes` does.
+        """
+        if not self.path:
+            return self.data
+        row = np.dtype(self.kind).itemsize * math.prod(self.shape[1:])
+        start, size = row * self.first, row * self.shape[0]
+        try:
+            with Path(self.path).open("rb") as file:
+                values = np.frombuffer(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ), np.uint8)
+        except OSError:
+            values, start = np.frombuffer(file_bytes(self.path, start, size), np.uint8), 0
+        return values[start : start + size].view(self.kind).reshape(self.shape)

@@ -1,0 +1,84 @@
+"""The triangles of a scene on the device of a worker, without patches: these come from the client."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..device.compute import Compute
+from ..patches.geometry import PatchGeometry, TexelSteps, texel_steps
+from ..patches.patch_list import PatchList
+from ..patches.subdivision import Subdivision
+from ..patches.surfaces import PatchSurfaces
+from ..scene.cutouts import Cutouts, read_cutouts
+from ..scene.digests import geometry_digest
+from ..scene.model import Scene
+from ..scene.triangles import Triangles, join_meshes
+from ..settings import Settings
+from ..visibility.rays.ray_scene import RayScene
+
+
+@dataclass(frozen=True)
+class TriangleScene:
+    """Triangles, and what casts rays through them.
+
+    steps    of texels
+    cutouts  what light passes through
+    rays     from no patch
+    """
+
+    triangles: Triangles
+    steps: TexelSteps
+    cutouts: Cutouts
+    rays: RayScene
+
+    @classmethod
+    def of(cls, compute: Compute | None, scene: Scene, resolution: int) -> TriangleScene:
+        """Join the meshes of a scene whose occluders have places, and make their hierarchy."""
+        triangles, cutouts = join_meshes(scene), read_cutouts(scene)
+        steps = texel_steps(triangles, resolution)
+        parts = _without_patches(triangles, steps, cutouts, resolution)
+        return cls(triangles, steps, cutouts, RayScene(compute, parts).of(parts))
+
+    def seen(
+        self, resolution: int, emission: np.ndarray, texel_to_patch: np.ndarray, back_to_back: bool
+    ) -> Subdivision:
+        """Return patches as others see them: itself it has none, and what they reflect is not known.
+
+        emission: (n, 3) float32, radiance
+        """
+        return replace(
+            _without_patches(self.triangles, self.steps, self.cutouts, resolution),
+            surfaces=PatchSurfaces(emission[:0], emission),
+            texel_to_patch=texel_to_patch,
+            back_to_back=back_to_back,
+        )
+
+
+def _without_patches(
+    triangles: Triangles, steps: TexelSteps, cutouts: Cutouts, resolution: int
+) -> Subdivision:
+    """Return a subdivision without patches."""
+    none, nowhere = np.zeros(0, np.int32), np.zeros((0, 3), np.float32)
+    patches, geometry = (
+        PatchList(resolution, none, none, none, nowhere),
+        PatchGeometry(triangles, steps, none, nowhere),
+    )
+    texels = np.zeros((0, resolution, resolution), np.uint32)
+    return Subdivision(triangles, cutouts, patches, geometry, PatchSurfaces(nowhere, nowhere), texels, ())
+
+
+class KeptTriangles:
+    """The triangles of the last scene: they serve any scene of the same geometry, UVs and transparency."""
+
+    def __init__(self) -> None:
+        self._last: tuple[tuple[bytes, int], TriangleScene] | None = None
+
+    def of(self, compute: Compute | None, scene: Scene, settings: Settings) -> TriangleScene:
+        """Return the triangles of a scene."""
+        key = geometry_digest(scene), settings.resolution
+        if self._last is None or self._last[0] != key:
+            self._last = None
+            self._last = key, TriangleScene.of(compute, scene, settings.resolution)
+        return self._last[1]

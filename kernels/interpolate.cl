@@ -83,9 +83,32 @@ int anchors_of(const int patch, __global const uint *texel_to_patch, const int r
     return count;
 }
 
+// What each of the groups around a patch, of which there are `found`, counts for at it. The moments of their places are
+// inverted; false if they lie in no plane.
+bool weigh(const Anchor *anchors, const int found, float *inverse, float *counts)
+{
+    float moments[6] = {0.0f};
+    for (int k = 0; k < found; ++k) {
+        const Anchor a = anchors[k];
+        moments[0] += a.weight;
+        moments[1] += a.weight * a.x;
+        moments[2] += a.weight * a.y;
+        moments[3] += a.weight * a.x * a.x;
+        moments[4] += a.weight * a.x * a.y;
+        moments[5] += a.weight * a.y * a.y;
+    }
+    if (!invert(moments, inverse))
+        return false;
+    for (int k = 0; k < found; ++k) {
+        const Anchor a = anchors[k];
+        counts[k] = a.weight * (inverse[0] + inverse[1] * a.x + inverse[2] * a.y);
+    }
+    return true;
+}
+
 // Light of each patch from `layers` of that of `group_count` groups, 0 where too few are around it, and not below
 // `lowest`; and whether it fits: whether theirs lies in a plane, but for `tolerance` of the light there and `beside`
-// it, from `least` to `most`. open: of each patch, see openness.cl.
+// it, from `least` to `most`. open: of each patch, see openness.cl, or null.
 __kernel void interpolate(__global const uint *texel_to_patch, const int resolution, const int width,
                           __global const int *atlases, __global const int *texels, __global const int *groups,
                           __global const int *leaders, __global const ReceiverRecord *receivers,
@@ -105,29 +128,20 @@ __kernel void interpolate(__global const uint *texel_to_patch, const int resolut
                                  receivers, light, anchors);
     if (found < FEWEST)
         return;
-    float moments[6] = {0.0f}, inverse[6];
-    for (int k = 0; k < found; ++k) {
-        const Anchor a = anchors[k];
-        moments[0] += a.weight;
-        moments[1] += a.weight * a.x;
-        moments[2] += a.weight * a.y;
-        moments[3] += a.weight * a.x * a.x;
-        moments[4] += a.weight * a.x * a.y;
-        moments[5] += a.weight * a.y * a.y;
-    }
-    if (!invert(moments, inverse))
+    float inverse[6], counts[AROUND];
+    if (!weigh(anchors, found, inverse, counts))
         return;
 
-    // What each group counts for at the patch; the slope of all light together.
-    float counts[AROUND], gain = 0.0f, value = 0.0f, as_open = 0.0f;
+    // Light and slope of the plane, of all channels together.
+    float gain = 0.0f, value = 0.0f, weights = 0.0f, nearer = open ? open[patch] : 0.0f;
     float2 slope = (float2)(0.0f);
     for (int k = 0; k < found; ++k) {
         const Anchor a = anchors[k];
         const float all = sum3(light[a.group]);
-        counts[k] = a.weight * (inverse[0] + inverse[1] * a.x + inverse[2] * a.y);
+        weights += a.weight;
         gain += counts[k] * counts[k];
         value += counts[k] * all;
-        as_open += counts[k] * open[leaders[a.group]];
+        nearer -= open ? counts[k] * open[leaders[a.group]] : 0.0f;
         slope += a.weight * all * (float2)(inverse[1] + inverse[3] * a.x + inverse[4] * a.y,
                                            inverse[2] + inverse[4] * a.x + inverse[5] * a.y);
     }
@@ -146,13 +160,43 @@ __kernel void interpolate(__global const uint *texel_to_patch, const int resolut
         const float off = sum3(light[a.group]) - value - slope.x * a.x - slope.y * a.y;
         left += a.weight * off * off;
     }
-    left *= found / ((found - 3.0f) * moments[0]);
+    left *= found / ((found - 3.0f) * weights);
     const float allowed = tolerance * clamp(value + beside[patch], least, most);
-    fits[patch] = gain <= MOST_GAIN && left <= allowed * allowed && fabs(open[patch] - as_open) <= AS_OPEN;
+    fits[patch] = gain <= MOST_GAIN && left <= allowed * allowed && fabs(nearer) <= AS_OPEN;
     for (int layer = 0; layer < layers; ++layer) {
         float4 sum = (float4)(0.0f);
         for (int k = 0; k < found; ++k)
             sum += counts[k] * light[(size_t)layer * group_count + anchors[k].group];
         values[(size_t)layer * count + patch] = fmax(sum, lowest);
+    }
+}
+
+// Values of groups, `layers` of `group_count`, at some patches, by number, or at all: of each as much as its light counts
+// for there. fits: of each patch, whether it has its light from groups; 0 at those that have not.
+__kernel void spread(__global const uint *texel_to_patch, const int resolution, const int width,
+                     __global const int *atlases, __global const int *texels, __global const int *groups,
+                     __global const int *leaders, __global const ReceiverRecord *receivers,
+                     __global const float4 *light, __global const int *fits, __global const int *chosen,
+                     __global const float4 *values, const int layers, const int group_count,
+                     __global float4 *spread_values, const int count)
+{
+    const int i = get_global_id(0);
+    if (i >= count)
+        return;
+    const int patch = chosen ? chosen[i] : i;
+    for (int layer = 0; layer < layers; ++layer)
+        spread_values[(size_t)layer * count + i] = (float4)(0.0f);
+    if (!fits[patch])
+        return;
+    Anchor anchors[AROUND];
+    const int found = anchors_of(patch, texel_to_patch, resolution, width, atlases, texels, groups, leaders,
+                                 receivers, light, anchors);
+    float inverse[6], counts[AROUND];
+    weigh(anchors, found, inverse, counts);
+    for (int layer = 0; layer < layers; ++layer) {
+        float4 sum = (float4)(0.0f);
+        for (int k = 0; k < found; ++k)
+            sum += counts[k] * values[(size_t)layer * group_count + anchors[k].group];
+        spread_values[(size_t)layer * count + i] = sum;
     }
 }

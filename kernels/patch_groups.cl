@@ -1,10 +1,37 @@
 // Groups of neighbouring patches that are solved as one: in each square of texels, patches of one
-// material that lie in about one plane and send out about as much light follow the one nearest to the square's
-// middle. Those inside of something stay apart: they are dark, and others are seen.
+// material that lie in about one plane and send out about as much light follow the one nearest to the middle of
+// all these, whose light stands for their mean. Those inside of something stay apart: they are dark, and others are seen.
 
 #define MOST 64  // texels of a square
 #define SAME_PLANE 0.95f
-#define SAME_LIGHT 0.25f
+
+// What patches of a group send out before any bounce differs by at most these parts of the mean over all patches, and of
+// their own. Around a lamp below a ceiling much brighter ones are hidden than those in sight: each that is too far above
+// or below its group adds light to the room, or takes some.
+#define SAME_LIGHT 0.10f
+#define AS_BRIGHT 0.05f
+
+// The one of some patches of a square that is nearest to the middle of all: of those that are equally near, another one
+// in every other square, so that the way to it is none on the mean.
+uint middle_of(const uint *members, const int count, __global const int *texels, const int resolution,
+               const int x0, const int y0, const int2 turn)
+{
+    int2 sum = (int2)(0);
+    for (int i = 0; i < count; ++i)
+        sum += (int2)(texels[members[i]] % resolution - x0, texels[members[i]] / resolution - y0);
+    uint nearest = members[0];
+    int least = INT_MAX;
+    for (int i = 0; i < count; ++i) {
+        const int2 at = (int2)(texels[members[i]] % resolution - x0, texels[members[i]] / resolution - y0);
+        const int2 way = 4 * (count * at - sum) + turn;
+        const int far = way.x * way.x + way.y * way.y;
+        if (far < least) {
+            least = far;
+            nearest = members[i];
+        }
+    }
+    return nearest;
+}
 
 __kernel void group_patches(__global const uint *texel_to_patch, const int resolution, const int width,
                             __global const int *texels, __global const int *materials,
@@ -36,12 +63,15 @@ __kernel void group_patches(__global const uint *texel_to_patch, const int resol
         }
     }
 
-    // Each that follows nobody yet leads all like it.
+    // Each that follows nobody yet is followed by all like it: the one in the middle of them leads.
+    const int2 turn = 1 - 2 * (int2)(get_global_id(1) & 1, get_global_id(0) & 1);
     for (int i = 0; i < count; ++i) {
         const uint leader = members[i];
         if (leader == 0xFFFFFFFFu)
             continue;
         const Receiver r = load_receiver(receivers + leader);
+        uint following[MOST];
+        int followers = 0;
         for (int j = i; j < count; ++j) {
             const uint member = members[j];
             if (member == 0xFFFFFFFFu)
@@ -52,11 +82,14 @@ __kernel void group_patches(__global const uint *texel_to_patch, const int resol
                 && fabs(dot(m.at - r.at, r.geometric)) < 0.5f * width * r.size
                 && length(m.at - r.at) < 1.5f * width * r.size
                 && fabs(radiance[member] - radiance[leader])
-                    <= SAME_LIGHT * (mean_radiance + fmax(radiance[member], radiance[leader]));
+                    <= SAME_LIGHT * mean_radiance + AS_BRIGHT * fmax(radiance[member], radiance[leader]);
             if (j == i || alike) {
-                leaders[member] = leader;
+                following[followers++] = member;
                 members[j] = 0xFFFFFFFFu;
             }
         }
+        const uint middle = middle_of(following, followers, texels, resolution, x0, y0, turn);
+        for (int j = 0; j < followers; ++j)
+            leaders[following[j]] = middle;
     }
 }

@@ -11,7 +11,7 @@ from ..lightmap import Energy
 from ..scene.color import rest_of
 from .interpolated_gather import InterpolatedGather
 from .last_gather import LastGather
-from .patch_groups import PatchGroups
+from .patch_groups import PatchGroups, SinglePatches
 from .solver import Solver
 
 
@@ -22,7 +22,9 @@ class GroupedSolution:
     last    by every patch, from the groups
     """
 
-    def __init__(self, solver: Solver, groups: PatchGroups, last: LastGather | InterpolatedGather) -> None:
+    def __init__(
+        self, solver: Solver, groups: PatchGroups | SinglePatches, last: LastGather | InterpolatedGather
+    ) -> None:
         self._solver, self.groups, self.last = solver, groups, last
 
     @property

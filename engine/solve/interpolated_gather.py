@@ -18,14 +18,15 @@ _GatherFor = Callable[[list[np.ndarray], np.ndarray], Generator[float, None, Non
 
 
 class InterpolatedGather:
-    """What a `LastGather` is, for n patches whose m groups a solver solves for.
+    """What a `LastGather` is, for n patches whose m groups a solver solves for, or they themselves.
 
-    Where the light that the groups around a patch gather lies in a plane, the patch has it from there. Of
-    all others those gather first that lead smaller squares, and planes are fitted to the light of these;
-    then those that fit there neither. Those that gathered have the light of planes through their own and that
-    of their neighbours where it lies in one: it has less noise.
+    Where the light that the groups around a patch gather lies in a plane, the patch has it from there, with
+    what planes leave out of curved light. Of all others those gather first that lead smaller squares, and
+    planes are fitted to the light of these; then those that fit there neither. Those that gathered have the
+    light of planes through their own and that of their neighbours where it lies in one: it has less noise.
 
-    squares          fit planes to the light of the groups that are solved for, then of smaller squares
+    squares          fit planes to the light of the groups that are solved for, then of smaller squares; none
+                     where patches are solved for
     neighbours       fits planes to the light of patches
     sampled_light    (n, 3) float32, E/pi of the light that shadow rays sample
     of_groups        (m, 3) float32, the same of the groups
@@ -48,8 +49,7 @@ class InterpolatedGather:
         last_of: Callable[[np.ndarray], LastGather],
     ) -> None:
         self._solver, self._last_of = solver, last_of
-        self._solved, *self._smaller = squares
-        self._neighbours = neighbours
+        self._squares, self._neighbours = squares, neighbours
         self._of_groups, self._tolerance, self.separate_direct = of_groups, tolerance, separate_direct
         self.direct, self.gathered = sampled_light, np.zeros((len(sampled_light), 4), np.float32)
         self._directional, self._l1 = directional, list[np.ndarray]()
@@ -116,7 +116,7 @@ class InterpolatedGather:
         return light
 
     def _by_squares(
-        self, layers: list[np.ndarray], fit: _Fit, gather_for: _GatherFor
+        self, layers: list[np.ndarray], fit: _Fit, gather_for: _GatherFor, lowest: float = 0.0
     ) -> Generator[float, None, list[np.ndarray]]:
         """Return the light of patches, (n, 4) float32 of each layer, from that of the groups, (m, 4).
 
@@ -124,11 +124,30 @@ class InterpolatedGather:
 
         fit         fits planes to the light of squares; see `Interpolation.fit`
         gather_for  replaces the light of patches, by their numbers, in layers of all patches
+        lowest      what light is not below
         """
-        values, fits = fit(self._solved, layers)
+        if self._squares:
+            values, own = yield from self._from_squares(layers, fit, gather_for, lowest)
+        else:
+            values, own = layers, np.ones(len(self.gathered), bool)
+
+        # What gathered for itself is noisy; where it lies in a plane, that is not.
+        if own.any():
+            found, fits = fit(self._neighbours, values)
+            for layer, smoother in zip(values, found, strict=True):
+                layer[own & fits] = smoother[own & fits]
+        return values
+
+    def _from_squares(
+        self, layers: list[np.ndarray], fit: _Fit, gather_for: _GatherFor, lowest: float
+    ) -> Generator[float, None, tuple[list[np.ndarray], np.ndarray]]:
+        """Return the light of patches and which of them gathered it, (n,) bool; see `_by_squares`."""
+        solved, *smaller = self._squares
+        values, fits = fit(solved, layers)
+        solved.put_back(layers, values, fits, lowest)
         left, own = ~fits, np.zeros_like(fits)
-        steps = 1 + len(self._smaller)
-        for step, squares in enumerate(self._smaller):
+        steps = 1 + len(smaller)
+        for step, squares in enumerate(smaller):
             leads = np.zeros_like(left)
             leads[squares.leader] = True
             leads &= left
@@ -144,14 +163,7 @@ class InterpolatedGather:
             own |= leads
         if left.any():
             yield from part_of(1 - 1 / steps, 1, gather_for(values, np.flatnonzero(left)))
-        own |= left
-
-        # What gathered for itself is noisy; where it lies in a plane, that is not.
-        if own.any():
-            found, fits = fit(self._neighbours, values)
-            for layer, smoother in zip(values, found, strict=True):
-                layer[own & fits] = smoother[own & fits]
-        return values
+        return values, own | left
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
         """Return the L1 of what was gathered, (n, 3, 3) float32; see `Sweep.gather_l1`.
@@ -174,7 +186,7 @@ class InterpolatedGather:
             values, _ = squares.fit(layers, nothing, 0.0, -np.inf)
             return values, next(fitting)
 
-        axes = yield from self._by_squares(axes, fit, gather_for)
+        axes = yield from self._by_squares(axes, fit, gather_for, -np.inf)
         gathered: np.ndarray = np.stack([axis[:, :3] for axis in axes], axis=1)
         return gathered
 

@@ -28,16 +28,16 @@ class Interpolation:
         group: np.ndarray,
         leader: np.ndarray,
         width: int,
-        opening: cl.Buffer,
+        opening: cl.Buffer | None,
     ) -> None:
         """Take the group of each patch, (n,) int64, and the width of groups, texels; see `numbered`.
 
-        opening: float32 of each patch, see `openness`
+        opening: float32 of each patch, see `openness`; None not to ask what is near
         """
         self.leader, self._opening = leader, opening
         self._compute, self._receivers = rays.compute, rays.receivers
         files = (*RECEIVER_SOURCE, "channels.cl", "interpolate.cl")
-        (self._interpolate,) = self._compute.kernels(files, "interpolate")
+        self._interpolate, self._spread = self._compute.kernels(files, "interpolate", "spread")
         patches = parts.patches
         arrays = (patches.atlas, patches.texel, group.astype(np.int32), leader.astype(np.int32))
         self._count = len(patches)
@@ -74,3 +74,45 @@ class Interpolation:
         fitting = np.empty(count, np.int32)
         cl.enqueue_copy(compute.queue, fitting, fits)
         return list(download(compute, values, (len(layers), count, 4))), fitting != 0
+
+    def put_back(
+        self, layers: list[np.ndarray], values: list[np.ndarray], fits: np.ndarray, lowest: float = 0.0
+    ) -> None:
+        """Add to the light of patches what planes take from it where it is curved.
+
+        A plane lies below a dome and above a hollow of light. What groups have more than planes give their
+        leaders is smoothed as light was, which leaves little of its noise, and added (twicing, Tukey 1977).
+
+        layers  (m, 4) float32 each, of the groups; see `fit`
+        values  (n, 4) float32 each, of the patches, as `fit` returns them
+        fits    (n,) bool, patches that have their light from groups
+        lowest  what light is not below; see `fit`
+        """
+        compute, count, leader = self._compute, self._count, self.leader
+        rest = np.stack([layer - value[leader] for layer, value in zip(layers, values, strict=True)])
+        rest[:, ~fits[leader]] = 0
+        rest[..., 3] = 0
+        light, fitting = upload(compute, layers[0]), upload(compute, fits.astype(np.int32))
+        chosen = upload(compute, leader.astype(np.int32))
+        smooth = self._spread_over(light, fitting, chosen, upload(compute, rest), len(layers), len(leader))
+        found = self._spread_over(light, fitting, None, smooth, len(layers), count)
+        for value, more in zip(values, download(compute, found, (len(layers), count, 4)), strict=True):
+            np.maximum(value + more, lowest, out=value)
+
+    def _spread_over(
+        self,
+        light: cl.Buffer,
+        fits: cl.Buffer,
+        chosen: cl.Buffer | None,
+        values: cl.Buffer,
+        layers: int,
+        count: int,
+    ) -> cl.Buffer:
+        """Return values of groups at chosen patches, or at all that fit: float4 of each, layer by layer."""
+        compute = self._compute
+        spread = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count * layers)
+        compute.run(
+            self._spread, count, *self._where, self._receivers, light, fits, chosen, values,
+            np.int32(layers), np.int32(len(self.leader)), spread, np.int32(count),
+        )  # fmt: skip
+        return spread

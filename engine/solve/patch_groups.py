@@ -9,6 +9,7 @@ apart, too: they are dark, and would darken the foot of a box that is sunk in a 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 import pyopencl as cl
@@ -27,12 +28,10 @@ _SQUARES = 8
 class PatchGroups:
     """Squares of patches that are solved as one: each is a patch that stands for its members.
 
-    width   of a square, texels
-    group   (n,) int64, the group of each patch
-    leader  (m,) int64, the patch that each group is
-    parts   groups as a Subdivision
-    area    (m,) float32, m^2, of all patches in each
-    rays    casts rays from them
+    width           of a square, texels
+    group           (n,) int64, the group of each patch
+    leader          (m,) int64, the patch that each group is
+    texel_to_group  (atlases, r, r) uint32, the group + 1 of each texel's patch, or 0
     """
 
     def __init__(
@@ -44,26 +43,56 @@ class PatchGroups:
         """
         self.width = width
         self.group, self.leader = numbered(leader)
+        self._rays, self._parts, self._area = rays, parts, area
         self._means = _GroupMeans(rays.compute, parts, leader, self.leader, width)
-        self._members = np.bincount(self.group, minlength=len(self.leader)).astype(np.float32)
-        self.area = self.mean(area) * self._members
-        surfaces = PatchSurfaces(self.mean(parts.surfaces.reflectance), self.mean(parts.surfaces.emission))
         entries = np.zeros(len(self.group) + 1, np.uint32)
         np.add(self.group, 1, out=entries[1:], casting="unsafe")
-        self.parts = replace(
+        self.texel_to_group = entries[parts.texel_to_patch]
+
+    @cached_property
+    def parts(self) -> Subdivision:
+        """Groups as a Subdivision."""
+        parts, leader = self._parts, self.leader
+        surfaces = PatchSurfaces(self.mean(parts.surfaces.reflectance), self.mean(parts.surfaces.emission))
+        return replace(
             parts,
-            patches=parts.patches.part(self.leader),
-            geometry=parts.geometry.part(self.leader),
+            patches=parts.patches.part(leader),
+            geometry=parts.geometry.part(leader),
             surfaces=surfaces,
-            texel_to_patch=entries[parts.texel_to_patch],
+            texel_to_patch=self.texel_to_group,
         )
-        self.rays = rays.of(self.parts)
+
+    @cached_property
+    def area(self) -> np.ndarray:
+        """Area of all patches in each group, (m,) float32, m^2."""
+        members = np.bincount(self.group, minlength=len(self.leader)).astype(np.float32)
+        area: np.ndarray = self.mean(self._area) * members
+        return area
+
+    @cached_property
+    def rays(self) -> RayScene:
+        """Casts rays from the groups."""
+        return self._rays.of(self.parts)
 
     def mean(self, values: np.ndarray) -> np.ndarray:
         """Return the mean over each square of the patches' values, (n, ...) -> (m, ...) float32."""
         if not values.any():
             return np.zeros((len(self.leader), *values.shape[1:]), np.float32)
         return self._means.of(values)
+
+
+class SinglePatches:
+    """Patches that are solved each on its own, as `PatchGroups` of one.
+
+    group  (n,) int64, the number of each patch
+    """
+
+    def __init__(self, count: int) -> None:
+        self.group = np.arange(count)
+
+    def mean(self, values: np.ndarray) -> np.ndarray:
+        """Return the patches' values, (n, ...)."""
+        return values
 
 
 class _GroupMeans:

@@ -150,7 +150,10 @@ class Solver:
     def front(self) -> np.ndarray:
         """The fraction of each patch's view that no back takes, (n,) float32: no sweep changes it."""
         if self._front is None:
-            self._front = np.ascontiguousarray(self.gathered[:, 3])
+            light = self._newest_light
+            self._front = (
+                light.fourth if isinstance(light, DeviceValues) else np.ascontiguousarray(light[:, 3])
+            )
         return self._front
 
     def light_of(self, patches: np.ndarray) -> np.ndarray:

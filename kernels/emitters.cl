@@ -11,6 +11,9 @@
 #define WIDE 0.1f
 #define WIDE_UNEVEN 0.01f
 
+// Least square of a distance.
+#define LEAST 1e-36f
+
 float unit_float(const uint bits) { return (bits >> 8) * (1.0f / 16777216.0f); }
 
 uint reversed_bits(uint x)
@@ -300,6 +303,20 @@ int clip(const float3 *corners, const int count, const float3 normal, float3 *cl
     return kept;
 }
 
+// What `open_light` sums over the sides of a triangle that is above both horizons, all at a time.
+float form_factor(const float3 a, const float3 b, const float3 c, const float3 normal)
+{
+    const float3 ax = (float3)(a.x, b.x, c.x), ay = (float3)(a.y, b.y, c.y), az = (float3)(a.z, b.z, c.z);
+    const float3 scale = 1.0f / sqrt(fmax(ax * ax + ay * ay + az * az, LEAST));
+    const float3 x = ax * scale, y = ay * scale, z = az * scale;
+    const float3 side_x = y * z.yzx - z * y.yzx, side_y = z * x.yzx - x * z.yzx, side_z = x * y.yzx - y * x.yzx;
+    const float3 sine = sqrt(side_x * side_x + side_y * side_y + side_z * side_z);
+    const float3 cosine = x * x.yzx + y * y.yzx + z * z.yzx;
+    const float3 along = side_x * normal.x + side_y * normal.y + side_z * normal.z;
+    const float3 parts = sine > 1e-12f ? atan2(sine, cosine) / sine * along : (float3)(0.0f);
+    return parts.x + parts.y + parts.z;
+}
+
 // E/pi at a point from all of a triangle of one radiance, if nothing is in between: the form factor of its
 // part above both horizons, the smooth one and the patch's (Lambert 1760; Arvo 1995).
 __attribute__((noinline))
@@ -312,17 +329,15 @@ float3 open_light(__global const Emitter *e, const float3 p, const Receiver *r)
         return (float3)(0.0f);
     const float3 horizon = horizon_of(r, !shows_front(r, a, facing));
     const float3 b = a + edge1, c = a + edge2;
-    float3 corners[5] = {a, b, c};
-    int count = 3;
     const float lowest = fmin(fmin(fmin(dot(a, horizon), dot(b, horizon)), dot(c, horizon)),
                               fmin(fmin(dot(a, r->normal), dot(b, r->normal)), dot(c, r->normal)));
-    if (!(lowest > 0.0f)) {
-        float3 above[4];
-        const int kept = clip(corners, 3, horizon, above);
-        count = kept > 2 ? clip(above, kept, r->normal, corners) : 0;
-        if (count < 3)
-            return (float3)(0.0f);
-    }
+    if (lowest > 0.0f)
+        return vload3(0, e->strength) * (fabs(form_factor(a, b, c, r->normal)) * 0.5f * M_1_PI_F);
+    const float3 triangle[3] = {a, b, c};
+    float3 above[4], corners[5];
+    const int kept = clip(triangle, 3, horizon, above), count = kept > 2 ? clip(above, kept, r->normal, corners) : 0;
+    if (count < 3)
+        return (float3)(0.0f);
     float sum = 0.0f;
     float3 from = normalize(corners[count - 1]);
     for (int i = 0; i < count; ++i) {
@@ -344,8 +359,7 @@ bool is_far(__global const Emitter *e, const Receiver *r)
     return r->size < 0.05f * distance;
 }
 
-// Least square of a distance; light nearer than this fraction of a texel's width is spread over the texel.
-#define LEAST 1e-36f
+// Light nearer than this fraction of a texel's width is spread over the texel.
 #define SPREAD 0.1f
 
 // How strong a point or spot is in a direction: some of its mean, too, since the texel sees it from others.

@@ -87,6 +87,7 @@ INLINED float inlined_fabs(const float a) { return __builtin_fabsf(a); }
 ABSOLUTE(float2, int2)
 ABSOLUTE(float3, int3)
 ABSOLUTE(float4, int4)
+ABSOLUTE(float8, int8)
 
 // Sine and cosine of half turns, of an eighth of a turn to each side of a quarter, and the arc tangent up to an eighth are
 // polynomials whose largest relative error is the least, below that of rounding.
@@ -119,6 +120,18 @@ INLINED float inlined_atan2(const float y, const float x)
     angle = high > wide ? 1.57079637f - angle : angle;
     angle = __builtin_signbit(x) ? 3.14159274f - angle : angle;
     return __builtin_copysignf(angle, y);
+}
+INLINED float3 inlined_atan2(const float3 y, const float3 x)
+{
+    const float3 high = inlined_fabs(y), wide = inlined_fabs(x);
+    const float3 less = inlined_min(high, wide), more = inlined_max(high, wide);
+    const float3 a = more > 0.0f ? less / more : (float3)(0.0f), z = a * a;
+    float3 angle = a * (1.0f + z * (-0.333330721f + z * (0.199926198f + z * (-0.142036438f + z * (0.106409334f
+        + z * (-0.0750429407f + z * (0.0426915102f + z * (-0.0160686243f + z * 0.00284988829f))))))));
+    angle = high > wide ? 1.57079637f - angle : angle;
+    angle = __builtin_astype(x, int3) < 0 ? 3.14159274f - angle : angle;
+    const int3 sign = __builtin_astype(y, int3) & (int)0x80000000;
+    return __builtin_astype(__builtin_astype(angle, int3) | sign, float3);
 }
 
 INLINED int inlined_clz(const int a) { return a == 0 ? 32 : __builtin_clz((uint)a); }

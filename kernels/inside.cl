@@ -1,3 +1,18 @@
+// A patch of whose first looks, all around, none meets a back is not inside of anything.
+#define FIRST 4
+
+bool sees_backs(const Rays *rays, const float3 start, const float3 normal)
+{
+    float3 x, y;
+    basis(normal, &x, &y);
+    bool back = false;
+    for (int i = 0; i < FIRST && !back; ++i) {
+        const Hit hit = nearest_hit(rays, start, look(7 * i % LOOKS, x, y, normal), false);
+        back = hit.triangle >= 0 && !hit.front;
+    }
+    return back;
+}
+
 // 1 for patches that are inside of something: of what they see most are backs.
 __kernel void inside(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global uchar *result, const int count)
 {
@@ -6,5 +21,6 @@ __kernel void inside(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
         return;
     const Rays rays = RAYS;
     const Receiver r = load_receiver(receivers + patch);
-    result[patch] = !sees_out(&rays, r.at + r.height * r.geometric, r.geometric);
+    const float3 start = r.at + r.height * r.geometric;
+    result[patch] = sees_backs(&rays, start, r.geometric) && !sees_out(&rays, start, r.geometric);
 }

@@ -29,7 +29,7 @@ typedef struct {
 
 #ifdef COSINE
 // Places of a texel that a face crosses: each costs rays of its own, so consecutive samples start together.
-#define PLACES_IF_CROSSED 8
+#define PLACES_IF_CROSSED 32
 
 // Move to where a sample starts: all over the texel, of which a patch has the mean light.
 void move_eye(Eye *eye, const View *view, const Rays *rays, const Receiver *r, const int i, const int samples)

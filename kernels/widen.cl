@@ -15,6 +15,31 @@ __kernel void narrow(__global const float4 *wide, const int planes, const int it
         vstore3(wide[i].xyz, (size_t)(i % planes) * items + i / planes, narrow);
 }
 
+// Colours, close together in memory, become float4 at places of their own, `first` after the beginning.
+__kernel void put_colors(__global const float *colors, __global const uint *places, const int first,
+                         __global float4 *wide, const int count)
+{
+    const int i = get_global_id(0);
+    if (i < count)
+        wide[first + places[i]] = (float4)(vload3(i, colors), 0.0f);
+}
+
+// float4 of which the fourth becomes 0.
+__kernel void clear_fourth(__global float4 *wide, const int count)
+{
+    const int i = get_global_id(0);
+    if (i < count)
+        wide[i].w = 0.0f;
+}
+
+// The fourth number of each float4.
+__kernel void take_fourth(__global const float4 *wide, __global float *taken, const int count)
+{
+    const int i = get_global_id(0);
+    if (i < count)
+        taken[i] = wide[i].w;
+}
+
 // The colours of some items of rows `stride` apart, close together.
 __kernel void take_colors(__global const float *rows, const int stride, __global const uint *chosen,
                           __global float *taken, const int count)

@@ -14,6 +14,7 @@ from ..scene.color import luminance
 from ..scene.model import Light
 from ..scene.triangles import Triangles
 from ..segment_sums import segment_sums
+from ..short_rows import any_in_rows, largest_in_rows
 from ..visibility.rays.receivers import RECEIVER_SOURCE
 from .modulation import MODULATION_SOURCE, is_modulated
 
@@ -78,14 +79,16 @@ class BrightTriangles:
 
     triangles      (k,) int, index into `Triangles`
     radiance       (k, 3) float32, mean of each
-    uniform           (k,) bool, it is the same all over the triangle
+    uniform        (k,) bool, it is the same all over the triangle
     emission_left  (n, 3) float32, radiance of each patch that is left to the hemicubes
+    shining        (t,) bool, all triangles with a patch that emits
     """
 
     triangles: np.ndarray
     radiance: np.ndarray
     uniform: np.ndarray
     emission_left: np.ndarray
+    shining: np.ndarray
 
 
 def bright_triangles(parts: Subdivision) -> BrightTriangles:
@@ -103,13 +106,28 @@ def bright_triangles(parts: Subdivision) -> BrightTriangles:
     left[rest] = emission[rest]
     index = np.flatnonzero(chosen)
     uniform = _is_uniform(triangle, shining, radiance)[index]
-    return BrightTriangles(index, radiance[index].astype(np.float32), uniform, left)
+    return BrightTriangles(index, radiance[index].astype(np.float32), uniform, left, _shining(parts))
+
+
+def no_bright_triangles(parts: Subdivision) -> BrightTriangles:
+    """Choose no triangle: hemicubes see all that emits."""
+    none = np.zeros((0, 3), np.float32)
+    return BrightTriangles(
+        np.zeros(0, int), none, np.zeros(0, bool), parts.surfaces.emission, _shining(parts)
+    )
+
+
+def _shining(parts: Subdivision) -> np.ndarray:
+    """Return which triangles have a patch that emits, (t,) bool."""
+    shining = np.zeros(len(parts.triangles.mesh), bool)
+    shining[parts.geometry.triangle[parts.surfaces.shining]] = True
+    return shining
 
 
 def _is_uniform(triangle: np.ndarray, emission: np.ndarray, mean: np.ndarray) -> np.ndarray:
     """Return which triangles emit the same everywhere, (t,) bool; triangle and emission of what glows."""
-    largest = mean[triangle].max(axis=1, keepdims=True)
-    differs = (np.abs(emission - mean[triangle]) > _EVEN * largest).any(axis=1)
+    bound = _EVEN * largest_in_rows(mean)[:, None]
+    differs = any_in_rows(np.abs(emission - mean[triangle]) > bound[triangle])
     return np.bincount(triangle[differs], minlength=len(mean)) == 0
 
 

@@ -14,12 +14,11 @@ from ..scene.model import Scene, shining_lights
 from ..settings import Settings
 from ..visibility.rays.ray_scene import RayScene
 from .contact import NearFaces, patches_in_contact, patches_lit_by_backs
-from .emitters import BrightTriangles, bright_triangles
 from .enclosed import note_enclosed
 from .host_contact import in_contact_on_host
 from .sampled_light import SampledLight
 from .shadow_rays import Casting, ShadowRays
-from .sky import Sky, split_sky, whole_sky
+from .split_light import SplitLight, split_light
 
 #: Shadow rays to each light for a glimpse of it.
 _FEW = 4
@@ -42,15 +41,13 @@ class DirectLighting:
         rays: RayScene,
         settings: Settings,
         elsewhere: Casting | None = None,
-        bright: Callable[[Subdivision], BrightTriangles] = bright_triangles,
-        split: Callable[[np.ndarray], Sky] = split_sky,
+        split: SplitLight | None = None,
         meanwhile: Callable[[], object] | None = None,
     ) -> None:
-        """Split the light.
+        """Take the light of a scene.
 
         elsewhere  casts rays from all patches on devices of other processes
-        bright     returns the triangles that are sampled
-        split      parts the surroundings
+        split      both parts of the light; None to find them
         meanwhile  called while other processes cast
         """
         self._scene, self._parts, self._settings = scene, parts, settings
@@ -63,19 +60,10 @@ class DirectLighting:
         self._changed: np.ndarray | None = None
         self.warnings: list[str] = []
         self.l1 = self._no_l1()
-
-        # Small bright surfaces and bright sky, unless hemicubes are to see everything as in the paper.
-        surfaces = parts.surfaces
-        if settings.sample_emission:
-            self._bright = bright(parts)
-            self._sky = split(scene.world)
-        else:
-            self._bright = BrightTriangles(
-                np.zeros(0, int), np.zeros((0, 3), np.float32), np.zeros(0, bool), surfaces.emission
-            )
-            self._sky = Sky(whole_sky(scene.world), None)
+        split = split or split_light(scene.world, parts, settings)
+        self._bright, self._sky = split.bright, split.sky
         self.emission_left, self.sky_left = self._bright.emission_left, self._sky.rest
-        shines = self._lamps or len(self._bright.triangles) or scene.world.any() or len(surfaces.shining)
+        shines = self._lamps or scene.world.any() or self._bright.shining.any()
         if settings.light_outputs and not shines:
             self.warnings.append(
                 "Nothing emits light: the lightmaps are black. Add a light, an emissive material or a world."
@@ -178,11 +166,10 @@ class DirectLighting:
 
         Without OpenCL none does.
         """
-        shines = np.zeros(len(self._parts.triangles.positions), bool)
-        shines[self._parts.geometry.triangle[self._parts.surfaces.shining]] = True
-        if not (shines.any() and points.possible):
+        shining = self._bright.shining
+        if not (shining.any() and points.possible):
             return np.zeros(points.count, bool)
-        return patches_lit_by_backs(points, points.count, shines)
+        return patches_lit_by_backs(points, points.count, shining)
 
     def _in_contact(self) -> tuple[np.ndarray, np.ndarray]:
         """Return which patches faces hide that touch them, and which lie back to back, (n,) bool each.

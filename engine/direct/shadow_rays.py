@@ -8,7 +8,15 @@ from typing import Protocol
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import download, download_colors, upload, upload_float4_once, upload_once, zeros
+from ..device.buffers import (
+    download,
+    download_colors,
+    download_colors_once,
+    upload,
+    upload_float4_once,
+    upload_once,
+    zeros,
+)
 from ..device.kernel import Kernel
 from ..device.slices import sliced
 from ..patches.subdivision import Subdivision
@@ -23,7 +31,7 @@ from .light_tree import LIGHT_NODE, LIGHT_TREE_SOURCE, build_light_tree
 from .modulation import pack_modulations
 from .sky import Sky, SkyDistribution
 
-_SOURCE = (*LIGHT_TREE_SOURCE, "tilt.cl", "texel_starts.cl", "blockers.cl", "direct.cl")
+_SOURCE = (*LIGHT_TREE_SOURCE, "tilt.cl", "texel_starts.cl", "shaft.cl", "blockers.cl", "direct.cl")
 
 
 class Casting(Protocol):
@@ -75,7 +83,7 @@ class ShadowRays:
         self._records.append(surface_records(parts.triangles, bright, rays.culled))
         if sky.bright is not None:
             self._records.append(sky_record())
-        self._glow = self._glow_arguments(parts)
+        self._glow = self._glow_arguments(parts, bright)
         self._sky = self._sky_arguments(sky.distribution)
 
         # Of surfaces also what a ray looks up where it ends.
@@ -104,7 +112,7 @@ class ShadowRays:
         if not items:
             return np.zeros((0, 3), np.float32), self._read_l1(0)
         light = yield from self._all_light(self._records, 1, chosen)
-        return download_colors(self._compute, light, items)[0], self._read_l1(items)
+        return download_colors_once(self._compute, light, items), self._read_l1(items)
 
     def sampled_by_group(self, groups: LightGroups) -> Generator[float, None, np.ndarray]:
         """Return the same light by light groups, (groups, n, 3) float32; yield the fraction done."""
@@ -189,10 +197,16 @@ class ShadowRays:
             yield end / items
         return result
 
-    def _glow_arguments(self, parts: Subdivision) -> tuple:
-        """Return radiance of patches, texels to patches, UVs of triangles and the resolution."""
+    def _glow_arguments(self, parts: Subdivision, bright: BrightTriangles) -> tuple:
+        """Return radiance of patches, texels to patches, UVs of triangles and the resolution.
+
+        Where no triangle is sampled, nobody looks radiance up.
+        """
         compute, emission = self._compute, parts.surfaces.emission
-        radiance = upload_float4_once(compute, emission, first=1)
+        if len(bright.triangles):
+            radiance = upload_float4_once(compute, emission, first=1)
+        else:
+            radiance = zeros(compute, 16)
         lookups = (upload_once(compute, array) for array in (parts.texel_to_patch, parts.triangles.uvs))
         return (radiance, *lookups, np.int32(parts.patches.resolution))
 

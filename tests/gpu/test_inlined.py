@@ -22,10 +22,13 @@ EXACT = {
     "max(v, 0.5f).z": lambda a, b: np.maximum(a - b, np.float32(0.5)),
     "fmin(v, v.zxy).x": lambda a, b: np.fmin(a, a - b),
     "fabs(v).z": lambda a, b: np.abs(a - b),
+    "fabs((float8)(v, a, b, v)).s4": lambda a, b: np.abs(b),
     "(float)any(v < 0.0f)": lambda a, b: (a < 0) | (b < 0) | (a - b < 0),
 }
 ROUNDED = {
     "atan2(a, b)": np.arctan2,
+    "atan2(v, v.yzx).x": np.arctan2,
+    "atan2(v, v.yzx).z": lambda a, b: np.arctan2(a - b, a),
     "sinpi(a)": lambda a, b: np.sin(np.pi * a),
     "cospi(a)": lambda a, b: np.cos(np.pi * a),
     "mix(a, b, 0.25f)": lambda a, b: 0.75 * a + 0.25 * b,

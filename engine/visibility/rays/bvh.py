@@ -18,7 +18,7 @@ _FAR, _CHUNK = 8, 32
 #: Items of a work group; fewer where the device's limit is lower.
 _GROUP = 256
 
-#: Clusters left when merging ends. These are split from the top down: better boxes, but slower to make.
+#: Of at most so many triangles none are merged: their tree is split from the top down.
 _TOP = 2048
 
 #: If a round merges less than this fraction of the clusters, all merge in pairs instead, to bound the depth.
@@ -54,16 +54,18 @@ class Shape:
     packet  triangles of a leaf that are tested at a time: 1, 2, 4 or 8
     leaf    most triangles of a leaf, at most 7 packets
     cost    of a packet's test relative to a node's
+    top     clusters left when merging ends; these are split from the top down: better boxes, slower to make
     """
 
     width: int
     packet: int
     leaf: int
     cost: float
+    top: int = 2048
 
 
 #: A processor tests as many boxes and triangles at a time as its vectors hold; a graphics card's items one.
-_PROCESSOR = Shape(8, 8, 8, 0.5)
+_PROCESSOR = Shape(8, 8, 8, 0.5, 512)
 _GRAPHICS = Shape(2, 1, 2, 0.5)
 
 
@@ -176,7 +178,8 @@ class _Builder:
             "single_clusters", stride, self._positions, keys, np.uint64(mask), rows,
             np.int32(stride), cluster, *nodes, np.int32(count),
         )  # fmt: skip
-        while count > _TOP:
+        fewest = self._shape.top if count > _TOP else count
+        while count > fewest:
             self._run("best_neighbours", count, rows, np.int32(stride), best, np.int32(count))
             for paired in (np.int32(0), np.int32(1)):
                 chunks = -(-count // _CHUNK)

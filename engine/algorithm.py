@@ -12,12 +12,15 @@ import numpy as np
 from .device.devices import Devices
 from .device.values import Values
 from .direct.contact import NearFaces
+from .direct.emitters import BrightTriangles
 from .direct.lighting import DirectLighting
+from .direct.split_light import split_light
 from .finish.made_outputs import Outputs
 from .finish.outputs import output_names
 from .finish.store import LightmapStore
 from .lightmap import Lightmap, Report
 from .patches.occluders import place_occluders
+from .patches.subdivision import Subdivision
 from .plan.choice import Choice
 from .plan.choose import choose_solver
 from .plan.display_light import DisplayLight, light_in_texels
@@ -36,10 +39,11 @@ from .progress import Progress
 from .scene.model import Scene
 from .settings import Settings
 from .solve.solution import Solution
+from .visibility.rays.ray_scene import RayScene
 
-#: Sends a scene that occluders have their places in to other processes; returns what uses their devices for a
-#: number of patches.
-Ship = Callable[[Scene], Callable[[int], RemoteDevices]]
+#: Sends a scene that occluders have their places in to other processes; returns what sends them the patches,
+#: of whose light some is sampled, and uses their devices.
+Ship = Callable[[Scene], Callable[[Subdivision, RayScene, BrightTriangles], RemoteDevices]]
 
 
 def bake(
@@ -86,7 +90,7 @@ def _bake(
     atlases, scene = scene.atlases, place_occluders(scene, settings.resolution)
     check_limits(graphics, compute, scene, settings)
 
-    # Other processes make the patches meanwhile, too.
+    # Other processes make what casts rays through it meanwhile.
     shipped = ship and ship(scene)
 
     # Texture space subdivision: which texels are patches, and where they are (III.A, IV.A).
@@ -100,12 +104,11 @@ def _bake(
     # Lamps, small bright surfaces and bright sky are sampled with shadow rays (direct light). The room
     # appears in it, while it is still to be found what patches see of each other.
     rays = kept.ray_scene(compute, parts)
-    remote = shipped and shipped(len(parts.patches))
+    split = split_light(scene.world, parts, settings, kept.bright_triangles, kept.split_sky)
+    remote = shipped and shipped(parts, rays, split.bright)
     in_squares = remote is not None and shared_width(settings, len(parts.patches)) > 1
     meanwhile = partial(kept.inside, rays) if in_squares else None
-    lighting = DirectLighting(
-        scene, parts, rays, settings, remote, kept.bright_triangles, kept.split_sky, meanwhile
-    )
+    lighting = DirectLighting(scene, parts, rays, settings, remote, split, meanwhile)
     outputs = Outputs(scene, settings, lighting)
     lighting.follow(kept.sampled if settings.warm_start else None)
     sampled = yield from _direct_light(stages, store, outputs, lighting, last)

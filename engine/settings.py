@@ -180,8 +180,9 @@ class Settings:
         False,
         "Adaptive",
         "On a processor, solve bounces for squares of 4 x 4 patches with three times the rays; only patches "
-        "around which the light of these does not lie in a plane gather for themselves. Off, on a card, and "
-        "in maps of fewer than 16,384 texels on surfaces, every patch gathers",
+        "around which the light of these does not lie in a plane gather for themselves. In maps of fewer "
+        "than 16,384 texels on surfaces all gather and, without Denoise, have the light of planes through "
+        "that of their neighbors where these fit. Off, and on a card, every patch gathers",
         Switch(),
     )
     light_samples: int = described(

@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pyopencl as cl
 
+from ..short_rows import any_in_rows
 from .compute import Compute
+
+#: Of arrays with this many rows about so many are looked at: if fewer than this part of them are not black,
+#: the rows that are not are uploaded alone.
+_MANY, _ASKED, _FEW = 1 << 16, 1 << 10, 0.1
 
 
 def upload(compute: Compute, values: np.ndarray) -> cl.Buffer:
@@ -47,18 +52,43 @@ def upload_once(compute: Compute, values: np.ndarray) -> cl.Buffer:
 
 def upload_float4(compute: Compute, values: np.ndarray, first: int = 0, last: int = 0) -> cl.Buffer:
     """Return (n, 3) float32 as (first + n + last, 4): rows of zeros around the values; the fourth is 0."""
-    count = first + len(values) + last
+    count, values = first + len(values) + last, values.astype(np.float32, copy=False)
+    if _seems_sparse(values):
+        return _sparse_float4(compute, values, first, count)
     wide = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count)
     (widen,) = compute.kernels("widen.cl", "widen")
-    narrow = upload(compute, values.astype(np.float32, copy=False))
+    narrow = upload(compute, values)
     sizes = (first, len(values), count)
     compute.run(widen, count, narrow, wide, *map(np.int32, sizes))
     return wide
 
 
+def _seems_sparse(values: np.ndarray) -> bool:
+    """Return whether few rows of (n, 3) are not black, as far as some of them tell: few patches emit."""
+    if len(values) < _MANY:
+        return False
+    some = values[:: len(values) // _ASKED]
+    return np.count_nonzero(any_in_rows(some)) < _FEW * len(some)
+
+
+def _sparse_float4(compute: Compute, values: np.ndarray, first: int, count: int) -> cl.Buffer:
+    """Return `count` float4 on the device, 0 but for the rows of values, (n, 3) float32, that are not."""
+    wide, places = zeros(compute, 16 * count), np.flatnonzero(any_in_rows(values))
+    if len(places):
+        (put,) = compute.kernels("widen.cl", "put_colors")
+        arrays = upload(compute, values[places]), upload(compute, places.astype(np.uint32))
+        compute.run(put, len(places), *arrays, np.int32(first), wide, np.int32(len(places)))
+    return wide
+
+
 def upload_float4_once(compute: Compute, values: np.ndarray, first: int = 0) -> cl.Buffer:
     """Return the one buffer that `upload_float4` makes of an array that nobody changes."""
-    return compute.shared.of(values, f"float4 from {first}", lambda: upload_float4(compute, values, first))
+    return compute.shared.of(values, _float4_form(first), lambda: upload_float4(compute, values, first))
+
+
+def _float4_form(first: int) -> str:
+    """Return what `SharedBuffers` calls float4 with rows of zeros before them."""
+    return f"float4 from {first}"
 
 
 def download_colors(compute: Compute, wide: cl.Buffer, count: int, planes: int = 1) -> np.ndarray:
@@ -67,6 +97,18 @@ def download_colors(compute: Compute, wide: cl.Buffer, count: int, planes: int =
     (kernel,) = compute.kernels("widen.cl", "narrow")
     compute.run(kernel, planes * count, wide, np.int32(planes), np.int32(count), narrow)
     return download(compute, narrow, (planes, count, 3))
+
+
+def download_colors_once(compute: Compute, wide: cl.Buffer, count: int) -> np.ndarray:
+    """Return the first three numbers of float4, (count, 3) float32, of which the fourth becomes 0.
+
+    Nobody changes the array: whoever uploads it once as float4 gets the buffer that it came from.
+    """
+    colors: np.ndarray = download_colors(compute, wide, count)[0]
+    (clear,) = compute.kernels("widen.cl", "clear_fourth")
+    compute.run(clear, count, wide, np.int32(count))
+    compute.shared.of(colors, _float4_form(0), lambda: wide)
+    return colors
 
 
 def zeros(compute: Compute, size: int) -> cl.Buffer:

@@ -39,6 +39,17 @@ class DeviceValues:
         self._compute.shared.of(colors, "rows", lambda: self.buffer)
         return colors
 
+    @property
+    def fourth(self) -> np.ndarray:
+        """The fourth number of each row, (n,) float32, in the memory of the host; rows have four."""
+        if "rows" in vars(self):
+            return np.ascontiguousarray(self.rows[:, 3])
+        compute = self._compute
+        (kernel,) = compute.kernels("widen.cl", "take_fourth")
+        taken = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * max(1, self._count))
+        compute.run(kernel, self._count, self.buffer, taken, np.int32(self._count))
+        return download(compute, taken, (self._count,))
+
     def some(self, chosen: np.ndarray) -> np.ndarray:
         """Return the colours of some points, (k,) int64, as (k, 3) float32 of the host."""
         if "rows" in vars(self) or not len(chosen):

@@ -10,6 +10,7 @@ from ..patches.subdivision import Subdivision
 from ..patches.texel_pieces import TexelClipper, TexelPieces, joined_pieces
 from ..portable import Portable
 from ..scene.triangles import Triangles
+from ..short_rows import row_products
 from .light_edges import PatchLight, find_edges
 from .texel_points import place_points
 
@@ -133,7 +134,7 @@ def _shows_several(parts: Subdivision, border: TexelPieces, own: np.ndarray) -> 
     first = np.r_[True, np.diff(key[order]) > 0][: len(key)]
     leader = order[np.maximum.accumulate(np.where(first, np.arange(len(key)), 0))]
     normals = parts.geometry.steps.geometric[border.triangle]
-    bent = (normals[order] * normals[leader]).sum(axis=1) < _FLAT
+    bent = row_products(normals[order], normals[leader]) < _FLAT
     several = (covered > 0) & (covered < _WHOLE)
     several[key[order[bent]]] = True
 

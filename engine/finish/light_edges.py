@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.buffers import download, upload, zeros
+from ..device.buffers import download, upload, upload_once, zeros
 from ..device.compute import Compute
 
 #: Light has an edge where it differs from the mean of its neighbours by more than this part.
@@ -54,7 +54,8 @@ class PatchLight:
 def find_edges(compute: Compute, entries: np.ndarray, known: PatchLight) -> tuple[np.ndarray, np.ndarray]:
     """Return texels on an edge, and those at an end of their chart along an axis, two (atlases, r, r) bool.
 
-    entries  (atlases, r, r) uint32, the patch + 1 of each texel; 0 for none, which is at an end
+    entries  (atlases, r, r) uint32, the patch + 1 of each texel; 0 for none, which is at an end; nobody
+             changes it
 
     An edge is where light or the backs in view are not the mean of the neighbours', and both sides of a
     border of what is hidden. Light around a texel at the border of its chart that is less even than elsewhere
@@ -70,9 +71,10 @@ def find_edges(compute: Compute, entries: np.ndarray, known: PatchLight) -> tupl
     off, noise, marks = (zeros(compute, size) for size in sizes)
 
     # How far light is off the mean of its neighbours, how much of that is noise, and what is more.
-    values = (values.astype(np.float32, copy=False) for values in (known.light, known.front))
+    light, front = (values.astype(np.float32, copy=False) for values in (known.light, known.front))
     least = np.float32(_DARK * float(known.light.mean()))
-    buffers = [upload(compute, array) for array in (entries, *values, known.hidden.view(np.uint8))]
+    arrays = light, front, known.hidden.view(np.uint8)
+    buffers = [upload_once(compute, entries), *(upload(compute, array) for array in arrays)]
     compute.run_texels(find, entries.shape, *buffers, least, off, marks)
     in_blocks = atlases, blocks, blocks
     compute.run_texels(tell_noise, in_blocks, buffers[0], off, np.int32(side), noise)

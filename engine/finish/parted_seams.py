@@ -8,8 +8,10 @@ from ..device.buffers import download, upload, zeros
 from ..device.compute import Compute
 from ..patches.seams import Seams
 from ..patches.subdivision import Subdivision
+from ..short_rows import all_in_rows
 from ..visibility.rays.ray_scene import RayScene
 from .bilinear import footprints
+from .device_images import DeviceTexels
 
 #: Light on both sides of a seam is another one if it differs by more than this part.
 _DIFFERS = 0.25
@@ -27,40 +29,43 @@ _SURFACE, _KNOWN = 1, 2
 
 
 def without_parted(
-    seams: Seams, parts: Subdivision, rays: RayScene, light: np.ndarray, known: np.ndarray, hidden: np.ndarray
+    seams: Seams,
+    parts: Subdivision,
+    rays: RayScene,
+    light: DeviceTexels,
+    known: np.ndarray,
+    hidden: np.ndarray,
 ) -> Seams:
     """Return seams without those that something stands on which parts the light of both sides, or hides one.
 
     parts   the patches, of which `rays` knows the triangles
-    light   (atlases, r, r, 1) float32, what texels show, sum of the channels
+    light   what texels show, sum of the channels
     known   (atlases, r, r) bool, texels that show what is seen of them
     hidden  (m,) bool, patches that nobody sees, of those on the lightmaps
     """
     if not len(seams):
         return seams
     entries = parts.patches.on_texels(len(known))
-    marks = _compared(rays.compute, seams, light[..., 0], _KNOWN * known + _SURFACE * (entries > 0))
+    texels = np.where(known, np.uint8(_KNOWN), np.uint8(0)) | (entries > 0).view(np.uint8)
+    marks = _compared(rays.compute, seams, light, texels)
     some = np.flatnonzero(marks)
     beside = _patches_beside(seams.part(some), entries, known)
-    both = (beside >= 0).all(axis=1)
+    both = all_in_rows(beside >= 0)
     some, beside = some[both], beside[both]
 
     # Where light differs, or nobody sees it, and both patches are inside, that is of what stands between.
-    stands = (marks[some] & _OTHER_LIGHT > 0) & hidden[beside].all(axis=1)
+    stands = (marks[some] & _OTHER_LIGHT > 0) & all_in_rows(hidden[beside])
     kept = np.ones(len(seams), bool)
     kept[some] = ~(stands | _something_between(parts, rays, beside))
     return seams.part(kept)
 
 
-def _compared(compute: Compute, seams: Seams, light: np.ndarray, texels: np.ndarray) -> np.ndarray:
-    """Return the marks of seams, (p,) uint8, from light and marks of texels, (atlases, r, r)."""
+def _compared(compute: Compute, seams: Seams, light: DeviceTexels, texels: np.ndarray) -> np.ndarray:
+    """Return the marks of seams, (p,) uint8, from light and marks of texels, (atlases, r, r) uint8."""
     (kernel,) = compute.kernels(("footprint.cl", "seam_sides.cl"), "compare_sides")
     found = zeros(compute, 4 * (len(seams) // 4 + 1))
-    arrays = (
-        seams.texel.astype(np.float32), seams.atlas.astype(np.int32, copy=False),
-        np.ascontiguousarray(light, np.float32), texels.astype(np.uint8),
-    )  # fmt: skip
-    buffers = [upload(compute, array) for array in arrays]
+    sides = seams.texel.astype(np.float32), seams.atlas.astype(np.int32, copy=False)
+    buffers = [*(upload(compute, array) for array in sides), light.buffer, upload(compute, texels)]
     size = np.int32(texels.shape[-1]), np.int32(len(seams))
     compute.run(kernel, len(seams), *buffers, np.float32(_DIFFERS), found, *size)
     return download(compute, found, (len(seams) // 4 + 1,)).view(np.uint8)[: len(seams)]

@@ -9,6 +9,7 @@ import pyopencl as cl
 
 from ..device.buffers import download, upload_once
 from ..patches.geometry import PatchGeometry
+from ..short_rows import row_products
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receivers import RECEIVER_SOURCE
 
@@ -37,6 +38,8 @@ class WaysOut:
 
     def without(self, points: np.ndarray) -> WaysOut:
         """Return the ways of all but some points, (s,) bool, which are not inside of anything."""
+        if not points.any():
+            return self
         return WaysOut(
             np.where(points[:, None], np.float32(0), self.offset),
             np.where(points, np.float32(np.inf), self.thickness),
@@ -66,8 +69,14 @@ def ways_out(scene: RayScene, count: int, reach: float, normals: np.ndarray) -> 
     wall, side, inside = np.empty(count, np.int32), np.empty((count, 2), np.int32), np.empty(count, bool)
     for array, buffer in zip((wall, side, inside), found, strict=True):
         cl.enqueue_copy(compute.queue, array, buffer)
-    apart = (normals[side[:, 0]] * normals[side[:, 1]]).sum(axis=1) < _APART
-    return WaysOut(way[:, :3].copy(), np.where(apart, way[:, 3], np.float32(np.inf)), wall, inside)
+
+    # Few points are near sides of anything.
+    thickness = np.full(count, np.inf, np.float32)
+    between = np.flatnonzero(inside)
+    one, other = normals[side[between]].transpose(1, 0, 2)
+    apart = between[row_products(one, other) < _APART]
+    thickness[apart] = way[apart, 3]
+    return WaysOut(way[:, :3].copy(), thickness, wall, inside)
 
 
 def pushed_barycentrics(geometry: PatchGeometry, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -35,7 +35,8 @@ def is_hidden(front: np.ndarray, near: NearFaces) -> np.ndarray:
 class LightmapStore:
     """The images of every atlas of the user's; patches of occluders lie in further ones, which are left out.
 
-    has_patch  (atlases, r, r) bool, texels that are patches
+    has_patch   (atlases, r, r) bool, texels that are patches
+    keeps_fill  whether what fills images is kept for the next one with the same texels
     """
 
     def __init__(
@@ -48,12 +49,13 @@ class LightmapStore:
         self._dilations: list[Dilation] = []
         self._gutters: DeviceImages | None = None
         self._filled_last: tuple[np.ndarray, DeviceImages] | None = None
+        self.keeps_fill = False
         self._no_means = TexelMeans(no_samples(), np.zeros(0, bool), patches.resolution)
-        self._hidden = np.zeros(len(self._texel), bool)
+        self._hidden, self._hidden_texels = np.zeros(len(self._texel), bool), self._texel[:0]
         self._dark = np.zeros(len(patches), bool)
         self.begin_anew()
         on_texels = patches.on_texels(atlases)
-        self.has_patch, self._entry = on_texels > 0, on_texels.ravel()
+        self.has_patch, self._entry = on_texels > 0, on_texels.ravel().copy()
         self._visible = self._entry[self._texel]
 
     def suits(self, patches: PatchList, atlases: int, dilation: int) -> bool:
@@ -69,6 +71,11 @@ class LightmapStore:
         self._thin_texels = self._texel[:0]
         self._dilations, self._gutters = [], None
 
+    def show_all(self) -> None:
+        """Hide no patch, until `hide` says which."""
+        self._show_but(np.zeros(len(self._patches), bool))
+        self._fill(self._dark)
+
     def hide(self, front: np.ndarray, near: NearFaces) -> None:
         """Choose the patches whose texels are filled for display.
 
@@ -78,16 +85,21 @@ class LightmapStore:
 
         Those of before are chosen no more: faces move away.
         """
-        if not same_values(near.hide, self._dark):
-            self._entry[self._texel] = np.where(near.hide[self._chosen], 0, self._visible)
-            self._device, self._dark = None, near.hide
+        self._show_but(near.hide)
         self._fill(is_hidden(front, near))
+
+    def _show_but(self, dark: np.ndarray) -> None:
+        """Show patches but for dark ones, (n,) bool."""
+        if not same_values(dark, self._dark):
+            self._entry[self._texel] = np.where(dark[self._chosen], 0, self._visible)
+            self._device, self._dark = None, dark
 
     def _fill(self, hidden: np.ndarray) -> None:
         """Choose the patches, (n,) bool, whose texels are filled for display."""
         hidden = hidden[self._chosen]
         if not np.array_equal(hidden, self._hidden):
-            self._hidden, self._dilations, self._gutters = hidden, [], None
+            self._hidden, self._hidden_texels = hidden, self._texel[hidden]
+            self._dilations, self._gutters = [], None
 
     def image(self, values: Values) -> np.ndarray:
         """Return the patches' values, (n, 3) or (n,), as (atlases, r, r, 3) float32, 0 elsewhere."""
@@ -132,6 +144,13 @@ class LightmapStore:
                 self._walls.fit(texels, samples)
         return images
 
+    def texels_on_device(self, values: Values, samples: np.ndarray | None) -> DeviceTexels:
+        """Return what `texels` does, on the device; raises AssertionError without one."""
+        assert self._compute is not None
+        if samples is not None and self._walls is not None:
+            return texels_of(self._compute, self.texels(values, samples))
+        return self._on_patches(self._compute, values, samples)
+
     def final(self, texels: np.ndarray) -> np.ndarray:
         """Return what `texels` returned as the images to keep; see `hide_seams`."""
         if self._fit is None:
@@ -170,7 +189,7 @@ class LightmapStore:
     def known(self) -> np.ndarray:
         """Texels that show what is seen of them, (atlases, r, r) bool; all others are filled."""
         known = self.has_patch.copy()
-        known.ravel()[self._texel[self._hidden]] = False
+        known.ravel()[self._hidden_texels] = False
         known.ravel()[self._means.hidden] = False
         known.ravel()[self._means.texels] = True
         return known
@@ -184,23 +203,22 @@ class LightmapStore:
 
     @property
     def _plain(self) -> np.ndarray:
-        """Which chosen patches count, in texels that show their centres alone, (m,) bool."""
-        refined = np.zeros(self.has_patch.size, bool)
-        refined[self._means.texels] = refined[self._means.hidden] = True
-        plain: np.ndarray = ~self._hidden & ~refined[self._texel]
+        """Texels that show the centre of a patch that is seen, and nothing more, (atlases * r * r,) bool."""
+        plain = self.has_patch.flatten()
+        for others in (self._hidden_texels, self._means.texels, self._means.hidden):
+            plain[others] = False
         return plain
 
     def _light_points(self, thin: np.ndarray, points: LightmapPoints) -> tuple[np.ndarray, LightmapPoints]:
         """Return which texels show their light at their centre, (atlases, r, r) bool; thin ones' points."""
-        plain = self._plain
-        counts = np.zeros(len(self._patches), bool)
-        counts[self._chosen] = plain
-        points = points.part(counts[thin])
+        centres = self._plain
+        counts = thin < len(self._texel)
+        counts[counts] = centres[self._texel[thin[counts]]]
+        points = points.part(counts)
         texels = points.texels(self._patches.resolution)
         order = np.argsort(texels, kind="stable")
         self._thin_texels = texels[order]
-        centres = np.zeros(self.has_patch.size, bool)
-        centres[self._texel[plain]] = centres[self._means.shown] = True
+        centres[self._means.shown] = True
         centres[self._thin_texels] = False
         return centres.reshape(self.has_patch.shape), points.part(order)
 
@@ -249,7 +267,7 @@ class LightmapStore:
             if last is None or not np.array_equal(last[0], known):
                 fill = DeviceFill(compute, known, known, np.zeros_like(known), self._rings, self._rings)
                 last = known, DeviceImages(compute, known, fill)
-            self._filled_last, self._gutters = last, last[1]
+            self._filled_last, self._gutters = last if self.keeps_fill else None, last[1]
         return self._gutters
 
     def _filled(self, compute: Compute, outputs: Sequence[DeviceTexels]) -> np.ndarray:

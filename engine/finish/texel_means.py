@@ -54,10 +54,9 @@ class TexelMeans:
         self._target = np.concatenate([(np.cumsum(near) - 1)[there] for _, there, _ in steps])
         back = [np.tile(np.negative(step, dtype=float), (len(there), 1)) for _, there, step in steps]
         self._step = np.concatenate(back)
-        seen = samples.part(chosen)
         hardly_seen = np.delete(self._cut, mostly_seen)
         beyond = np.concatenate([hardly_seen, np.arange(len(self.texels), len(self.shown))])
-        self._beyond = TexelsBeyond(seen, self.shown, beyond, resolution)
+        self._beyond = TexelsBeyond(samples, chosen, self.shown, beyond, resolution)
 
     @cached_property
     def hidden(self) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..runs import run_numbers, run_starts
 from ..segment_sums import segment_sums
+from ..short_rows import column_range
 
 #: Variance of places, texels squared, which light has no slope over: that of noise stays small.
 _STEADY = 0.003
@@ -103,8 +104,8 @@ class TexelPlanes:
             low[there] = np.minimum(low[there], least[texel])
             high[there] = np.maximum(high[there], most[texel])
         beyond = _BEYOND * (high - low)
-        low = np.maximum(low - beyond, [column.min() for column in values.T])
-        high = np.minimum(high + beyond, [column.max() for column in values.T])
+        darkest, brightest = column_range(values)
+        low, high = np.maximum(low - beyond, darkest), np.minimum(high + beyond, brightest)
         within: np.ndarray = np.clip(light, low[number], high[number])
         return within
 

@@ -9,6 +9,10 @@ import numpy as np
 from ..patches.texel_pieces import TexelClipper, TexelPieces
 from ..runs import run_numbers, run_starts
 from ..scene.triangles import Triangles
+from ..short_rows import nonzero_entries
+
+#: A piece that covers more of its texel than this holds all points of a grid.
+_FILLED = 0.9999
 
 #: A texel has a grid where at least this part of the grid's points lie on a triangle.
 _GRID_FROM = 0.75
@@ -31,22 +35,45 @@ def place_points(
     and its barycentrics (s, 3) float64, in the order of the pieces.
     """
     texel = _numbers_of_texels(pieces, resolution)
+    filling = (pieces.area > _FILLED) & (np.bincount(texel)[texel] == 1)
+    whole, parted = np.flatnonzero(filling), np.flatnonzero(~filling)
+    every = _whole_grid(triangles, pieces.part(whole), resolution, math.isqrt(points))
+    found = [(np.repeat(whole, points), np.full(len(every), 1 / points), every)]
+    if len(parted):
+        of_texel = _numbers_of_texels(pieces.part(parted), resolution)
+        piece, weight, barycentric = _in_parts(
+            clipper, triangles, pieces.part(parted), resolution, of_texel, points
+        )
+        found.append((parted[piece], weight, barycentric))
+    piece, weight, barycentric = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
+    order = np.argsort(piece, kind="stable")
+    return piece[order], weight[order], barycentric[order]
+
+
+def _in_parts(
+    clipper: TexelClipper,
+    triangles: Triangles,
+    pieces: TexelPieces,
+    resolution: int,
+    texel: np.ndarray,
+    points: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return what `place_points` does, of texels that several pieces or a part of one cover.
+
+    texel: (m,) int64, 0, 1, ... for the pieces of each texel
+    """
     piece, barycentric = _on_grid(triangles, pieces, resolution, texel, math.isqrt(points))
-    count = np.bincount(texel[piece], minlength=int(texel.max(initial=-1)) + 1)
-    gridded = count >= _GRID_FROM * points
+    gridded = np.bincount(texel[piece], minlength=int(texel[-1]) + 1) >= _GRID_FROM * points
     kept = gridded[texel[piece]]
     piece, barycentric = piece[kept], barycentric[kept]
-    weight = np.full(len(piece), 1 / points)
 
     # Charts below a texel, corners of large ones.
     others = np.flatnonzero(~gridded[texel])
-    inside = _within(clipper, pieces.part(others), texel[others], points)
-    piece = np.concatenate([piece, others[inside[0]]])
-    order = np.argsort(piece, kind="stable")
+    inside, weight, within = _within(clipper, pieces.part(others), texel[others], points)
     return (
-        piece[order],
-        np.concatenate([weight, inside[1]])[order],
-        np.concatenate([barycentric, inside[2]])[order],
+        np.concatenate([piece, others[inside]]),
+        np.concatenate([np.full(len(piece), 1 / points), weight]),
+        np.concatenate([barycentric, within]),
     )
 
 
@@ -56,19 +83,36 @@ def _numbers_of_texels(pieces: TexelPieces, resolution: int) -> np.ndarray:
     return np.cumsum(np.diff(key, prepend=key[:1]) > 0)
 
 
+def _grid(side: int) -> np.ndarray:
+    """Return the points of a regular grid in a texel, (side^2, 2) float64, 0 to 1, row by row."""
+    steps = (np.arange(side) + 0.5) / side
+    return np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+
+
+def _whole_grid(triangles: Triangles, pieces: TexelPieces, resolution: int, side: int) -> np.ndarray:
+    """Return the barycentrics of the points of a grid on pieces that fill their texels, (m * side^2, 3)."""
+    grid = _grid(side)
+    points = np.empty((len(pieces), len(grid), 3))
+    for first in range(0, len(pieces), _BATCH):
+        batch = slice(first, first + _BATCH)
+        for axis, one in enumerate(_barycentrics(triangles, pieces.part(batch), resolution, grid)):
+            np.clip(one, 0, 1, out=points[batch, :, axis])
+    return points.reshape(-1, 3)
+
+
 def _on_grid(
     triangles: Triangles, pieces: TexelPieces, resolution: int, texel: np.ndarray, side: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the piece (s,) int64 and the barycentrics (s, 3) of the points of a grid, each on one piece."""
-    steps = (np.arange(side) + 0.5) / side
-    grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    grid = _grid(side)
     found = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3)))]
     for first in range(0, len(pieces), _BATCH):
         batch = pieces.part(slice(first, first + _BATCH))
         u, v, w = barycentrics = _barycentrics(triangles, batch, resolution, grid)
-        piece, point = np.nonzero((u >= -_RIM) & (v >= -_RIM) & (w >= -_RIM))
-        inside = np.stack([one[piece, point] for one in barycentrics], axis=1)
-        found.append((first + piece, point, np.clip(inside, 0, 1)))
+        inside = (u >= -_RIM) & (v >= -_RIM) & (w >= -_RIM)
+        piece, point = nonzero_entries(inside)
+        inner = np.stack([one[inside] for one in barycentrics], axis=1)
+        found.append((first + piece, point, np.clip(inner, 0, 1, out=inner)))
     piece, point, barycentric = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
 
     # A point where pieces of a texel meet is on the first of them: what is written last stays.
@@ -87,7 +131,7 @@ def _barycentrics(
     corners = triangles.uvs[pieces.triangle].astype(np.float64) * resolution
     corners -= np.stack([column, row], axis=1)[:, None]
     (x1, y1), (x2, y2) = ((corners[:, k] - corners[:, 0]).T[..., None] for k in (1, 2))
-    x, y = np.moveaxis(places - corners[:, :1], 2, 0)
+    x, y = (places[:, axis] - corners[:, :1, axis] for axis in (0, 1))
     area = x1 * y2 - x2 * y1
     v, w = (x * y2 - x2 * y) / area, (x1 * y - x * y1) / area
     return 1 - v - w, v, w

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..segment_sums import segment_sums
+from ..short_rows import all_in_rows, any_in_rows, column_range, nonzero_entries
 from .bilinear import footprints
 from .display_samples import DisplaySamples
 
@@ -21,34 +22,43 @@ _BEYOND = 2.0
 class TexelsBeyond:
     """Least squares of the display at samples (Kavan, Bargteil and Sloan 2011), by steps of Jacobi's method.
 
-    samples     those that are seen, (m,)
+    samples     of all texels
+    seen        (m,) int64, samples that are seen
     shown       (k,) int64, flat indices of texels that have light
     beyond      (b,) int64, which of these are mostly hidden
     resolution  width of the lightmaps, texels
     """
 
     def __init__(
-        self, samples: DisplaySamples, shown: np.ndarray, beyond: np.ndarray, resolution: int
+        self,
+        samples: DisplaySamples,
+        seen: np.ndarray,
+        shown: np.ndarray,
+        beyond: np.ndarray,
+        resolution: int,
     ) -> None:
         self._beyond = beyond
         number = np.full(len(shown) + 1, -1)
         number[beyond] = np.arange(len(beyond))
 
         # Samples that read such a texel, and nothing without light nor beyond the border of the lightmap.
+        near = _around(samples.keys(resolution)[seen], shown[beyond], resolution)
+        samples = samples.part(seen[near])
         texels, weights = footprints(samples.atlas, samples.position.astype(np.float64), resolution)
         place = np.full(max(texels.max(initial=-1), shown.max(initial=-1)) + 1, -1, np.int32)
         place[shown] = np.arange(len(shown))
         read = place[texels]
         hidden = np.where(number[read] >= 0, weights, 0.0)
-        within = np.abs(samples.position - resolution / 2).max(axis=1) <= resolution / 2 - 0.5
-        lit = ((read >= 0) | (weights == 0)).all(axis=1)
-        self._rows = np.flatnonzero(within & lit & hidden.any(axis=1))
-        self._read, self._weights, hidden = (array[self._rows] for array in (read, weights, hidden))
+        within = all_in_rows(np.abs(samples.position - resolution / 2) <= resolution / 2 - 0.5)
+        lit = all_in_rows((read >= 0) | (weights == 0))
+        chosen = np.flatnonzero(within & lit & any_in_rows(hidden))
+        self._rows = near[chosen]
+        self._read, self._weights, hidden = (array[chosen] for array in (read, weights, hidden))
 
         # Each reading of one by a sample.
-        self._row, corner = np.nonzero(hidden)
+        self._row, corner = nonzero_entries(hidden)
         self._target = number[self._read[self._row, corner]]
-        weight = samples.weight[self._rows].astype(np.float64)[self._row]
+        weight = samples.weight[chosen].astype(np.float64)[self._row]
         self._share = (hidden[self._row, corner] * weight)[:, None]
         total = np.bincount(self._target, self._share[:, 0] * hidden.sum(axis=1)[self._row], len(beyond))
         self._step = 1 / (total[:, None] + _BEFORE)
@@ -60,7 +70,7 @@ class TexelsBeyond:
         """
         if not len(self._rows):
             return light
-        light, least, most = light.copy(), values.min(axis=0), values.max(axis=0)
+        light, (least, most) = light.copy(), column_range(values)
         values = values[self._rows]
         low, high = self._around(light[self._beyond], values)
         low, high = np.maximum(low, least), np.minimum(high, most)
@@ -77,3 +87,17 @@ class TexelsBeyond:
         np.maximum.at(high, self._target, values[self._row])
         beyond = _BEYOND * (high - low)
         return low - beyond, high + beyond
+
+
+def _around(keys: np.ndarray, texels: np.ndarray, resolution: int) -> np.ndarray:
+    """Return which flat indices of texels, (m,), are within 3 x 3 texels around some `texels`, (k,) int64."""
+    if not len(texels) or not len(keys):
+        return keys[:0]
+
+    # Marks of whole rows of an atlas, with a row and a texel before the first and after the last.
+    before = resolution + 1
+    near = np.zeros(max(int(keys.max()), int(texels.max())) + 2 * before + 1, bool)
+    for up in (-resolution, 0, resolution):
+        for right in (-1, 0, 1):
+            near[texels + (before + up + right)] = True
+    return np.flatnonzero(near[keys + before])

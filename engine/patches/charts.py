@@ -49,24 +49,13 @@ class Charts:
 
 
 def read_charts(
-    graphics: Graphics,
-    compute: Compute | None,
-    scene: Scene,
-    triangles: Triangles,
-    settings: Settings,
-    checked: bool = False,
+    graphics: Graphics, compute: Compute | None, scene: Scene, triangles: Triangles, settings: Settings
 ) -> Charts:
-    """Find the texels that charts cover and touch; raises Scene-, Settings-, PatchFileError.
-
-    checked: True if another process looks whether they overlap, and warns
-    """
+    """Find the texels that charts cover and touch; raises Scene-, Settings-, PatchFileError."""
     covered = list_or_load_patches(graphics, scene, triangles, settings)
     own, geometry = covered.on_texels(len(scene.atlases)), patch_geometry(triangles, covered)
     covered = away_from_edges(compute, geometry, covered, own)
-    warnings = list[str]()
-    if not checked:
-        texels = covered_texels(scene, geometry.at(covered))
-        warnings += note_uncovered(scene, texels)
-        warnings += check_overlap(graphics, scene, triangles, covered, texels)
+    texels = covered_texels(scene, geometry.at(covered))
+    warnings = note_uncovered(scene, texels) + check_overlap(graphics, scene, triangles, covered, texels)
     border = border_texels(graphics, triangles, own)
     return Charts(tuple(mesh.name for mesh in scene.meshes), covered, own, border, tuple(warnings))

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from ..device.compute import Compute
+from ..short_rows import any_in_rows
 from .border_texels import BorderTexels, DeviceBorder
 from .geometry import PatchGeometry
 from .host_border_texels import HostBorder
@@ -35,7 +34,7 @@ def away_from_edges(
     texels = DeviceBorder(compute, geometry, border) if compute else HostBorder(geometry, border)
     barycentric = patches.barycentric.copy()
     barycentric[found] = texels.middles(np.arange(len(found)), patches.resolution)
-    return replace(patches, barycentric=barycentric)
+    return patches.moved(barycentric)
 
 
 def _at_ends_of_charts(patches: PatchList, texel_to_patch: np.ndarray, geometry: PatchGeometry) -> np.ndarray:
@@ -52,7 +51,7 @@ def _at_ends_of_charts(patches: PatchList, texel_to_patch: np.ndarray, geometry:
     atlas = patches.atlas[beside][:, None]
     beyond = around[atlas, row[:, None] + 1, column[:, None] + 1 + step[..., 0]] & (step[..., 0] != 0)
     beyond |= around[atlas, row[:, None] + 1 + step[..., 1], column[:, None] + 1] & (step[..., 1] != 0)
-    return beside[((distance < _ON_EDGE) & ~beyond).any(axis=1)]
+    return beside[any_in_rows((distance < _ON_EDGE) & ~beyond)]
 
 
 def _edges(geometry: PatchGeometry, resolution: int) -> tuple[np.ndarray, np.ndarray]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -44,16 +44,34 @@ class PatchList:
         key += self.texel
         return key
 
+    @cached_property
+    def _on_texels(self) -> dict[int, np.ndarray]:
+        """What `on_texels` returned last, by the number of atlases."""
+        return {}
+
     def count_in(self, atlases: int) -> int:
         """Return how many patches are in the first atlases: they come before all others."""
         return int(np.searchsorted(self.key, atlases * self.resolution**2))
 
     def on_texels(self, atlases: int) -> np.ndarray:
-        """Return the patch + 1 on each texel of the first atlases, (atlases, r, r) uint32; 0 for none."""
-        count = self.count_in(atlases)
-        entries = np.zeros((atlases, self.resolution, self.resolution), np.uint32)
-        entries.ravel()[self.key[:count]] = np.arange(1, count + 1, dtype=np.uint32)
-        return entries
+        """Return the patch + 1 on each texel of the first atlases, (atlases, r, r) uint32; 0 for none.
+
+        The same array each time, which nobody can change.
+        """
+        if atlases not in self._on_texels:
+            count = self.count_in(atlases)
+            entries = np.zeros((atlases, self.resolution, self.resolution), np.uint32)
+            entries.ravel()[self.key[:count]] = np.arange(1, count + 1, dtype=np.uint32)
+            entries.flags.writeable = False
+            self._on_texels.clear()
+            self._on_texels[atlases] = entries
+        return self._on_texels[atlases]
+
+    def moved(self, barycentric: np.ndarray) -> PatchList:
+        """Return patches on the same texels and triangles, at other points, (n, 3) float32 barycentrics."""
+        moved = replace(self, barycentric=barycentric)
+        vars(moved).update(key=self.key, _on_texels=self._on_texels)
+        return moved
 
     def part(self, chosen: slice | np.ndarray) -> PatchList:
         """Return some patches, by a mask or their numbers."""

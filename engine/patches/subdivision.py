@@ -44,7 +44,15 @@ class Subdivision:
 
     def part(self, chosen: np.ndarray | slice) -> Subdivision:
         """Return some patches, which see all of them."""
-        return replace(self, patches=self.patches.part(chosen), geometry=self.geometry.part(chosen))
+        return self.seen_from(self.patches.part(chosen), self.geometry.part(chosen))
+
+    def seen_from(self, patches: PatchList, geometry: PatchGeometry) -> Subdivision:
+        """Return other patches on the same triangles, which see these ones."""
+        others = replace(self, patches=patches, geometry=geometry)
+
+        # The index map is the same: its largest number is not looked for again.
+        vars(others)["sources"] = self.sources
+        return others
 
     @cached_property
     def sources(self) -> int:
@@ -58,20 +66,18 @@ def subdivide(
     scene: Scene,
     settings: Settings,
     before: tuple[Subdivision, Scene | None] | None = None,
-    checked: bool = False,
 ) -> Subdivision:
     """Make the patches of a scene (paper, III.A and IV.A); raises Scene-, Settings-, PatchFileError.
 
     before: those of the scene before something moved, by the same settings, and that scene, if it is known.
     Triangles that stay keep their bits, see `join_meshes`; charts that stay are not drawn again.
-    checked: see `read_charts`
     """
     last = before[0] if before else None
     triangles = join_meshes(scene, last.triangles if last else None)
     steps = texel_steps(triangles, settings.resolution)
     charts = last.charts if last else None
     if last is None or charts is None or not charts.suit(scene, triangles, last.triangles):
-        charts, last = read_charts(graphics, compute, scene, triangles, settings, checked), None
+        charts, last = read_charts(graphics, compute, scene, triangles, settings), None
     covered = PatchGeometry(triangles, steps, charts.patches.triangle, charts.patches.barycentric)
     index = index_map(compute, covered, charts, last.index if last else None)
     patches, geometry = index.patches, covered.at(index.patches)

@@ -11,13 +11,20 @@ def cells_around(images: np.ndarray, key: np.ndarray) -> np.ndarray:
     images  (atlases, r, r)
     key     (k,) int64, (atlas * r + row) * r + column, see `PatchList.key`
     """
-    resolution, step = images.shape[-1], np.arange(9)
-    row, column = key // resolution % resolution, key % resolution
-    up, right = step // 3 - 1, step % 3 - 1
-    y, x = row[:, None] + up, column[:, None] + right
-    inside = (y >= 0) & (y < resolution) & (x >= 0) & (x < resolution)
-    values: np.ndarray = images.ravel().take(key[:, None] + up * resolution + right, mode="clip")
-    values[~inside] = 0
+    resolution, flat = images.shape[-1], images.ravel()
+    steps = [(up, right) for up in (-1, 0, 1) for right in (-1, 0, 1)]
+    columns = np.empty((9, len(key)), images.dtype)
+    for column, (up, right) in zip(columns, steps, strict=True):
+        flat.take(key + (up * resolution + right), mode="clip", out=column)
+    values: np.ndarray = columns.T
+
+    # Few texels are at the border of a lightmap.
+    y, x = key // resolution % resolution, key % resolution
+    ends = np.flatnonzero((y == 0) | (y == resolution - 1) | (x == 0) | (x == resolution - 1))
+    for column, (up, right) in zip(columns, steps, strict=True):
+        beyond = (y[ends] + up) % resolution != y[ends] + up
+        beyond |= (x[ends] + right) % resolution != x[ends] + right
+        column[ends[beyond]] = 0
     return values
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -22,7 +23,7 @@ from ..solve.host_radiosity import HostRadiosity
 from ..solve.interpolated_gather import InterpolatedGather
 from ..solve.interpolation import Interpolation
 from ..solve.last_gather import LastGather
-from ..solve.patch_groups import PatchGroups, leaders, numbered
+from ..solve.patch_groups import PatchGroups, SinglePatches, leaders, numbered
 from ..solve.radiosity import Radiosity
 from ..solve.resumed_solver import ResumedSolver
 from ..solve.solution import Solution
@@ -32,7 +33,7 @@ from ..visibility.rays.openness import openness
 from ..visibility.samples import ray_count
 from .choice import Choice
 from .choose_sweep import choose_sweep
-from .memory import MORE_RAYS, group_width, is_adaptive
+from .memory import MORE_RAYS, group_width, is_adaptive, is_smoothed
 from .receivers import Receivers, last_gather, separates_direct
 from .solve_job import SolveJob
 from .stand_ins import stand_ins
@@ -63,7 +64,7 @@ def choose_solver(job: SolveJob) -> tuple[Solution, Choice, SolveJob]:
         return Darkness(job.count), Choice("none", "none", 0, (why,)), job
     width, reasons = group_width(job)
     if width == 1:
-        return *_solver(job), job
+        return *(_smoothed_solution(job) if is_smoothed(job) else _solver(job)), job
     solution, choice, squares = _grouped_solution(job, width)
     return solution, replace(choice, reasons=(*reasons, *choice.reasons)), squares
 
@@ -92,15 +93,17 @@ def _solver(job: SolveJob, find_stand_ins: FindStandIns | None = None) -> tuple[
 def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Choice, SolveJob]:
     """Return what solves for squares of patches, then gathers for each patch."""
     leader = leaders(job.rays, job.parts, job.first_radiance, job.kept.inside(job.rays), width)
-    if job.remote is not None:
-        job.remote.of_groups(leader, width)
     groups = PatchGroups(job.rays, job.parts, job.area, leader, width)
+    emission = groups.mean(job.emission)
+    if job.remote is not None:
+        # Other processes begin to find what groups see; the rest of them is made meanwhile.
+        job.remote.of_groups(groups.leader, groups.texel_to_group, emission)
     squares = replace(
         job,
         settings=_settings_of_groups(job),
         parts=groups.parts,
         rays=groups.rays,
-        emission=groups.mean(job.emission),
+        emission=emission,
         sampled_light=groups.mean(job.sampled_light),
         area=groups.area,
         indirect=None if job.indirect is None else groups.mean(colors_on_host(job.indirect)),
@@ -111,11 +114,20 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Choic
     solver, choice = _solver(squares)
     if is_adaptive(job):
         choice = replace(choice, final_samples=int(_GATHERING * job.count * ray_count(job.settings)))
-        between = _interpolated(job, squares, solver, groups, choice)
+        between = _interpolated(job, squares, solver, choice, _widths(job, groups))
         return GroupedSolution(solver, groups, between), choice, squares
     receivers = Receivers(job.parts, job.rays, job.sampled_light)
     last, samples = last_gather(squares, choice, receivers, job.settings)
     return GroupedSolution(solver, groups, last), replace(choice, final_samples=samples), squares
+
+
+def _smoothed_solution(job: SolveJob) -> tuple[GroupedSolution, Choice]:
+    """Return what solves for every patch; planes then take noise out of the light around each."""
+    solver, choice = _solver(job)
+    between = _interpolated(job, job, solver, choice, [])
+    reasons = (*choice.reasons, "Where the light of patches around each lies in a plane, it has that light.")
+    solution = GroupedSolution(solver, SinglePatches(job.count), between)
+    return solution, replace(choice, reasons=reasons)
 
 
 def _settings_of_groups(job: SolveJob) -> Settings:
@@ -135,27 +147,39 @@ def light_alone(settings: Settings) -> Settings:
     return replace(settings, outputs=settings.light_outputs)
 
 
+#: Squares of patches: the group of each patch, the patch that leads each group, and their width, texels.
+_Squares = tuple[np.ndarray, np.ndarray, int]
+
+
+def _widths(job: SolveJob, groups: PatchGroups) -> list[_Squares]:
+    """Return the squares that are solved as one, and smaller ones."""
+    inside = job.kept.inside(job.rays)
+    smaller = numbered(leaders(job.rays, job.parts, job.first_radiance, inside, _SMALLER))
+    return [(groups.group, groups.leader, groups.width), (*smaller, _SMALLER)]
+
+
 def _interpolated(
-    job: SolveJob, squares: SolveJob, solver: Solver, groups: PatchGroups, choice: Choice
+    job: SolveJob, solved: SolveJob, solver: Solver, choice: Choice, widths: Sequence[_Squares]
 ) -> InterpolatedGather:
-    """Return what gathers for the patches that differ from the groups around them."""
+    """Return what gathers for the patches that differ from those around them.
+
+    solved: patches, or the squares of them that come first in `widths`, of which `solver` tells the light
+    """
 
     def last_of(chosen: np.ndarray) -> LastGather:
         parts = job.parts.part(chosen)
         receivers = Receivers(parts, job.rays.of(parts), job.sampled_light[chosen])
-        return last_gather(squares, choice, receivers, job.settings)[0]
+        return last_gather(solved, choice, receivers, job.settings)[0]
 
-    inside = job.kept.inside(job.rays)
-    smaller = numbered(leaders(job.rays, job.parts, job.first_radiance, inside, _SMALLER))
-    opening = openness(job.rays, _NEAR)
+    # Only groups know nothing of what is near the patches between them.
+    opening = openness(job.rays, _NEAR) if widths else None
     patches = np.arange(job.count)
-    widths = ((groups.group, groups.leader, groups.width), (*smaller, _SMALLER))
     return InterpolatedGather(
         solver,
-        [Interpolation(job.rays, job.parts, *squares_of_width, opening) for squares_of_width in widths],
+        [Interpolation(job.rays, job.parts, *squares, opening) for squares in widths],
         Interpolation(job.rays, job.parts, patches, patches, 1, opening),
         job.sampled_light,
-        squares.sampled_light,
+        solved.sampled_light,
         _TOLERANCE / math.sqrt(ray_count(job.settings)),
         separates_direct(job, job.settings),
         job.settings.directional,

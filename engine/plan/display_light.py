@@ -26,6 +26,7 @@ from ..finish.thin_walls import in_thin_walls, note_thin_walls
 from ..finish.wall_fit import WallFit
 from ..gather.half_light import HalfLight
 from ..progress import part_of
+from ..runs import run_starts
 from ..scene.color import channel_sum
 from ..settings import Settings
 from ..solve.device_light import sent_light
@@ -57,6 +58,7 @@ class DisplayLight:
     visible  (s,) bool, samples that somebody sees
     normals  (s, 3) float32, unit, world space; (0, 3) unless the settings have them denoised
     light    (s,) float32, E/pi of all light, sum of the channels
+    centres  (n,) float32, the same of patches
     inside   (k,) int64, samples in walls that texels cannot part
     values   (s, 3) or (s,) float32 of every output, by name; of none without samples
     hidden   (n,) bool, patches that nobody sees
@@ -69,6 +71,7 @@ class DisplayLight:
     visible: np.ndarray
     normals: np.ndarray
     light: np.ndarray
+    centres: np.ndarray
     inside: np.ndarray
     values: dict[str, np.ndarray]
     hidden: np.ndarray
@@ -116,7 +119,7 @@ def light_in_texels(
         lit = []
         for batch, done in _batches(samples):
             lit.append((yield from part_of(*done, light_at(what, radiance, batch, settings))))
-    return _joined(what, lit, known.hidden, count)
+    return _joined(what, lit, known, count)
 
 
 def _nobody_sees(what: DisplayJob, front: np.ndarray, near: NearFaces) -> np.ndarray:
@@ -189,7 +192,8 @@ def _nothing(*reasons: str) -> DisplayLight:
     """Return the light of no samples, and why there are none."""
     nothing = np.zeros(0, np.float32)
     normals, inside = np.zeros((0, 3), np.float32), nothing.astype(np.int64)
-    return DisplayLight(no_samples(), nothing > 0, normals, nothing, inside, {}, nothing > 0, 1, reasons)
+    found = no_samples(), nothing > 0, normals, nothing, nothing, inside
+    return DisplayLight(*found, {}, nothing > 0, 1, reasons)
 
 
 def radiance_of(solved: SolveJob, settled: np.ndarray, stand_in: np.ndarray | None = None) -> cl.Buffer:
@@ -228,7 +232,7 @@ def light_at(
     return LitSamples(points.samples, ways, visible, normals, last.irradiance, values)
 
 
-def _joined(what: DisplayJob, lit: list[LitSamples], hidden: np.ndarray, count: int) -> DisplayLight:
+def _joined(what: DisplayJob, lit: list[LitSamples], known: PatchLight, count: int) -> DisplayLight:
     """Return the light of all batches, and what the report says of it."""
     samples = joined_samples([batch.samples for batch in lit])
     ways = joined_ways([batch.ways for batch in lit])
@@ -240,14 +244,14 @@ def _joined(what: DisplayJob, lit: list[LitSamples], hidden: np.ndarray, count: 
     parts = what.job.parts
     keys = samples.keys(parts.patches.resolution)
     reason = (
-        f"Light was gathered at {len(keys):,} more points, of {len(np.unique(keys)):,} texels that show "
+        f"Light was gathered at {len(keys):,} more points, of {len(run_starts(keys)):,} texels that show "
         "more than their centre."
     )
     light = channel_sum(irradiance)
     inside = in_thin_walls(parts, samples, ways, visible, light)
     warnings = note_thin_walls(what.scene, parts, samples, ways, inside)
-    found = samples, visible, normals, light, inside, values
-    return DisplayLight(*found, hidden, count, (reason,), tuple(warnings))
+    found = samples, visible, normals, light, known.light, inside, values
+    return DisplayLight(*found, known.hidden, count, (reason,), tuple(warnings))
 
 
 def _settings_of_samples(settings: Settings, count: int) -> Settings:

@@ -14,6 +14,7 @@ from ..patches.geometry import PatchGeometry, TexelSteps
 from ..patches.patch_list import PatchList
 from ..scene.model import Scene
 from ..settings import Settings
+from ..short_rows import any_in_rows
 from .choice import Choice
 from .solve_job import SolveJob
 
@@ -65,7 +66,7 @@ class DisplayPoints:
         patches = PatchList(
             parts.patches.resolution, samples.atlas, samples.texel, samples.triangle, samples.barycentric
         )
-        self.samples, self.parts = samples, replace(parts, patches=patches, geometry=geometry)
+        self.samples, self.parts = samples, parts.seen_from(patches, geometry)
         self.rays = self._job.rays.of(self.parts)
 
     def push_out(self, lit: np.ndarray) -> WaysOut:
@@ -75,7 +76,7 @@ class DisplayPoints:
         """
         samples, parts = self.samples, self.parts
         ways = ways_out(self.rays, len(samples), self._side, self._steps.geometric).without(lit)
-        inside = np.flatnonzero(ways.offset.any(axis=1))
+        inside = np.flatnonzero(any_in_rows(ways.offset))
         if not len(inside):
             return ways
         moved, stays = pushed_barycentrics(parts.geometry.part(inside), ways.offset[inside])

@@ -48,7 +48,7 @@ class Finishing:
         if len(lit.samples):
             store.refine(lit.means(store.has_patch.shape[1]), lit.hidden)
         if len(lit.inside):
-            store.part(lit.beside_walls(self._light_shown(), store.known))
+            store.part(lit.beside_walls(store.texels(*self._light_of_texels()), store.known))
         self._denoising = Denoising(store.known, self._job.settings)
 
     @property
@@ -110,9 +110,11 @@ class Finishing:
         if not self._job.rays.possible:
             return seams
         store, job = self._store, self._job
-        return without_parted(seams, job.parts, job.rays, self._light_shown(), store.known, store.hidden)
+        light = store.texels_on_device(*self._light_of_texels())
+        return without_parted(seams, job.parts, job.rays, light, store.known, store.hidden)
 
-    def _light_shown(self) -> np.ndarray:
-        """Return what texels show of all light, (atlases, r, r, 1) float32, sum of the channels."""
-        light = channel_sum(self._solution.irradiance)
-        return self._store.texels(light, self._lit.light if len(self._lit.samples) else None)
+    def _light_of_texels(self) -> tuple[np.ndarray, np.ndarray | None]:
+        """Return all light of the patches, (n,), and of samples, (s,) or None, sum of the channels."""
+        if not len(self._lit.samples):
+            return channel_sum(self._solution.irradiance), None
+        return self._lit.centres, self._lit.light

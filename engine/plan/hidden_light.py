@@ -10,6 +10,7 @@ import pyopencl as cl
 from ..patches.texels_around import entries_around
 from ..scene.color import channel_sum
 from ..segment_sums import segment_sums
+from ..short_rows import any_in_rows
 from ..solve.device_light import replace_radiance
 from .display_points import DisplayJob
 from .solve_job import SolveJob
@@ -34,23 +35,26 @@ class HiddenLight:
 
     def __init__(self, what: DisplayJob, hidden: np.ndarray) -> None:
         parts, self._hidden, self._solved = what.job.parts, np.flatnonzero(hidden), what.solved
-        beside = entries_around(parts.texel_to_patch, parts.patches.key[self._hidden])
+        entries = entries_around(parts.texel_to_patch, parts.patches.key[self._hidden])
 
-        # Hidden patches and those around them are numbered from 1 on, in the order of all patches.
+        # Most are far from what is seen, and stay black.
+        self._reached = _within_reach(hidden, self._hidden, entries)
+        reached, beside = self._hidden[self._reached], entries[self._reached]
+
+        # The others and the patches around them are numbered from 1 on, in the order of all patches.
         near = np.zeros(len(hidden) + 1, bool)
-        near[beside] = near[self._hidden + 1] = True
+        near[beside] = near[reached + 1] = True
         near[0] = False
         chosen = np.flatnonzero(near)
         number = np.zeros(len(near), np.int64)
         number[chosen] = np.arange(1, len(chosen) + 1)
-        self._mine, self._beside = number[self._hidden + 1] - 1, number[beside]
+        self._mine, self._beside = number[reached + 1] - 1, number[beside]
         self._visible = ~hidden[chosen - 1]
 
         # The patch or the group that sends out the light of each.
         self._sender, self._groups = chosen - 1, None
-        if len(chosen) and what.solved is not what.job:
-            entries = what.solved.parts.texel_to_patch.ravel()
-            group = entries.take(parts.patches.key)
+        if len(self._hidden) and what.solved is not what.job:
+            group = what.solved.parts.texel_to_patch.ravel().take(parts.patches.key)
             self._sender = group[chosen - 1].astype(np.int64) - 1
             self._groups = _HiddenGroups(group, self._hidden)
 
@@ -92,8 +96,10 @@ class HiddenLight:
         light: (m, 3 g) float32, of all of them
         """
         near = light[self._sender]
-        brightest = float(channel_sum(near).max())
-        of_hidden = self._beside_hidden(near, max(_FAINTEST * brightest, 1e-30))
+        of_hidden = np.zeros((len(self._hidden), light.shape[1]), np.float32)
+        if len(near):
+            brightest = float(channel_sum(near).max())
+            of_hidden[self._reached] = self._beside_hidden(near, max(_FAINTEST * brightest, 1e-30))
         if self._groups:
             return self._groups.changed, self._groups.mean(light, of_hidden)
         return self._hidden, of_hidden
@@ -107,7 +113,7 @@ class HiddenLight:
         total = channel_sum(light)
         for _ in range(_REACH):
             counts = (beside > 0) & known[beside - 1]
-            reached = counts.any(axis=1)
+            reached = any_in_rows(counts)
             mine, near, counts = left[reached], beside[reached], counts[reached].astype(np.float32)
             sums = np.einsum("hk,hkc->hc", counts, light[near - 1])
             light[mine] = sums * _darkened(total[near - 1], counts, faintest)[:, None]
@@ -116,6 +122,21 @@ class HiddenLight:
             left, beside = left[~reached], beside[~reached]
         light[left] = 0
         return light[self._mine]
+
+
+def _within_reach(hidden: np.ndarray, patches: np.ndarray, entries: np.ndarray) -> np.ndarray:
+    """Return the rows of hidden patches, (k,) int64, that visible ones are near, see `_REACH`.
+
+    hidden   (n,) bool
+    patches  (h,) int64, the hidden ones
+    entries  (h, 9) int64, what is around each, see `entries_around`
+    """
+    known = np.concatenate([[False], ~hidden])
+    reached = np.zeros(len(patches), bool)
+    for _ in range(_REACH):
+        reached |= any_in_rows(known[entries])
+        known[patches[reached] + 1] = True
+    return np.flatnonzero(reached)
 
 
 class _HiddenGroups:
@@ -142,8 +163,8 @@ class _HiddenGroups:
 
         light: (m, 3 g) float32, of groups; of_hidden: (h, 3 g) float32
         """
-        before, lit = light[self.changed], of_hidden.any(axis=1)
-        visible = self._visible * before.any(axis=1)
+        before, lit = light[self.changed], any_in_rows(of_hidden)
+        visible = self._visible * any_in_rows(before)
         count = len(self.changed)
         number = visible + np.bincount(self._group[lit], minlength=count)
         sums = before * visible[:, None] + segment_sums(of_hidden[lit], self._group[lit], count)

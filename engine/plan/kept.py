@@ -104,12 +104,7 @@ class Kept:
         self._follows = False
 
     def subdivide(
-        self,
-        graphics: Graphics,
-        compute: Compute | None,
-        scene: Scene,
-        settings: Settings,
-        checked: bool = False,
+        self, graphics: Graphics, compute: Compute | None, scene: Scene, settings: Settings
     ) -> Subdivision:
         """Return the patches of a scene whose occluders have places; see `patches.subdivision.subdivide`.
 
@@ -128,7 +123,7 @@ class Kept:
         if self._parts is None:
             self._follows = before is not None
             followed = (before, self._surfaces_of) if before else None
-            self._parts = subdivide(graphics, compute, scene, settings, followed, checked)
+            self._parts = subdivide(graphics, compute, scene, settings, followed)
         elif surfaces != self._surfaces_key:
             last = self._surfaces_of
             known = None if last is None else KnownSurfaces(last, self._parts.surfaces)
@@ -240,14 +235,18 @@ class Kept:
     def store(
         self, patches: PatchList, atlases: int, settings: Settings, compute: Compute | None
     ) -> LightmapStore:
-        """Return what puts values of patches into lightmaps; a warm start takes that of the last one."""
+        """Return what puts values of patches into lightmaps: the last one, if it is of the same texels.
+
+        Which of them are hidden, and what it fills images with, is kept for a warm start alone.
+        """
         if self._store is not None and self._store.suits(patches, atlases, settings.dilation):
             self._store.begin_anew()
+            if not settings.warm_start:
+                self._store.show_all()
         else:
             self._store = LightmapStore(patches, atlases, settings.dilation, compute)
-        store = self._store
-        self._store = store if settings.warm_start else None
-        return store
+        self._store.keeps_fill = settings.warm_start
+        return self._store
 
     def light_on(self, parts: Subdivision, atlases: int, settings: Settings) -> LastLight | None:
         """Return the light of the last bake on patches for a warm start.
@@ -264,6 +263,8 @@ class Kept:
 
         0 is a quarter of the device's.
         """
+        if self._store is not None:
+            self._store.begin_anew()
         if compute is None or self.samples is None:
             return
         if self.samples.bytes > (budget or compute.device.global_mem_size // _PART):

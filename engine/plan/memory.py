@@ -18,7 +18,7 @@ MORE_RAYS = 3
 _MOST_SHARED = 1 << 22
 
 #: Fewer patches than this gather for themselves, all of them: in squares of coarse texels light does not lie
-#: in a plane, and what they save is lost by sorting patches.
+#: in a plane, and what they save is lost by sorting patches. That of single ones lies in one more often.
 _FEWEST = 1 << 14
 
 
@@ -44,14 +44,27 @@ def is_adaptive(job: SolveJob) -> bool:
     A graphics card casts the rays that are saved while the host sorts patches out. What a patch sees is found
     anew where the settings say so.
     """
+    return _interpolates(job) and job.count >= _FEWEST
+
+
+def is_smoothed(job: SolveJob) -> bool:
+    """Return whether all patches gather, and then have the light of planes through it where these fit.
+
+    Denoise takes more of a noise that is each patch's own.
+    """
+    return _interpolates(job) and job.count < _FEWEST and not job.settings.denoise
+
+
+def _interpolates(job: SolveJob) -> bool:
     settings = job.settings
     return (
         settings.adaptive
         and job.remote is None
-        and job.opencl.processor
+        and job.compute is not None
+        and job.compute.processor
+        and settings.bounces
         and settings.patch_groups != 1
         and settings.method in ("auto", "cached")
-        and job.count >= _FEWEST
     )
 
 

@@ -67,7 +67,7 @@ def final_gather(
 
 def looking(solved: SolveJob, receivers: Receivers, settings: Settings) -> SolveJob:
     """Return what receivers look for that see the patches of a job."""
-    parts = replace(receivers.parts, texel_to_patch=solved.parts.texel_to_patch)
+    parts = solved.parts.seen_from(receivers.parts.patches, receivers.parts.geometry)
     return replace(
         solved,
         parts=parts,

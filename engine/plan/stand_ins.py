@@ -11,6 +11,7 @@ from ..finish.store import is_hidden
 from ..patches.subdivision import Subdivision
 from ..patches.texels_around import entries_around
 from ..scene.color import channel_sum
+from ..short_rows import nonzero_entries
 from ..solve.solver import Seen
 
 #: Texels that are looked around at once.
@@ -74,7 +75,7 @@ def _seen_beside(parts: Subdivision, hidden: np.ndarray, texels: np.ndarray) -> 
     texels: (k,) int64, of hidden patches, see `PatchList.key`
     """
     entries = entries_around(parts.texel_to_patch, texels)
-    place, step = np.nonzero((entries > 0) & ~hidden[entries - 1])
+    place, step = nonzero_entries(np.concatenate([[False], ~hidden])[entries])
     patch, beside = entries[place, 4] - 1, entries[place, step] - 1
     here, there = parts.geometry.part(patch), parts.geometry.part(beside)
     alike = np.einsum("pd,pd->p", here.geometric, there.geometric) > _ALIKE

@@ -1,0 +1,46 @@
+"""Reductions of short rows, column by column: NumPy takes three to twenty times as long along each row."""
+
+from __future__ import annotations
+
+from functools import reduce
+
+import numpy as np
+
+
+def any_in_rows(values: np.ndarray) -> np.ndarray:
+    """Return which rows of (n, c) have an entry that is not 0, (n,) bool."""
+    found: np.ndarray = reduce(np.logical_or, values.T, np.zeros(len(values), bool))
+    return found
+
+
+def all_in_rows(values: np.ndarray) -> np.ndarray:
+    """Return which rows of (n, c) have no entry that is 0, (n,) bool."""
+    found: np.ndarray = reduce(np.logical_and, values.T, np.ones(len(values), bool))
+    return found
+
+
+def largest_in_rows(values: np.ndarray) -> np.ndarray:
+    """Return the largest entry of each row, (n, c) -> (n,), c > 0."""
+    largest: np.ndarray = reduce(np.maximum, values.T)
+    return largest
+
+
+def row_products(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return the scalar product of each row with that of another array, (n, c) twice -> (n,)."""
+    products: np.ndarray = np.einsum("nc,nc->n", one, other)
+    return products
+
+
+def column_range(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the least and the largest entry of each column, (n, c) -> (c,) twice; n > 0."""
+    columns = values.T
+    return np.array([column.min() for column in columns]), np.array([column.max() for column in columns])
+
+
+def nonzero_entries(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rows and the columns of entries that are not 0, (k,) int64 twice, row by row.
+
+    values: (n, c), contiguous
+    """
+    row, column = np.divmod(np.flatnonzero(values), max(values.shape[1], 1))
+    return row, column

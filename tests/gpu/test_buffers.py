@@ -1,0 +1,39 @@
+"""Memory of the OpenCL device, filled."""
+
+import numpy as np
+import pytest
+
+from engine.device.buffers import (
+    download,
+    download_colors_once,
+    upload,
+    upload_float4,
+    upload_float4_once,
+)
+
+
+@pytest.mark.parametrize(("count", "bright"), [
+    (1013, 3), (70_001, 0), (70_001, 17), (70_001, 69_000), (65_536, 65_536), (200_003, 1),
+])  # fmt: skip
+@pytest.mark.parametrize("ends", [(0, 0), (1, 1), (3, 0)])
+def test_colours_become_float4_however_many_are_black(compute, count, bright, ends):
+    rng, (first, last) = np.random.default_rng(count + bright), ends
+    colours = np.zeros((count, 3), np.float32)
+    colours[rng.choice(count, bright, replace=False), rng.integers(0, 3, bright)] = rng.random(bright)
+    wide = download(compute, upload_float4(compute, colours, first, last), (first + count + last, 4))
+    expected = np.zeros((first + count + last, 4), np.float32)
+    expected[first : first + count, :3] = colours
+    assert np.array_equal(wide, expected)
+
+
+def test_colours_that_came_from_the_device_are_uploaded_from_there(compute):
+    wide = np.random.default_rng(7).random((1009, 4), np.float32)
+    buffer = upload(compute, wide)
+    colours = download_colors_once(compute, buffer, len(wide))
+    assert np.array_equal(colours, wide[:, :3])
+    assert upload_float4_once(compute, colours) is buffer
+    assert np.array_equal(download(compute, buffer, (1009, 4)), upload_of(compute, colours))
+
+
+def upload_of(compute, colours):
+    return download(compute, upload_float4(compute, colours.copy()), (len(colours), 4))

@@ -1,0 +1,30 @@
+"""Reductions of short rows give what NumPy's give."""
+
+import numpy as np
+import pytest
+
+from engine.short_rows import (
+    all_in_rows,
+    any_in_rows,
+    column_range,
+    largest_in_rows,
+    nonzero_entries,
+    row_products,
+)
+
+
+@pytest.mark.parametrize("shape", [(0, 3), (1, 1), (1009, 3), (31, 7)])
+def test_rows_are_reduced_as_numpy_does(shape):
+    values = np.random.default_rng(shape[0]).integers(-2, 3, shape).astype(np.float32)
+    for rows in (values, values.T.copy().T, np.zeros(shape), np.full(shape, np.nan)):
+        assert np.array_equal(any_in_rows(rows), rows.any(axis=1))
+        assert np.array_equal(all_in_rows(rows), rows.all(axis=1))
+        assert np.array_equal(largest_in_rows(rows), rows.max(axis=1), equal_nan=True)
+        assert np.allclose(row_products(rows, rows + 1), (rows * (rows + 1)).sum(axis=1), equal_nan=True)
+        assert all(map(np.array_equal, nonzero_entries(rows), np.nonzero(rows)))
+
+
+def test_columns_have_a_range():
+    values = np.random.default_rng(5).normal(size=(101, 3))
+    least, largest = column_range(values)
+    assert np.array_equal(least, values.min(axis=0)) and np.array_equal(largest, values.max(axis=0))

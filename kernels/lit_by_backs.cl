@@ -1,21 +1,34 @@
 // A point is not inside of anything if more than this many of its looks meet something else than a back.
 #define OTHERS 3
 
-// 1 for patches that see little but backs, and among them that of a triangle that shines.
+// Whether a point is behind one of the planes, normal and distance from the origin. Without planes it may be.
+bool is_behind_any(const float3 point, __global const float4 *planes, const int count)
+{
+    bool behind = count == 0;
+    for (int i = 0; i < count && !behind; ++i)
+        behind = dot(planes[i].xyz, point) < planes[i].w;
+    return behind;
+}
+
+// 1 for patches that see little but backs, and among them that of a triangle that shines. Backs are seen from behind:
+// patches in front of the planes of all triangles that shine do not look.
 __kernel void lit_by_backs(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const uchar *shines,
-                           __global uchar *result, const int count)
+                           __global const float4 *planes, const int plane_count, __global uchar *result,
+                           const int count)
 {
     const int patch = get_global_id(0);
     if (patch >= count)
         return;
     const Rays rays = RAYS;
     const Receiver r = load_receiver(receivers + patch);
+    const float3 start = r.at + r.height * r.geometric;
+    const int looks = is_behind_any(start, planes, plane_count) ? LOOKS : 0;
     float3 x, y;
     basis(r.geometric, &x, &y);
     int others = 0;
     bool lit = false;
-    for (int i = 0; i < LOOKS && !lit && others <= OTHERS; ++i) {
-        const Hit hit = nearest_hit(&rays, r.at + r.height * r.geometric, look(i, x, y, r.geometric), false);
+    for (int i = 0; i < looks && !lit && others <= OTHERS; ++i) {
+        const Hit hit = nearest_hit(&rays, start, look(i, x, y, r.geometric), false);
         const bool back = hit.triangle >= 0 && !hit.front;
         lit = back && shines[hit.triangle];
         others += !back;

@@ -14,6 +14,12 @@ from ..visibility.rays.receivers import RECEIVER_SOURCE
 #: How far above and below its surface a patch looks for the other face, in heights of its eye.
 ABOVE, BELOW = 2.0, 1.0
 
+#: Planes of triangles that shine, of which a patch is asked whether it is behind one, at most.
+_PLANES = 64
+
+#: How far in front of a triangle a point is surely not behind it, as a fraction of the largest coordinate.
+_BEFORE = 1e-4
+
 
 @dataclass(frozen=True)
 class NearFaces:
@@ -51,19 +57,41 @@ def patches_in_contact(scene: RayScene, count: int) -> tuple[np.ndarray, np.ndar
     return found == 1, found == 2
 
 
-def patches_lit_by_backs(scene: RayScene, count: int, shines: np.ndarray) -> np.ndarray:
+def patches_lit_by_backs(
+    scene: RayScene, count: int, shines: np.ndarray, positions: np.ndarray
+) -> np.ndarray:
     """Return which of the patches that see little but backs see that of a triangle that shines, (n,) bool.
 
-    shines: (t,) bool, of every triangle.
+    shines     (t,) bool, of every triangle
+    positions  (t, 3, 3) float, of their corners, metres, relative to `Triangles.origin`
     """
     rays, compute = scene.rays, scene.compute
     (kernel,) = rays.kernels((*RECEIVER_SOURCE, "looks.cl", "lit_by_backs.cl"), "lit_by_backs")
     output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, count)
-    shining = upload(compute, shines.astype(np.uint8))
-    rays.run(kernel, count, scene.receivers, shining, output, np.int32(count))
+    shining, planes = upload(compute, shines.astype(np.uint8)), _planes_in_front(positions[shines])
+    planes_buffer = upload(compute, planes if len(planes) else np.zeros((1, 4), np.float32))
+    rays.run(
+        kernel, count, scene.receivers, shining, planes_buffer, np.int32(len(planes)), output, np.int32(count)
+    )
     lit = np.empty(count, np.uint8)
     cl.enqueue_copy(compute.queue, lit, output)
     return lit.astype(bool)
+
+
+def _planes_in_front(corners: np.ndarray) -> np.ndarray:
+    """Return planes a little before those of triangles, (k, 4) float32; none, if these are many.
+
+    A unit normal and the distance from the origin each, metres. A point that is in front of all planes sees
+    no back of the triangles, corners (k, 3, 3) float, metres.
+    """
+    if len(corners) > _PLANES:
+        return np.zeros((0, 4), np.float32)
+    first, second, third = corners.astype(np.float64).transpose(1, 0, 2)
+    normal = np.cross(second - first, third - first)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+    before = _BEFORE * np.abs(corners).max(initial=0.0)
+    distance = np.einsum("kd,kd->k", normal, first) + before
+    return np.concatenate([normal, distance[:, None]], axis=1).astype(np.float32)
 
 
 def patches_inside(scene: RayScene, count: int) -> np.ndarray:

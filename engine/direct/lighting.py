@@ -169,7 +169,7 @@ class DirectLighting:
         shining = self._bright.shining
         if not (shining.any() and points.possible):
             return np.zeros(points.count, bool)
-        return patches_lit_by_backs(points, points.count, shining)
+        return patches_lit_by_backs(points, points.count, shining, self._parts.triangles.positions)
 
     def _in_contact(self) -> tuple[np.ndarray, np.ndarray]:
         """Return which patches faces hide that touch them, and which lie back to back, (n,) bool each.

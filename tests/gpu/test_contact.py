@@ -7,7 +7,8 @@ import pytest
 
 from engine import Material, Scene, Settings, Texture, finished
 from engine.device import devices
-from engine.direct.contact import patches_in_contact
+from engine.direct import contact
+from engine.direct.contact import patches_in_contact, patches_lit_by_backs
 from engine.direct.host_contact import in_contact_on_host
 from engine.patches.subdivision import subdivide
 from engine.session import Session
@@ -187,3 +188,23 @@ def test_patches_in_contact_are_the_same_without_opencl(graphics, compute, shift
     on_host = in_contact_on_host(scene, parts)
     assert 100 < found.sum() < len(found) / 2
     assert (found != on_host).mean() < 5e-3
+
+
+@pytest.mark.parametrize("shift", [NEAR, FAR])
+def test_patches_in_front_of_all_that_shines_see_none_of_its_backs(graphics, compute, shift, monkeypatch):
+    """They do not look, and what all others see is the same as if everyone looked."""
+    parts = subdivide(graphics, compute, stacks(shift), dataclasses.replace(SETTINGS, resolution=128))
+    scene, positions = RayScene(compute, parts), parts.triangles.positions
+    normals = np.cross(positions[:, 1] - positions[:, 0], positions[:, 2] - positions[:, 0])
+    for axis in np.eye(3):
+        # Faces that look along an axis, those first that are in front of fewest patches.
+        along = np.flatnonzero(normals @ axis > 0.9 * np.linalg.norm(normals, axis=1))
+        along = along[np.argsort(positions[along, 0] @ axis)]
+        for count, least in ((0, 0), (2, 0), (10, 20)):
+            shines = np.zeros(len(positions), bool)
+            shines[along[:count]] = True
+            lit = patches_lit_by_backs(scene, len(parts.patches), shines, positions)
+            with monkeypatch.context() as patched:
+                patched.setattr(contact, "_PLANES", -1)
+                everyone = patches_lit_by_backs(scene, len(parts.patches), shines, positions)
+            assert (lit == everyone).all() and lit.sum() >= least

@@ -71,9 +71,8 @@ def _neighbours(edges: ChartEdges, chosen: np.ndarray) -> Iterator[tuple[np.ndar
     boxes, length = _boxes(edges.part(chosen))
     level = np.ceil(np.log2(length)).astype(np.int64)
     for size in np.unique(level):
-        low, high = np.floor(boxes[level <= size] / 2.0**size).astype(np.int64).transpose(1, 0, 2)
         seeker = np.flatnonzero(level <= size)
-        for pairs in _in_one_cube(low, high, level[seeker] == size):
+        for pairs in _in_one_cube(boxes[seeker], 2.0**size, level[seeker] == size):
             yield chosen[seeker[pairs[0]]], chosen[seeker[pairs[1]]]
 
 
@@ -86,14 +85,17 @@ def _boxes(edges: ChartEdges) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _in_one_cube(
-    low: np.ndarray, high: np.ndarray, full_size: np.ndarray
+    boxes: np.ndarray, size: float, full_size: np.ndarray
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield pairs that share a cube, once each: any of m boxes, and one of full size.
+    """Yield pairs of boxes that overlap, once each: any of m boxes, and one of full size.
 
-    low, high  (m, 3) int64, first and last cube of each box along the axes
+    boxes      (m, 2, 3) float64, low and high corner
+    size       of the cubes, m
     full_size  (m,) bool, boxes as large as the cubes
     """
+    low, high = np.floor(boxes / size).astype(np.int64).transpose(1, 0, 2)
     keys, box = _cubes(low, high)
+    axes = np.ascontiguousarray(boxes.transpose(2, 1, 0))
     full = np.flatnonzero(full_size[box])
     full = full[np.argsort(keys[full])]
     start, end = (np.searchsorted(keys[full], keys, side) for side in ("left", "right"))
@@ -102,10 +104,24 @@ def _in_one_cube(
         first = np.repeat(box[part], count[part])
         offset = np.repeat(np.cumsum(count[part]) - count[part], count[part])
         second = box[full[np.repeat(start[part], count[part]) + np.arange(len(first)) - offset]]
+        first, second = _overlapping(axes, first, second)
+
         # Of two boxes of full size the one with the lower number is the first.
         once = (first != second) & (~full_size[first] | (first < second))
         pairs = np.unique(first[once] * len(low) + second[once])
         yield np.divmod(pairs, len(low))
+
+
+def _overlapping(axes: np.ndarray, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return those of some pairs of boxes that overlap, two (q,) int64 arrays.
+
+    axes: (3, 2, m) float64, along each axis the low and the high ends of all boxes. One axis after the other:
+    each leaves fewer pairs to the next.
+    """
+    for low, high in axes:
+        meet = np.flatnonzero((low[first] <= high[second]) & (low[second] <= high[first]))
+        first, second = first[meet], second[meet]
+    return first, second
 
 
 def _cubes(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

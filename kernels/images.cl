@@ -30,13 +30,18 @@ __kernel void pick_patches(__global const float *values, const int stride, const
     texels[i] = entry == 0 ? 0.0f : values[(size_t)(entry - 1) * stride + i % channels];
 }
 
-// Other values in some texels. One work item for each channel of a texel.
-__kernel void put_texels(__global const float *values, __global const uint *chosen, const int channels,
+// Other light in some texels.
+#define NOWHERE 0xffffffffu
+__kernel void put_texels(__global const uint *places, __global const float4 *light, const int channels,
                          __global float *texels, const uint count)
 {
     const uint i = get_global_id(0);
-    if (i < count)
-        texels[(size_t)chosen[i / channels] * channels + i % channels] = values[i];
+    if (i >= count || places[i] == NOWHERE)
+        return;
+    if (channels == 1)
+        texels[places[i]] = light[i].x;
+    else
+        vstore3(light[i].xyz, places[i], texels);
 }
 
 // What some texels of an output show.

@@ -7,12 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import download, upload, zeros
+from ..device.buffers import download, upload, upload_float4, zeros
 from ..device.compute import Compute
 from ..device.values import DeviceValues, Values, rows_on_device
 from .device_fill import DeviceFill
 
 _SOURCE = ("texel.cl", "images.cl")
+
+#: No texel, in kernels/images.cl.
+NOWHERE = 0xFFFFFFFF
 
 #: Images of several outputs that are made together take this much memory of the device, bytes, three times.
 _MEMORY = 1 << 28
@@ -83,15 +86,27 @@ class DeviceTexels:
         """No value is larger, nor a negative one."""
         return self._largest.value
 
-    def put(self, chosen: np.ndarray, values: np.ndarray) -> None:
+    def put(self, places: cl.Buffer, light: cl.Buffer, count: int) -> None:
+        """Let `count` texels show other light, float4, but for those that no light is put in.
+
+        places: uint32, flat indices, `NOWHERE` for the latter, whose light is 0
+        """
+        self._compute.run(
+            self._put, count, places, light, np.int32(self.channels), self.buffer, np.uint32(count)
+        )  # fmt: skip
+        self._largest.take(light, 4, self.channels, count)
+
+    def put_rows(self, chosen: np.ndarray, values: np.ndarray) -> None:
         """Let some texels, (k,) flat indices, show other values, (k, c) float32."""
-        if not len(chosen):
-            return
-        arrays = (np.ascontiguousarray(values), chosen.astype(np.uint32))
-        buffers = [upload(self._compute, array) for array in arrays]
-        channels, count = np.int32(self.channels), np.uint32(values.size)
-        self._compute.run(self._put, values.size, *buffers, channels, self.buffer, count)
-        self._largest.take(buffers[0], self.channels, self.channels, len(values))
+        if len(chosen):
+            colors = np.broadcast_to(values, (len(values), 3))
+            places = upload(self._compute, chosen.astype(np.uint32))
+            self.put(places, upload_float4(self._compute, colors), len(chosen))
+
+    def rows(self, chosen: np.ndarray) -> np.ndarray:
+        """Return what some texels, (k,) flat indices, show, (k, c) float32."""
+        light = download(self._compute, light_at(self._compute, [self], chosen), (len(chosen), 4))
+        return light[:, : self.channels]
 
     def shown_with(self, light: cl.Buffer, count: int) -> None:
         """Be shown with light of so many points beside centres, float4."""

@@ -17,7 +17,6 @@ from .device_fill import DeviceFill
 from .device_images import DeviceImages, DevicePatches, DeviceTexels, light_at, texels_of
 from .dilation import Dilation
 from .display_fit import DisplayFit
-from .display_samples import no_samples
 from .lightmap_points import LightmapPoints
 from .texel_means import TexelMeans
 from .wall_fit import WallFit
@@ -50,7 +49,6 @@ class LightmapStore:
         self._gutters: DeviceImages | None = None
         self._filled_last: tuple[np.ndarray, DeviceImages] | None = None
         self.keeps_fill = False
-        self._no_means = TexelMeans(no_samples(), np.zeros(0, bool), patches.resolution)
         self._hidden, self._hidden_texels = np.zeros(len(self._texel), bool), self._texel[:0]
         self._dark = np.zeros(len(patches), bool)
         self.begin_anew()
@@ -67,7 +65,7 @@ class LightmapStore:
         """Show the patches' centres alone, and take no account of seams."""
         self._fit: DisplayFit | DeviceDisplay | None = None
         self._walls: WallFit | None = None
-        self._means = self._no_means
+        self._means: TexelMeans | None = None
         self._thin_texels = self._texel[:0]
         self._dilations, self._gutters = [], None
 
@@ -137,18 +135,16 @@ class LightmapStore:
         samples  (s, 3) or (s,) float32, of the samples of texels; None if there are none
         """
         images = self._scattered(values)
-        if samples is not None:
+        if samples is not None and self._means is not None:
             texels = images.reshape(-1, images.shape[-1])
             texels[self._means.shown] = self._means.of(samples)
             if self._walls is not None:
-                self._walls.fit(texels, samples)
+                texels[self._walls.texels] = self._walls.light(samples, texels[self._walls.centres])
         return images
 
     def texels_on_device(self, values: Values, samples: np.ndarray | None) -> DeviceTexels:
         """Return what `texels` does, on the device; raises AssertionError without one."""
         assert self._compute is not None
-        if samples is not None and self._walls is not None:
-            return texels_of(self._compute, self.texels(values, samples))
         return self._on_patches(self._compute, values, samples)
 
     def final(self, texels: np.ndarray) -> np.ndarray:
@@ -168,7 +164,7 @@ class LightmapStore:
         samples  (s, 3) or (s,) float32 of the same, of the samples of texels; empty if there are none
         """
         compute = self._compute
-        if compute is None or (samples and self._walls is not None):
+        if compute is None:
             return {name: self.final(self.texels(light, samples.get(name))) for name, light in values.items()}
         names, images, most = list(values), list[np.ndarray](), self._filling(compute).most
         for first in range(0, len(names), most):
@@ -190,23 +186,26 @@ class LightmapStore:
         """Texels that show what is seen of them, (atlases, r, r) bool; all others are filled."""
         known = self.has_patch.copy()
         known.ravel()[self._hidden_texels] = False
-        known.ravel()[self._means.hidden] = False
-        known.ravel()[self._means.texels] = True
+        if self._means is not None:
+            known.ravel()[self._means.hidden] = False
+            known.ravel()[self._means.texels] = True
         return known
 
     @property
     def centres(self) -> np.ndarray:
         """Texels that show the light of their centre alone, (atlases, r, r) bool."""
         centres = self.known
-        centres.ravel()[self._means.shown] = False
+        if self._means is not None:
+            centres.ravel()[self._means.shown] = False
         return centres
 
     @property
     def _plain(self) -> np.ndarray:
         """Texels that show the centre of a patch that is seen, and nothing more, (atlases * r * r,) bool."""
         plain = self.has_patch.flatten()
-        for others in (self._hidden_texels, self._means.texels, self._means.hidden):
-            plain[others] = False
+        plain[self._hidden_texels] = False
+        if self._means is not None:
+            plain[self._means.texels] = plain[self._means.hidden] = False
         return plain
 
     def _light_points(self, thin: np.ndarray, points: LightmapPoints) -> tuple[np.ndarray, LightmapPoints]:
@@ -218,7 +217,8 @@ class LightmapStore:
         texels = points.texels(self._patches.resolution)
         order = np.argsort(texels, kind="stable")
         self._thin_texels = texels[order]
-        centres[self._means.shown] = True
+        if self._means is not None:
+            centres[self._means.shown] = True
         centres[self._thin_texels] = False
         return centres.reshape(self.has_patch.shape), points.part(order)
 
@@ -250,10 +250,14 @@ class LightmapStore:
         return self._device
 
     def _on_patches(self, compute: Compute, values: Values, samples: np.ndarray | None) -> DeviceTexels:
-        """Return what `texels` does, on the device; thin walls part nothing."""
+        """Return what `texels` does, on the device."""
         texels = self._on_device(compute).texels(_rows(values))
-        if samples is not None:
-            texels.put(self._means.shown, self._means.of(samples))
+        if samples is not None and self._means is not None:
+            self._means.show(texels, samples)
+            if self._walls is not None:
+                texels.put_rows(
+                    self._walls.texels, self._walls.light(samples, texels.rows(self._walls.centres))
+                )
         return texels
 
     def _filling(self, compute: Compute) -> DeviceImages | DeviceDisplay:

@@ -2,68 +2,87 @@
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
+import pyopencl as cl
 
-from ..runs import run_numbers, run_starts
-from ..segment_sums import segment_sums
+from ..device.buffers import download, upload, zeros
+from ..device.compute import Compute
+from ..runs import run_starts
+from .device_images import NOWHERE, DeviceTexels
 from .display_samples import DisplaySamples
-from .texel_planes import TexelPlanes, steps_around
-from .texels_beyond import TexelsBeyond
 
-#: A sample that weighs less than this part of the heaviest of its texel was moved out of something.
-_MOVED = 0.01
+_SOURCE = ("footprint.cl", "texel_means.cl")
+_NAMES = (
+    "list_samples", "look_at_texels", "mark_cut", "mark_beyond", "texel_means", "range_of_all", "fit_planes",
+    "go_beyond", "begin_fit", "step_of_fit",
+)  # fmt: skip
+
+#: Marks of kernels/texel_means.cl.
+_SEEN, _CUT, _BEYOND = 1, 8, 16
+
+#: Texels that a work item looks at for the range of all values, as there.
+_EACH = 32
+
+#: Times that the display is compared with the samples: neighbours are read together.
+_STEPS = 3
+
+#: Before any value, as integers in the order of numbers: least and most of four channels.
+_NO_RANGE = np.repeat(np.array([0x7FFFFFFF, -0x80000000], np.int64).astype(np.int32), 4)
 
 
 class TexelMeans:
-    """Means over the samples of each texel, weighted by area.
+    """Means over the samples of each texel, weighted by area, on the OpenCL device.
 
+    samples  of all texels; there is one at least
     visible  (s,) bool, samples that somebody sees; texels without any are filled as hidden ones
+    shape    atlases, r, r
+
     texels   (k,) int64, atlas * r * r + texel, that have samples that are seen
+    hidden   (h,) int64, those none of whose samples is seen
     beyond   (b,) int64, hidden ones beside texels that are seen for the greater part
 
     What is seen of a texel that something cuts lies beside its centre: its mean goes on to there by the slope
-    of a plane through the samples of 3 x 3 texels (`TexelPlanes`). Where most of it is seen, texels beyond it
-    are read, too: they show the mean of the planes around such texels beside them. Where light bends, they
-    and texels that are hardly seen get what makes the display right at the samples (`TexelsBeyond`).
+    of a plane through the samples of 3 x 3 texels. Where most of it is seen, texels beyond it are read, too:
+    they show the mean of the planes around such texels beside them. Where light bends, they and texels that
+    are hardly seen get what makes the display right at the samples, by least squares (Kavan, Bargteil and
+    Sloan 2011).
     """
 
-    def __init__(self, samples: DisplaySamples, visible: np.ndarray, resolution: int) -> None:
-        chosen = np.flatnonzero(visible & (samples.weight > 0))
-        keys = samples.keys(resolution)
-        firsts = run_starts(keys)
-        self._all = keys[firsts]
-        self._starts = run_starts(keys[chosen])
-        self.texels, self._texel = keys[chosen[self._starts]], run_numbers(self._starts, len(chosen))
-        self._chosen, self._weight = chosen, samples.weight[chosen].astype(np.float64)
-        self._total = np.bincount(self._texel, self._weight, len(self.texels))
-        self._cut, self._off_centre, mostly_seen = self._cut_texels(firsts, samples.weight, resolution)
-        place = _from_centres(samples.position[chosen], keys[chosen], resolution)
-        self._centroid = self._sums(place)[self._cut] / self._total[self._cut, None]
-        cut = self.texels[self._cut]
-        self._planes = TexelPlanes(self.texels, self._starts, place, self._weight, cut, resolution)
+    def __init__(
+        self, compute: Compute, samples: DisplaySamples, visible: np.ndarray, shape: tuple[int, ...]
+    ) -> None:
+        self._compute, self._resolution = compute, np.int32(shape[1])
+        self._kernels = dict(zip(_NAMES, compute.kernels(_SOURCE, *_NAMES), strict=True))
+        keys = samples.keys(shape[1])
+        starts = run_starts(keys)
+        texels, self._count = keys[starts], len(starts)
+        firsts = np.append(starts, len(keys)).astype(np.int32)
+        self._samples, self._firsts = self._buffer(16 * len(keys)), upload(compute, firsts)
+        arrays = samples.position, samples.weight, np.asarray(visible, np.uint8)
+        listed = [upload(compute, array) for array in arrays]
+        compute.run(self._kernels["list_samples"], len(keys), *listed, self._samples, np.int32(len(keys)))
 
-        # Hidden texels that are read, and the steps to them from those whose planes go on there.
-        hidden, steps = self.hidden, steps_around(cut[mostly_seen], self.hidden, resolution)
-        near = np.zeros(len(hidden), bool)
-        for _, there, _ in steps:
-            near[there] = True
-        self.beyond = hidden[near]
-        self._plane = np.concatenate([mostly_seen[texel] for texel, _, _ in steps])
-        self._target = np.concatenate([(np.cumsum(near) - 1)[there] for _, there, _ in steps])
-        back = [np.tile(np.negative(step, dtype=float), (len(there), 1)) for _, there, step in steps]
-        self._step = np.concatenate(back)
-        hardly_seen = np.delete(self._cut, mostly_seen)
-        beyond = np.concatenate([hardly_seen, np.arange(len(self.texels), len(self.shown))])
-        self._beyond = TexelsBeyond(samples, chosen, self.shown, beyond, resolution)
+        # What is known of each texel, and which ones are beside it.
+        self._places = upload(compute, texels.astype(np.uint32))
+        self._numbers = zeros(compute, 4 * int(np.prod(shape)))
+        self._seen_part, states, marked = (self._buffer(size * self._count) for size in (16, 1, 1))
+        where = self._places, self._resolution, self._numbers, self._seen_part
+        self._run("look_at_texels", self._samples, self._firsts, *where, states)
+        beside = self._places, self._numbers, self._resolution
+        self._run("mark_cut", *beside, states, marked)
+        self._run("mark_beyond", *beside, marked, states)
+        self._states, state = states, np.empty(self._count, np.uint8)
+        cl.enqueue_copy(compute.queue, state, states)
+        self._shown = np.concatenate([np.flatnonzero(state & mark) for mark in (_SEEN, _BEYOND)])
+        places = np.where(state & (_SEEN | _BEYOND), texels, NOWHERE).astype(np.uint32)
+        self._shown_places, self._has_planes = upload(compute, places), bool((state & _CUT).any())
+        seen = state & _SEEN > 0
+        self.texels, self.hidden, self.beyond = texels[seen], texels[~seen], texels[state & _BEYOND > 0]
 
-    @cached_property
-    def hidden(self) -> np.ndarray:
-        """Texels none of whose samples is seen, (h,) int64, atlas * r * r + texel."""
-        unseen = np.ones(len(self._all), bool)
-        unseen[np.searchsorted(self._all, self.texels)] = False
-        return self._all[unseen]
+        # Each texel's light, range, and planes, of the values at hand.
+        self._light, self._changed, self._low, self._high = (self._buffer(16 * self._count) for _ in range(4))
+        self._planes = self._buffer(5 * 16 * self._count if self._has_planes else 16)
+        self._steps = self._buffer(4 * self._count)
 
     @property
     def shown(self) -> np.ndarray:
@@ -73,58 +92,48 @@ class TexelMeans:
     def of(self, values: np.ndarray) -> np.ndarray:
         """Return the light of texels that are `shown`, (k + b, c) float32.
 
-        values: (s, c) or (s,), of the samples
+        values: (s, c) or (s,), of the samples; 1 or 3 channels
         """
-        chosen = (values if values.ndim == 2 else values[:, None])[self._chosen].astype(np.float64)
-        means = self._sums(chosen) / self._total[:, None]
-        if len(self._cut):
-            planes = self._planes.through(chosen)
-            rise = self._planes.rise(planes, self._off_centre, self._centroid[self._off_centre])
-            off = means[self._cut[self._off_centre]] - rise
-            means[self._cut[self._off_centre]] = self._planes.bounded(off, chosen, self._off_centre)
-            means = np.concatenate([means, self._light_beyond(planes, chosen)])
-            means = self._beyond.fitted(means, chosen)
-        return means.astype(np.float32)
+        channels = _channels(values)
+        light: np.ndarray = download(self._compute, self._light_of(values), (self._count, 4))
+        return light[self._shown, :channels]
 
-    def _light_beyond(self, planes: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-        """Return the light of texels `beyond`, (b, c), from planes (t, 3, c) and chosen samples' (m, c)."""
-        plane = planes[self._plane]
-        light = plane[:, 0] + np.einsum("pd,pdc->pc", self._step, plane[:, 1:])
-        light = self._planes.bounded(light, chosen, self._plane)
-        number = np.bincount(self._target, minlength=len(self.beyond))
-        return segment_sums(light, self._target, len(self.beyond)) / number[:, None]
+    def show(self, texels: DeviceTexels, values: np.ndarray) -> None:
+        """Let texels show the light of those that are `shown`; values as of `of`."""
+        texels.put(self._shown_places, self._light_of(values), self._count)
 
-    def _sums(self, values: np.ndarray) -> np.ndarray:
-        """Return sums of values of chosen samples, (m, c), times their weights, over each texel, (k, c)."""
-        return segment_sums(values * self._weight[:, None], self._texel, len(self.texels))
+    def _light_of(self, values: np.ndarray) -> cl.Buffer:
+        """Return the light of all texels, float4; 0 of those that are not shown. Values as of `of`."""
+        channels = np.int32(_channels(values))
+        given = upload(self._compute, values.astype(np.float32, copy=False)), channels
+        ranges = self._low, self._high
+        self._run("texel_means", self._samples, self._firsts, self._seen_part, *given, self._light, *ranges)
+        if not self._has_planes:
+            return self._light
+        limits = upload(self._compute, _NO_RANGE)
+        self._compute.run(
+            self._kernels["range_of_all"], -(-self._count // _EACH), *ranges, limits, np.int32(self._count)
+        )
+        beside = self._places, self._numbers, self._resolution, self._states
+        samples = self._samples, self._firsts, *beside
+        self._run(
+            "fit_planes", *samples, self._seen_part, *given, *ranges, limits, self._light, self._planes
+        )  # fmt: skip
+        self._run("go_beyond", *beside, self._planes, self._light)
+        self._run("begin_fit", *samples, *given, limits, self._light, *ranges, self._steps)
+        light, changed = self._light, self._changed
+        for _ in range(_STEPS):
+            self._run("step_of_fit", *samples, *given, *ranges, self._steps, light, changed)
+            light, changed = changed, light
+        return light
 
-    def _cut_texels(
-        self, firsts: np.ndarray, weight: np.ndarray, resolution: int
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the numbers of texels that something cuts or hides a neighbour of, (t,) int64.
+    def _buffer(self, size: int) -> cl.Buffer:
+        return cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, size)
 
-        The other arrays, int64, have the numbers among these of texels that it cuts, some of whose samples
-        are hidden or were moved, and of those half of which at least is seen.
-
-        firsts: the first sample of each texel, (a,) int64; weight: (s,) float32, of all samples
-        """
-        if not len(self.texels):
-            return self._starts, self._starts, self._starts
-        heaviest = np.maximum.reduceat(self._weight, self._starts)
-        whole = self._weight > _MOVED * heaviest[self._texel]
-        seen = np.bincount(self._texel, whole, len(self.texels))
-        number = np.add.reduceat(weight > 0, firsts, dtype=np.int64)
-        number = number[np.searchsorted(self._all, self.texels)]
-        beside = seen < number
-        for _, there, _ in steps_around(self.hidden, self.texels, resolution):
-            beside[there] = True
-        cut = np.flatnonzero(beside)
-        off_centre = np.flatnonzero(seen[cut] < number[cut])
-        return cut, off_centre, np.flatnonzero(2 * seen[cut] >= number[cut])
+    def _run(self, name: str, *arguments: object) -> None:
+        """Run a kernel for each texel that has samples."""
+        self._compute.run(self._kernels[name], self._count, *arguments, np.int32(self._count))
 
 
-def _from_centres(position: np.ndarray, keys: np.ndarray, resolution: int) -> np.ndarray:
-    """Return positions, (m, 2) texels, from the centres of the texels that they are in, (m, 2) float64."""
-    row, column = np.divmod(keys % resolution**2, resolution)
-    place: np.ndarray = position - np.stack([column, row], axis=1) - 0.5
-    return place
+def _channels(values: np.ndarray) -> int:
+    return values.shape[1] if values.ndim == 2 else 1

@@ -10,7 +10,6 @@ from ..runs import run_starts
 from ..scene.model import Scene
 from .display_samples import DisplaySamples
 from .push_out import WaysOut
-from .texel_planes import steps_around
 
 #: Light on both sides that differs by more than this part shows through.
 _DIFFERS = 0.25
@@ -83,7 +82,27 @@ def _extremes_around(
     found = []
     for extreme, without in ((np.minimum, np.inf), (np.maximum, 0)):
         of_texel, around = extreme.reduceat(light, starts), np.full(len(texels), without, np.float32)
-        for there, here, _ in steps_around(keys[starts], texels, resolution):
+        for there, here, _ in _steps_around(keys[starts], texels, resolution):
             around[here] = extreme(around[here], of_texel[there])
         found.append(around)
     return found[0], found[1]
+
+
+def _steps_around(
+    texels: np.ndarray, around: np.ndarray, resolution: int
+) -> list[tuple[np.ndarray, np.ndarray, tuple[int, int]]]:
+    """Return, for each of 3 x 3 steps, the numbers of texels that lead to others, of these, and the step.
+
+    The step, texels along u and v, is from a centre in `around` to that of the other texel.
+    """
+    found = []
+    row, column = np.divmod(around % resolution**2, resolution)
+    for up in (-1, 0, 1):
+        for right in (-1, 0, 1):
+            key = around + up * resolution + right
+            number = np.minimum(np.searchsorted(texels, key), max(len(texels) - 1, 0))
+            inside = (row + up >= 0) & (row + up < resolution) & (column + right >= 0)
+            inside &= column + right < resolution
+            there = np.flatnonzero(inside & (texels[number] == key)) if len(texels) else row[:0]
+            found.append((number[there], there, (right, up)))
+    return found

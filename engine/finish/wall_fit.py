@@ -37,6 +37,9 @@ class WallFit:
     inside   (k,) int64, samples in thin walls
     shown    (atlases, r, r, 1) float32, that light as all texels show it without walls
     known    (atlases, r, r) bool, texels that show what is seen of them
+
+    texels   (t,) int64, flat indices of those that are fitted
+    centres  (p,) int64, flat indices of those of whose centres the light counts
     """
 
     def __init__(
@@ -54,14 +57,14 @@ class WallFit:
         near.ravel()[keys[inside]] = True
         beside = _grown(near, _REACH) & known
         around = _grown(beside, 1)
-        self._texels = np.flatnonzero(beside)
+        self.texels = np.flatnonzero(beside)
 
         # Samples tell what is shown beside the wall; so do centres of texels without any, and what stays.
         self._samples = np.flatnonzero(visible & (samples.weight > 0) & around.ravel()[keys])
         sampled = np.zeros(known.size, bool)
         sampled[keys[self._samples]] = True
         stays = (_grown(around, 1) & known & ~beside).ravel()
-        self._centres = np.flatnonzero(stays | (beside.ravel() & ~sampled))
+        self.centres = np.flatnonzero(stays | (beside.ravel() & ~sampled))
 
         # The square of the relative error, of what is around.
         bright = _brightest_around(shown[..., 0], known, keys[self._samples])
@@ -70,25 +73,26 @@ class WallFit:
             samples.atlas[self._samples], samples.position[self._samples],
             samples.weight[self._samples] * relative,
         )  # fmt: skip
-        bright = _brightest_around(shown[..., 0], known, self._centres)
-        weight = _relative_weight(shown.ravel()[self._centres], bright)
-        weight[stays[self._centres]] *= _FIXED
-        centres = centre_points(self._centres, resolution)
+        bright = _brightest_around(shown[..., 0], known, self.centres)
+        weight = _relative_weight(shown.ravel()[self.centres], bright)
+        weight[stays[self.centres]] *= _FIXED
+        centres = centre_points(self.centres, resolution)
         centres = LightmapPoints(centres.atlas, centres.position, weight)
         self._fit = BilinearFit(resolution, atlases, joined_points(chosen, centres), no_seams(), True)
 
-    def fit(self, texels: np.ndarray, samples: np.ndarray) -> None:
-        """Change the values of texels beside walls.
+    def light(self, samples: np.ndarray, at_centres: np.ndarray) -> np.ndarray:
+        """Return the light of the `texels` beside walls, (t, c) float32.
 
-        texels   (atlases * r * r, c) float32, what all show without walls
-        samples  (s, 3) or (s,) float32, of all samples
+        samples     (s, 3) or (s,) float32, of all samples
+        at_centres  (p, c) float32, of the texels `centres`, what these show without walls
         """
-        channels = texels.shape[1]
+        channels = at_centres.shape[1]
         values = np.broadcast_to(
             samples.reshape(len(samples), -1)[self._samples], (len(self._samples), channels)
         )
-        images = self._fit.images(np.concatenate([values, texels[self._centres]]))
-        texels[self._texels] = images.reshape(-1, channels)[self._texels]
+        images = self._fit.images(np.concatenate([values, at_centres]))
+        light: np.ndarray = images.reshape(-1, channels)[self.texels]
+        return light
 
 
 def _relative_weight(light: np.ndarray, bright: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import upload_float4
+from ..device.compute import Compute
 from ..direct.contact import NearFaces
 from ..finish.display_samples import (
     DisplaySamples,
@@ -79,9 +80,9 @@ class DisplayLight:
     reasons: tuple[str, ...]
     warnings: tuple[str, ...] = ()
 
-    def means(self, resolution: int) -> TexelMeans:
-        """Return what texels show of the samples."""
-        return TexelMeans(self.samples, self.visible, resolution)
+    def means(self, compute: Compute, shape: tuple[int, ...]) -> TexelMeans:
+        """Return what texels of lightmaps, (atlases, r, r), show of the samples; there is one at least."""
+        return TexelMeans(compute, self.samples, self.visible, shape)
 
     def beside_walls(self, shown: np.ndarray, known: np.ndarray) -> WallFit | None:
         """Return what texels beside thin walls show; None where there are none. See `WallFit`."""

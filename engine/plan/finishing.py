@@ -46,7 +46,7 @@ class Finishing:
         self._store, self._job, self._texels, self._solution = store, texels.job, texels, solution
         self._made, self._lit = made, lit
         if len(lit.samples):
-            store.refine(lit.means(store.has_patch.shape[1]), lit.hidden)
+            store.refine(lit.means(self._job.opencl, store.has_patch.shape), lit.hidden)
         if len(lit.inside):
             store.part(lit.beside_walls(store.texels(*self._light_of_texels()), store.known))
         self._denoising = Denoising(store.known, self._job.settings)

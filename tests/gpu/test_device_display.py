@@ -205,7 +205,8 @@ def test_means_of_samples_are_put_in_texels_on_the_device(compute: Compute, chan
     weight = random.random(131).astype(np.float32)
     position, corners = np.zeros((131, 2), np.float32), np.zeros((131, 3), np.float32)
     samples = DisplaySamples(atlas, shows, position, weight, np.zeros(131, np.int32), corners)
-    store.refine(TexelMeans(samples, random.random(131) < 0.8, resolution), random.random(count) < 0.1)
+    means = TexelMeans(compute, samples, random.random(131) < 0.8, (2, resolution, resolution))
+    store.refine(means, random.random(count) < 0.1)
     values, light = (random.normal(size=(n, channels)).astype(np.float32) for n in (count, 131))
     made = store.finished({"combined": values}, {"combined": light})["combined"]
     assert (made == store.final(store.texels(values, light))).all()

@@ -166,7 +166,7 @@ def test_texels_show_the_weighted_mean_of_visible_samples(compute):
     samples = display_samples(compute, parts, 1, even(parts), 4)
     values = np.random.default_rng(3).random((len(samples), 3)).astype(np.float32)
     visible = samples.texel % RESOLUTION != 2
-    means = TexelMeans(samples, visible, RESOLUTION)
+    means = TexelMeans(compute, samples, visible, (1, RESOLUTION, RESOLUTION))
     assert set(means.hidden % RESOLUTION) == {2} and not set(means.texels % RESOLUTION) & {2}
     for texel, mean in zip(means.texels, means.of(values)[: len(means.texels)], strict=True):
         mine = samples.texel == texel

@@ -31,12 +31,6 @@ def row_products(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     return products
 
 
-def column_range(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the least and the largest entry of each column, (n, c) -> (c,) twice; n > 0."""
-    columns = values.T
-    return np.array([column.min() for column in columns]), np.array([column.max() for column in columns])
-
-
 def nonzero_entries(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the rows and the columns of entries that are not 0, (k,) int64 twice, row by row.
 

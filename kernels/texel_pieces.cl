@@ -89,22 +89,11 @@ __kernel void piece_areas(__global const float *uvs, __global const int *triangl
                                     (int2)(texels[piece] % resolution, texels[piece] / resolution));
 }
 
-// Points of pieces, as barycentrics, by an R2 sequence: one coordinate chooses a triangle of the piece's fan by area,
-// and what is left of it, with the other, a point in there.
-__kernel void points_within(__global const float *uvs, __global const int *triangles, __global const int *texels,
-                            __global const int *pieces, const int resolution, __global float *barycentrics,
-                            const int count)
+// A point of what a triangle covers of a texel, as barycentrics of its second and third corner: one number of `unit`
+// chooses a triangle of the polygon's fan by area, and what is left of it, with the other, a point in there.
+float2 point_within(const float2 *corners, const float2 unit)
 {
-    const int point = get_global_id(0);
-    if (point >= count)
-        return;
-    const uint2 steps = (uint2)(1u << 31) + (uint)(point + 1) * R2;
-    const float2 unit = convert_float2(steps >> 8) / 16777216.0f;
-    const int piece = pieces[point], triangle = triangles[piece];
-    const int2 texel = (int2)(texels[piece] % resolution, texels[piece] / resolution);
-    float2 corners[3];
     float4 polygon[MOST_CORNERS];
-    corners_at(uvs, triangle, resolution, convert_float2(texel), corners);
     const int last = clip_at_texel(corners, polygon) - 3;
     float left = 0.0f;
     for (int k = 0; k <= last; ++k)
@@ -114,9 +103,89 @@ __kernel void points_within(__global const float *uvs, __global const int *trian
     for (; fan < last && left >= fan_area(polygon, fan); ++fan)
         left -= fan_area(polygon, fan);
     const float root = sqrt(clamp(left / fmax(fan_area(polygon, fan), 1e-30f), 0.0f, 1.0f)), across = unit.y;
-    const float2 part = last < 0 ? (float2)(1.0f / 3.0f)
+    return last < 0 ? (float2)(1.0f / 3.0f)
         : (1.0f - root) * polygon[0].zw + root * (1.0f - across) * polygon[fan + 1].zw
             + root * across * polygon[fan + 2].zw;
-    const float3 all = (float3)(1.0f - part.x - part.y, part);
-    vstore3(clamp(all, 0.0f, 1.0f), point, barycentrics);
+}
+
+// How far outside of a triangle a point of a grid may be, texels: an edge has two sides.
+#define RIM 1e-4f
+
+// A texel has a grid where at least this part of the grid's points lie on a triangle.
+#define GRID_FROM 0.75f
+
+// a.x b.y - a.y b.x, right to the last bits where both products are nearly the same (Kahan's difference of products).
+float cross2(const float2 a, const float2 b)
+{
+    const float product = a.y * b.x, off = fma(-a.y, b.x, product);
+    return fma(a.x, b.y, -product) + off;
+}
+
+// Barycentrics of a place, those of the nearest one on the triangle; distances from the sides are parts of its heights.
+bool is_on(const float2 *corners, const float2 place, float3 *part)
+{
+    const float2 second = corners[1] - corners[0], third = corners[2] - corners[0], here = place - corners[0];
+    const float area = cross2(second, third), v = cross2(here, third) / area, w = cross2(second, here) / area;
+    const float3 all_parts = (float3)(1.0f - v - w, v, w), on_triangle = clamp(all_parts, 0.0f, 1.0f);
+    const float3 sides = (float3)(distance(second, third), length(third), length(second));
+    *part = on_triangle / (on_triangle.x + on_triangle.y + on_triangle.z);
+    return all(all_parts * fabs(area) >= -RIM * sides);
+}
+
+// The points of texels, `side` squared each. Pieces are in the order of their texels, those of texel i from starts[i] to
+// starts[i + 1]. Where triangles cover most of a texel the points are those of a regular grid, row by row, each on the
+// first piece that it lies on, -1 for none. Elsewhere all are within what is covered: along the pieces they are at even
+// distances (systematic sampling), so a piece has one more or less than its area would have at most, in each piece
+// those of an R2 sequence. A point weighs its part of the texel, or of what is covered.
+__kernel void points_in_texels(__global const float *uvs, __global const int *triangles, __global const int *texels,
+                               __global const float *areas, __global const int *starts, const int resolution,
+                               const int side, __global int *pieces, __global float *barycentrics,
+                               __global float *positions, __global float *weights, const int count)
+{
+    const int i = get_global_id(0);
+    if (i >= count)
+        return;
+    const int points = side * side, at = texels[starts[i]];
+    const float2 origin = (float2)(at % resolution, at / resolution);
+    float2 corners[3];
+    int found = 0;
+    for (int point = 0; point < points; ++point) {
+        const float2 place = ((float2)(point % side, point / side) + 0.5f) / side;
+        const int item = i * points + point;
+        pieces[item] = -1;
+        for (int piece = starts[i]; piece < starts[i + 1]; ++piece) {
+            float3 part;
+            corners_at(uvs, triangles[piece], resolution, origin, corners);
+            if (!is_on(corners, place, &part))
+                continue;
+            pieces[item] = piece;
+            vstore3(part, item, barycentrics);
+            vstore2(origin + place, item, positions);
+            ++found;
+            break;
+        }
+    }
+    weights[i] = 1.0f / points;
+    if (found >= GRID_FROM * points)
+        return;
+
+    // Charts below a texel, and corners of large ones.
+    float covered = 0.0f;
+    for (int piece = starts[i]; piece < starts[i + 1]; ++piece)
+        covered += areas[piece];
+    weights[i] = covered / points;
+    int piece = starts[i];
+    float passed = areas[piece];
+    for (int point = 0; point < points; ++point) {
+        while (piece + 1 < starts[i + 1] && passed <= (point + 0.5f) / points * covered)
+            passed += areas[++piece];
+        const int item = i * points + point;
+        const uint2 steps = (uint2)(1u << 31) + (uint)(item + 1) * R2;
+        corners_at(uvs, triangles[piece], resolution, origin, corners);
+        const float2 part = point_within(corners, convert_float2(steps >> 8) / 16777216.0f);
+        const float3 all_parts = clamp((float3)(1.0f - part.x - part.y, part), 0.0f, 1.0f);
+        pieces[item] = piece;
+        vstore3(all_parts, item, barycentrics);
+        vstore2(origin + all_parts.x * corners[0] + all_parts.y * corners[1] + all_parts.z * corners[2], item, positions);
+    }
 }

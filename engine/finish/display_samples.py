@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,10 +10,10 @@ import numpy as np
 from ..patches.subdivision import Subdivision
 from ..patches.texel_pieces import TexelClipper, TexelPieces, joined_pieces
 from ..portable import Portable
+from ..runs import run_starts
 from ..scene.triangles import Triangles
 from ..short_rows import row_products
 from .light_edges import PatchLight, find_edges
-from .texel_points import place_points
 
 #: A texel is wholly covered from this part on; faces of a texel lie in one plane if the cosine between their
 #: normals is larger.
@@ -84,7 +85,7 @@ def display_samples(
     hidden. Where they would have too many points together each has fewer, at last every second or third texel
     alone. The number tells how many each has. The clipper is of the triangles.
     """
-    triangles, resolution = parts.triangles, parts.patches.resolution
+    resolution = parts.patches.resolution
     own = parts.patches.on_texels(atlases)
     edge, at_an_end = find_edges(clipper.compute, own, known)
     edge |= _between(edge) & (own > 0)
@@ -95,14 +96,14 @@ def display_samples(
     chosen, points = _affordable((several | edge).ravel(), points)
 
     # Texels that one triangle fills are pieces, too.
-    key = border.atlas.astype(np.int64) * resolution**2 + border.texel
+    key = border.keys(resolution)
     filled = chosen.copy()
     filled[key] = False
     entry = own.ravel()[np.flatnonzero(filled)]
     patch = entry[entry > 0].astype(np.int64) - 1
     whole = clipper.pieces_at(parts.patches.triangle[patch], parts.patches.texel[patch])
     pieces = joined_pieces([border.part(chosen[key]), whole])
-    return _samples_of(clipper, triangles, pieces, resolution, points), points
+    return _samples_of(clipper, pieces, resolution, points), points
 
 
 def _between(edge: np.ndarray) -> np.ndarray:
@@ -128,7 +129,7 @@ def _affordable(chosen: np.ndarray, points: int) -> tuple[np.ndarray, int]:
 
 def _shows_several(parts: Subdivision, border: TexelPieces, own: np.ndarray) -> np.ndarray:
     """Return the texels, (atlases, r, r) bool, that are partly covered, or by faces of several planes."""
-    key = border.atlas.astype(np.int64) * parts.patches.resolution**2 + border.texel
+    key = border.keys(parts.patches.resolution)
     covered = np.bincount(key, border.area, own.size)
     order = np.argsort(key, kind="stable")
     first = np.r_[True, np.diff(key[order]) > 0][: len(key)]
@@ -143,19 +144,18 @@ def _shows_several(parts: Subdivision, border: TexelPieces, own: np.ndarray) -> 
     return several.reshape(own.shape)
 
 
-def _samples_of(
-    clipper: TexelClipper, triangles: Triangles, pieces: TexelPieces, resolution: int, points: int
-) -> DisplaySamples:
-    """Return the samples of texels whose pieces are given."""
-    pieces = pieces.part(
-        np.argsort(pieces.atlas.astype(np.int64) * resolution**2 + pieces.texel, kind="stable")
-    )
-    piece, weight, found = place_points(clipper, triangles, pieces, resolution, points)
-    triangle, barycentric = pieces.triangle[piece], found.astype(np.float32)
-    return DisplaySamples(
-        pieces.atlas[piece], pieces.texel[piece], on_lightmap(triangles, triangle, barycentric, resolution),
-        weight.astype(np.float32), triangle, barycentric,
-    )  # fmt: skip
+def _samples_of(clipper: TexelClipper, pieces: TexelPieces, resolution: int, points: int) -> DisplaySamples:
+    """Return the samples of texels whose pieces are given, `points` of each, a square number.
+
+    Texels that are mostly covered have the points of a grid that lie on a triangle: light that is averaged
+    around each is averaged over the texel. Others have all of their points within what is covered.
+    """
+    keys = pieces.keys(resolution)
+    order = np.argsort(keys, kind="stable")
+    pieces, starts = pieces.part(order), run_starts(keys[order])
+    found = clipper.points_in_texels(pieces, starts, math.isqrt(points))
+    atlas, texel, triangle = (array[found.piece] for array in (pieces.atlas, pieces.texel, pieces.triangle))
+    return DisplaySamples(atlas, texel, found.position, found.weight, triangle, found.barycentric)
 
 
 def on_lightmap(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import reduce
+from typing import NamedTuple
 
 import numpy as np
 import pyopencl as cl
@@ -16,7 +17,7 @@ from ..scene.triangles import Triangles
 _LEAST_PIECE = 1e-6
 
 _SOURCE = ("texel_corners.cl", "texel_clip.cl", "texel_pieces.cl")
-_NAMES = ("border_texels", "piece_areas", "points_within")
+_NAMES = ("border_texels", "piece_areas", "points_in_texels")
 
 
 @dataclass(frozen=True)
@@ -37,11 +38,31 @@ class TexelPieces:
     def __len__(self) -> int:
         return len(self.texel)
 
+    def keys(self, resolution: int) -> np.ndarray:
+        """Return atlas * r * r + texel of each piece, (m,) int64."""
+        keys: np.ndarray = self.atlas.astype(np.int64) * resolution**2 + self.texel
+        return keys
+
     def part(self, chosen: np.ndarray | slice) -> TexelPieces:
         """Return some pieces, by a mask or their numbers."""
         return TexelPieces(
             self.atlas[chosen], self.texel[chosen], self.triangle[chosen], self.area[chosen]
         )  # fmt: skip
+
+
+class TexelPoints(NamedTuple):
+    """Points of texels, in the order of these.
+
+    piece        (s,) int32, that each lies on
+    position     (s, 2) float32, on the lightmap, texels
+    weight       (s,) float32, texels
+    barycentric  (s, 3) float32
+    """
+
+    piece: np.ndarray
+    position: np.ndarray
+    weight: np.ndarray
+    barycentric: np.ndarray
 
 
 def joined_pieces(several: list[TexelPieces]) -> TexelPieces:
@@ -99,16 +120,35 @@ class TexelClipper:
         self._run("piece_areas", count, self._uvs, *self._where(triangle, texel), areas)
         return self._pieces(triangle, texel, self._read(areas, count, "f4"))
 
-    def points_within(self, pieces: TexelPieces, piece: np.ndarray) -> np.ndarray:
-        """Return a point of each named piece, (s,) int, as barycentrics (s, 3) float32.
+    def points_in_texels(self, pieces: TexelPieces, starts: np.ndarray, side: int) -> TexelPoints:
+        """Return the points of texels, `side` squared for each; see kernels/texel_pieces.cl.
 
-        Points in a row are those of an R2 sequence: they spread evenly over a piece, and over several.
+        pieces  in the order of their texels
+        starts  (t,) int64, the first piece of each texel
         """
-        count = len(piece)
-        points = zeros(self.compute, 12 * max(1, count))
-        where = self._where(pieces.triangle, pieces.texel, piece)
-        self._run("points_within", count, self._uvs, *where, points)
-        return self._read(points, 3 * count, "f4").reshape(count, 3)
+        each, texels = side**2, len(starts)
+        sizes = 4 * each, 12 * each, 8 * each, 4
+        found = [zeros(self.compute, size * max(1, texels)) for size in sizes]
+        area = upload(self.compute, pieces.area) if texels else found[3]
+        where = [self._indices(pieces.triangle), self._indices(pieces.texel), area]
+        ends = self._indices(np.append(starts, len(pieces)))
+        self._run(
+            "points_in_texels",
+            texels,
+            self._uvs,
+            *where,
+            ends,
+            np.int32(self._resolution),
+            np.int32(side),
+            *found,
+        )
+        piece, barycentric, position, weight = (
+            self._read(buffer, texels * size // 4, kind)
+            for buffer, size, kind in zip(found, sizes, ("i4", "f4", "f4", "f4"), strict=True)
+        )
+        points = piece, position.reshape(-1, 2), np.repeat(weight, each), barycentric.reshape(-1, 3)
+        some = np.flatnonzero(piece >= 0)
+        return TexelPoints(*points if len(some) == len(piece) else (array[some] for array in points))
 
     def _list_rows(self, atlases: int) -> tuple:
         """Return how many rows `_rows` returns, these on the device, and the atlas of each triangle."""
@@ -137,13 +177,11 @@ class TexelClipper:
 
     def _where(self, *arrays: np.ndarray) -> tuple:
         """Return arrays on the device, as int32, and the resolution."""
-        buffers = [
-            upload(self.compute, values.astype(np.int32, copy=False))
-            if len(values)
-            else zeros(self.compute, 8)
-            for values in arrays
-        ]
-        return (*buffers, np.int32(self._resolution))
+        return (*map(self._indices, arrays), np.int32(self._resolution))
+
+    def _indices(self, values: np.ndarray) -> cl.Buffer:
+        """Return numbers on the device, as int32; there may be none."""
+        return upload(self.compute, values.astype(np.int32)) if len(values) else zeros(self.compute, 8)
 
     def _read(self, buffer: cl.Buffer, count: int, kind: str) -> np.ndarray:
         return download(self.compute, buffer, (count,)).view(kind) if count else np.zeros(0, kind)

@@ -68,18 +68,22 @@ def test_points_lie_in_their_texel_and_are_even_on_what_is_covered(compute):
     clipper = TexelClipper(compute, triangles, RESOLUTION)
     pieces = clipper.border_pieces(everywhere(1))
     pieces = pieces.part(pieces.area > 1e-3)
-    count = 400
-    piece = np.repeat(np.arange(len(pieces)), count)
-    points = clipper.points_within(pieces, piece)
-    assert points.min() >= 0 and points.sum(axis=1) == pytest.approx(1, abs=1e-5)
+    found, side = clipper.points_in_texels(pieces, np.arange(len(pieces)), 20), 20
+    piece, points = found.piece, found.barycentric
+    count = np.bincount(piece, minlength=len(pieces))
+    assert (count >= 0.75 * side**2).all() and (count <= side**2).all()
+    assert points.min() >= 0 and np.abs(points.sum(axis=1) - 1).max() < 1e-5
     row, column = np.divmod(pieces.texel, RESOLUTION)
     corners = triangles.uvs[pieces.triangle].astype(float) * RESOLUTION
     corners -= np.stack([column, row], axis=1)[:, None]
-    at = np.einsum("mkw,mwd->mkd", points.reshape(len(pieces), count, 3), corners)
+    at = np.einsum("pw,pwd->pd", points, corners[piece])
     assert at.min() > -1e-4 and at.max() < 1 + 1e-4
     centroid = clipped_centroids(corners, np.zeros((len(pieces), 2), int))
     middle = np.einsum("mw,mwd->md", centroid, corners)
-    assert np.abs(at.mean(axis=1) - middle).max() < 0.02
+    mean = np.stack([np.bincount(piece, axis) for axis in at.T], axis=1) / count[:, None]
+    assert np.abs(mean - middle).max() < 0.02
+    assert np.abs(found.position - np.stack([column, row], axis=1)[piece] - at).max() < 2e-4
+    assert np.bincount(piece, found.weight) == pytest.approx(pieces.area, abs=0.02)
 
 
 def test_pieces_are_those_of_wanted_texels(compute):

@@ -6,7 +6,6 @@ import pytest
 from engine.short_rows import (
     all_in_rows,
     any_in_rows,
-    column_range,
     largest_in_rows,
     nonzero_entries,
     row_products,
@@ -22,9 +21,3 @@ def test_rows_are_reduced_as_numpy_does(shape):
         assert np.array_equal(largest_in_rows(rows), rows.max(axis=1), equal_nan=True)
         assert np.allclose(row_products(rows, rows + 1), (rows * (rows + 1)).sum(axis=1), equal_nan=True)
         assert all(map(np.array_equal, nonzero_entries(rows), np.nonzero(rows)))
-
-
-def test_columns_have_a_range():
-    values = np.random.default_rng(5).normal(size=(101, 3))
-    least, largest = column_range(values)
-    assert np.array_equal(least, values.min(axis=0)) and np.array_equal(largest, values.max(axis=0))

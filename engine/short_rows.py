@@ -9,7 +9,8 @@ import numpy as np
 
 def any_in_rows(values: np.ndarray) -> np.ndarray:
     """Return which rows of (n, c) have an entry that is not 0, (n,) bool."""
-    found: np.ndarray = reduce(np.logical_or, values.T, np.zeros(len(values), bool))
+    flags = values if values.dtype == bool else values != 0
+    found: np.ndarray = reduce(np.logical_or, flags.T, np.zeros(len(values), bool))
     return found
 
 

@@ -45,6 +45,9 @@ def _at_ends_of_charts(patches: PatchList, texel_to_patch: np.ndarray, geometry:
     outer &= around[:, 1:-1, 2:]
     np.greater(around[:, 1:-1, 1:-1], outer, out=outer)
     beside = texel_to_patch.ravel()[np.flatnonzero(outer)].astype(np.int64) - 1
+
+    # Few of them are near an edge.
+    beside = beside[_near_edges(geometry.part(beside), patches.resolution)]
     distance, outward = _edges(geometry.part(beside), patches.resolution)
     row, column = np.divmod(patches.texel[beside], patches.resolution)
     step = np.where(np.abs(outward) > _LEADING, np.sign(outward), 0).astype(np.int64)
@@ -52,6 +55,19 @@ def _at_ends_of_charts(patches: PatchList, texel_to_patch: np.ndarray, geometry:
     beyond = around[atlas, row[:, None] + 1, column[:, None] + 1 + step[..., 0]] & (step[..., 0] != 0)
     beyond |= around[atlas, row[:, None] + 1 + step[..., 1], column[:, None] + 1] & (step[..., 1] != 0)
     return beside[any_in_rows((distance < _ON_EDGE) & ~beyond)]
+
+
+def _near_edges(geometry: PatchGeometry, resolution: int) -> np.ndarray:
+    """Return which patches are about as near to an edge of their triangle as on it, or nearer, (k,) bool."""
+    corners = geometry.triangles.uvs[geometry.triangle] * np.float64(resolution)
+    x, y = corners[..., 0].T, corners[..., 1].T
+    area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
+    near = np.zeros(len(area), bool)
+    for corner, part in enumerate(geometry.barycentric.T):
+        start, end = (corner + 1) % 3, (corner + 2) % 3
+        square = (x[end] - x[start]) ** 2 + (y[end] - y[start]) ** 2
+        near |= (part * area) ** 2 <= (1.01 * _ON_EDGE) ** 2 * square
+    return near
 
 
 def _edges(geometry: PatchGeometry, resolution: int) -> tuple[np.ndarray, np.ndarray]:

@@ -36,6 +36,7 @@ class LiveWatch:
         self.clear()
         self._handlers = {
             "depsgraph_update_post": self._note_update,
+            "frame_change_post": self._note_update,
             "undo_pre": self._expect_undo,
             "undo_post": self._note_undo,
             "redo_pre": self._expect_undo,

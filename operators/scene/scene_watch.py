@@ -35,6 +35,7 @@ class SceneWatch:
         self._changed = self._doubtful = False
         self._handlers = {
             "depsgraph_update_post": self._note_update,
+            "frame_change_post": self._note_update,
             "undo_post": self._note_undo,
             "redo_post": self._note_undo,
         }

@@ -86,6 +86,31 @@ def baked_anew(scene) -> np.ndarray:
     return pixels(scene.hemibake.lightmaps["Lightmap"].image)[..., :3].copy()
 
 
+def test_another_frame_has_its_own_light(operator, context, window):  # noqa: F811
+    """A lamp whose power is animated, and then an object that moves into its light."""
+    import bpy
+
+    _, lamp = lit_room()
+    lamp.data.keyframe_insert("energy", frame=1)
+    lamp.data.energy = 40
+    lamp.data.keyframe_insert("energy", frame=11)
+    box = mesh_object("Box", np.array(CUBE) * 0.3 + 2.0, [face[::-1] for face in INWARD])
+    box.hemibake.role = "OCCLUDER"
+    box.keyframe_insert("location", frame=11)
+    box.location = (-1.95, -1.95, -1.95)
+    box.keyframe_insert("location", frame=21)
+    bpy.context.scene.frame_set(1)
+    start(operator, context)
+    first = settle(operator, context).copy()
+    bpy.context.scene.frame_set(11)
+    lit = settle(operator, context).copy()
+    assert lit == pytest.approx(4 * first, rel=0.02)
+    bpy.context.scene.frame_set(21)
+    assert np.abs(settle(operator, context) - lit).max() > 0.3 * lit.max()
+    operator.invoke(context, None)
+    assert drive(operator, context) == {"FINISHED"} and window.is_as_before()
+
+
 def test_edits_show_and_the_light_is_that_of_a_bake(operator, context, window):  # noqa: F811
     import bpy
 

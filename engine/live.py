@@ -27,12 +27,13 @@ class Live:
     def __init__(self, bake: Bake, scene: Scene, settings: Settings) -> None:
         """Take what bakes; every patch gathers for itself, since light decides where groups of them end.
 
+        A scheduler is not used: its workers keep nothing from one bake to the next.
         Raises SettingsError, SceneError for what cannot be baked.
         """
         check_settings(settings)
         check_scene(scene)
         self._bake, self.scene = bake, scene
-        self._settings = replace(settings, warm_start=True, intermediates=True, adaptive=False)
+        self._settings = replace(settings, warm_start=True, intermediates=True, adaptive=False, scheduler="")
         self.lightmap: Lightmap | None = None
         self._changed = False
 

@@ -50,6 +50,7 @@ def quick_settings(settings: Settings) -> Settings:
         intermediates=False,
         checkpoint_space=0,
         patch_file=None,
+        scheduler="",
     )
 
 

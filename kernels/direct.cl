@@ -127,7 +127,7 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
     const Bright sky = {sky_pixels, cumulative, listed, sky_width, sky_height, sky_count, sky_total};
     const Receiver r = load_receiver(receivers + patch);
 
-    const uint key = hash((uint)patch ^ hash(seed));
+    const uint key = hash(r.rank ^ hash(seed));
     const float offset = unit_float(hash(r.rank / NEIGHBOURS ^ hash(seed + 1u)) + r.rank * GOLDEN);
     Walk walk;
     const float total = start_walk(&walk, &lights, root, &r, budget);

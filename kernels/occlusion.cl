@@ -10,7 +10,7 @@ __kernel void occlusion(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers
     float3 x, y;
     basis(r.normal, &x, &y);
     Opening opening = {0.0f, 0.0f};
-    const uint key = hash((uint)patch ^ hash(seed));
+    const uint key = hash(r.rank ^ hash(seed));
     for (int i = 0; i < budget; ++i) {
         const float4 u = sample_point(i, key);
         look_out(&opening, &rays, &r, u.zw, cosine_direction(u.xy, x, y, r.normal), reach);

@@ -22,6 +22,7 @@ from ..settings import Settings
 from ..visibility.rays.ray_scene import RayScene
 from . import block, final_tasks, shadow_tasks
 from .blocks import Span, cut
+from .local_workers import LOCAL
 from .patch_table import Glow, PatchTable, SceneTable
 from .shipped import Shipped
 from .shipped_patches import ShippedPatches
@@ -66,14 +67,18 @@ class ClusterDevices:
         self._blocks: dict[Span, Future] = {}
 
     def describe(self) -> str:
-        """Return a sentence for the report: how many workers there are, and where to watch them."""
+        """Return a sentence for the report: how many workers there are, and where to watch their scheduler.
+
+        That of this machine's devices ends with the bake.
+        """
         count = len(self._tasks.workers())
         who = (
             "1 Dask worker finds what patches see and gathers"
             if count == 1
             else (f"{count} Dask workers find what patches see and gather")
         )
-        return f"{who} for them; dashboard: {self._tasks.dashboard}."
+        watched = "" if self._settings.scheduler == LOCAL else f"; dashboard: {self._tasks.dashboard}"
+        return f"{who} for them{watched}."
 
     def sampled(self) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
         """Return the light that shadow rays sample, and its L1; see `Casting.sampled`."""

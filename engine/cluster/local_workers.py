@@ -19,6 +19,12 @@ from ..errors import DeviceError
 from .event_loop import event_loop
 from .prepared_scene import DEVICE
 
+#: What stands for a worker on each device of this machine, instead of a scheduler's address.
+LOCAL = "all"
+
+#: Where scheduler, workers and their pages about tasks listen: other machines do not reach them.
+_HERE = "127.0.0.1"
+
 #: What NVIDIA's driver calls its vendor.
 _NVIDIA = "NVIDIA"
 
@@ -47,7 +53,7 @@ class LocalWorkers:
         self._workers: list[subprocess.Popen[bytes]] = []
         with ExitStack() as opened:
             loop = opened.enter_context(event_loop())
-            options = {"dashboard_address": ":0", "loop": loop}
+            options = {"dashboard_address": f"{_HERE}:0", "loop": loop}
             self._cluster = opened.enter_context(LocalCluster(n_workers=0, processes=True, **options))
             self._cluster.scheduler.rpc.timeout = RESULTS
             self.client = opened.enter_context(Client(self._cluster, timeout=ANSWER))
@@ -71,7 +77,8 @@ class LocalWorkers:
 
     def add(self, environment: Mapping[str, str]) -> None:
         """Start one more worker."""
-        self._workers.append(start_worker(self._cluster.scheduler_address, environment))
+        listening = ("--host", _HERE, "--dashboard-address", f"{_HERE}:0")
+        self._workers.append(start_worker(self._cluster.scheduler_address, environment, *listening))
 
     def kill(self, number: int) -> None:
         """End a worker at once, as a crash of its driver would."""

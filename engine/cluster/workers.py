@@ -19,14 +19,11 @@ from .admission import REFUSED, Admission, refusal
 from .cluster_devices import ClusterDevices
 from .connection import connected, is_of_this_machine, is_private
 from .event_loop import event_loop
-from .local_workers import RESULTS, LocalWorkers, local_environments
+from .local_workers import LOCAL, RESULTS, LocalWorkers, local_environments
 from .memory_folder import is_at_hand, memory_folder
 from .shipment import Shipment
 from .shipped import Shipped
 from .tasks import Tasks
-
-#: What stands for a worker on each device of this machine, instead of an address.
-LOCAL = "all"
 
 #: Seconds in which a first worker has to join.
 _JOIN = 30

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
+import psutil
 import pytest
 from distributed.utils import LoopRunner
 
@@ -131,8 +132,23 @@ def test_all_devices_of_this_machine_work_for_a_bake(monkeypatch, by_two):
     """Stands for two cards: two workers of one thread each."""
     monkeypatch.setattr("engine.cluster.workers.local_environments", lambda: [ONE_THREAD] * 2)
     alone = finished(Session().bake(nine_quad_room(), replace(SETTINGS, scheduler="all")))
-    assert any("2 Dask workers" in reason for reason in alone.report.reasons)
+    (told,) = (reason for reason in alone.report.reasons if "2 Dask workers" in reason)
+    assert "dashboard" not in told
+    assert any("dashboard: http" in reason for reason in by_two.report.reasons)
     assert np.array_equal(alone.image, by_two.image)
+
+
+def test_nothing_of_them_listens_to_other_machines():
+    """The scheduler, its page about tasks, and a worker."""
+    with cluster(1):
+        here = psutil.Process()
+        listening = [
+            connection.laddr.ip
+            for process in (here, *here.children(recursive=True))
+            for connection in process.net_connections("tcp")
+            if connection.status == psutil.CONN_LISTEN
+        ]
+    assert len(listening) >= 3 and set(listening) <= {"127.0.0.1", "::1"}
 
 
 def test_squares_of_patches_bring_the_light_of_one_device(two):
@@ -286,7 +302,24 @@ def test_a_worker_that_joins_is_used(by_two):
         next(work)
         made.add(ONE_THREAD)
         made.client.wait_for_workers(2, timeout=60)
+        first, joined = made.client.scheduler_info(n_workers=-1)["workers"]
+        made.client.get_task_stream(count=0)
+        began = time.time()
         assert np.array_equal(finished(work).image, by_two.image)
+        done = made.client.get_task_stream(start=began)
+    finders = {task["worker"] for task in done if task["key"].startswith("find-")}
+    assert finders == {first, joined}
+
+
+def test_no_workers_for_long_are_an_error_with_the_remedy(monkeypatch):
+    monkeypatch.setattr("engine.cluster.tasks._PATIENCE", 2.0)
+    with cluster(1) as made:
+        work = bake(made)
+        while next(work).stage != "Bounce 2":
+            pass
+        made.kill(0)
+        with pytest.raises(DeviceError, match="has had no workers for 2 s. Start some"):
+            finished(work)
 
 
 @pytest.mark.long

@@ -109,10 +109,10 @@ function partOptions(settings, part) {
     }
 }
 
-// Return the task that merges the reports of all parts.
+// Return the task that merges the reports of all parts. It needs no .blend, but workers before 3.5 want one to be named.
 function mergeTask(settings, folders) {
     const task = author.Task("merge", "blender");
-    task.addCommand(hemibake("hemibake_merge", "", [settings.output_path, "--parts", ...folders]));
+    task.addCommand(hemibake("hemibake_merge", settings.blendfile, [settings.output_path, "--parts", ...folders]));
     return task;
 }
 

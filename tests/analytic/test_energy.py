@@ -89,6 +89,14 @@ def test_hardly_any_light_is_missing_at_any_size_of_texels(width):
     assert abs(energy(cornell_box(width), resolution=width).missing) < 1e-4
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("width", [160, 256])
+def test_squares_of_adaptive_bakes_lose_little(width):
+    """They see from their leaders; on a processor alone."""
+    found = energy(cornell_box(width), resolution=width, samples=256, adaptive=True, tolerance=5e-3)
+    assert abs(found.missing) < 4e-3
+
+
 def test_light_that_is_not_gathered_yet_is_the_residual():
     """After k bounces of a furnace, rho^k of the light is on its way."""
     for iterations in (1, 2, 3):

@@ -51,7 +51,7 @@ def test_whole_file_is_one_bake_and_a_merge():
         *("--command", "hemibake", "--out", f"{out}/level_3", "--report", f"{out}/level_3/report.json"),
         *("--quality", "high", "--file-name", "{lightmap} day"),
     ]
-    assert merge["commands"][0]["parameters"]["blendfile"] == ""
+    assert merge["commands"][0]["parameters"]["blendfile"] == "/farm/level 3.blend"
     assert words(merge) == ["--command", "hemibake_merge", out, "--parts", "level_3"]
     assert merge["dependencies"] == [bake["name"]]
 

@@ -104,9 +104,12 @@ class Session:
         """Bake a scene that has been checked, on what the last bake has left."""
         from .algorithm import bake
         from .plan.kept import Kept
+        from .plan.usual_programs import usual_programs
 
         stages = BakeStages(Extent.of(scene), settings, self._paces)
         devices = self._take(settings)
+        if devices.compute is not None and devices.on_card:
+            devices.compute.build_ahead(usual_programs(scene, settings))
         kept, self._kept = self._kept or Kept(), None
         kept.checkpoints = _checkpoints(settings)
         stages.opened(devices.on_card)

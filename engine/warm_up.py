@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from .scene.model import Light
+from .scene.model import Light, Material, Mesh, Scene, Texture
 from .self_test import furnace
 from .session import warm_up as bake_and_forget
 from .settings import Settings
 
 #: As most bakes are, but small.
-_SMALL: dict[str, Any] = {"resolution": 53, "samples": 64, "hemicube": 16, "intermediates": False}
+SMALL: dict[str, Any] = {"resolution": 53, "samples": 64, "hemicube": 16, "intermediates": False}
 
 
 def warm_up(settings: dict[str, Any]) -> None:
@@ -20,5 +21,39 @@ def warm_up(settings: dict[str, Any]) -> None:
 
     settings: values of `Settings` by name
     """
-    lamp = Light("Lamp", "point", np.full(3, 0.5), np.eye(3), np.ones(3, np.float32))
-    bake_and_forget(furnace((lamp,)), Settings(**settings | _SMALL))
+    bake_and_forget(usual_room(), Settings(**settings | SMALL))
+
+
+def usual_room() -> Scene:
+    """Return a room that has what most scenes have: a lamp, a shadow, a texture, and a seam off texels."""
+    lamp = Light("Lamp", "point", np.array([0.5, 0.5, 0.9]), np.eye(3), np.ones(3, np.float32), radius=0.05)
+    room = furnace((lamp,))
+    return replace(room, meshes=(*room.meshes, _shelf()), materials=(*room.materials, _painted()))
+
+
+def _shelf() -> Mesh:
+    """Return two squares that continue each other in the world, each with a chart of its own."""
+    square = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32)
+    split = np.array([[0, 1, 2], [0, 2, 3]])
+    places = np.concatenate([0.3 * square + (0.2 + 0.3 * side, 0.3) for side in (0, 1)])[:, None]
+    corners = np.concatenate([places, np.full((8, 1, 1), 0.4)], axis=2).reshape(2, 4, 3)
+    charts = np.stack([10 * square + (2.3 + 14 * side, 38.4) for side in (0, 1)]) / SMALL["resolution"]
+    triangles = np.arange(4, dtype=np.int32)
+    uvs = charts[:, split].reshape(-1, 3, 2).astype(np.float32)
+    return Mesh(
+        name="Shelf",
+        positions=corners[:, split].reshape(-1, 3, 3).astype(np.float32),
+        normals=np.tile(np.array([0, 0, 1], np.float32), (4, 3, 1)),
+        uvs=uvs,
+        face=triangles // 2,
+        subface=triangles % 2,
+        material=np.ones(4, np.int32),
+        texture_uvs={"UVMap": uvs},
+    )
+
+
+def _painted() -> Material:
+    """Return a material with an image."""
+    pixels = np.random.default_rng(5).random((8, 8, 3), np.float32)
+    white, black = np.ones(3, np.float32), np.zeros(3, np.float32)
+    return Material("Painted", white, black, reflectance_map=Texture("Paint", pixels, "UVMap"))

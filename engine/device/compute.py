@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -108,12 +108,26 @@ class Compute:
         parts = (source,) if isinstance(source, str) else source
         key = (parts, tuple(options))
         if key not in self._built:
-            text = "\n".join(map(kernel_source, (*self._prelude, *parts)))
-            self._built[key] = self._programs.build(text, options)
+            self._built[key] = self._programs.build(self._text(parts), options)
         for name in names:
             if (key, name) not in self._kernels:
                 self._kernels[key, name] = Kernel(self._built[key], name, self.device)
         return [self._kernels[key, name] for name in names]
+
+    def build_ahead(self, programs: Iterable[tuple[Source, Sequence[str]]]) -> None:
+        """Begin to build programs that `kernels` will be asked for, parts and options of each, by threads.
+
+        PoCL builds kernels as they start.
+        """
+        if not self._is_pocl:
+            self._programs.begin((self._text(parts), options) for parts, options in programs)
+
+    def release(self) -> None:
+        """Build nothing ahead any more."""
+        self._programs.stop()
+
+    def _text(self, parts: Source) -> str:
+        return "\n".join(map(kernel_source, (*self._prelude, *parts)))
 
     def slice_size(self, *work: object) -> SliceSize:
         """Return how many items a slice of some work has, as earlier work has shown that is called the same.

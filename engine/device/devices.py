@@ -66,3 +66,5 @@ class Devices:
     def release(self) -> None:
         """Free everything."""
         self.graphics.release()
+        if self.compute is not None:
+            self.compute.release()

@@ -49,6 +49,14 @@ class Cutouts:
         return bool((self.maps[:, 1] > 0).any() or (self.constants[:, 0] < 1).any() or self.culled.any())
 
 
+def has_cutouts(scene: Scene) -> bool:
+    """Return whether light passes through any surface anywhere, as `Cutouts.needed`."""
+    return any(
+        material.alpha_map is not None or material.alpha < 1 or material.culled
+        for material in scene.materials
+    )
+
+
 def read_cutouts(scene: Scene) -> Cutouts:
     """Read the alpha of all materials, and each triangle's UVs on its alpha map."""
     images, maps = _Images(), np.zeros((len(scene.materials), 4), np.int32)

@@ -1,13 +1,15 @@
 """Programs are built once for a device, and whatever is in their files, kernels work."""
 
+import itertools
 import os
+import sys
 
 import numpy as np
 import pyopencl as cl
 import pytest
 
 from engine import Settings, finished
-from engine.device import program_cache
+from engine.device import builders, program_cache
 from engine.device.compute import Compute
 from engine.device.program_cache import ProgramCache
 from engine.session import Session
@@ -88,6 +90,69 @@ def test_a_folder_that_cannot_be_written_or_is_none_stops_nothing(context, tmp_p
     (tmp_path / "file").write_text("")
     for folder in (None, str(tmp_path / "file")):
         assert filled(context, ProgramCache(context, folder).build(SOURCE, ("-DVALUE=3.5f",))) == 3.5
+
+
+BROKEN = "nothing that is a program"
+
+
+@pytest.fixture
+def many(monkeypatch):
+    """Have two processes, whatever the machine, and leave one program to this one."""
+    monkeypatch.setattr(program_cache, "_MANY", 4)
+    monkeypatch.setattr(program_cache, "_OWN", 1)
+    monkeypatch.setattr(builders, "_processes", lambda device: 2)
+
+
+def test_other_processes_build_ahead_what_is_asked_for(context, built, many, tmp_path):
+    """But for the first program, which is left to this process, and one that nobody can build."""
+    wanted = [(SOURCE, (f"-DVALUE={value}.0f",)) for value in range(1, 8)]
+    cache = ProgramCache(context, str(tmp_path))
+    cache.begin([*wanted, (BROKEN, ())])
+    cache.begin(wanted)
+    assert filled(context, cache.build(SOURCE, ("-DVALUE=9.0f",))) == 9
+    for value, program in enumerate(wanted, 1):
+        assert filled(context, cache.build(*program)) == value
+    with pytest.raises(cl.Error):
+        cache.build(BROKEN)
+    assert built == [SOURCE, SOURCE, BROKEN] and len(files(tmp_path)) == 8
+
+    # A later process finds all of them.
+    later = ProgramCache(context, str(tmp_path))
+    later.begin(wanted)
+    assert filled(context, later.build(*wanted[4])) == 5 and len(built) == 3
+
+
+def test_processes_that_die_or_cannot_start_stop_nothing(context, built, many, tmp_path, monkeypatch):
+    wanted = [(SOURCE, (f"-DVALUE={value}.0f",)) for value in range(1, 8)]
+    cache = ProgramCache(context, str(tmp_path / "killed"))
+    cache.begin(wanted)
+    cache.stop()
+    assert filled(context, cache.build(*wanted[6])) == 7
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "nothing"))
+    cache = ProgramCache(context, str(tmp_path / "not started"))
+    cache.begin(wanted)
+    assert filled(context, cache.build(*wanted[6])) == 7
+    assert 1 <= len(built) <= 2
+
+
+def test_few_programs_and_those_without_a_folder_are_built_here(context, many, monkeypatch, tmp_path):
+    monkeypatch.setattr(builders, "_processes", lambda device: pytest.fail("processes"))
+    ProgramCache(context, None).begin([(SOURCE, (f"-DVALUE={value}.0f",)) for value in range(9)])
+    ProgramCache(context, str(tmp_path)).begin([(SOURCE, (f"-DVALUE={value}.0f",)) for value in range(3)])
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 50])
+def test_shares_hold_each_program_once_and_take_about_as_long(count):
+    lengths = np.random.default_rng(3).integers(100, 90_000, 29)
+    programs = {f"p{number}": ("x" * length, ()) for number, length in enumerate(lengths)}
+    shares = builders._shares(programs, count)
+    order = list(programs)
+    assert sorted(itertools.chain(*shares), key=order.index) == order and len(shares) == min(count, 29)
+    assert all(share == sorted(share, key=order.index) for share in shares)
+    if count <= 3:
+        seconds = [sum(0.2 + (len(programs[name][0]) / 60_000) ** 2 for name in share) for share in shares]
+        assert max(seconds) - min(seconds) < 1
+    assert builders._shares(programs, 0) == []
 
 
 def test_pocl_is_not_asked_for_programs_that_it_keeps_itself(context, tmp_path):

@@ -1,0 +1,58 @@
+"""OpenCL programs that most bakes by a graphics card need, known before the first kernel is asked for."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from ..device.compute import Source
+from ..direct.emitters import EMITTER
+from ..direct.light_tree import LIGHT_NODE
+from ..direct.modulation import MODULATION
+from ..scene.cutouts import has_cutouts
+from ..scene.model import Scene
+from ..settings import Settings
+from ..visibility.rays.bvh import BOX, LINK
+from ..visibility.rays.rays import CUTOUT
+from ..visibility.rays.receivers import RECEIVER, TEXEL_STEP
+from ..visibility.samples import sample_bytes
+from ..visibility.views.viewpoints import FRAME
+
+#: Made by tools/usual_programs.py: parts and options of each program, in the order in which a bake asks for
+#: them. Parts are files of kernels/, and records by their struct's name.
+PROGRAMS = Path(__file__).resolve().parents[2] / "kernels" / "usual_programs.json"
+
+#: Records that kernels and host share, by the name of their struct.
+_RECORDS = {
+    record.name: record
+    for record in (BOX, CUTOUT, EMITTER, FRAME, LIGHT_NODE, LINK, MODULATION, RECEIVER, TEXEL_STEP)
+}
+
+#: Options of narrow samples and of see-through surfaces; the latter follows another one in what casts rays.
+_NARROW, _CUTOUTS, _BEFORE_CUTOUTS, _RAYS = "-DNARROW", "-DCUTOUTS", "-DSTACK", "rays.cl"
+
+#: Texels of a lightmap that patches are on, about.
+_COVERED = 0.75
+
+
+def usual_programs(scene: Scene, settings: Settings) -> list[tuple[Source, tuple[str, ...]]]:
+    """Return the parts and the options of programs that a bake by a graphics card is about to need."""
+    texels = _COVERED * len(scene.atlases) * settings.resolution**2
+    narrow, cutouts = sample_bytes(int(texels)) == 2, has_cutouts(scene)
+    listed = json.loads(PROGRAMS.read_text(encoding="utf-8"))
+    return [
+        (
+            tuple(_RECORDS.get(part, part) for part in parts),
+            _fitting(options, narrow, cutouts and _RAYS in parts),
+        )
+        for parts, options in listed
+    ]
+
+
+def _fitting(options: list[str], narrow: bool, cutouts: bool) -> tuple[str, ...]:
+    """Return options of narrow samples, without cut-outs, as a bake has them."""
+    fitting = [option for option in options if narrow or option != _NARROW]
+    for place, option in enumerate(fitting):
+        if cutouts and option.startswith(_BEFORE_CUTOUTS):
+            return *fitting[: place + 1], _CUTOUTS, *fitting[place + 1 :]
+    return tuple(fitting)

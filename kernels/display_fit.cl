@@ -168,7 +168,8 @@ __kernel void ranges_of_seams(__global const int *columns, __global const float4
 
 // The ranges of the seams of each unknown, and a little more, within that of all points.
 __kernel void bound(__global const int *starts, __global const int *seams, __global const float4 *seam_low,
-                    __global const float4 *seam_high, __global const float4 *all_points, __global float4 *low,
+                    __global const float4 *seam_high, __global const float4 *all_points,
+                    __global const float4 *own_high, const int tight, __global float4 *low,
                     __global float4 *high, const int rows, const int count)
 {
     const int unknown = get_global_id(0);
@@ -180,6 +181,8 @@ __kernel void bound(__global const int *starts, __global const int *seams, __glo
         least = fmin(least, seam_low[IMAGE * rows + seams[i]]);
         most = fmax(most, seam_high[IMAGE * rows + seams[i]]);
     }
+    if (tight && isfinite(own_high[here].x))
+        most = own_high[here];
     const float4 slack = OVERSHOOT * (most - least);
     low[here] = fmax(least - slack, all_points[2 * IMAGE]);
     high[here] = fmin(most + slack, all_points[2 * IMAGE + 1]);

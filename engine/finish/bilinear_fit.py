@@ -26,15 +26,10 @@ class BilinearFit:
     atlases     number of lightmaps
     points      where the light is known. A texel whose only point is its centre, and that no seam touches,
                 gets the bits of that point's light
-    tight       whether a texel is no brighter than the points nearest to it, where it has some, and not than
-                those around it
     known       (atlases, r, r) bool, texels that the fit gives a value
     """
 
-    def __init__(
-        self, resolution: int, atlases: int, points: LightmapPoints, seams: Seams, tight: bool = False
-    ) -> None:
-        self._tight = tight
+    def __init__(self, resolution: int, atlases: int, points: LightmapPoints, seams: Seams) -> None:
         self._equations = display_equations(points, seams, resolution, atlases)
         equations = self._equations
         self._solver = BoundedGradients([equations.points, equations.seams, equations.smooth])
@@ -78,11 +73,8 @@ class BilinearFit:
         low, high = np.full(len(self._equations.texel), np.inf), np.full(len(self._equations.texel), -np.inf)
         low[unknown] = np.minimum.reduceat(light[order], start)
         high[unknown] = np.maximum.reduceat(light[order], start)
-        nearest = high
         for part in (self._equations.points, self._equations.seams):
             low, high = part.widened(low, high)
-        if self._tight:
-            high = np.where(np.isfinite(nearest), nearest, high)
         slack = _OVERSHOOT * (high - low)
         return np.maximum(low - slack, light.min()), np.minimum(high + slack, light.max())
 

@@ -28,10 +28,14 @@ _ENERGY, _STEP, _RATIO, _ENOUGH = map(np.int32, range(4))
 
 
 class DeviceFit:
-    """Texels from the light at points; see `BilinearFit`."""
+    """Texels from the light at points; see `BilinearFit`.
 
-    def __init__(self, compute: Compute, equations: DeviceEquations) -> None:
-        self._compute, self._equations = compute, equations
+    tight: whether a texel is no brighter than the points nearest to it, where it has some, and not than those
+    around it
+    """
+
+    def __init__(self, compute: Compute, equations: DeviceEquations, tight: bool = False) -> None:
+        self._compute, self._equations, self._tight = compute, equations, np.int32(tight)
         self._kernels = dict(zip(_NAMES, compute.kernels(_SOURCE, *_NAMES), strict=True))
         count = self._count = np.int32(equations.count)
         self._rows = (
@@ -62,6 +66,20 @@ class DeviceFit:
         light    float4 of each point beside centres, one image after the other
         largest  of each image, of all absolute values
         """
+        scales, solution = self._solve(images, light, largest), self._vectors["solution"]
+        self._run("keep_texels", self._equations.texels, solution, scales, images, self._size)
+
+    def unknowns(self, light: cl.Buffer, largest: float) -> np.ndarray:
+        """Return the values of the unknown texels of one image, (n, 3) float32, where no centre counts.
+
+        light: float4 of each point; largest: of all absolute values
+        """
+        scales, solution = self._solve(light, light, [largest]), self._vectors["solution"]
+        scale = download(self._compute, scales, (2,))[0]
+        return scale * download(self._compute, solution, (int(self._count), 4))[:, :3]
+
+    def _solve(self, images: cl.Buffer, light: cl.Buffer, largest: Sequence[float]) -> cl.Buffer:
+        """Find the solution of scaled light; return the scales of each image and their inverses, float2."""
         if len(largest) != self._images:
             self._reserve(len(largest))
         scale = np.array([value if value > 0 else 1 for value in largest], np.float32)
@@ -73,8 +91,7 @@ class DeviceFit:
             self._descend(first, steps)
             vectors = self._vectors
             self._run("hold", vectors["low"], vectors["high"], vectors["solution"], self._held)
-        solution = self._vectors["solution"]
-        self._run("keep_texels", self._equations.texels, solution, scales, images, self._size)
+        return scales
 
     def _run(self, name: str, *arguments: object) -> None:
         """Run a kernel for each unknown of each image."""
@@ -130,7 +147,8 @@ class DeviceFit:
             self._count, cl.LocalMemory(32 * self._adding),
         )  # fmt: skip
         listed = equations.starts, equations.read_by
-        self._run("bound", *listed, *seams, self._all_points, *bounds, self._rows_of_seams)
+        nearest = own[1], self._tight
+        self._run("bound", *listed, *seams, self._all_points, *nearest, *bounds, self._rows_of_seams)
 
     def _descend(self, first: bool, steps: int) -> None:
         """Run conjugate gradients of what is not held, preconditioned by the diagonal (Shewchuk 1994)."""

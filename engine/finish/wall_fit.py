@@ -9,8 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..device.buffers import upload_float4
+from ..device.compute import Compute
 from ..patches.seams import no_seams
-from .bilinear_fit import BilinearFit
+from .device_equations import DeviceEquations
+from .device_fit import DeviceFit
 from .dilation import grown
 from .display_samples import DisplaySamples
 from .lightmap_points import LightmapPoints, centre_points, joined_points
@@ -44,6 +47,7 @@ class WallFit:
 
     def __init__(
         self,
+        compute: Compute,
         samples: DisplaySamples,
         visible: np.ndarray,
         light: np.ndarray,
@@ -51,7 +55,7 @@ class WallFit:
         shown: np.ndarray,
         known: np.ndarray,
     ) -> None:
-        atlases, resolution, _ = known.shape
+        resolution = known.shape[1]
         keys = samples.keys(resolution)
         near = np.zeros(known.shape, bool)
         near.ravel()[keys[inside]] = True
@@ -77,8 +81,12 @@ class WallFit:
         weight = _relative_weight(shown.ravel()[self.centres], bright)
         weight[stays[self.centres]] *= _FIXED
         centres = centre_points(self.centres, resolution)
-        centres = LightmapPoints(centres.atlas, centres.position, weight)
-        self._fit = BilinearFit(resolution, atlases, joined_points(chosen, centres), no_seams(), True)
+        points = joined_points(chosen, LightmapPoints(centres.atlas, centres.position, weight))
+        self._order = np.argsort(points.texels(resolution), kind="stable")
+        nowhere = np.zeros(known.shape, bool)
+        equations = DeviceEquations(compute, nowhere, points.part(self._order), no_seams())
+        self._compute, self._fit = compute, DeviceFit(compute, equations, tight=True)
+        self._unknown = np.searchsorted(equations.texel, self.texels)
 
     def light(self, samples: np.ndarray, at_centres: np.ndarray) -> np.ndarray:
         """Return the light of the `texels` beside walls, (t, c) float32.
@@ -86,13 +94,12 @@ class WallFit:
         samples     (s, 3) or (s,) float32, of all samples
         at_centres  (p, c) float32, of the texels `centres`, what these show without walls
         """
-        channels = at_centres.shape[1]
-        values = np.broadcast_to(
-            samples.reshape(len(samples), -1)[self._samples], (len(self._samples), channels)
-        )
-        images = self._fit.images(np.concatenate([values, at_centres]))
-        light: np.ndarray = images.reshape(-1, channels)[self.texels]
-        return light
+        values = samples.reshape(len(samples), -1)[self._samples]
+        colors = [np.broadcast_to(some, (len(some), 3)) for some in (values, at_centres)]
+        points = np.concatenate(colors)[self._order]
+        largest = float(np.abs(points).max(initial=0))
+        light: np.ndarray = self._fit.unknowns(upload_float4(self._compute, points), largest)
+        return light[self._unknown, : at_centres.shape[1]]
 
 
 def _relative_weight(light: np.ndarray, bright: np.ndarray) -> np.ndarray:

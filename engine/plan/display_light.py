@@ -84,11 +84,11 @@ class DisplayLight:
         """Return what texels of lightmaps, (atlases, r, r), show of the samples; there is one at least."""
         return TexelMeans(compute, self.samples, self.visible, shape)
 
-    def beside_walls(self, shown: np.ndarray, known: np.ndarray) -> WallFit | None:
+    def beside_walls(self, compute: Compute, shown: np.ndarray, known: np.ndarray) -> WallFit | None:
         """Return what texels beside thin walls show; None where there are none. See `WallFit`."""
         if not len(self.inside):
             return None
-        return WallFit(self.samples, self.visible, self.light, self.inside, shown, known)
+        return WallFit(compute, self.samples, self.visible, self.light, self.inside, shown, known)
 
 
 def light_in_texels(

@@ -48,7 +48,8 @@ class Finishing:
         if len(lit.samples):
             store.refine(lit.means(self._job.opencl, store.has_patch.shape), lit.hidden)
         if len(lit.inside):
-            store.part(lit.beside_walls(store.texels(*self._light_of_texels()), store.known))
+            shown = store.texels(*self._light_of_texels())
+            store.part(lit.beside_walls(self._job.opencl, shown, store.known))
         self._denoising = Denoising(store.known, self._job.settings)
 
     @property

@@ -12,6 +12,8 @@ from engine.direct.contact import NearFaces
 from engine.finish import device_images
 from engine.finish.bilinear import footprints
 from engine.finish.device_display import DeviceDisplay
+from engine.finish.device_equations import DeviceEquations
+from engine.finish.device_fit import DeviceFit
 from engine.finish.device_images import texels_of
 from engine.finish.display_fit import DisplayFit
 from engine.finish.display_samples import DisplaySamples
@@ -19,7 +21,7 @@ from engine.finish.lightmap_points import LightmapPoints, thin_patches
 from engine.finish.store import LightmapStore
 from engine.finish.texel_means import TexelMeans
 from engine.patches.patch_list import PatchList
-from engine.patches.seams import Seams, find_seams
+from engine.patches.seams import Seams, find_seams, no_seams
 from tests.gpu.test_texel_pieces import triangles_of
 from tests.unit.test_bilinear_fit import NO_SEAMS, covered, points_at, shown, step
 from tests.unit.test_near_charts import all_over, images_of, near_charts
@@ -210,6 +212,25 @@ def test_means_of_samples_are_put_in_texels_on_the_device(compute: Compute, chan
     values, light = (random.normal(size=(n, channels)).astype(np.float32) for n in (count, 131))
     made = store.finished({"combined": values}, {"combined": light})["combined"]
     assert (made == store.final(store.texels(values, light))).all()
+
+
+@pytest.mark.parametrize("tight", [False, True])
+def test_tight_texels_are_no_brighter_than_the_points_in_them(compute: Compute, tight: bool) -> None:
+    """Light rises steeply to the right; points are left of the centres of 7 x 5 texels."""
+    resolution, random = 11, np.random.default_rng(5)
+    row, column = (axis.repeat(4) for axis in np.divmod(np.arange(35), 7))
+    position = np.stack([column + random.uniform(0.05, 0.45, 140), row + random.random(140)], axis=1)
+    light = np.exp(1.5 * position[:, 0]).astype(np.float32)
+    points = LightmapPoints(np.ones(140, np.int32), position, np.full(140, 0.25))
+    equations = DeviceEquations(compute, np.zeros((2, resolution, resolution), bool), points, no_seams())
+    colors = np.stack([light, 0 * light, -light], axis=1)
+    fit = DeviceFit(compute, equations, tight)
+    shown = fit.unknowns(upload_float4(compute, colors), float(light.max()))
+    owner = np.searchsorted(equations.texel, points.texels(resolution))
+    brightest = np.maximum.reduceat(light, np.arange(0, 140, 4))
+    over = shown[owner[::4], 0] > 1.03 * brightest
+    assert over.sum() > 10 if not tight else not over.any()
+    assert not shown[:, 1].any()
 
 
 @pytest.mark.parametrize("memory", [1, 1 << 28])

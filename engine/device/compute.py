@@ -60,6 +60,7 @@ class Compute:
         self._context_of = context_of
         keep_starters_in_memory()
         self._built: dict[tuple, cl.Program] = {}
+        self._begun: set[tuple] = set()
         self._kernels: dict[tuple, Kernel] = {}
         self.shared = SharedBuffers()
         self._slice_sizes: dict[tuple, SliceSize] = {}
@@ -114,13 +115,15 @@ class Compute:
                 self._kernels[key, name] = Kernel(self._built[key], name, self.device)
         return [self._kernels[key, name] for name in names]
 
-    def build_ahead(self, programs: Iterable[tuple[Source, Sequence[str]]]) -> None:
-        """Begin to build programs that `kernels` will be asked for, parts and options of each, by threads.
+    def build_ahead(self, programs: Iterable[tuple[Source, tuple[str, ...]]]) -> None:
+        """Begin to build programs that `kernels` will be asked for, parts and options of each; once.
 
         PoCL builds kernels as they start.
         """
-        if not self._is_pocl:
-            self._programs.begin((self._text(parts), options) for parts, options in programs)
+        new = [key for key in programs if key not in self._begun and key not in self._built]
+        self._begun.update(new)
+        if new and not self._is_pocl:
+            self._programs.begin((self._text(parts), options) for parts, options in new)
 
     def release(self) -> None:
         """Build nothing ahead any more."""

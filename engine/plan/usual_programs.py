@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
 
 from ..device.compute import Source
@@ -38,7 +39,12 @@ _COVERED = 0.75
 def usual_programs(scene: Scene, settings: Settings) -> list[tuple[Source, tuple[str, ...]]]:
     """Return the parts and the options of programs that a bake by a graphics card is about to need."""
     texels = _COVERED * len(scene.atlases) * settings.resolution**2
-    narrow, cutouts = sample_bytes(int(texels)) == 2, has_cutouts(scene)
+    return _listed(sample_bytes(int(texels)) == 2, has_cutouts(scene))
+
+
+@cache
+def _listed(narrow: bool, cutouts: bool) -> list[tuple[Source, tuple[str, ...]]]:
+    """Return what `usual_programs` does, for narrow samples or wide ones, with cut-outs or without."""
     listed = json.loads(PROGRAMS.read_text(encoding="utf-8"))
     return [
         (

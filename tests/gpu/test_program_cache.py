@@ -165,6 +165,7 @@ def test_pocl_is_not_asked_for_programs_that_it_keeps_itself(context, tmp_path):
 
 def test_a_bake_with_programs_of_an_earlier_session_gives_the_same_bits(built, tmp_path, monkeypatch):
     monkeypatch.setattr(Compute, "_is_pocl", False)
+    monkeypatch.setattr(Compute, "build_ahead", lambda self, programs: None)
     settings = Settings(resolution=32, hemicube=8, visibility="rays", cache_dir=str(tmp_path))
     images = []
     for _ in range(2):

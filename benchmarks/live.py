@@ -1,15 +1,17 @@
 """How fast lightmaps follow their scene: seconds from an edit to the first image, and to settled light.
 
 python -m benchmarks.live [--resolution 128] [--quality preview] [--edits 9] [--triangles 40000] [--processor]
-python -m benchmarks.live --resolution 1024 --rays 16 --host
+python -m benchmarks.live --resolution 1024 --rays 16 --host [--results FILE.json]
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -18,10 +20,14 @@ from engine.device.freed_memory import keep_freed_memory
 from engine.live import Live
 from engine.quality import QUALITIES
 
+from .machine import facts
 from .rooms import cornell_box, hilly_room, with_small_box
 
 #: Edits of each kind.
 _EDITS = 9
+
+#: What is timed of each edit, from its beginning on.
+_TIMES = ("first image", "settled", "finished")
 
 
 def lamp(step: int) -> Light:
@@ -82,6 +88,7 @@ def main() -> None:
     clocks.add_argument(
         "--host", action="store_true", help="processor time of the thread that starts kernels"
     )
+    parser.add_argument("--results", type=Path, help="a JSON file for the figures, and the machine's")
     options = parser.parse_args()
     keep_freed_memory()
     settings = Settings(resolution=options.resolution, **QUALITIES[options.quality].values)
@@ -95,6 +102,7 @@ def main() -> None:
     live = session.live(with_small_box(room, width), settings)
     finished(live.settle())
     print("| edit | first image, s | settled, s | finished, s |\n|---|---|---|---|")
+    records = []
     for name in [options.only] if options.only else EDITS:
         rows = []
         for step in range(options.edits + 1):
@@ -105,10 +113,16 @@ def main() -> None:
         times = np.array(rows[1:])
         figures = " | ".join(f"{np.median(column):.3f} (at most {column.max():.3f})" for column in times.T)
         print(f"| {name} | {figures} |", flush=True)
+        columns = zip(_TIMES, times.T, strict=True)
+        records.append({"edit": name} | {time: column.tolist() for time, column in columns})
     if live.lightmap:
         report = live.lightmap.report
         print(f"{report.patches} patches, {report.samples} samples, {report.iterations} iterations")
     session.close()
+    if options.results:
+        chosen = {name: value for name, value in vars(options).items() if name != "results"}
+        made = {"machine": facts(), "options": chosen, "seconds": records}
+        options.results.write_text(json.dumps(made, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

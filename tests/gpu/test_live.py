@@ -148,6 +148,8 @@ def test_twenty_edits_end_with_the_light_of_a_fresh_bake(session, other, seed, p
 
 
 PAINTED = {0: dataclasses.replace(ROOM.materials[0], reflectance=np.float32([0.9, 0.5, 0.1]))}
+SHINING = {0: dataclasses.replace(ROOM.materials[0], emission=np.float32([0.9, 0.6, 0.2]))}
+MOVED = np.array([[1, 0, 0, 0.3], [0, 1, 0, -0.2], [0, 0, 1, 0], [0, 0, 0, 1]])
 LIT = (Light("Lamp", "point", np.array([1.0, 2, 1.5]), np.eye(3), np.float32([5, 4, 3])),)
 
 
@@ -158,8 +160,10 @@ LIT = (Light("Lamp", "point", np.array([1.0, 2, 1.5]), np.eye(3), np.float32([5,
         (Changes(lights=LIT, materials=PAINTED), 5),
         (Changes(world=3 * ROOM.world[::-1].copy()), 4),
         (Changes(materials=PAINTED), 3),
+        (Changes(materials=SHINING), 3),
+        (Changes(moves={1: MOVED}), 3),
     ],
-    ids=["lamp and paint", "world", "paint"],
+    ids=["lamp and paint", "world", "paint", "emission", "move"],
 )
 def test_each_image_is_nearer_to_the_light_than_the_one_before(
     session, other, accelerate, edit, least, monkeypatch
@@ -171,6 +175,9 @@ def test_each_image_is_nearer_to_the_light_than_the_one_before(
     live.update(edit)
     images = [step.intermediate for step in live.settle() if step.intermediate is not None]
     truth = fresh(other, live.scene, tolerance=0, iterations=30, hide_seams=False)
+    if edit.materials is SHINING:
+        # A wall's light is gathered: both images of direct light are those of before, but for their noise.
+        images = images[2:]
     before, *errors = [error(image, truth.display, truth.known) for image in (last, *images)]
     assert len(errors) >= least and errors[-1] < SETTINGS.tolerance
     assert errors[0] < 0.9 * before
@@ -362,3 +369,25 @@ def test_live_starts_no_workers():
     live = Session().live(ROOM, dataclasses.replace(SETTINGS, scheduler="all"))
     lightmap = finished(live.settle())
     assert not any("Dask" in reason for reason in lightmap.report.reasons)
+
+
+def test_light_groups_follow_edits(session, other):
+    """A lamp of one group changes, a wall is painted, the world of another group is gone."""
+    lamp = dataclasses.replace(LIT[0], light_group="Lamps")
+    scene = dataclasses.replace(
+        ROOM, lights=(lamp,), light_groups=("Lamps", "Outside"), world_light_group="Outside"
+    )
+    settings = dataclasses.replace(SETTINGS, outputs=("combined", "light_groups"), texel_samples=4)
+    live = session.live(scene, settings)
+    finished(live.settle())
+    dim = dataclasses.replace(lamp, strength=0.3 * lamp.strength)
+    for changes in (Changes(lights=(dim,)), Changes(materials=PAINTED), Changes(world=BLACK)):
+        live.update(changes)
+        lightmap = finished(live.settle())
+    other.forget()
+    expected = finished(other.bake(live.scene, settings))
+    assert set(lightmap.passes) == set(expected.passes) and len(lightmap.passes) >= 3
+    for name, image in expected.passes.items():
+        if image[expected.known].any():
+            assert error(lightmap.passes[name], image, expected.known) < 4 * SETTINGS.tolerance, name
+    assert not lightmap.passes["light_group Outside"].any()

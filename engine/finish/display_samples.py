@@ -10,8 +10,9 @@ import numpy as np
 from ..patches.subdivision import Subdivision
 from ..patches.texel_pieces import TexelClipper, TexelPieces, joined_pieces
 from ..portable import Portable
-from ..runs import run_starts
+from ..runs import run_numbers, run_starts
 from ..scene.triangles import Triangles
+from ..segment_sums import segment_sums
 from ..short_rows import row_products
 from .light_edges import PatchLight, find_edges
 
@@ -70,6 +71,8 @@ def no_samples() -> DisplaySamples:
 
 def joined_samples(several: list[DisplaySamples]) -> DisplaySamples:
     """Return samples, then others; there are some at least."""
+    if len(several) == 1:
+        return several[0]
     names = DisplaySamples.__dataclass_fields__
     return DisplaySamples(
         *(np.concatenate([getattr(samples, name) for samples in several]) for name in names)
@@ -130,17 +133,25 @@ def _affordable(chosen: np.ndarray, points: int) -> tuple[np.ndarray, int]:
 def _shows_several(parts: Subdivision, border: TexelPieces, own: np.ndarray) -> np.ndarray:
     """Return the texels, (atlases, r, r) bool, that are partly covered, or by faces of several planes."""
     key = border.keys(parts.patches.resolution)
-    covered = np.bincount(key, border.area, own.size)
     order = np.argsort(key, kind="stable")
-    first = np.r_[True, np.diff(key[order]) > 0][: len(key)]
-    leader = order[np.maximum.accumulate(np.where(first, np.arange(len(key)), 0))]
-    normals = parts.geometry.steps.geometric[border.triangle]
-    bent = row_products(normals[order], normals[leader]) < _FLAT
-    several = (covered > 0) & (covered < _WHOLE)
-    several[key[order[bent]]] = True
+    triangle, starts = border.triangle[order], run_starts(key[order])
+    texel, covered = (
+        key[order[starts]],
+        segment_sums(border.area[order], run_numbers(starts, len(key)), len(starts)),
+    )
+
+    # Faces beside the first one of their texel.
+    first = np.repeat(triangle[starts], np.diff(starts, append=len(key)))
+    others = np.flatnonzero(triangle != first)
+    normals = parts.geometry.steps.geometric
+    bent = row_products(normals[triangle[others]], normals[first[others]]) < _FLAT
+    partly = (covered > 0) & (covered < _WHOLE)
+    partly[np.searchsorted(starts, others[bent], "right") - 1] = True
 
     # Of texels whose centre nobody covers, slivers are left to those beside them.
-    several &= (own.ravel() > 0) | (covered > _SLIVER)
+    partly &= (own.ravel()[texel] > 0) | (covered > _SLIVER)
+    several = np.zeros(own.size, bool)
+    several[texel[partly]] = True
     return several.reshape(own.shape)
 
 

@@ -50,6 +50,8 @@ class WaysOut:
 
 def joined_ways(several: list[WaysOut]) -> WaysOut:
     """Return ways of points, then those of others; there are some at least."""
+    if len(several) == 1:
+        return several[0]
     names = WaysOut.__dataclass_fields__
     return WaysOut(*(np.concatenate([getattr(ways, name) for ways in several]) for name in names))
 

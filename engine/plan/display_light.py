@@ -130,7 +130,8 @@ def _nobody_sees(what: DisplayJob, front: np.ndarray, near: NearFaces) -> np.nda
     front: (n,) float32, the fraction of each patch's view that no back takes
     """
     hidden = is_hidden(front, near)
-    unsure = np.flatnonzero(~hidden & ~near.shine & (front < 1 - _MANY_BACKS))
+    unsure = np.flatnonzero(front < 1 - _MANY_BACKS)
+    unsure = unsure[~(hidden[unsure] | near.shine[unsure])]
     if len(unsure):
         parts = what.job.parts
         points = what.job.rays.of(parts.part(unsure))

@@ -121,6 +121,9 @@ def zeros(compute: Compute, size: int) -> cl.Buffer:
 def download(compute: Compute, buffer: cl.Buffer, shape: tuple[int, ...], first: int = 0) -> np.ndarray:
     """Return float32 of a buffer in a shape, from the byte `first` on, once all work before is done."""
     values = np.empty(shape, np.float32)
+    if not values.nbytes:
+        # OpenCL refuses to read nothing.
+        return values
     if compute.is_staged(values.nbytes):
         compute.staging.read(buffer, values, first)
     else:

@@ -1,5 +1,7 @@
 from collections.abc import Iterator
 
+import numpy as np
+import pyopencl as cl
 import pytest
 
 from engine.device.compute import Compute
@@ -20,6 +22,24 @@ def compute(request: pytest.FixtureRequest) -> Compute:
     """The OpenCL device as it is, and taken for a graphics card."""
     device: Compute = request.param()
     return device
+
+
+@pytest.fixture(autouse=True)
+def no_empty_commands(monkeypatch: pytest.MonkeyPatch) -> None:
+    """OpenCL has no commands that copy or fill nothing; PoCL 3 lets them pass, others refuse them."""
+    copy, fill = cl.enqueue_copy, cl.enqueue_fill_buffer
+
+    def copied(queue, dest, src, **options):
+        sizes = [part.nbytes for part in (dest, src) if isinstance(part, np.ndarray)]
+        assert all(sizes), "a copy of nothing"
+        return copy(queue, dest, src, **options)
+
+    def filled(queue, mem, pattern, offset, size, *more, **options):
+        assert size, "a fill of nothing"
+        return fill(queue, mem, pattern, offset, size, *more, **options)
+
+    monkeypatch.setattr(cl, "enqueue_copy", copied)
+    monkeypatch.setattr(cl, "enqueue_fill_buffer", filled)
 
 
 @pytest.fixture(autouse=True)

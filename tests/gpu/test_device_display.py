@@ -214,6 +214,14 @@ def test_means_of_samples_are_put_in_texels_on_the_device(compute: Compute, chan
     assert (made == store.final(store.texels(values, light))).all()
 
 
+def test_no_texels_are_read_and_none_are_put(compute: Compute) -> None:
+    """As beside a thin wall all of whose texels have samples."""
+    texels, nothing = texels_of(compute, np.ones((1, 5, 5, 3), np.float32)), np.zeros(0, np.int64)
+    assert texels.rows(nothing).shape == (0, 3)
+    texels.put_rows(nothing, np.zeros((0, 3), np.float32))
+    assert (texels.rows(np.arange(25)) == 1).all()
+
+
 @pytest.mark.parametrize("tight", [False, True])
 def test_tight_texels_are_no_brighter_than_the_points_in_them(compute: Compute, tight: bool) -> None:
     """Light rises steeply to the right; points are left of the centres of 7 x 5 texels."""

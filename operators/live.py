@@ -92,6 +92,10 @@ class HEMIBAKE_OT_live(ModalBake, bpy.types.Operator):
         live, limit = self._window, time.perf_counter() + SLICE
         live.wake()
         live.run.ending = live.unwanted
+        if live.following and live.run.undone:
+            live.cancel()
+            self.report({"INFO"}, "Live has ended: its beginning was undone")
+            return {"CANCELLED"}
         if live.run.outdated and not live.unwanted:
             self._begin_anew(context)
             return {"PASS_THROUGH"}

@@ -32,6 +32,10 @@ RESTING = Progress("Live", 1.0, 1.0)
 #: Time between two looks at the settings, s: they take a third of a millisecond.
 _LOOKS = 0.25
 
+#: A scene of no more triangles is read at once. Others, which the timeline changes in each frame, are read
+#: in one piece in the end, for which the window stops.
+_FEW = 50_000
+
 #: Does what the engine does for a scene that is followed.
 _LIVE = "engine.session:live"
 
@@ -52,6 +56,7 @@ class LiveRun(Run):
         self._followed: Generator[Progress | Lightmap | None, None, None] | None = None
         self.lightmap: Lightmap | None = None
         self.resting = self.ending = self.outdated = self._guessed = False
+        self._shown = True
         self._paths: dict[int, str] = {}
         self._begun_with, self._next_look = self._chosen_settings(), 0.0
 
@@ -119,10 +124,8 @@ class LiveRun(Run):
             if time.perf_counter() > self._next_look:
                 self.outdated |= self._chosen_settings() != self._begun_with
                 self._next_look = time.perf_counter() + _LOOKS
-            if self._watch.changed and not self.ending and not self.outdated:
-                yield from self._send(self._watch.objects)
-            elif self.resting and self._guessed:
-                yield from self._send(True)
+            if self._shown or self.resting:
+                yield from self._send_changes()
             step = next(self._followed)
             if isinstance(step, Lightmap):
                 self._take(step)
@@ -131,6 +134,7 @@ class LiveRun(Run):
             elif step is not None:
                 if step.intermediate is not None:
                     self._images.show(step.intermediate)
+                    self._shown = True
                 yield step
             else:
                 yield None
@@ -146,6 +150,20 @@ class LiveRun(Run):
         self.lightmap, self.resting, self._took = lightmap, True, time.perf_counter() - self._start
         self._of_lightmap = self._read
 
+    def _send_changes(self) -> Steps:
+        """Send what has changed.
+
+        Nothing is read before what was sent last shows, so that there is light however long reading takes.
+        """
+        takes = not (self.ending or self.outdated or self.undone)
+        waits = takes and self._read.triangles > _FEW and _timeline_plays()
+        if takes and self._watch.objects and not waits:
+            yield from self._send(True)
+        elif takes and self._watch.lamps:
+            yield from self._send(False)
+        elif self.resting and self._guessed and not waits:
+            yield from self._send(True)
+
     def _send(self, everything: bool) -> Steps:
         """Read the scene, or its lamps alone, and send the worker what is other than it was.
 
@@ -156,7 +174,8 @@ class LiveRun(Run):
                 self._context.scene, self._context.evaluated_depsgraph_get(), self._watch.materials
             )
             store_edits(self._context, self._baked())
-        self._watch.clear()
+            self._watch.clear()
+        self._watch.clear_lamps()
         yield from self._settled_reading(self._reading if everything else self._reading_lamps)
         self._guessed = not everything
         scene = self._read.scene
@@ -166,7 +185,7 @@ class LiveRun(Run):
         changes = changes_between(self._sent, scene)
         if changes is None or not changes.empty:
             owner.worker().update(scene if changes is None else changes)
-            self._start, self.resting = time.perf_counter(), False
+            self._start, self.resting, self._shown = time.perf_counter(), False, False
         elif self.resting:
             # An undo may have brought older pixels.
             self._of_lightmap = self._read
@@ -198,6 +217,11 @@ class LiveRun(Run):
         """Read the lamps, and take all else as it was."""
         scene = yield from read_lamps(self._context, self._read.scene, hurried)
         self._read = replace(self._read, scene=scene)
+
+    @property
+    def undone(self) -> bool:
+        """True once somebody has undone that it began."""
+        return self._watch.undone
 
     @property
     def settled(self) -> bool:
@@ -233,3 +257,8 @@ class LiveRun(Run):
         if self._followed is not None:
             self._followed.close()
             self._followed = None
+
+
+def _timeline_plays() -> bool:
+    """Return whether some window plays the timeline."""
+    return any(window.screen.is_animation_playing for window in bpy.context.window_manager.windows)

@@ -8,7 +8,7 @@ import bpy
 
 from .lookup import find
 from .result.images import MARK as LIGHTMAP
-from .result.preview import set_preview_aside
+from .result.preview import set_preview_aside, shows_preview
 from .result.preview_material import MARK as PREVIEW
 from .scene import SceneContext
 
@@ -27,12 +27,14 @@ class LiveWatch:
     lamps      True once lamps have changed, or were moved
     objects    True once anything else has that the light may depend on
     materials  session uids of the materials that have
+    undone     True once an undo has taken back that objects show their lightmaps
     """
 
     def __init__(
         self, context: SceneContext, saving: Callable[..., None], saved: Callable[..., None]
     ) -> None:
         self._context = context
+        self.undone = self._showed = False
         self.clear()
         self._handlers = {
             "depsgraph_update_post": self._note_update,
@@ -63,6 +65,10 @@ class LiveWatch:
             if handler in handlers:
                 handlers.remove(handler)
 
+    def clear_lamps(self) -> None:
+        """Take the lamps as they are."""
+        self.lamps = False
+
     def clear(self) -> None:
         """Take the scene as it is."""
         self.lamps = self.objects = False
@@ -83,9 +89,12 @@ class LiveWatch:
         """No step knows the preview materials that were made since the last one."""
         scene = find(bpy.data.scenes, self._context.scene_uid)
         if scene is not None:
+            self._showed = shows_preview(scene)
             set_preview_aside(scene)
 
     def _note_undo(self, *_: object) -> None:
+        scene = find(bpy.data.scenes, self._context.scene_uid)
+        self.undone |= scene is None or (self._showed and not shows_preview(scene))
         self.objects, self.materials = True, {material.session_uid for material in bpy.data.materials}
 
 

@@ -1,5 +1,7 @@
 """Live, driven by events in a stand-in for a window; see test_modal.py. The worker process is real."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -267,6 +269,71 @@ def test_undo_in_between_is_followed(operator, context, window):  # noqa: F811
         handler(bpy.context.scene)
     assert settle(operator, context) == pytest.approx(before, rel=0.01, abs=1e-4)
     assert brighter.sum() > 3 * before.sum()
+
+
+def test_an_undo_of_its_beginning_ends_it(operator, context, window):  # noqa: F811
+    """What objects showed is undone with it; the lightmaps of before stay."""
+    import bpy
+
+    lit_room()
+    bpy.ops.ed.undo_push(message="A room")
+    start(operator, context)
+    settle(operator, context)
+    bpy.ops.ed.undo_push(message="Live")
+    bpy.ops.ed.undo()
+    assert drive(operator, context) == {"CANCELLED"} and window.is_as_before()
+    assert "was undone" in operator.reports[-1][1]
+    assert bpy.data.objects["Room"].material_slots[0].material.name == "Grey"
+    assert not part("operators.worker_owner").owner.busy
+
+
+def test_light_shows_however_fast_changes_follow_each_other(operator, context, window):  # noqa: F811
+    """Something moves in each event, as while the timeline plays: readings do not keep images away."""
+    import bpy
+
+    room, _ = lit_room()
+    start(operator, context)
+    settle(operator, context)
+    run, shown = part("operators.worker_owner").owner.running.run, []
+    show, sent = run._images.show, part("operators.worker_owner").owner.worker().update
+    run._images.show = lambda images: shown.append(1) or show(images)
+    updates = []
+    part("operators.worker_owner").owner.worker().update = lambda changes: updates.append(1) or sent(changes)
+    for step in range(300):
+        room.location.x = 0.001 * (step % 7)
+        bpy.context.view_layer.update()
+        operator.modal(context, TIMER)
+        if len(shown) >= 3:
+            break
+    assert len(shown) >= 3 and len(updates) <= len(shown) + 1
+    del part("operators.worker_owner").owner.worker().update
+    settle(operator, context)
+
+
+def test_large_scenes_are_not_read_while_the_timeline_plays(operator, context, window, monkeypatch):  # noqa: F811
+    """But for lamps; what else has changed shows once it rests."""
+    import bpy
+
+    room, lamp = lit_room()
+    start(operator, context)
+    first = settle(operator, context).copy()
+    module, plays = part("operators.live_run"), [True]
+    monkeypatch.setattr(module, "_FEW", 10)
+    monkeypatch.setattr(module, "_timeline_plays", lambda: plays[0])
+    read, kept = [], module.read_scene
+    monkeypatch.setattr(
+        module, "read_scene", lambda *args, **options: read.append(1) or kept(*args, **options)
+    )
+    room.scale = (2, 2, 2)
+    lamp.data.energy = 40
+    bpy.context.view_layer.update()
+    for _ in range(40):
+        operator.modal(context, TIMER)
+        time.sleep(0.02)
+    lit = pixels(bpy.data.images["Lightmap"])[..., :3].copy()
+    assert lit == pytest.approx(4 * first, rel=0.02) and not read
+    plays[0] = False
+    assert settle(operator, context).mean() < 0.5 * lit.mean() and read
 
 
 def test_disabling_the_extension_ends_live_and_stores_the_lightmap(operator, context, window):  # noqa: F811

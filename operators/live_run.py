@@ -155,14 +155,18 @@ class LiveRun(Run):
 
         Nothing is read before what was sent last shows, so that there is light however long reading takes.
         """
-        takes = not (self.ending or self.outdated or self.undone)
-        waits = takes and self._read.triangles > _FEW and _timeline_plays()
+        takes, waits = not (self.ending or self.outdated or self.undone), self._waits
         if takes and self._watch.objects and not waits:
             yield from self._send(True)
         elif takes and self._watch.lamps:
             yield from self._send(False)
         elif self.resting and self._guessed and not waits:
             yield from self._send(True)
+
+    @property
+    def _waits(self) -> bool:
+        """True while lamps alone are read: the scene is a large one, and the timeline plays."""
+        return self._read.triangles > _FEW and _timeline_plays()
 
     def _send(self, everything: bool) -> Steps:
         """Read the scene, or its lamps alone, and send the worker what is other than it was.
@@ -176,7 +180,9 @@ class LiveRun(Run):
             store_edits(self._context, self._baked())
             self._watch.clear()
         self._watch.clear_lamps()
-        yield from self._settled_reading(self._reading if everything else self._reading_lamps)
+        if not (yield from self._settled_reading(self._reading if everything else self._reading_lamps)):
+            self._watch.objects = True
+            return
         self._guessed = not everything
         scene = self._read.scene
         if image_names(scene.atlases, output_names(scene, self._settings)) != self._names:
@@ -192,17 +198,23 @@ class LiveRun(Run):
             self._show_finished(self.lightmap)
         self._sent = scene
 
-    def _settled_reading(self, read: Callable[[bool], Steps]) -> Steps:
-        """Read; again if somebody changes the scene meanwhile, and in the end in one piece."""
+    def _settled_reading(self, read: Callable[[bool], Steps]) -> Generator[Progress | None, None, bool]:
+        """Read; again if somebody changes the scene meanwhile, and in the end in one piece.
+
+        Returns False if it was given up: the timeline has begun to play, and only lamps are read then.
+        """
         for _ in range(ATTEMPTS):
             try:
                 for step in read(False):
                     yield None if step is None else RESTING
             except SceneChangedError:
+                if read == self._reading and self._waits:
+                    return False
                 yield None
             else:
-                return
+                return True
         finished(read(True))
+        return True
 
     def _reading(self, hurried: bool) -> Steps:
         """Read the scene, with lightmaps for the objects that have lightmap UVs."""
@@ -226,7 +238,8 @@ class LiveRun(Run):
     @property
     def settled(self) -> bool:
         """True while there is nothing to do, or nothing but changes that are not taken over any more."""
-        return self.resting and not self._guessed and (self.ending or not self._watch.changed)
+        guessed = self._guessed and not (self.ending and self._waits)
+        return self.resting and not guessed and (self.ending or not self._watch.changed)
 
     def keep(self) -> dict:
         """End, store the lightmaps that were finished last, and return the report.

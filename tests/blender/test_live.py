@@ -336,6 +336,38 @@ def test_large_scenes_are_not_read_while_the_timeline_plays(operator, context, w
     assert settle(operator, context).mean() < 0.5 * lit.mean() and read
 
 
+def test_readings_of_large_scenes_are_given_up_for_playback(operator, context, window, monkeypatch):  # noqa: F811
+    """They would begin anew in each frame, and end in one piece. The button ends Live without another one."""
+    import bpy
+
+    room, lamp = lit_room()
+    start(operator, context)
+    settle(operator, context)
+    module, plays, hurries = part("operators.live_run"), [False], []
+
+    def read(*arguments, **options):
+        hurries.append(arguments[-1])
+        plays[0] = True
+        yield None
+        raise module.SceneChangedError
+
+    monkeypatch.setattr(module, "_FEW", 10)
+    monkeypatch.setattr(module, "_timeline_plays", lambda: plays[0])
+    monkeypatch.setattr(module, "read_scene", read)
+    room.location.x = 0.1
+    bpy.context.view_layer.update()
+    for _ in range(20):
+        operator.modal(context, TIMER)
+    assert hurries == [False]
+    lamp.data.energy = 40
+    bpy.context.view_layer.update()
+    for _ in range(20):
+        operator.modal(context, TIMER)
+        time.sleep(0.02)
+    operator.invoke(context, None)
+    assert drive(operator, context) == {"FINISHED"} and hurries == [False] and window.is_as_before()
+
+
 def test_disabling_the_extension_ends_live_and_stores_the_lightmap(operator, context, window):  # noqa: F811
     import bpy
 

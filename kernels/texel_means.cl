@@ -300,13 +300,18 @@ Reading reading_at(const float2 position, const int atlas, __global const uint *
     return reading;
 }
 
-// The weight with which a sample reads texel i, 0 where the sample does not count.
-float weight_at(const Reading *reading, const int i)
+// How much a sample tells of texel i: the weight with which it reads it, times its own; 0 where it is not seen or does
+// not count.
+float share_of(const float4 sample, const int i, const int atlas, __global const uint *numbers, const int resolution,
+               __global const uchar *states, Reading *reading)
 {
+    if (sample.z <= 0.0f)
+        return 0.0f;
+    *reading = reading_at(sample.xy, atlas, numbers, resolution, states);
     float weight = 0.0f;
     for (int corner = 0; corner < 4; ++corner)
         weight += reading->number[corner] == i ? reading->weight[corner] : 0.0f;
-    return reading->counts ? weight : 0.0f;
+    return reading->counts ? weight * sample.z : 0.0f;
 }
 
 // Least squares of the display at samples (Kavan, Bargteil and Sloan 2011): between what fitted texels stay, and the
@@ -327,16 +332,14 @@ __kernel void begin_fit(__global const float4 *samples, __global const int *firs
     AROUND {
         const int other = NUMBER_AT(texels[i]);
         for (int k = other < 0 ? 0 : firsts[other]; other >= 0 && k < firsts[other + 1]; ++k) {
-            if (samples[k].z <= 0.0f)
-                continue;
-            const Reading reading = reading_at(samples[k].xy, atlas, numbers, resolution, states);
-            const float weight = weight_at(&reading, i);
-            if (weight == 0.0f)
+            Reading reading;
+            const float share = share_of(samples[k], i, atlas, numbers, resolution, states, &reading);
+            if (share == 0.0f)
                 continue;
             const float4 value = value_of(values, channels, k);
             least = fmin(least, value);
             most = fmax(most, value);
-            total += weight * samples[k].z * reading.fitted;
+            total += share * reading.fitted;
         }
     }
     const float4 beyond = BEYOND_READERS * (most - least);
@@ -365,17 +368,15 @@ __kernel void step_of_fit(__global const float4 *samples, __global const int *fi
     AROUND {
         const int other = NUMBER_AT(texels[i]);
         for (int k = other < 0 ? 0 : firsts[other]; other >= 0 && k < firsts[other + 1]; ++k) {
-            if (samples[k].z <= 0.0f)
-                continue;
-            const Reading reading = reading_at(samples[k].xy, atlas, numbers, resolution, states);
-            const float weight = weight_at(&reading, i);
-            if (weight == 0.0f)
+            Reading reading;
+            const float share = share_of(samples[k], i, atlas, numbers, resolution, states, &reading);
+            if (share == 0.0f)
                 continue;
             float4 off = value_of(values, channels, k);
             for (int corner = 0; corner < 4; ++corner)
                 if (reading.number[corner] >= 0)
                     off -= reading.weight[corner] * light[reading.number[corner]];
-            change += weight * samples[k].z * off;
+            change += share * off;
         }
     }
     changed[i] = clamp(light[i] + steps[i] * change, low[i], high[i]);

@@ -105,8 +105,6 @@ class DeviceTexels:
 
     def rows(self, chosen: np.ndarray) -> np.ndarray:
         """Return what some texels, (k,) flat indices, show, (k, c) float32."""
-        if not len(chosen):
-            return np.zeros((0, self.channels), np.float32)
         light = download(self._compute, light_at(self._compute, [self], chosen), (len(chosen), 4))
         return light[:, : self.channels]
 

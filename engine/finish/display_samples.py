@@ -95,11 +95,11 @@ def display_samples(
 
     # Of texels between others of their chart it shows in the light whether they need points.
     border = clipper.border_pieces(edge | at_an_end)
-    several = at_an_end & _shows_several(parts, border, own)
+    key = border.keys(resolution)
+    several = at_an_end & _shows_several(parts, border, key, own)
     chosen, points = _affordable((several | edge).ravel(), points)
 
     # Texels that one triangle fills are pieces, too.
-    key = border.keys(resolution)
     filled = chosen.copy()
     filled[key] = False
     entry = own.ravel()[np.flatnonzero(filled)]
@@ -130,15 +130,15 @@ def _affordable(chosen: np.ndarray, points: int) -> tuple[np.ndarray, int]:
     return kept, points
 
 
-def _shows_several(parts: Subdivision, border: TexelPieces, own: np.ndarray) -> np.ndarray:
-    """Return the texels, (atlases, r, r) bool, that are partly covered, or by faces of several planes."""
-    key = border.keys(parts.patches.resolution)
+def _shows_several(parts: Subdivision, border: TexelPieces, key: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """Return the texels, (atlases, r, r) bool, that are partly covered, or by faces of several planes.
+
+    key: of the pieces, see `TexelPieces.keys`
+    """
     order = np.argsort(key, kind="stable")
     triangle, starts = border.triangle[order], run_starts(key[order])
-    texel, covered = (
-        key[order[starts]],
-        segment_sums(border.area[order], run_numbers(starts, len(key)), len(starts)),
-    )
+    texel = key[order[starts]]
+    covered = segment_sums(border.area[order], run_numbers(starts, len(key)), len(starts))
 
     # Faces beside the first one of their texel.
     first = np.repeat(triangle[starts], np.diff(starts, append=len(key)))

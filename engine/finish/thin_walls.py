@@ -82,7 +82,7 @@ def _extremes_around(
     found = []
     for extreme, without in ((np.minimum, np.inf), (np.maximum, 0)):
         of_texel, around = extreme.reduceat(light, starts), np.full(len(texels), without, np.float32)
-        for there, here, _ in _steps_around(keys[starts], texels, resolution):
+        for there, here in _steps_around(keys[starts], texels, resolution):
             around[here] = extreme(around[here], of_texel[there])
         found.append(around)
     return found[0], found[1]
@@ -90,10 +90,11 @@ def _extremes_around(
 
 def _steps_around(
     texels: np.ndarray, around: np.ndarray, resolution: int
-) -> list[tuple[np.ndarray, np.ndarray, tuple[int, int]]]:
-    """Return, for each of 3 x 3 steps, the numbers of texels that lead to others, of these, and the step.
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return, for each of 3 x 3 steps, the numbers of texels that lie a step beside others, and of these.
 
-    The step, texels along u and v, is from a centre in `around` to that of the other texel.
+    texels  (n,) int64, ascending, atlas * r * r + texel
+    around  (m,) int64, the others
     """
     found = []
     row, column = np.divmod(around % resolution**2, resolution)
@@ -104,5 +105,5 @@ def _steps_around(
             inside = (row + up >= 0) & (row + up < resolution) & (column + right >= 0)
             inside &= column + right < resolution
             there = np.flatnonzero(inside & (texels[number] == key)) if len(texels) else row[:0]
-            found.append((number[there], there, (right, up)))
+            found.append((number[there], there))
     return found

@@ -132,16 +132,8 @@ class TexelClipper:
         area = upload(self.compute, pieces.area) if texels else found[3]
         where = [self._indices(pieces.triangle), self._indices(pieces.texel), area]
         ends = self._indices(np.append(starts, len(pieces)))
-        self._run(
-            "points_in_texels",
-            texels,
-            self._uvs,
-            *where,
-            ends,
-            np.int32(self._resolution),
-            np.int32(side),
-            *found,
-        )
+        sides = np.int32(self._resolution), np.int32(side)
+        self._run("points_in_texels", texels, self._uvs, *where, ends, *sides, *found)
         piece, barycentric, position, weight = (
             self._read(buffer, texels * size // 4, kind)
             for buffer, size, kind in zip(found, sizes, ("i4", "f4", "f4", "f4"), strict=True)

@@ -84,8 +84,9 @@ __kernel void number_texels(__global const uint *texels, __global int *numbers, 
         numbers[texels[unknown]] = unknown;
 }
 
-// The first point of each unknown texel, and the one after its last; points are ordered by texel.
-__kernel void find_points(__global const uint *owners, __global const int *numbers, __global int2 *ranges,
+// The first point of each unknown texel, and the one after its last; points are ordered by texel. Two work items write
+// them: as one int2 each would write what it has read of the other half, too.
+__kernel void find_points(__global const uint *owners, __global const int *numbers, __global int *ranges,
                           const int count)
 {
     const int point = get_global_id(0);
@@ -93,9 +94,9 @@ __kernel void find_points(__global const uint *owners, __global const int *numbe
         return;
     const uint texel = owners[point];
     if (point == 0 || owners[point - 1] != texel)
-        ranges[numbers[texel]].x = point;
+        ranges[2 * numbers[texel]] = point;
     if (point == count - 1 || owners[point + 1] != texel)
-        ranges[numbers[texel]].y = point + 1;
+        ranges[2 * numbers[texel] + 1] = point + 1;
 }
 
 // The unknowns around each, itself where there is none; what points tell, as factors of the nine links.

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from engine.device.buffers import upload_float4
+from engine.device.buffers import download, upload_float4
 from engine.device.compute import Compute
 from engine.direct.contact import NearFaces
 from engine.finish import device_images
@@ -239,6 +239,22 @@ def test_tight_texels_are_no_brighter_than_the_points_in_them(compute: Compute, 
     over = shown[owner[::4], 0] > 1.03 * brightest
     assert over.sum() > 10 if not tight else not over.any()
     assert not shown[:, 1].any()
+
+
+def test_every_texel_has_the_points_in_it(compute: Compute) -> None:
+    """Up to nine a texel, so that one work item begins the range of a texel and another one ends it."""
+    resolution, random = 97, np.random.default_rng(7)
+    texels = np.sort(random.choice(resolution**2, 5003, replace=False))
+    owner = np.repeat(texels, random.integers(1, 10, len(texels)))
+    corner = np.stack([owner % resolution, owner // resolution], axis=1)
+    position = corner + random.uniform(0.01, 0.99, (len(owner), 2))
+    points = LightmapPoints(np.zeros(len(owner), np.int32), position, np.ones(len(owner)))
+    equations = DeviceEquations(compute, np.zeros((1, resolution, resolution), bool), points, no_seams())
+    ranges = download(compute, equations.ranges, (equations.count, 2)).view(np.int32)
+    first, last = (np.searchsorted(owner, equations.texel, side) for side in ("left", "right"))
+    has_points = first < last
+    assert (ranges[has_points] == np.stack([first, last], axis=1)[has_points]).all()
+    assert not ranges[~has_points].any()
 
 
 @pytest.mark.parametrize("memory", [1, 1 << 28])

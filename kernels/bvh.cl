@@ -89,6 +89,25 @@ void store_node(__global NodeBox *boxes, __global NodeLink *links, const int nod
     links[node] = link;
 }
 
+float area_of(__global const NodeBox *boxes, const int node)
+{
+    return half_area(vload3(0, boxes[node].high) - vload3(0, boxes[node].low));
+}
+
+// Makes a node of two others: a leaf if it has few triangles, and to test all is no dearer than to test their boxes.
+void join_nodes(__global NodeBox *boxes, __global NodeLink *links, const int node, const int left, const int right)
+{
+    const Box box = {min(vload3(0, boxes[left].low), vload3(0, boxes[right].low)),
+                     max(vload3(0, boxes[left].high), vload3(0, boxes[right].high))};
+    const int size = links[left].triangles + links[right].triangles;
+    const float area = half_area(box.high - box.low);
+    const float parted = area + boxes[left].cost + boxes[right].cost;
+    const float whole = area * (PACKET_COST * ((size + PACKET - 1) / PACKET));
+    const bool leaf = size <= LEAF && !(parted < whole);
+    const NodeLink link = {left, right, size, leaf};
+    store_node(boxes, links, node, box, leaf ? whole : parted, link);
+}
+
 // Every triangle is a cluster and a node, in the order of the curve.
 __kernel void single_clusters(__global const float *positions, __global const ulong *keys,
                               const ulong number_mask, __global float *rows, const int stride,
@@ -238,33 +257,14 @@ __kernel void merge(__global const int *best, const int paired, __global const i
     Box box = load_box(rows, stride, i);
     int node = cluster[i];
     if (mate > i) {
+        node = first_node + rank.y;
+        join_nodes(boxes, links, node, cluster[i], cluster[mate]);
         const Box other = load_box(rows, stride, mate);
         box.low = min(box.low, other.low);
         box.high = max(box.high, other.high);
-        const int right = cluster[mate], size = links[node].triangles + links[right].triangles;
-        const float area = half_area(box.high - box.low);
-        const float parted = area + boxes[node].cost + boxes[right].cost;
-        const float whole = area * (PACKET_COST * ((size + PACKET - 1) / PACKET));
-        const bool leaf = size <= LEAF && !(parted < whole);
-        const NodeLink link = {node, right, size, leaf};
-        node = first_node + rank.y;
-        store_node(boxes, links, node, box, leaf ? whole : parted, link);
     }
     store_box(new_rows, stride, rank.x, box);
     new_cluster[rank.x] = node;
-}
-
-// The nodes of clusters, one after the other.
-__kernel void pick_clusters(__global const int *cluster, __global const NodeBox *boxes, __global const NodeLink *links,
-                            __global NodeBox *picked_boxes, __global NodeLink *picked_links, const int count)
-{
-    const int i = get_global_id(0);
-    if (i >= count)
-        return;
-    const int node = cluster[i];
-    picked_boxes[i] = boxes[node];
-    picked_links[i] = links[node];
-    picked_links[i].left = node;
 }
 
 // The children of wide nodes: the binary node's two, and of those that are no leaves the largest opened as
@@ -291,7 +291,7 @@ __kernel void open_nodes(__global const NodeBox *boxes, __global const NodeLink 
         open[widest] = link.left;
         for (int k = 0; k < 2; ++k) {
             const int at = k ? count : widest, node = open[at];
-            areas[at] = links[node].leaf ? -1.0f : half_area(vload3(0, boxes[node].high) - vload3(0, boxes[node].low));
+            areas[at] = links[node].leaf ? -1.0f : area_of(boxes, node);
         }
         ++count;
     }

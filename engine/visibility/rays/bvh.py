@@ -10,6 +10,7 @@ import pyopencl as cl
 from ...device.buffers import upload
 from ...device.compute import Compute
 from ...device.record import Record
+from .treetop import NAMES as TREETOP
 from .treetop import Treetop
 
 #: Clusters beyond either end of a row, and values that a work item sums, as in kernels/bvh.cl.
@@ -132,9 +133,9 @@ class _Builder:
         options += (f"-DLEAF={shape.leaf}", f"-DPACKET_COST={shape.cost}f")
         names = (
             "morton_keys", "single_clusters", "best_neighbours", "count_merges", "sum_chunks",
-            "sum_totals", "merge", "pick_clusters", "open_nodes", "next_roots", "store_level",
+            "sum_totals", "merge", "open_nodes", "next_roots", "store_level", *TREETOP,
         )  # fmt: skip
-        kernels = compute.kernels((BOX, LINK, "bvh.cl"), *names, options=options)
+        kernels = compute.kernels((BOX, LINK, "bvh.cl", "treetop.cl"), *names, options=options)
         self._kernels = dict(zip(names, kernels, strict=True))
         self._boxes, self._links = (
             self._buffer(2 * record.dtype.itemsize * self._count) for record in (BOX, LINK)
@@ -196,45 +197,16 @@ class _Builder:
         return cluster, count, made
 
     def _join(self, cluster: cl.Buffer, count: int, made: int) -> int:
-        """Make the nodes above the clusters, numbered from `made` on; return the root."""
-        picked = self._buffer(BOX.dtype.itemsize * count), self._buffer(LINK.dtype.itemsize * count)
-        self._run("pick_clusters", count, cluster, self._boxes, self._links, *picked, np.int32(count))
-        boxes, links = BOX.array(count), LINK.array(count)
-        for array, buffer in zip((boxes, links), picked, strict=True):
-            cl.enqueue_copy(self._queue, array, buffer)
-        top = self._tree(boxes["low"], boxes["high"], links["triangles"])
-        inner = np.concatenate([*top.levels, np.zeros(0, np.int64)])
-        number = links["left"][top.cluster]
-        number[inner] = made + np.arange(len(inner))
+        """Make the nodes above the clusters, numbered from `made` on; return the root.
 
-        # Numbers of triangles and costs, from the clusters up, as in kernels/bvh.cl.
-        size, cost = links["triangles"][top.cluster], boxes["cost"][top.cluster]
-        leaf = np.zeros(len(size), bool)
-        x, y, z = (top.high - top.low).T
-        area = x * y + y * z + z * x
-        for nodes in top.levels[::-1]:
-            left = top.left[nodes]
-            size[nodes] = size[left] + size[left + 1]
-            parted = area[nodes] + cost[left] + cost[left + 1]
-            whole = area[nodes] * self._shape.cost * -(-size[nodes] // self._shape.packet)
-            leaf[nodes] = (size[nodes] <= self._shape.leaf) & ~(parted < whole)
-            cost[nodes] = np.where(leaf[nodes], whole, parted)
-        if len(inner):
-            left = top.left[inner]
-            boxes = BOX.array(len(inner), low=top.low[inner], high=top.high[inner], cost=cost[inner])
-            links = LINK.array(
-                len(inner), left=number[left], right=number[left + 1], triangles=size[inner], leaf=leaf[inner]
-            )
-            cl.enqueue_copy(self._queue, self._boxes, boxes, dst_offset=BOX.dtype.itemsize * made)
-            cl.enqueue_copy(self._queue, self._links, links, dst_offset=LINK.dtype.itemsize * made)
-        return int(number[0])
-
-    def _tree(self, low: np.ndarray, high: np.ndarray, weight: np.ndarray) -> Treetop:
-        """Return the tree over clusters; what there was of as many triangles gives it its shape."""
-        known = self._top if self._count <= _TOP else None
-        top = known.around(low, high, weight) if known else Treetop(low, high, weight)
+        What there was of as many triangles gives them their shape, where it serves.
+        """
+        nodes, known = (self._boxes, self._links), self._top if self._count <= _TOP else None
+        if known and known.count == count and known.serves(self._kernels, *nodes):
+            return known.root
+        top = Treetop(self._compute, self._kernels, *nodes, cluster, count, made)
         self._top = top if self._count <= _TOP else None
-        return top
+        return top.root
 
     def _widen(self, root: int) -> Bvh:
         """Join binary nodes to wide ones, level by level, and store them."""

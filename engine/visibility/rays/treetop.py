@@ -1,15 +1,21 @@
-"""The upper part of a bounding volume hierarchy, split from the top down with whole-array operations."""
+"""The upper part of a bounding volume hierarchy, split from the top down on the OpenCL device."""
 
 from __future__ import annotations
 
-from copy import copy
+from collections.abc import Mapping
 
 import numpy as np
+import pyopencl as cl
 
-from ...runs import run_starts
+from ...device.buffers import download, upload, zeros
+from ...device.compute import Compute
+from ...device.kernel import Kernel
 
-#: Bins in which the surface area heuristic looks for a split (Wald 2007).
-_BINS = 16
+#: Kernels of a program of kernels/bvh.cl and kernels/treetop.cl that are used here.
+NAMES = ("split_ranges", "fit_nodes", "sum_areas")
+
+#: Work items of a group, at most as many as in kernels/treetop.cl.
+_GROUP = 64
 
 #: A tree around boxes that have moved is kept while its cost is at most this multiple of what it was.
 _WORSE = 1.25
@@ -18,121 +24,73 @@ _WORSE = 1.25
 class Treetop:
     """A binary tree over clusters of triangles, built level by level with the surface area heuristic.
 
-    low, high  (m, 3) float32, corners of each node's box; node 0 is the root
-    left       (m,) int64, first of two successive children, -1 for a cluster; children follow their parents
-    cluster    (m,) int64, the cluster that a node without children is
-    levels     the nodes with children, level by level from the root on
+    count  clusters
+    root   its node: an index like those of the clusters' nodes
     """
 
-    def __init__(self, low: np.ndarray, high: np.ndarray, weight: np.ndarray) -> None:
-        """Build over at least one box: low, high (k, 3) float32; weight (k,) number of triangles."""
-        count = len(low)
-        self._low, self._high, self._weight = low, high, weight
-        self._center = low + (high - low) / 2
-        self._order = np.arange(count)
-        self._first, self._count = np.zeros(2 * count, np.int64), np.zeros(2 * count, np.int64)
-        self._count[0], self._made = count, 1
-        self.left = np.full(2 * count, -1, np.int64)
-        self.levels: list[np.ndarray] = []
-        nodes = np.flatnonzero(self._count[:1] > 1)
-        while len(nodes):
-            self.levels.append(nodes)
-            nodes = self._split(nodes)
-        self.left = self.left[: self._made]
-        self.cluster = self._order[np.minimum(self._first[: self._made], count - 1)]
-        self.low, self.high = self._node_boxes()
-        self._built_for = self._cost()
+    def __init__(
+        self,
+        compute: Compute,
+        kernels: Mapping[str, Kernel],
+        boxes: cl.Buffer,
+        links: cl.Buffer,
+        cluster: cl.Buffer,
+        count: int,
+        made: int,
+    ) -> None:
+        """Build over at least one cluster.
 
-    def around(self, low: np.ndarray, high: np.ndarray, weight: np.ndarray) -> Treetop:
-        """Return a tree over the same clusters where they are now: this one with other boxes if it serves.
-
-        Parameters as of the first one.
+        boxes, links  BOX and LINK of all nodes, those of the clusters made; `fit` makes further ones
+        cluster       int of each cluster, its node
+        made          nodes so far: count - 1 more follow
         """
-        if not np.array_equal(weight, self._weight):
-            return Treetop(low, high, weight)
-        other = copy(self)
-        other._low, other._high = low, high
-        other.low, other.high = other._node_boxes()
-        return other if other._cost() <= _WORSE * self._built_for else Treetop(low, high, weight)
+        self._compute, self._made, self.count = compute, made, count
+        self._levels: list[tuple[int, int]] = []
+        self._numbers, self._children = zeros(compute, 4 * count), zeros(compute, 8 * count)
+        if count > 1:
+            self._split(kernels["split_ranges"], boxes, links, cluster)
+            first = int(download(compute, self._numbers, (1,)).view(np.int32)[0])
+            self.root = made + first
+            self.fit(kernels, boxes, links)
+        else:
+            self.root = int(download(compute, cluster, (1,)).view(np.int32)[0])
+        self._built_for = self._cost(kernels, boxes)
 
-    def _cost(self) -> float:
-        """Return the boxes that a ray through the whole meets, about (surface area heuristic)."""
-        areas = _areas(self.low, self.high).astype(np.float64)
-        return float(areas.sum() / max(areas[0], 1e-300))
+    def fit(self, kernels: Mapping[str, Kernel], boxes: cl.Buffer, links: cl.Buffer) -> None:
+        """Make the tree's nodes, from those of the clusters up."""
+        where = np.int32(self._made), boxes, links
+        for first, count in reversed(self._levels):
+            self._compute.run(
+                kernels["fit_nodes"], count, self._numbers, np.int32(first), self._children, *where,
+                np.int32(count),
+            )  # fmt: skip
 
-    def _split(self, nodes: np.ndarray) -> np.ndarray:
-        """Split each node, a range of `_order`, in two; return the halves that can be split further."""
-        first, count = self._first[nodes], self._count[nodes]
-        starts = np.cumsum(count) - count
-        node = np.repeat(np.arange(len(nodes)), count)
-        position = np.arange(len(node)) - starts[node] + first[node]
-        members = self._order[position]
+    def serves(self, kernels: Mapping[str, Kernel], boxes: cl.Buffer, links: cl.Buffer) -> bool:
+        """Fit the tree to clusters that have moved; return whether it is about as good there as it was."""
+        self.fit(kernels, boxes, links)
+        return self._cost(kernels, boxes) <= _WORSE * self._built_for
 
-        # Bin the centres along the widest axis, and order each node's members by bin.
-        key = node * _BINS + self._bins(self._center[members], starts, node)
-        by_bin = np.argsort(key, kind="stable")
-        members, key = members[by_bin], key[by_bin]
-        self._order[position] = members
-        left = self._left_counts(members, key, count)
+    def _split(self, kernel: Kernel, boxes: cl.Buffer, links: cl.Buffer, cluster: cl.Buffer) -> None:
+        """Split ranges of clusters until each has one."""
+        compute, count = self._compute, self.count
+        order, parted = upload(compute, np.arange(count, dtype=np.int32)), zeros(compute, 4 * count)
+        bins, ranges = zeros(compute, 4 * (count // 4 + 1)), zeros(compute, 16 * count)
+        cl.enqueue_copy(compute.queue, ranges, np.array([0, count, -1, 0], np.int32))
+        memory = order, parted, bins, ranges, upload(compute, np.ones(1, np.int32))
+        first, last = 0, 1
+        while first < last:
+            self._levels.append((first, last - first))
+            (size,) = kernel.group(_GROUP)
+            kernel(
+                compute.queue, (size * (last - first),), (size,), boxes, links, cluster, *memory,
+                self._numbers, self._children, np.int32(first), np.int32(self._made),
+            )  # fmt: skip
+            first, last = last, int(download(compute, memory[-1], (1,)).view(np.int32)[0])
 
-        # The halves take the next numbers.
-        children = self._made + 2 * np.arange(len(nodes))
-        self.left[nodes] = children
-        self._first[children], self._first[children + 1] = first, first + left
-        self._count[children], self._count[children + 1] = left, count - left
-        self._made += 2 * len(nodes)
-        both = np.concatenate([children, children + 1])
-        return both[self._count[both] > 1]
-
-    def _bins(self, centers: np.ndarray, starts: np.ndarray, node: np.ndarray) -> np.ndarray:
-        """Return the bin of each member within its node's centres, along their widest axis."""
-        low = np.minimum.reduceat(centers, starts)
-        extent = np.maximum.reduceat(centers, starts) - low
-        axis = extent.argmax(axis=1)
-        row = np.arange(len(low))
-        width = np.maximum(extent[row, axis], 1e-30)
-        along = centers[np.arange(len(node)), axis[node]] - low[row, axis][node]
-        bins: np.ndarray = np.minimum((along / width[node] * _BINS).astype(np.int64), _BINS - 1)
-        return bins
-
-    def _left_counts(self, members: np.ndarray, key: np.ndarray, count: np.ndarray) -> np.ndarray:
-        """Return how many members the cheapest split puts left; half of them where no split parts any."""
-        shape = (len(count), _BINS)
-        low = np.full((*shape, 3), np.inf, np.float32)
-        high = np.full((*shape, 3), -np.inf, np.float32)
-        starts = run_starts(key)
-        low.reshape(-1, 3)[key[starts]] = np.minimum.reduceat(self._low[members], starts)
-        high.reshape(-1, 3)[key[starts]] = np.maximum.reduceat(self._high[members], starts)
-        inside = np.bincount(key, minlength=low.size // 3).reshape(shape)
-        weight = np.bincount(key, self._weight[members], low.size // 3).reshape(shape)
-
-        # Boxes, members and weights on both sides of each border between bins.
-        left = np.cumsum(inside, axis=1)[:, :-1]
-        left_weight = np.cumsum(weight, axis=1)[:, :-1]
-        left_area = _areas(np.minimum.accumulate(low, axis=1), np.maximum.accumulate(high, axis=1))[:, :-1]
-        right_area = _areas(
-            np.minimum.accumulate(low[:, ::-1], axis=1)[:, ::-1],
-            np.maximum.accumulate(high[:, ::-1], axis=1)[:, ::-1],
-        )[:, 1:]
-        right_weight = weight.sum(axis=1, keepdims=True) - left_weight
-        cost = left_weight * left_area + right_weight * right_area
-        cost[(left == 0) | (left == count[:, None])] = np.inf
-        best = cost.argmin(axis=1)
-        row = np.arange(len(count))
-        return np.where(np.isfinite(cost[row, best]), left[row, best], count // 2)
-
-    def _node_boxes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return low and high corner of every node, from the clusters up."""
-        low, high = self._low[self.cluster], self._high[self.cluster]
-        for nodes in self.levels[::-1]:
-            left = self.left[nodes]
-            low[nodes] = np.minimum(low[left], low[left + 1])
-            high[nodes] = np.maximum(high[left], high[left + 1])
-        return low, high
-
-
-def _areas(low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Return half the surface of boxes, (..., 3) float32 -> (...), 0 for empty ones."""
-    x, y, z = np.moveaxis(np.maximum(high - low, 0), -1, 0)
-    areas: np.ndarray = x * y + y * z + z * x
-    return areas
+    def _cost(self, kernels: Mapping[str, Kernel], boxes: cl.Buffer) -> float:
+        """Return the boxes of the tree that a ray through the whole meets, about."""
+        kernel, cost = kernels["sum_areas"], zeros(self._compute, 4)
+        group = kernel.group(_GROUP)
+        numbers = np.int32(self.root), np.int32(self._made)
+        kernel(self._compute.queue, group, group, boxes, *numbers, cost, np.int32(self.count - 1))
+        return float(download(self._compute, cost, (1,))[0])

@@ -1,4 +1,4 @@
-"""Runs of equal keys, where keys ascend."""
+"""Runs of equal keys."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def run_starts(keys: np.ndarray) -> np.ndarray:
-    """Return where each run of equal keys starts, (k,) int64; keys: (n,), ascending."""
+    """Return where each run of equal keys starts, (k,) int64; keys: (n,)."""
     starts = np.ones(len(keys), bool)
     np.not_equal(keys[1:], keys[:-1], out=starts[1:])
     return np.flatnonzero(starts)
@@ -15,3 +15,10 @@ def run_starts(keys: np.ndarray) -> np.ndarray:
 def run_numbers(starts: np.ndarray, count: int) -> np.ndarray:
     """Return which run each of `count` keys is in, (count,) int64, of where runs start."""
     return np.repeat(np.arange(len(starts)), np.diff(starts, append=count))
+
+
+def run_counts(keys: np.ndarray, most: int) -> np.ndarray:
+    """Return how often each key from 0 to `most` - 1 is there, (most,) int64; equal ones are often successive."""
+    starts = run_starts(keys)
+    counts: np.ndarray = np.bincount(keys[starts], np.diff(starts, append=len(keys)), most).astype(np.int64)
+    return counts

@@ -6,12 +6,22 @@ from functools import reduce
 
 import numpy as np
 
+from .runs import run_starts
+
 
 def any_in_rows(values: np.ndarray) -> np.ndarray:
     """Return which rows of (n, c) have an entry that is not 0, (n,) bool."""
     flags = values if values.dtype == bool else values != 0
     found: np.ndarray = reduce(np.logical_or, flags.T, np.zeros(len(values), bool))
     return found
+
+
+def nonzero_rows(values: np.ndarray) -> np.ndarray:
+    """Return the rows of (n, c), contiguous, that have an entry that is not 0, (k,) int64; few have any."""
+    entries = np.flatnonzero(values.ravel() != 0)
+    entries //= max(values.shape[1], 1)
+    rows: np.ndarray = entries[run_starts(entries)]
+    return rows
 
 
 def all_in_rows(values: np.ndarray) -> np.ndarray:

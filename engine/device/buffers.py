@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pyopencl as cl
 
-from ..short_rows import any_in_rows
+from ..short_rows import any_in_rows, nonzero_rows
 from .compute import Compute
 
 #: Of arrays with this many rows about so many are looked at: if fewer than this part of them are not black,
@@ -73,7 +73,7 @@ def _seems_sparse(values: np.ndarray) -> bool:
 
 def _sparse_float4(compute: Compute, values: np.ndarray, first: int, count: int) -> cl.Buffer:
     """Return `count` float4 on the device, 0 but for the rows of values, (n, 3) float32, that are not."""
-    wide, places = zeros(compute, 16 * count), np.flatnonzero(any_in_rows(values))
+    wide, places = zeros(compute, 16 * count), nonzero_rows(values)
     if len(places):
         (put,) = compute.kernels("widen.cl", "put_colors")
         arrays = upload(compute, values[places]), upload(compute, places.astype(np.uint32))

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..runs import run_counts
 from ..scene.triangles import Triangles
 from .patch_list import PatchList
 
@@ -70,7 +71,7 @@ class PatchGeometry:
     @cached_property
     def on_triangle(self) -> np.ndarray:
         """Number of patches on each triangle, (t,) int64."""
-        return np.bincount(self.triangle, minlength=len(self.triangles.mesh))
+        return run_counts(self.triangle, len(self.triangles.mesh))
 
     @cached_property
     def center(self) -> np.ndarray:

@@ -11,6 +11,7 @@ import numpy as np
 from ..device.compute import Compute
 from ..scene.digests import same_values
 from ..scene.model import Scene, Texture
+from ..short_rows import nonzero_rows
 from .geometry import PatchGeometry
 from .host_texture_means import multiply_on_host
 from .texture_means import TextureMeans
@@ -37,8 +38,7 @@ class PatchSurfaces:
     @cached_property
     def shining(self) -> np.ndarray:
         """Patches that emit, (k,) int64."""
-        red, green, blue = (self.emission != 0).T
-        return np.flatnonzero(red | green | blue)
+        return nonzero_rows(self.emission)
 
     def shine_as(self, others: PatchSurfaces) -> bool:
         """Return whether the same patches emit."""

@@ -71,12 +71,24 @@ def index_map(
 
 def _with_thin(patches: PatchList, thin: BorderTexels, middle: np.ndarray) -> PatchList:
     """Return patches, and those on thin surfaces with barycentrics (k, 3), by atlas and texel."""
-    place = np.searchsorted(patches.key, thin.texel)
     atlas, texel = np.divmod(thin.texel, patches.resolution**2)
-    return PatchList(
-        patches.resolution,
-        np.insert(patches.atlas, place, atlas),
-        np.insert(patches.texel, place, texel),
-        np.insert(patches.triangle, place, thin.triangle),
-        np.insert(patches.barycentric, place, middle, axis=0),
-    )
+    columns = (
+        (patches.atlas, atlas), (patches.texel, texel), (patches.triangle, thin.triangle),
+        (patches.barycentric, middle),
+    )  # fmt: skip
+    order = _inserted(np.searchsorted(patches.key, thin.texel), len(patches))
+    joined = (np.concatenate([old, new.astype(old.dtype, copy=False)]) for old, new in columns)
+    return PatchList(patches.resolution, *(column.take(order, axis=0) for column in joined))
+
+
+def _inserted(place: np.ndarray, count: int) -> np.ndarray:
+    """Return where `count` rows, then others, come from once the others are inserted, (count + k,) int64.
+
+    place: (k,) int64, ascending: the row before which each of the others comes
+    """
+    others = place + np.arange(len(place))
+    steps = np.ones(count + len(place), np.int64)
+    steps[others] = 0
+    order = np.cumsum(steps) - 1
+    order[others] = np.arange(count, count + len(place))
+    return order

@@ -7,7 +7,7 @@ OpenGL and OpenCL are imported by the first bake: a process that leaves baking t
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import replace
 from functools import partial
@@ -29,6 +29,7 @@ from .settings import Settings, check_settings
 
 if TYPE_CHECKING:
     from .cluster.workers import Workers
+    from .device.compute import Program
     from .device.devices import Devices
     from .plan.kept import Kept
 
@@ -107,9 +108,10 @@ class Session:
         from .plan.usual_programs import usual_programs
 
         stages = BakeStages(Extent.of(scene), settings, self._paces)
-        devices = self._take(settings)
+        usual = usual_programs(scene, settings)
+        devices = self._take(settings, usual)
         if devices.compute is not None and devices.on_card:
-            devices.compute.build_ahead(usual_programs(scene, settings))
+            devices.compute.build_ahead(usual)
         kept, self._kept = self._kept or Kept(), None
         kept.checkpoints = _checkpoints(settings)
         stages.opened(devices.on_card)
@@ -145,8 +147,11 @@ class Session:
         devices.clear()
         self._devices, self._kept = devices, kept
 
-    def _take(self, settings: Settings) -> Devices:
-        """Return the devices of the last bake, or new ones; until the bake has ended well nobody has them."""
+    def _take(self, settings: Settings, ahead: Sequence[Program]) -> Devices:
+        """Return the devices of the last bake, or new ones; until the bake has ended well nobody has them.
+
+        ahead: programs that new ones begin to build at once
+        """
         devices, self._devices = self._devices, None
         wanted = (settings.cache_dir, settings.opencl_device)
         if devices is not None and (devices.cache_dir, devices.opencl_device) == wanted:
@@ -156,7 +161,7 @@ class Session:
             devices.release()
         from .device.devices import Devices
 
-        return Devices(*wanted)
+        return Devices(*wanted, ahead)
 
 
 def _checkpoints(settings: Settings) -> Checkpoints:

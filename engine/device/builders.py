@@ -16,8 +16,8 @@ import pyopencl as cl
 #: What runs in each process; a script, so that nothing else is imported there.
 _SCRIPT = Path(__file__).with_name("build_programs.py")
 
-#: Most processes: each has a context on the device, which has to have so much memory, bytes.
-_MOST, _ROOM = 3, 4 << 30
+#: Most processes, and memory that the device has to have for each, bytes: it has a context there.
+_MOST, _ROOM = 6, 5 << 28
 
 #: A program takes about so long, s, and one of this many characters a second more; that grows by its square.
 _EACH, _LONG = 0.2, 60_000
@@ -105,9 +105,7 @@ class Builders:
 
 def _processes(device: cl.Device) -> int:
     """Return how many processes build for a device: none where they would take what it needs itself."""
-    if device.global_mem_size < _ROOM:
-        return 0
-    return min(_MOST, (os.cpu_count() or 1) - 1)
+    return min(_MOST, device.global_mem_size // _ROOM, (os.cpu_count() or 1) - 1)
 
 
 def _shares(programs: Mapping[str, Program], count: int) -> list[list[str]]:

@@ -30,6 +30,9 @@ _STAGED = 1 << 17
 #: Files of kernels/ and records, one after another.
 Source = tuple[str | Record, ...]
 
+#: Source and options.
+Program = tuple[Source, tuple[str, ...]]
+
 #: Has functions of kernels that drivers may lack, as Mesa's do with another's library of them.
 _PROBE = """
 __kernel void probe(__global float *x)
@@ -44,6 +47,7 @@ class Compute:
 
     cache_dir, opencl_device  see `Settings`
     context_of                makes the context of a device
+    ahead                     programs that a graphics card begins to build at once, see `build_ahead`
     shared                    what is uploaded once for several users
     default_sizes             shapes of the groups of the hot kernels on such a device
     work_sizes                the same as kept for this one, which may be others
@@ -56,22 +60,33 @@ class Compute:
         cache_dir: str | None = None,
         opencl_device: str | None = None,
         context_of: Callable[[cl.Device], cl.Context] = lambda device: cl.Context([device]),
+        ahead: Iterable[Program] = (),
     ) -> None:
         self._context_of = context_of
         keep_starters_in_memory()
         self._built: dict[tuple, cl.Program] = {}
-        self._begun: set[tuple] = set()
         self._kernels: dict[tuple, Kernel] = {}
         self.shared = SharedBuffers()
         self._slice_sizes: dict[tuple, SliceSize] = {}
-        self.context = self._first_working_context(_chosen(found_devices(), opencl_device))
-        self.device = self.context.devices[0]
-        self._programs = ProgramCache(self.context, None if self._is_pocl else cache_dir)
-        self._prelude = ("inlined.cl",) if self._is_pocl and self.processor else ()
+        devices = _chosen(found_devices(), opencl_device)
+        self._take(devices[0], cache_dir)
+        if not self.processor:
+            self.build_ahead(ahead)
+        self.context = self._first_working_context(devices)
+        if self.context.devices[0] != self.device:
+            self.release()
+            self._take(self.context.devices[0], cache_dir)
+        self._programs.open(self.context)
         self.queue = cl.CommandQueue(self.context)
         self.name = self.device.name.strip()
         self.default_sizes = ON_PROCESSOR if self.processor else WorkSizes()
         self.work_sizes = self.kept_sizes(cache_dir).read(self.default_sizes)
+
+    def _take(self, device: cl.Device, cache_dir: str | None) -> None:
+        """Take a device, which need not have a context yet."""
+        self.device, self._begun = device, set[Program]()
+        self._programs = ProgramCache(device, None if self._is_pocl else cache_dir)
+        self._prelude = ("inlined.cl",) if self._is_pocl and self.processor else ()
 
     def kept_sizes(self, cache_dir: str | None) -> KeptWorkSizes:
         """Return the shapes that a folder keeps for this device."""
@@ -115,8 +130,8 @@ class Compute:
                 self._kernels[key, name] = Kernel(self._built[key], name, self.device)
         return [self._kernels[key, name] for name in names]
 
-    def build_ahead(self, programs: Iterable[tuple[Source, tuple[str, ...]]]) -> None:
-        """Begin to build programs that `kernels` will be asked for, parts and options of each; once.
+    def build_ahead(self, programs: Iterable[Program]) -> None:
+        """Begin to build programs that `kernels` will be asked for; once.
 
         PoCL builds kernels as they start.
         """

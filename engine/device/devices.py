@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
 import moderngl
 import pyopencl as cl
 
 from ..errors import DeviceError, DeviceMemoryError
-from .compute import Compute
+from .compute import Compute, Program
 from .graphics import Graphics
 
 #: What OpenCL says of a buffer that is larger than any may be.
@@ -20,22 +20,33 @@ class Devices:
     """Both devices, with what was built for them; they may serve several bakes, one after the other.
 
     cache_dir, opencl_device  as in `Settings`
+    ahead      programs that a graphics card begins to build at once, see `Compute`
     compute    None if there is no OpenCL; `missing` then tells why and the remedy
 
     Raises DeviceError if there is no OpenGL, or if the chosen OpenCL device is not there or does not work.
     """
 
-    def __init__(self, cache_dir: str | None = None, opencl_device: str | None = None) -> None:
-        self.graphics = Graphics()
+    def __init__(
+        self,
+        cache_dir: str | None = None,
+        opencl_device: str | None = None,
+        ahead: Iterable[Program] = (),
+    ) -> None:
         self.cache_dir, self.opencl_device, self.missing = cache_dir, opencl_device, ""
         self.compute: Compute | None = None
         try:
-            self.compute = Compute(cache_dir, opencl_device)
+            self.compute = Compute(cache_dir, opencl_device, ahead=ahead)
         except DeviceError as error:
             if opencl_device is not None:
-                self.release()
                 raise
             self.missing = str(error)
+
+        # OpenGL comes second: programs are built meanwhile.
+        try:
+            self.graphics = Graphics()
+        except BaseException:
+            self._release_compute()
+            raise
 
     @property
     def on_card(self) -> bool:
@@ -66,5 +77,8 @@ class Devices:
     def release(self) -> None:
         """Free everything."""
         self.graphics.release()
+        self._release_compute()
+
+    def _release_compute(self) -> None:
         if self.compute is not None:
             self.compute.release()

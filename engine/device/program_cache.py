@@ -27,23 +27,27 @@ _CHECKSUM = 16
 
 
 class ProgramCache:
-    """The programs of a device's context.
+    """The programs of a device; of a context of it once that is given by `open`.
 
     folder  where programs are kept, in a folder for each device and driver; None keeps none
-
-    Those of earlier processes are loaded at once by threads: building does not hold Python's lock.
     """
 
-    def __init__(self, context: cl.Context, folder: str | None) -> None:
-        self._context, (self._device,) = context, context.devices
-        self._folder = None if folder is None else Path(folder) / device_digest(self._device)
-        self._loading: dict[str, Future[cl.Program]] = {}
-        files = _newest(self._folder)
-        if files:
+    def __init__(self, device: cl.Device, folder: str | None) -> None:
+        self._device = device
+        self._folder = None if folder is None else Path(folder) / device_digest(device)
+        self._files, self._loading = _newest(self._folder), dict[str, Future[cl.Program]]()
+        self._known, self._builders = {path.name for path in self._files}, list[Builders]()
+
+    def open(self, context: cl.Context) -> None:
+        """Take the device's context, and load the programs of earlier processes.
+
+        Threads do that at once: building does not hold Python's lock.
+        """
+        self._context = context
+        if self._files:
             threads = ThreadPoolExecutor(_THREADS, "programs")
-            self._loading = {path.name: threads.submit(self._load, path) for path in files}
+            self._loading = {path.name: threads.submit(self._load, path) for path in self._files}
             threads.shutdown(wait=False)
-        self._known, self._builders = set(self._loading), list[Builders]()
 
     def build(self, source: str, options: Sequence[str] = ()) -> cl.Program:
         """Return a program of some source, ready for kernels; raises cl.Error if it cannot be built."""
@@ -62,6 +66,8 @@ class ProgramCache:
 
     def begin(self, programs: Iterable[tuple[str, Sequence[str]]]) -> None:
         """Begin to build what `build` will be asked for in other processes, where these can keep it.
+
+        They start while this one makes its context.
 
         programs: source and options of each, in the order in which they will be asked for. The first ones are
         left to this process, which would wait for others to start; so are few.

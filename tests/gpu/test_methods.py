@@ -58,7 +58,7 @@ def paper(request):
 class NoCompute:
     """Stands in for OpenCL on a machine that has none."""
 
-    def __init__(self, *chosen):
+    def __init__(self, *chosen, ahead=()):
         raise DeviceError("There is no OpenCL device. Install one.")
 
 

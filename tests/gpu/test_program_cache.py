@@ -14,6 +14,7 @@ from engine.device.compute import Compute
 from engine.device.program_cache import ProgramCache
 from engine.session import Session
 from tests.analytic.scenes import furnace
+from tests.gpu.graphics_card import GraphicsCard
 
 SOURCE = "__kernel void fill(__global float *x) { x[get_global_id(0)] = VALUE; }"
 
@@ -45,13 +46,19 @@ def filled(context, program):
     return float(values[0])
 
 
+def opened(context, folder):
+    cache = ProgramCache(context.devices[0], folder)
+    cache.open(context)
+    return cache
+
+
 def files(folder):
     return [path for path in folder.rglob("*") if path.is_file()]
 
 
 def test_a_later_process_builds_nothing(context, built, tmp_path):
     for expected in (1, 1, 1):
-        cache = ProgramCache(context, str(tmp_path))
+        cache = opened(context, str(tmp_path))
         assert filled(context, cache.build(SOURCE, ("-DVALUE=3.5f",))) == 3.5
         assert len(built) == expected
     assert len(files(tmp_path)) == 1
@@ -59,7 +66,7 @@ def test_a_later_process_builds_nothing(context, built, tmp_path):
 
 def test_other_options_and_other_source_are_other_programs(context, built, tmp_path):
     for _ in range(2):
-        cache = ProgramCache(context, str(tmp_path))
+        cache = opened(context, str(tmp_path))
         assert filled(context, cache.build(SOURCE, ("-DVALUE=1.0f",))) == 1
         assert filled(context, cache.build(SOURCE, ("-DVALUE=2.0f",))) == 2
         assert filled(context, cache.build(SOURCE.replace("VALUE", "7.0f"))) == 7
@@ -68,28 +75,28 @@ def test_other_options_and_other_source_are_other_programs(context, built, tmp_p
 
 @pytest.mark.parametrize("content", [b"", b"no program", 100, -1], ids=["empty", "other", "begun", "cut"])
 def test_a_damaged_file_is_built_again(context, built, tmp_path, content):
-    ProgramCache(context, str(tmp_path)).build(SOURCE, ("-DVALUE=3.5f",))
+    opened(context, str(tmp_path)).build(SOURCE, ("-DVALUE=3.5f",))
     (path,) = files(tmp_path)
     path.write_bytes(content if isinstance(content, bytes) else path.read_bytes()[:content])
     for expected in (2, 2):
-        assert filled(context, ProgramCache(context, str(tmp_path)).build(SOURCE, ("-DVALUE=3.5f",))) == 3.5
+        assert filled(context, opened(context, str(tmp_path)).build(SOURCE, ("-DVALUE=3.5f",))) == 3.5
         assert len(built) == expected
 
 
 def test_programs_that_nobody_uses_any_more_are_removed(context, tmp_path, monkeypatch):
     monkeypatch.setattr(program_cache, "_MOST", 2)
     for index, value in enumerate((1, 2, 3)):
-        ProgramCache(context, str(tmp_path)).build(SOURCE, (f"-DVALUE={value}.0f",))
+        opened(context, str(tmp_path)).build(SOURCE, (f"-DVALUE={value}.0f",))
         newest = max(files(tmp_path), key=lambda path: path.stat().st_mtime_ns)
         os.utime(newest, (1000 + index, 1000 + index))
-    ProgramCache(context, str(tmp_path))
+    opened(context, str(tmp_path))
     assert len(files(tmp_path)) == 2
 
 
 def test_a_folder_that_cannot_be_written_or_is_none_stops_nothing(context, tmp_path):
     (tmp_path / "file").write_text("")
     for folder in (None, str(tmp_path / "file")):
-        assert filled(context, ProgramCache(context, folder).build(SOURCE, ("-DVALUE=3.5f",))) == 3.5
+        assert filled(context, opened(context, folder).build(SOURCE, ("-DVALUE=3.5f",))) == 3.5
 
 
 BROKEN = "nothing that is a program"
@@ -106,7 +113,7 @@ def many(monkeypatch):
 def test_other_processes_build_ahead_what_is_asked_for(context, built, many, tmp_path):
     """But for the first program, which is left to this process, and one that nobody can build."""
     wanted = [(SOURCE, (f"-DVALUE={value}.0f",)) for value in range(1, 8)]
-    cache = ProgramCache(context, str(tmp_path))
+    cache = opened(context, str(tmp_path))
     cache.begin([*wanted, (BROKEN, ())])
     cache.begin(wanted)
     assert filled(context, cache.build(SOURCE, ("-DVALUE=9.0f",))) == 9
@@ -117,19 +124,33 @@ def test_other_processes_build_ahead_what_is_asked_for(context, built, many, tmp
     assert built == [SOURCE, SOURCE, BROKEN] and len(files(tmp_path)) == 8
 
     # A later process finds all of them.
-    later = ProgramCache(context, str(tmp_path))
+    later = opened(context, str(tmp_path))
     later.begin(wanted)
     assert filled(context, later.build(*wanted[4])) == 5 and len(built) == 3
 
 
+def test_processes_start_before_the_context_of_a_card_is_made(many, tmp_path, monkeypatch):
+    order, make, start = [], GraphicsCard._first_working_context, builders.Builders._start
+    monkeypatch.setattr(GraphicsCard, "_is_pocl", False)
+    monkeypatch.setattr(
+        GraphicsCard, "_first_working_context", lambda *found: order.append("context") or make(*found)
+    )
+    monkeypatch.setattr(builders.Builders, "_start", lambda *share: order.append("process") or start(*share))
+    wanted = [(("widen.cl",), (f"-DVALUE={value}",)) for value in range(1, 8)]
+    card = GraphicsCard(str(tmp_path), ahead=wanted)
+    assert order == ["process", "process", "context"]
+    card.kernels("widen.cl", "widen", options=wanted[6][1])
+    card.release()
+
+
 def test_processes_that_die_or_cannot_start_stop_nothing(context, built, many, tmp_path, monkeypatch):
     wanted = [(SOURCE, (f"-DVALUE={value}.0f",)) for value in range(1, 8)]
-    cache = ProgramCache(context, str(tmp_path / "killed"))
+    cache = opened(context, str(tmp_path / "killed"))
     cache.begin(wanted)
     cache.stop()
     assert filled(context, cache.build(*wanted[6])) == 7
     monkeypatch.setattr(sys, "executable", str(tmp_path / "nothing"))
-    cache = ProgramCache(context, str(tmp_path / "not started"))
+    cache = opened(context, str(tmp_path / "not started"))
     cache.begin(wanted)
     assert filled(context, cache.build(*wanted[6])) == 7
     assert 1 <= len(built) <= 2
@@ -137,8 +158,8 @@ def test_processes_that_die_or_cannot_start_stop_nothing(context, built, many, t
 
 def test_few_programs_and_those_without_a_folder_are_built_here(context, many, monkeypatch, tmp_path):
     monkeypatch.setattr(builders, "_processes", lambda device: pytest.fail("processes"))
-    ProgramCache(context, None).begin([(SOURCE, (f"-DVALUE={value}.0f",)) for value in range(9)])
-    ProgramCache(context, str(tmp_path)).begin([(SOURCE, (f"-DVALUE={value}.0f",)) for value in range(3)])
+    opened(context, None).begin([(SOURCE, (f"-DVALUE={value}.0f",)) for value in range(9)])
+    opened(context, str(tmp_path)).begin([(SOURCE, (f"-DVALUE={value}.0f",)) for value in range(3)])
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 50])

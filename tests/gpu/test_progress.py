@@ -15,7 +15,7 @@ SETTINGS = Settings(resolution=33, hemicube=8, iterations=5, tolerance=0, sample
 
 
 class NoCompute:
-    def __init__(self, cache_dir=None, chosen=None):
+    def __init__(self, cache_dir=None, chosen=None, ahead=()):
         raise DeviceError("No OpenCL device.")
 
 

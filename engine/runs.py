@@ -18,7 +18,7 @@ def run_numbers(starts: np.ndarray, count: int) -> np.ndarray:
 
 
 def run_counts(keys: np.ndarray, most: int) -> np.ndarray:
-    """Return how often each key from 0 to `most` - 1 is there, (most,) int64; equal ones are often successive."""
+    """Return how often each key below `most` is there, (most,) int64; equal ones are often successive."""
     starts = run_starts(keys)
     counts: np.ndarray = np.bincount(keys[starts], np.diff(starts, append=len(keys)), most).astype(np.int64)
     return counts

@@ -1,4 +1,4 @@
-"""Reductions of short rows, column by column: NumPy takes three to twenty times as long along each row."""
+"""Short rows, fast: NumPy takes three to twenty times as long to reduce each row, or to index rows."""
 
 from __future__ import annotations
 
@@ -7,6 +7,15 @@ from functools import reduce
 import numpy as np
 
 from .runs import run_starts
+
+
+def some_rows(values: np.ndarray, chosen: np.ndarray | slice) -> np.ndarray:
+    """Return some rows of (n, ...), by a slice, by a mask, (n,) bool, or by their numbers."""
+    if isinstance(chosen, slice):
+        return values[chosen]
+    numbers = np.flatnonzero(chosen) if chosen.dtype == bool else chosen
+    rows: np.ndarray = values.take(numbers, axis=0)
+    return rows
 
 
 def any_in_rows(values: np.ndarray) -> np.ndarray:

@@ -79,6 +79,7 @@ __kernel void split_ranges(__global const NodeBox *boxes, __global const NodeLin
         float after[BINS];
         float3 bin_low = (float3)(INFINITY), bin_high = (float3)(-INFINITY);
         int weight = 0;
+#pragma unroll 1
         for (int bin = BINS - 1; bin > 0; --bin) {
             bin_low = fmin(bin_low, lows[bin].xyz);
             bin_high = fmax(bin_high, highs[bin].xyz);
@@ -92,6 +93,7 @@ __kernel void split_ranges(__global const NodeBox *boxes, __global const NodeLin
         float least = INFINITY;
         border = -1;
         left = count / 2;
+#pragma unroll 1
         for (int bin = 0; bin < BINS - 1; ++bin) {
             bin_low = fmin(bin_low, lows[bin].xyz);
             bin_high = fmax(bin_high, highs[bin].xyz);

@@ -13,7 +13,7 @@ from ..portable import Portable
 from ..runs import run_numbers, run_starts
 from ..scene.triangles import Triangles
 from ..segment_sums import segment_sums
-from ..short_rows import row_products
+from ..short_rows import row_products, some_rows
 from .light_edges import PatchLight, find_edges
 
 #: A texel is wholly covered from this part on; faces of a texel lie in one plane if the cosine between their
@@ -59,7 +59,7 @@ class DisplaySamples(Portable):
 
     def part(self, chosen: slice | np.ndarray) -> DisplaySamples:
         """Return some samples."""
-        return DisplaySamples(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
+        return DisplaySamples(*(some_rows(getattr(self, name), chosen) for name in self.__dataclass_fields__))
 
 
 def no_samples() -> DisplaySamples:
@@ -144,7 +144,7 @@ def _shows_several(parts: Subdivision, border: TexelPieces, key: np.ndarray, own
     first = np.repeat(triangle[starts], np.diff(starts, append=len(key)))
     others = np.flatnonzero(triangle != first)
     normals = parts.geometry.steps.geometric
-    bent = row_products(normals[triangle[others]], normals[first[others]]) < _FLAT
+    bent = row_products(some_rows(normals, triangle[others]), some_rows(normals, first[others])) < _FLAT
     partly = (covered > 0) & (covered < _WHOLE)
     partly[np.searchsorted(starts, others[bent], "right") - 1] = True
 

@@ -9,7 +9,7 @@ import pyopencl as cl
 
 from ..device.buffers import download, upload_once
 from ..patches.geometry import PatchGeometry
-from ..short_rows import row_products
+from ..short_rows import row_products, some_rows
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receivers import RECEIVER_SOURCE
 
@@ -75,7 +75,7 @@ def ways_out(scene: RayScene, count: int, reach: float, normals: np.ndarray) -> 
     # Few points are near sides of anything.
     thickness = np.full(count, np.inf, np.float32)
     between = np.flatnonzero(inside)
-    one, other = normals[side[between]].transpose(1, 0, 2)
+    one, other = (some_rows(normals, triangle) for triangle in some_rows(side, between).T)
     apart = between[row_products(one, other) < _APART]
     thickness[apart] = way[apart, 3]
     return WaysOut(way[:, :3].copy(), thickness, wall, inside)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..runs import run_counts
 from ..scene.triangles import Triangles
+from ..short_rows import some_rows
 from .patch_list import PatchList
 
 #: Patches whose corners are interpolated at once: what a processor's caches hold.
@@ -62,7 +63,8 @@ class PatchGeometry:
 
     def part(self, chosen: slice | np.ndarray) -> PatchGeometry:
         """Return the geometry of some patches."""
-        return PatchGeometry(self.triangles, self.steps, self.triangle[chosen], self.barycentric[chosen])
+        where = some_rows(self.triangle, chosen), some_rows(self.barycentric, chosen)
+        return PatchGeometry(self.triangles, self.steps, *where)
 
     def at(self, patches: PatchList) -> PatchGeometry:
         """Return the geometry of other patches on the same triangles."""

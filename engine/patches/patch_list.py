@@ -11,6 +11,7 @@ from ..device.graphics import Graphics
 from ..errors import SceneError
 from ..scene.model import Scene
 from ..scene.triangles import Triangles
+from ..short_rows import some_rows
 from .chart_raster import ALIGNED, PATCHES, Drawing, draw_charts
 
 #: The arrays of a patch list, one entry a patch.
@@ -75,7 +76,7 @@ class PatchList:
 
     def part(self, chosen: slice | np.ndarray) -> PatchList:
         """Return some patches, by a mask or their numbers."""
-        return PatchList(self.resolution, **{name: getattr(self, name)[chosen] for name in _COLUMNS})
+        return PatchList(self.resolution, *(some_rows(getattr(self, name), chosen) for name in _COLUMNS))
 
 
 def list_patches(

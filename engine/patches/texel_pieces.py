@@ -12,6 +12,7 @@ import pyopencl as cl
 from ..device.buffers import download, upload, zeros
 from ..device.compute import Compute
 from ..scene.triangles import Triangles
+from ..short_rows import some_rows
 
 #: Least area of a piece, of a texel: what is smaller comes from rounding.
 _LEAST_PIECE = 1e-6
@@ -45,9 +46,8 @@ class TexelPieces:
 
     def part(self, chosen: np.ndarray | slice) -> TexelPieces:
         """Return some pieces, by a mask or their numbers."""
-        return TexelPieces(
-            self.atlas[chosen], self.texel[chosen], self.triangle[chosen], self.area[chosen]
-        )  # fmt: skip
+        columns = self.atlas, self.texel, self.triangle, self.area
+        return TexelPieces(*(some_rows(column, chosen) for column in columns))
 
 
 class TexelPoints(NamedTuple):
@@ -140,7 +140,9 @@ class TexelClipper:
         )
         points = piece, position.reshape(-1, 2), np.repeat(weight, each), barycentric.reshape(-1, 3)
         some = np.flatnonzero(piece >= 0)
-        return TexelPoints(*points if len(some) == len(piece) else (array[some] for array in points))
+        return TexelPoints(
+            *points if len(some) == len(piece) else (some_rows(array, some) for array in points)
+        )
 
     def _list_rows(self, atlases: int) -> tuple:
         """Return how many rows `_rows` returns, these on the device, and the atlas of each triangle."""

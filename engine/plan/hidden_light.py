@@ -10,7 +10,7 @@ import pyopencl as cl
 from ..patches.texels_around import entries_around
 from ..scene.color import channel_sum
 from ..segment_sums import segment_sums
-from ..short_rows import any_in_rows
+from ..short_rows import any_in_rows, some_rows
 from ..solve.device_light import replace_radiance
 from .display_points import DisplayJob
 from .solve_job import SolveJob
@@ -39,7 +39,7 @@ class HiddenLight:
 
         # Most are far from what is seen, and stay black.
         self._reached = _within_reach(hidden, self._hidden, entries)
-        reached, beside = self._hidden[self._reached], entries[self._reached]
+        reached, beside = self._hidden[self._reached], some_rows(entries, self._reached)
 
         # The others and the patches around them are numbered from 1 on, in the order of all patches.
         near = np.zeros(len(hidden) + 1, bool)
@@ -79,7 +79,7 @@ class HiddenLight:
         if not len(self._hidden):
             return
         changed, light = self._others(settled)
-        sent = self._solved.emission[changed]
+        sent = some_rows(self._solved.emission, changed)
         if self._solved.settings.bounces:
             sent = sent + self._others(self._solved.parts.surfaces.reflectance)[1] * light
         replace_radiance(self._solved.opencl, radiance, changed, sent)
@@ -95,7 +95,7 @@ class HiddenLight:
 
         light: (m, 3 g) float32, of all of them
         """
-        near = light[self._sender]
+        near = some_rows(light, self._sender)
         of_hidden = np.zeros((len(self._hidden), light.shape[1]), np.float32)
         if len(near):
             brightest = float(channel_sum(near).max())
@@ -114,14 +114,15 @@ class HiddenLight:
         for _ in range(_REACH):
             counts = (beside > 0) & known[beside - 1]
             reached = any_in_rows(counts)
-            mine, near, counts = left[reached], beside[reached], counts[reached].astype(np.float32)
-            sums = np.einsum("hk,hkc->hc", counts, light[near - 1])
+            mine, near = left[reached], some_rows(beside, reached)
+            counts = some_rows(counts, reached).astype(np.float32)
+            sums = np.einsum("hk,hkc->hc", counts, some_rows(light, near - 1))
             light[mine] = sums * _darkened(total[near - 1], counts, faintest)[:, None]
             total[mine] = channel_sum(light[mine])
             known[mine] = True
-            left, beside = left[~reached], beside[~reached]
+            left, beside = left[~reached], some_rows(beside, ~reached)
         light[left] = 0
-        return light[self._mine]
+        return some_rows(light, self._mine)
 
 
 def _within_reach(hidden: np.ndarray, patches: np.ndarray, entries: np.ndarray) -> np.ndarray:

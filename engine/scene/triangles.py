@@ -92,5 +92,6 @@ def join_meshes(scene: Scene, before: Triangles | None = None) -> Triangles:
 def _median(positions: np.ndarray) -> np.ndarray:
     """Return the median corner of triangles, (t, 3, 3) float32, about."""
     sample = positions[:: max(1, len(positions) // _SAMPLE)].reshape(-1, 3)
-    median: np.ndarray = np.median(sample, axis=0).astype(np.float32)
+    middle = [(len(sample) - 1) // 2, len(sample) // 2]
+    median: np.ndarray = np.partition(sample, middle, axis=0)[middle].mean(axis=0)
     return median

@@ -14,7 +14,9 @@ def some_rows(values: np.ndarray, chosen: np.ndarray | slice) -> np.ndarray:
     if isinstance(chosen, slice):
         return values[chosen]
     numbers = np.flatnonzero(chosen) if chosen.dtype == bool else chosen
-    rows: np.ndarray = values.take(numbers, axis=0)
+
+    # Of a part of wider rows `take` would copy all before.
+    rows: np.ndarray = values.take(numbers, axis=0) if values.flags.c_contiguous else values[numbers]
     return rows
 
 

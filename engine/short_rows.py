@@ -20,6 +20,11 @@ def some_rows(values: np.ndarray, chosen: np.ndarray | slice) -> np.ndarray:
     return rows
 
 
+def joined_rows(parts: list[np.ndarray]) -> np.ndarray:
+    """Return rows of several arrays, one after the other: those of a single one as they are."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
 def any_in_rows(values: np.ndarray) -> np.ndarray:
     """Return which rows of (n, c) have an entry that is not 0, (n,) bool."""
     flags = values if values.dtype == bool else values != 0

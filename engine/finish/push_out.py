@@ -38,14 +38,13 @@ class WaysOut:
 
     def without(self, points: np.ndarray) -> WaysOut:
         """Return the ways of all but some points, (s,) bool, which are not inside of anything."""
-        if not points.any():
+        rows, arrays = np.flatnonzero(points), (self.offset, self.thickness, self.wall, self.inside)
+        if not len(rows):
             return self
-        return WaysOut(
-            np.where(points[:, None], np.float32(0), self.offset),
-            np.where(points, np.float32(np.inf), self.thickness),
-            np.where(points, -1, self.wall).astype(np.int32),
-            self.inside & ~points,
-        )
+        others = [array.copy() for array in arrays]
+        for array, nothing in zip(others, (0, np.inf, -1, False), strict=True):
+            array[rows] = nothing
+        return WaysOut(*others)
 
 
 def joined_ways(several: list[WaysOut]) -> WaysOut:

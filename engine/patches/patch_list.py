@@ -12,6 +12,7 @@ from ..errors import SceneError
 from ..scene.model import Scene
 from ..scene.triangles import Triangles
 from ..short_rows import some_rows
+from ..slabs import in_slabs, taken
 from .chart_raster import ALIGNED, PATCHES, Drawing, draw_charts
 
 #: The arrays of a patch list, one entry a patch.
@@ -62,7 +63,12 @@ class PatchList:
         if atlases not in self._on_texels:
             count = self.count_in(atlases)
             entries = np.zeros((atlases, self.resolution, self.resolution), np.uint32)
-            entries.ravel()[self.key[:count]] = np.arange(1, count + 1, dtype=np.uint32)
+            flat, key = entries.ravel(), self.key[:count]
+
+            def number(slab: slice) -> None:
+                flat[key[slab]] = np.arange(slab.start + 1, slab.stop + 1, dtype=np.uint32)
+
+            in_slabs(count, 8, number)
             entries.flags.writeable = False
             self._on_texels.clear()
             self._on_texels[atlases] = entries
@@ -117,8 +123,8 @@ def _patches_in(
     chosen = np.flatnonzero(triangles.atlas == atlas).astype(np.int32)
     number, barycentric = draw_charts(graphics, drawing, triangles.uvs[chosen], resolution)
     texel = np.flatnonzero(number[:, 0] != 0)
-    triangle = np.r_[np.int32(-1), chosen].take(number[:, 0].take(texel))
-    weights = _on_triangle(barycentric.view(np.uint64)[:, 0].take(texel).view(np.float32).reshape(-1, 2))
+    triangle = taken(np.r_[np.int32(-1), chosen], taken(number[:, 0], texel))
+    weights = _on_triangle(taken(barycentric.view(np.uint64)[:, 0], texel).view(np.float32).reshape(-1, 2))
     here = np.full(len(texel), atlas, np.int32)
     return PatchList(resolution, here, texel.astype(np.int32), triangle, weights)
 
@@ -129,9 +135,13 @@ def _on_triangle(drawn: np.ndarray) -> np.ndarray:
     Those drawn on slivers do not lie on their triangles, or are NaN: they are moved there.
     """
     barycentric = np.empty((len(drawn), 3), np.float32)
-    first, second, third = barycentric.T
-    first[:], second[:] = drawn.T
-    np.subtract(1 - first, second, out=third)
+
+    def complete(slab: slice) -> None:
+        first, second, third = barycentric[slab].T
+        first[:], second[:] = drawn[slab].T
+        np.subtract(1 - first, second, out=third)
+
+    in_slabs(len(barycentric), 12, complete)
     off = np.unique(np.flatnonzero(~(barycentric >= 0)) // 3)
     inside = np.clip(np.nan_to_num(barycentric[off]), 0, 1)
     total = inside.sum(axis=1, keepdims=True)

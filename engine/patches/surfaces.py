@@ -12,6 +12,7 @@ from ..device.compute import Compute
 from ..scene.digests import same_values
 from ..scene.model import Scene, Texture
 from ..short_rows import nonzero_rows
+from ..slabs import taken
 from .geometry import PatchGeometry
 from .host_texture_means import multiply_on_host
 from .texture_means import TextureMeans
@@ -128,7 +129,7 @@ def _constants(scene: Scene, kind: str, geometry: PatchGeometry) -> np.ndarray:
     if not np.any(colors):
         return np.zeros((len(geometry.triangle), 3), np.float32)
     of_triangle = np.stack(colors).astype(np.float32).take(geometry.triangles.material, axis=0)
-    return of_triangle.take(geometry.triangle, axis=0)
+    return taken(of_triangle, geometry.triangle)
 
 
 def _on_patches(

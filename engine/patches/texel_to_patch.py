@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..device.compute import Compute
+from ..slabs import taken
 from .border_texels import BorderTexels, DeviceBorder
 from .charts import Charts
 from .geometry import PatchGeometry
@@ -78,7 +79,7 @@ def _with_thin(patches: PatchList, thin: BorderTexels, middle: np.ndarray) -> Pa
     )  # fmt: skip
     order = _inserted(np.searchsorted(patches.key, thin.texel), len(patches))
     joined = (np.concatenate([old, new.astype(old.dtype, copy=False)]) for old, new in columns)
-    return PatchList(patches.resolution, *(column.take(order, axis=0) for column in joined))
+    return PatchList(patches.resolution, *(taken(column, order) for column in joined))
 
 
 def _inserted(place: np.ndarray, count: int) -> np.ndarray:

@@ -30,6 +30,7 @@ from ..progress import part_of
 from ..runs import run_starts
 from ..scene.color import channel_sum
 from ..settings import Settings
+from ..short_rows import joined_rows
 from ..solve.device_light import sent_light
 from ..solve.solution import Solution
 from ..visibility.samples import ray_count
@@ -239,10 +240,9 @@ def _joined(what: DisplayJob, lit: list[LitSamples], known: PatchLight, count: i
     samples = joined_samples([batch.samples for batch in lit])
     ways = joined_ways([batch.ways for batch in lit])
     visible, normals, irradiance = (
-        np.concatenate([getattr(batch, name) for batch in lit])
-        for name in ("visible", "normals", "irradiance")
+        joined_rows([getattr(batch, name) for batch in lit]) for name in ("visible", "normals", "irradiance")
     )
-    values = {name: np.concatenate([batch.values[name] for batch in lit]) for name in lit[0].values}
+    values = {name: joined_rows([batch.values[name] for batch in lit]) for name in lit[0].values}
     parts = what.job.parts
     keys = samples.keys(parts.patches.resolution)
     reason = (

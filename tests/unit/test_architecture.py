@@ -15,7 +15,7 @@ ORDERS = {
         "worker", "__init__", "warm_up", "self_test", "session", "live", "cluster", "algorithm", "plan",
         "finish", "solve", "gather", "direct", "reference", "visibility", "patches", "denoise", "device",
         "unwrap", "encoding", "scene", "resume", "settings", "setting", "quality", "lightmap", "naming",
-        "progress", "errors", "short_rows", "runs", "segment_sums", "portable",
+        "progress", "errors", "short_rows", "runs", "segment_sums", "portable", "slabs",
     ],
     "operators/scene": [
         "__init__", "overlaps", "light_changes", "targets", "density", "read", "read_lamps", "read_stages",

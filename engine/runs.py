@@ -1,4 +1,4 @@
-"""Runs of equal keys."""
+"""Runs of equal keys, and the order that makes them."""
 
 from __future__ import annotations
 
@@ -22,3 +22,16 @@ def run_counts(keys: np.ndarray, most: int) -> np.ndarray:
     starts = run_starts(keys)
     counts: np.ndarray = np.bincount(keys[starts], np.diff(starts, append=len(keys)), most).astype(np.int64)
     return counts
+
+
+def order_of(keys: np.ndarray) -> np.ndarray:
+    """Return the stable order of keys, (n,) int64 from 0 on, as `np.argsort` does in half as long again.
+
+    Keys and places have 63 bits together, which are sorted as one number.
+    """
+    bits = max(len(keys) - 1, 1).bit_length()
+    together = keys << bits
+    together |= np.arange(len(keys))
+    together.sort()
+    together &= (1 << bits) - 1
+    return together

@@ -133,12 +133,11 @@ def _affordable(chosen: np.ndarray, points: int) -> tuple[np.ndarray, int]:
 def _shows_several(parts: Subdivision, border: TexelPieces, key: np.ndarray, own: np.ndarray) -> np.ndarray:
     """Return the texels, (atlases, r, r) bool, that are partly covered, or by faces of several planes.
 
-    key: of the pieces, see `TexelPieces.keys`
+    key: of the pieces, see `TexelPieces.keys`; ascending
     """
-    order = np.argsort(key, kind="stable")
-    triangle, starts = border.triangle[order], run_starts(key[order])
-    texel = key[order[starts]]
-    covered = segment_sums(border.area[order], run_numbers(starts, len(key)), len(starts))
+    triangle, starts = border.triangle, run_starts(key)
+    texel = key[starts]
+    covered = segment_sums(border.area, run_numbers(starts, len(key)), len(starts))
 
     # Faces beside the first one of their texel.
     first = np.repeat(triangle[starts], np.diff(starts, append=len(key)))
@@ -162,6 +161,8 @@ def _samples_of(clipper: TexelClipper, pieces: TexelPieces, resolution: int, poi
     around each is averaged over the texel. Others have all of their points within what is covered.
     """
     keys = pieces.keys(resolution)
+
+    # Those of border texels and of others, both in their order: a stable sort merges them.
     order = np.argsort(keys, kind="stable")
     pieces, starts = pieces.part(order), run_starts(keys[order])
     found = clipper.points_in_texels(pieces, starts, math.isqrt(points))

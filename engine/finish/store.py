@@ -89,7 +89,9 @@ class LightmapStore:
     def _show_but(self, dark: np.ndarray) -> None:
         """Show patches but for dark ones, (n,) bool."""
         if not same_values(dark, self._dark):
-            self._entry[self._texel] = np.where(dark[self._chosen], 0, self._visible)
+            before, now = (np.flatnonzero(flags[self._chosen]) for flags in (self._dark, dark))
+            self._entry[self._texel[before]] = self._visible[before]
+            self._entry[self._texel[now]] = 0
             self._device, self._dark = None, dark
 
     def _fill(self, hidden: np.ndarray) -> None:

@@ -14,7 +14,6 @@ from ..device.compute import Compute
 from ..patches.seams import no_seams
 from .device_equations import DeviceEquations
 from .device_fit import DeviceFit
-from .dilation import grown
 from .display_samples import DisplaySamples
 from .lightmap_points import LightmapPoints, centre_points, joined_points
 
@@ -56,19 +55,21 @@ class WallFit:
         known: np.ndarray,
     ) -> None:
         resolution = known.shape[1]
-        keys = samples.keys(resolution)
-        near = np.zeros(known.shape, bool)
-        near.ravel()[keys[inside]] = True
-        beside = _grown(near, _REACH) & known
-        around = _grown(beside, 1)
-        self.texels = np.flatnonzero(beside)
+        keys, flat = samples.keys(resolution), known.ravel()
+        near = _around(keys[inside], resolution, _REACH)
+        self.texels = near[flat[near]]
+        around = _around(self.texels, resolution, 1)
 
         # Samples tell what is shown beside the wall; so do centres of texels without any, and what stays.
-        self._samples = np.flatnonzero(visible & (samples.weight > 0) & around.ravel()[keys])
-        sampled = np.zeros(known.size, bool)
-        sampled[keys[self._samples]] = True
-        stays = (_grown(around, 1) & known & ~beside).ravel()
-        self.centres = np.flatnonzero(stays | (beside.ravel() & ~sampled))
+        told = np.zeros(known.size, bool)
+        told[around] = True
+        self._samples = np.flatnonzero(visible & (samples.weight > 0) & told[keys])
+        beside, stays = np.zeros(known.size, bool), np.zeros(known.size, bool)
+        beside[self.texels] = True
+        farther = _around(around, resolution, 1)
+        stays[farther[flat[farther] & ~beside[farther]]] = True
+        beside[keys[self._samples]] = False
+        self.centres = np.flatnonzero(stays | beside)
 
         # The square of the relative error, of what is around.
         bright = _brightest_around(shown[..., 0], known, keys[self._samples])
@@ -108,11 +109,14 @@ def _relative_weight(light: np.ndarray, bright: np.ndarray) -> np.ndarray:
     return np.where(bright > 0, weight, 1.0)
 
 
-def _grown(mask: np.ndarray, texels: int) -> np.ndarray:
-    """Return masks, (atlases, r, r) bool, grown by a number of texels."""
-    for _ in range(texels):
-        mask = np.stack([grown(each) for each in mask])
-    return mask
+def _around(texels: np.ndarray, resolution: int, steps: int) -> np.ndarray:
+    """Return texels and those within steps of them on the lightmap, (k,) int64, flat indices, ascending."""
+    reach = np.arange(-steps, steps + 1)
+    atlas, texel = np.divmod(texels, resolution**2)
+    row, column = np.divmod(texel, resolution)
+    rows, columns = (np.clip(place[:, None] + reach, 0, resolution - 1) for place in (row, column))
+    grown = (atlas[:, None, None] * resolution + rows[:, :, None]) * resolution + columns[:, None, :]
+    return np.unique(grown)
 
 
 def _brightest_around(light: np.ndarray, known: np.ndarray, texels: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ import pyopencl as cl
 
 from ..device.buffers import download, upload, zeros
 from ..device.compute import Compute
+from ..runs import order_of
 from ..scene.triangles import Triangles
 from ..short_rows import some_rows
 
@@ -92,6 +93,7 @@ class TexelClipper:
     def border_pieces(self, wanted: np.ndarray) -> TexelPieces:
         """Return the pieces of wanted texels, (atlases, r, r) bool, that triangles touch and do not fill.
 
+        They are in the order of these texels.
         A texel that no border of a triangle crosses may have a piece here, too: one triangle fills it.
         """
         count, *buffers = self.rows(len(wanted))
@@ -109,9 +111,10 @@ class TexelClipper:
         found = [zeros(compute, 4 * max(1, int(ends[-1]))) for _ in range(3)]
         self._run("border_texels", count, *rows, np.int32(1), upload(compute, first), *found)
         kinds = ("i4", "i4", "f4")
-        return self._pieces(
+        pieces = self._pieces(
             *(self._read(*pair) for pair in zip(found, [int(ends[-1])] * 3, kinds, strict=True))
         )
+        return pieces.part(order_of(pieces.keys(self._resolution)))
 
     def pieces_at(self, triangle: np.ndarray, texel: np.ndarray) -> TexelPieces:
         """Return what triangles, (m,), cover of texels, (m,), of their own atlases, where it is anything."""

@@ -12,6 +12,7 @@ from ..patches.subdivision import Subdivision
 from ..patches.texels_around import entries_around
 from ..scene.color import channel_sum
 from ..short_rows import nonzero_entries
+from ..slabs import taken
 from ..solve.solver import Seen
 
 #: Texels that are looked around at once.
@@ -31,7 +32,7 @@ def seen_beside(parts: Subdivision, hidden: np.ndarray) -> PatchPairs:
     hidden: (n,) bool, of all patches, some of them
     """
     flags = np.concatenate([[False], hidden])
-    texels = np.flatnonzero(flags[parts.texel_to_patch])
+    texels = np.flatnonzero(taken(flags, parts.texel_to_patch.ravel()))
     pairs = [
         _seen_beside(parts, hidden, texels[first : first + _TEXELS])
         for first in range(0, len(texels), _TEXELS)

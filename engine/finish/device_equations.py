@@ -55,7 +55,10 @@ class DeviceEquations:
         self._atlases = self._uploaded(seams.atlas, np.int32)
         self._lengths = self._uploaded(seams.weight, np.float32)
         marks = self._marked(centres.size)
-        self.texel = np.flatnonzero(self._read(marks, centres.size) & np.uint32(_UNKNOWN)).astype(np.uint32)
+
+        # All marks are in the first of four bytes.
+        lowest = self._read(marks, centres.size).view(np.uint8)[::4]
+        self.texel = np.flatnonzero((lowest & _UNKNOWN) > 0).astype(np.uint32)
         self.count = len(self.texel)
         if self.count:
             self._number(centres.size)

@@ -79,10 +79,10 @@ def _extremes_around(
     light   (c,) float32, of the samples, one at least
     """
     starts = run_starts(keys)
-    found = []
+    steps, found = _steps_around(keys[starts], texels, resolution), []
     for extreme, without in ((np.minimum, np.inf), (np.maximum, 0)):
         of_texel, around = extreme.reduceat(light, starts), np.full(len(texels), without, np.float32)
-        for there, here in _steps_around(keys[starts], texels, resolution):
+        for there, here in steps:
             around[here] = extreme(around[here], of_texel[there])
         found.append(around)
     return found[0], found[1]

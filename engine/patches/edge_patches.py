@@ -6,16 +6,10 @@ import numpy as np
 
 from ..device.compute import Compute
 from ..short_rows import any_in_rows
-from .border_texels import BorderTexels, DeviceBorder
+from .border_texels import LEADING, ON_EDGE, BorderTexels, DeviceBorder, texels_on_edges
 from .geometry import PatchGeometry
 from .host_border_texels import HostBorder
 from .patch_list import PatchList
-
-#: Nearer to an edge than this, texels, is on it.
-_ON_EDGE = 0.02
-
-#: Components of a unit vector that are larger lead to a neighbour.
-_LEADING = 0.3
 
 
 def away_from_edges(
@@ -27,7 +21,11 @@ def away_from_edges(
 
     texel_to_patch: that of `PatchList.on_texels`
     """
-    found = _at_ends_of_charts(patches, texel_to_patch, geometry)
+    if compute:
+        texels_found = texels_on_edges(compute, geometry, patches, texel_to_patch)
+        found = texel_to_patch.ravel()[texels_found].astype(np.int64) - 1
+    else:
+        found = _at_ends_of_charts(patches, texel_to_patch, geometry)
     if not len(found):
         return patches
     border = BorderTexels(patches.key[found], patches.triangle[found])
@@ -38,7 +36,10 @@ def away_from_edges(
 
 
 def _at_ends_of_charts(patches: PatchList, texel_to_patch: np.ndarray, geometry: PatchGeometry) -> np.ndarray:
-    """Return the patches on an edge of their triangle beyond which no texel is a patch, (k,) int64."""
+    """Return the patches on an edge of their triangle beyond which no texel is a patch, (k,) int64.
+
+    As kernels/edge_patches.cl, on the host.
+    """
     around = np.pad(texel_to_patch > 0, ((0, 0), (1, 1), (1, 1)))
     outer = around[:, :-2, 1:-1] & around[:, 2:, 1:-1]
     outer &= around[:, 1:-1, :-2]
@@ -46,28 +47,13 @@ def _at_ends_of_charts(patches: PatchList, texel_to_patch: np.ndarray, geometry:
     np.greater(around[:, 1:-1, 1:-1], outer, out=outer)
     beside = texel_to_patch.ravel()[np.flatnonzero(outer)].astype(np.int64) - 1
 
-    # Few of them are near an edge.
-    beside = beside[_near_edges(geometry.part(beside), patches.resolution)]
     distance, outward = _edges(geometry.part(beside), patches.resolution)
     row, column = np.divmod(patches.texel[beside], patches.resolution)
-    step = np.where(np.abs(outward) > _LEADING, np.sign(outward), 0).astype(np.int64)
+    step = np.where(np.abs(outward) > LEADING, np.sign(outward), 0).astype(np.int64)
     atlas = patches.atlas[beside][:, None]
     beyond = around[atlas, row[:, None] + 1, column[:, None] + 1 + step[..., 0]] & (step[..., 0] != 0)
     beyond |= around[atlas, row[:, None] + 1 + step[..., 1], column[:, None] + 1] & (step[..., 1] != 0)
-    return beside[any_in_rows((distance < _ON_EDGE) & ~beyond)]
-
-
-def _near_edges(geometry: PatchGeometry, resolution: int) -> np.ndarray:
-    """Return which patches are about as near to an edge of their triangle as on it, or nearer, (k,) bool."""
-    corners = geometry.triangles.uvs[geometry.triangle] * np.float64(resolution)
-    x, y = corners[..., 0].T, corners[..., 1].T
-    area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
-    near = np.zeros(len(area), bool)
-    for corner, part in enumerate(geometry.barycentric.T):
-        start, end = (corner + 1) % 3, (corner + 2) % 3
-        square = (x[end] - x[start]) ** 2 + (y[end] - y[start]) ** 2
-        near |= (part * area) ** 2 <= (1.01 * _ON_EDGE) ** 2 * square
-    return near
+    return beside[any_in_rows((distance < ON_EDGE) & ~beyond)]
 
 
 def _edges(geometry: PatchGeometry, resolution: int) -> tuple[np.ndarray, np.ndarray]:

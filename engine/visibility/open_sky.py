@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from ..scene.color import luminance
@@ -30,17 +32,29 @@ def open_sky(sky: np.ndarray) -> np.ndarray | None:
     """
     if not _has_use(sky):
         return None
-    v, u = ((np.arange(size) + 0.5) / size for size in _PIXELS)
+    v, u = _middles()
     light = np.zeros((len(v), _STEPS, 4))
     middles = np.round(u * _STEPS).astype(int)
     light[:, middles, :3], light[:, middles, 3] = _seen(sky, v, u), 1
 
     # Of two rows the cosine depends on the difference of longitudes alone: a circular convolution along the
     # rows. Its weights are made to sum to one, so that the mean of an even sky is exact.
-    spectrum = np.einsum("npk,pkc->nkc", np.fft.rfft(_cosines(v), axis=2), np.fft.rfft(light, axis=1))
+    spectrum = np.einsum("npk,pkc->nkc", _spectrum_of_cosines(), np.fft.rfft(light, axis=1))
     sums = np.fft.irfft(spectrum, _STEPS, axis=1)[:, :: _STEPS // COLUMNS]
     table: np.ndarray = np.maximum(sums[..., :3] / sums[..., 3:], 0).reshape(-1, 3).astype(np.float32)
     return table
+
+
+def _middles() -> list[np.ndarray]:
+    """Return the middles of rows and of columns of the pixels that are summed, in [0, 1]."""
+    return [(np.arange(size) + 0.5) / size for size in _PIXELS]
+
+
+@cache
+def _spectrum_of_cosines() -> np.ndarray:
+    """Return the spectrum, along the rows, of what pixels weigh at the normals of the table."""
+    spectrum: np.ndarray = np.fft.rfft(_cosines(_middles()[0]), axis=2)
+    return spectrum
 
 
 def _cosines(v: np.ndarray) -> np.ndarray:

@@ -1,0 +1,34 @@
+// Patches on the very edge of a chart (engine/patches/edge_patches.py). ON_EDGE: nearer to an edge than this, texels, is
+// on it; LEADING: components of a unit vector that are larger lead to a neighbour.
+
+// Marks the texels whose patch lies on an edge of its triangle beyond which no texel is a patch; own: the patch + 1 of
+// each texel of all lightmaps, 0 for none.
+__kernel void find_edge_patches(__global const float *uvs, __global const uint *own, __global const int *patch_triangles,
+                                __global const float *barycentrics, const int resolution, __global uchar *marks,
+                                const int count)
+{
+    const int texel = get_global_id(0);
+    if (texel >= count || own[texel] == 0)
+        return;
+    const int x = texel % resolution, y = texel / resolution % resolution, patch = own[texel] - 1;
+    const bool left = x > 0 && own[texel - 1] > 0, right = x < resolution - 1 && own[texel + 1] > 0;
+    const bool below = y > 0 && own[texel - resolution] > 0, above = y < resolution - 1 && own[texel + resolution] > 0;
+    if (left && right && below && above)
+        return;
+
+    // Edge k is opposite corner k.
+    float2 corners[3];
+    corners_at(uvs, patch_triangles[patch], resolution, (float2)(x + 0.5f, y + 0.5f), corners);
+    float parts[3];
+    vstore3(vload3(patch, barycentrics), 0, parts);
+    for (int k = 0; k < 3; ++k) {
+        const float2 start = corners[(k + 1) % 3], along = corners[(k + 2) % 3] - start;
+        const float2 normal = (float2)(along.y, -along.x) / fmax(length(along), 1e-30f);
+        const float height = dot(start - corners[k], normal);
+        const float2 outward = height < 0.0f ? -normal : normal;
+        const bool goes_on = (outward.x > LEADING && right) || (outward.x < -LEADING && left)
+            || (outward.y > LEADING && above) || (outward.y < -LEADING && below);
+        if (parts[k] * fabs(height) < ON_EDGE && !goes_on)
+            marks[texel] = 1;
+    }
+}

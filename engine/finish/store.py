@@ -54,7 +54,7 @@ class LightmapStore:
         self.begin_anew()
         on_texels = patches.on_texels(atlases)
         self.has_patch, self._entry = on_texels > 0, on_texels.ravel().copy()
-        self._visible = self._entry[self._texel]
+        self._visible = np.arange(1, len(self._texel) + 1, dtype=np.uint32)
 
     def suits(self, patches: PatchList, atlases: int, dilation: int) -> bool:
         """Return whether this is of the same texels, and extends charts as far, in texels."""

@@ -145,7 +145,9 @@ def test_another_version_starts_anew(tmp_path, monkeypatch):
     assert went_on(finished(bake(ROOM, cached))) == []
 
 
-def test_more_iterations_go_on_and_fewer_start_anew(tmp_path):
+def test_more_iterations_go_on_and_fewer_start_anew(tmp_path, monkeypatch):
+    """Written as in `pieces`: iterations of a card take less time than writing them."""
+    monkeypatch.setattr(writing_time, "_PART", 1000)
     cached = dataclasses.replace(SETTINGS, cache_dir=str(tmp_path))
     for iterations, sentences in ((11, 2), (2, 1)):
         settings = dataclasses.replace(cached, iterations=iterations)

@@ -66,7 +66,7 @@ def test_lightmap_that_is_not_a_number_or_empty_is_wrong(session):
 
 
 def test_without_opencl_drawing_is_tested_and_the_remedy_told(session, monkeypatch):
-    def none(*chosen):
+    def none(*chosen, ahead=()):
         raise DeviceError("There is no OpenCL device. Install one.")
 
     monkeypatch.setattr(devices, "Compute", none)

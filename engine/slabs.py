@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 #: Threads at most: memory has no room for more. Slabs of fewer bytes cost more to hand over than to work on.
-_MOST, _LEAST = 4, 1 << 19
+_MOST, _LEAST = 4, 1 << 21
 
 
 def in_slabs(count: int, row: int, work: Callable[[slice], object]) -> None:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pyopencl as cl
 
-from ..slabs import in_slabs
-
 #: Chunks of page-locked memory, and the size of each, bytes: one is filled while the others are on their way.
 _CHUNKS, _CHUNK = 4, 1 << 22
 
@@ -39,7 +37,7 @@ class Staging:
             part = source[first : first + _CHUNK]
             slot = self._free()
             chunk = self._chunks[slot][: len(part)]
-            _copy(part, chunk)
+            chunk[:] = part
             self._copies[slot] = cl.enqueue_copy(
                 self._queue, buffer, chunk, dst_offset=first, is_blocking=False
             )
@@ -71,14 +69,9 @@ class Staging:
     def _arrive(self, slot: int, part: np.ndarray) -> None:
         """Take what was copied into a chunk out of it."""
         self._wait(slot)
-        _copy(self._chunks[slot][: len(part)], part)
+        part[:] = self._chunks[slot][: len(part)]
 
     def _wait(self, slot: int) -> None:
         copy, self._copies[slot] = self._copies[slot], None
         if copy is not None:
             copy.wait()
-
-
-def _copy(source: np.ndarray, target: np.ndarray) -> None:
-    """Copy bytes, (n,) uint8."""
-    in_slabs(len(source), 1, lambda slab: np.copyto(target[slab], source[slab]))

@@ -107,7 +107,7 @@ def test_what_is_wrong_is_an_error_with_the_remedy(monkeypatch, log, bake, words
 def test_without_opencl_it_is_right_and_says_what_is_missing(monkeypatch):
     import bpy
 
-    def none(*chosen):
+    def none(*chosen, ahead=()):
         raise part("engine.errors").DeviceError("There is no OpenCL device. Install one.")
 
     part("engine.session").close()

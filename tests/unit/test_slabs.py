@@ -12,6 +12,7 @@ from engine.scene.color import channel_sum
 @pytest.fixture
 def four(monkeypatch):
     monkeypatch.setattr(slabs, "_threads", lambda: 4)
+    monkeypatch.setattr(slabs, "_LEAST", 1 << 19)
     slabs._pool.cache_clear()
     yield
     slabs._pool.cache_clear()

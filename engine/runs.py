@@ -25,12 +25,12 @@ def run_counts(keys: np.ndarray, most: int) -> np.ndarray:
 
 
 def order_of(keys: np.ndarray) -> np.ndarray:
-    """Return the stable order of keys, (n,) int64 from 0 on, as `np.argsort` does in half as long again.
+    """Return the stable order of keys, (n,) int from 0 on, as `np.argsort` does in half as long again.
 
     Keys and places have 63 bits together, which are sorted as one number.
     """
     bits = max(len(keys) - 1, 1).bit_length()
-    together = keys << bits
+    together = keys.astype(np.int64) << bits
     together |= np.arange(len(keys))
     together.sort()
     together &= (1 << bits) - 1

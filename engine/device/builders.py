@@ -16,14 +16,14 @@ import pyopencl as cl
 #: What runs in each process; a script, so that nothing else is imported there.
 _SCRIPT = Path(__file__).with_name("build_programs.py")
 
-#: Most processes, and memory that the device has to have for each, bytes: it has a context there.
-_MOST, _ROOM = 6, 5 << 28
+#: Most processes; memory that the device has to have for any, and for each, bytes: they have contexts there.
+_MOST, _LEAST_ROOM, _ROOM = 6, 4 << 30, 5 << 28
 
 #: A program takes about so long, s, and one of this many characters a second more; that grows by its square.
 _EACH, _LONG = 0.2, 60_000
 
-#: A driver that hangs is not waited for any longer, s.
-_PATIENCE = 60.0
+#: A driver that hangs is not waited for any longer, s; nor does a process that was ended keep anybody.
+_PATIENCE, _ENDING = 60.0, 2.0
 
 #: Source and options of a program.
 Program = tuple[str, Sequence[str]]
@@ -60,9 +60,12 @@ class Builders:
         return binary
 
     def stop(self) -> None:
-        """End the processes."""
+        """End the processes, and wait until they are gone."""
         for process in self._processes:
             process.kill()
+        for process in self._processes:
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(_ENDING)
 
     def _start(self, device: cl.Device, programs: Mapping[str, Program]) -> None:
         """Start a process, and a thread that takes what it builds; raises OSError if it cannot be started."""
@@ -105,6 +108,8 @@ class Builders:
 
 def _processes(device: cl.Device) -> int:
     """Return how many processes build for a device: none where they would take what it needs itself."""
+    if device.global_mem_size < _LEAST_ROOM:
+        return 0
     return min(_MOST, device.global_mem_size // _ROOM, (os.cpu_count() or 1) - 1)
 
 

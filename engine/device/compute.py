@@ -72,9 +72,16 @@ class Compute:
         self._take(devices[0], cache_dir)
         if not self.processor:
             self.build_ahead(ahead)
+        try:
+            self._open(devices, cache_dir)
+        except BaseException:
+            self.release()
+            raise
+
+    def _open(self, devices: list[cl.Device], cache_dir: str | None) -> None:
+        """Make the context of the first device that works, and what goes with it."""
         self.context = self._first_working_context(devices)
         if self.context.devices[0] != self.device:
-            self.release()
             self._take(self.context.devices[0], cache_dir)
         self._programs.open(self.context)
         self.queue = cl.CommandQueue(self.context)
@@ -172,19 +179,19 @@ class Compute:
     def _first_working_context(self, devices: list[cl.Device]) -> cl.Context:
         """Return a context of the first device that builds a kernel.
 
-        A PoCL older than the processor it runs on is listed but cannot build any.
+        A PoCL older than the processor it runs on is listed but cannot build any. The first device is tried
+        twice if processes build for it: they may have what it lacks.
         """
-        failures = []
-        for device in devices:
+        failures: dict[str, str] = {}
+        for device in (*devices[: bool(self._begun)], *devices):
             try:
                 return _probed(self._context_of(device))
             except cl.Error as error:
-                failures.append(
-                    f"{device.name.strip()} ({device.platform.version.strip()}): {_reason(error)}"
-                )
-        raise DeviceError(
-            f"No OpenCL device can build kernels: {'; '.join(failures)}. {remedy(sys.platform)}"
-        )
+                self.release()
+                version = device.platform.version.strip()
+                failures[f"{device.name.strip()} ({version})"] = _reason(error)
+        reasons = "; ".join(f"{device}: {reason}" for device, reason in failures.items())
+        raise DeviceError(f"No OpenCL device can build kernels: {reasons}. {remedy(sys.platform)}")
 
 
 def _probed(context: cl.Context) -> cl.Context:

@@ -46,10 +46,8 @@ from .solve_job import SolveJob
 #: Least rays of a sample, and to each light.
 _LEAST_RAYS, _LEAST_LIGHT_RAYS = 16, 4
 
-#: Points that gather together take about so many bytes of the device's memory each, which may be this part of
-#: it; least and most points.
-_POINT, _PART = 512, 1 / 16
-_LEAST_BATCH, _MOST_BATCH = 1 << 18, 1 << 20
+#: Points that gather together: what they take of the device's memory, about 0.5 KiB each, is bounded.
+_BATCH = 1 << 19
 
 #: Patches that see more than this fraction of backs are looked at closer: they may be inside of something.
 _MANY_BACKS = 0.4
@@ -121,7 +119,7 @@ def light_in_texels(
         lit = yield from remote.light_at(samples, sent, what.choice, settings)
     else:
         lit = []
-        for batch, done in _batches(compute, samples):
+        for batch, done in _batches(samples):
             lit.append((yield from part_of(*done, light_at(what, radiance, batch, settings))))
     return _joined(what, lit, known, count)
 
@@ -158,7 +156,7 @@ def light_groups_in_texels(
     seen = hidden.seen(side_by_side).reshape(len(side_by_side), len(groups), 3)
     solved = [hidden.on_surfaces(group.solved) for group in groups]
     light: list[np.ndarray] = []
-    for batch, done in _batches(what.job.opencl, lit.samples):
+    for batch, done in _batches(lit.samples):
         points = DisplayPoints(what, batch, settings)
         light.append((yield from part_of(*done, _gather_groups(what, solved, seen, points))))
     return list(np.concatenate(light, axis=1))
@@ -179,14 +177,10 @@ def _gather_groups(
     return (yield from part_of(0.3, 1.0, gathering))
 
 
-def _batches(
-    compute: Compute, samples: DisplaySamples
-) -> Iterator[tuple[DisplaySamples, tuple[float, float]]]:
+def _batches(samples: DisplaySamples) -> Iterator[tuple[DisplaySamples, tuple[float, float]]]:
     """Yield samples that gather together, and which fraction of all is before them and after them."""
-    fitting = int(_PART * compute.device.global_mem_size / _POINT)
-    size = min(max(fitting, _LEAST_BATCH), _MOST_BATCH)
-    for first in range(0, len(samples), size):
-        last = min(first + size, len(samples))
+    for first in range(0, len(samples), _BATCH):
+        last = min(first + _BATCH, len(samples))
         yield samples.part(slice(first, last)), (first / len(samples), last / len(samples))
 
 

@@ -12,6 +12,7 @@ from engine import Settings, finished
 from engine.device import builders, program_cache
 from engine.device.compute import Compute
 from engine.device.program_cache import ProgramCache
+from engine.errors import DeviceError
 from engine.session import Session
 from tests.analytic.scenes import furnace
 from tests.gpu.graphics_card import GraphicsCard
@@ -141,6 +142,35 @@ def test_processes_start_before_the_context_of_a_card_is_made(many, tmp_path, mo
     assert order == ["process", "process", "context"]
     card.kernels("widen.cl", "widen", options=wanted[6][1])
     card.release()
+
+
+@pytest.mark.parametrize("failures", [1, 2])
+def test_a_card_that_refuses_a_context_is_asked_again_without_processes(
+    many, tmp_path, monkeypatch, failures
+):
+    """They may have what it lacks; they do not outlive a device that does not open."""
+    started, begin, asked, devices = [], builders.Builders.__init__, [], Compute().context.devices
+
+    def begun(self, *arguments):
+        started.append(self)
+        begin(self, *arguments)
+
+    def context_of(device):
+        asked.append([process.poll() for each in started for process in each._processes])
+        if len(asked) <= failures:
+            raise cl.Error("out of memory")
+        return cl.Context([device])
+
+    monkeypatch.setattr(GraphicsCard, "_is_pocl", False)
+    monkeypatch.setattr(builders.Builders, "__init__", begun)
+    monkeypatch.setattr("engine.device.compute.found_devices", lambda: devices)
+    wanted = [(("widen.cl",), (f"-DVALUE={value}",)) for value in range(1, 8)]
+    if failures == 1:
+        GraphicsCard(str(tmp_path), context_of=context_of, ahead=wanted).release()
+    else:
+        with pytest.raises(DeviceError, match="out of memory"):
+            GraphicsCard(str(tmp_path), context_of=context_of, ahead=wanted)
+    assert len(asked[0]) == 2 and None not in asked[1]
 
 
 def test_processes_that_die_or_cannot_start_stop_nothing(context, built, many, tmp_path, monkeypatch):

@@ -272,27 +272,31 @@ def test_light_goes_on_by_another_scheduler(tmp_path, by_two):
 @pytest.mark.long
 def test_a_slow_device_gets_fewer_blocks():
     with cluster(2) as made:
+        # Both have built their kernels by then.
+        finished(bake(made))
         slow_one, quick_one = made.client.scheduler_info(n_workers=-1)["workers"]
-        made.client.run(slow_down, workers=[slow_one])
-        work = bake(made)
-        while next(work).stage != "Bounce 2":
-            pass
-        held = made.client.has_what()
-        found = {worker: sum(key.startswith("find-") for key in held[worker]) for worker in held}
-        # A block may lie with both: a task of one that runs where the other lies takes a copy along.
-        assert sum(found.values()) >= len(cut(finished(work).report.patches))
+        for worker, seconds in ((slow_one, 1), (quick_one, 0)):
+            made.client.run(count_blocks, seconds, workers=[worker])
+        blocks = len(cut(finished(bake(made)).report.patches))
+        found = made.client.run(counted_blocks)
+        assert found[slow_one] + found[quick_one] >= blocks
         assert 0 < found[slow_one] < found[quick_one]
 
 
-def slow_down():
-    """Have this worker take a second longer for each block."""
-    find = found_block.FoundBlock.__init__
+def count_blocks(seconds):
+    """Have this worker count the blocks that it finds, and take so much longer for each."""
+    find, found_block.counted = found_block.FoundBlock.__init__, 0
 
     def find_slowly(self, *arguments):
-        time.sleep(1)
+        time.sleep(seconds)
         find(self, *arguments)
+        found_block.counted += 1
 
     found_block.FoundBlock.__init__ = find_slowly
+
+
+def counted_blocks():
+    return found_block.counted
 
 
 @pytest.mark.long

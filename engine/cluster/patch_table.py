@@ -11,7 +11,7 @@ import numpy as np
 from ..direct.emitters import BrightTriangles
 from ..patches.subdivision import Subdivision
 from ..portable import Portable
-from ..short_rows import any_in_rows
+from ..short_rows import any_in_rows, nonzero_rows
 from .stored_array import StoredArray
 
 
@@ -31,7 +31,7 @@ class Glow(Portable):
     @classmethod
     def of(cls, radiance: np.ndarray) -> Glow:
         """Take the radiance of all patches, (n, 3) float32."""
-        return cls.among(radiance, np.flatnonzero(any_in_rows(radiance)))
+        return cls.among(radiance, nonzero_rows(radiance))
 
     @classmethod
     def among(cls, radiance: np.ndarray, patches: np.ndarray) -> Glow:

@@ -13,7 +13,7 @@ from ..portable import Portable
 from ..runs import run_numbers, run_starts
 from ..scene.triangles import Triangles
 from ..segment_sums import segment_sums
-from ..short_rows import row_products, some_rows
+from ..short_rows import joined_rows, row_products, some_rows
 from .light_edges import PatchLight, find_edges
 
 #: A texel is wholly covered from this part on; faces of a texel lie in one plane if the cosine between their
@@ -71,12 +71,8 @@ def no_samples() -> DisplaySamples:
 
 def joined_samples(several: list[DisplaySamples]) -> DisplaySamples:
     """Return samples, then others; there are some at least."""
-    if len(several) == 1:
-        return several[0]
     names = DisplaySamples.__dataclass_fields__
-    return DisplaySamples(
-        *(np.concatenate([getattr(samples, name) for samples in several]) for name in names)
-    )
+    return DisplaySamples(*(joined_rows([getattr(samples, name) for samples in several]) for name in names))
 
 
 def display_samples(

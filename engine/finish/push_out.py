@@ -9,7 +9,7 @@ import pyopencl as cl
 
 from ..device.buffers import download, upload_once
 from ..patches.geometry import PatchGeometry
-from ..short_rows import row_products, some_rows
+from ..short_rows import joined_rows, row_products, some_rows
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receivers import RECEIVER_SOURCE
 
@@ -49,10 +49,8 @@ class WaysOut:
 
 def joined_ways(several: list[WaysOut]) -> WaysOut:
     """Return ways of points, then those of others; there are some at least."""
-    if len(several) == 1:
-        return several[0]
     names = WaysOut.__dataclass_fields__
-    return WaysOut(*(np.concatenate([getattr(ways, name) for ways in several]) for name in names))
+    return WaysOut(*(joined_rows([getattr(ways, name) for ways in several]) for name in names))
 
 
 def ways_out(scene: RayScene, count: int, reach: float, normals: np.ndarray) -> WaysOut:

@@ -54,7 +54,6 @@ class LightmapStore:
         self.begin_anew()
         on_texels = patches.on_texels(atlases)
         self.has_patch, self._entry = on_texels > 0, on_texels.ravel().copy()
-        self._visible = np.arange(1, len(self._texel) + 1, dtype=np.uint32)
 
     def suits(self, patches: PatchList, atlases: int, dilation: int) -> bool:
         """Return whether this is of the same texels, and extends charts as far, in texels."""
@@ -90,7 +89,7 @@ class LightmapStore:
         """Show patches but for dark ones, (n,) bool."""
         if not same_values(dark, self._dark):
             before, now = (np.flatnonzero(flags[self._chosen]) for flags in (self._dark, dark))
-            self._entry[self._texel[before]] = self._visible[before]
+            self._entry[self._texel[before]] = before + 1
             self._entry[self._texel[now]] = 0
             self._device, self._dark = None, dark
 

@@ -13,7 +13,7 @@ from ..device.buffers import download, upload, zeros
 from ..device.compute import Compute
 from ..runs import order_of
 from ..scene.triangles import Triangles
-from ..short_rows import some_rows
+from ..short_rows import joined_rows, some_rows
 
 #: Least area of a piece, of a texel: what is smaller comes from rounding.
 _LEAST_PIECE = 1e-6
@@ -68,8 +68,8 @@ class TexelPoints(NamedTuple):
 
 def joined_pieces(several: list[TexelPieces]) -> TexelPieces:
     """Return some pieces, then others; there is one list at least."""
-    return TexelPieces(*(np.concatenate([getattr(pieces, name) for pieces in several])
-                         for name in TexelPieces.__dataclass_fields__))  # fmt: skip
+    names = TexelPieces.__dataclass_fields__
+    return TexelPieces(*(joined_rows([getattr(pieces, name) for pieces in several]) for name in names))
 
 
 class TexelClipper:

@@ -1,5 +1,7 @@
-// Patches on the very edge of a chart (engine/patches/edge_patches.py). ON_EDGE: nearer to an edge than this, texels, is
-// on it; LEADING: components of a unit vector that are larger lead to a neighbour.
+// Patches on the very edge of a chart, as engine/patches/edge_patches.py finds them on the host.
+
+#define ON_EDGE 0.02f  // nearer to an edge than this, texels, is on it
+#define LEADING 0.3f   // components of a unit vector that are larger lead to a neighbour
 
 // Marks the texels whose patch lies on an edge of its triangle beyond which no texel is a patch; own: the patch + 1 of
 // each texel of all lightmaps, 0 for none.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import download, upload, upload_once, zeros
+from ..device.buffers import upload, upload_once
 from ..device.compute import Compute
 from .geometry import PatchGeometry
 from .patch_list import PatchList
@@ -18,20 +18,12 @@ OFFSETS = sorted(
     key=lambda offset: (offset[0] ** 2 + offset[1] ** 2, offset),
 )
 
-_SOURCE = ("texel_corners.cl", "texel_clip.cl", "border_texels.cl", "edge_patches.cl")
-
 #: A point this near to a texel's centre, in texels along u and v, lies within it and not on its border.
 WITHIN = 0.499
 
-#: Nearer to an edge than this, texels, is on it.
-ON_EDGE = 0.02
-
-#: Components of a unit vector that are larger lead to a neighbour.
-LEADING = 0.3
-
-_OPTIONS = tuple(
-    f"-D{name}={value}f" for name, value in (("WITHIN", WITHIN), ("ON_EDGE", ON_EDGE), ("LEADING", LEADING))
-)
+#: The program of border texels and of patches on edges: one is built faster than two.
+SOURCE = ("texel_corners.cl", "texel_clip.cl", "border_texels.cl", "edge_patches.cl")
+OPTIONS = (f"-DWITHIN={WITHIN}f",)
 
 
 @dataclass(frozen=True)
@@ -53,28 +45,13 @@ class BorderTexels:
         return BorderTexels(self.texel[chosen], self.triangle[chosen])
 
 
-def texels_on_edges(
-    compute: Compute, geometry: PatchGeometry, patches: PatchList, own: np.ndarray
-) -> np.ndarray:
-    """Return the texels, (k,) int64 flat indices, whose patch is on an edge beyond which no texel is one.
-
-    own: that of `PatchList.on_texels`, which nobody changes
-    """
-    (kernel,) = compute.kernels(_SOURCE, "find_edge_patches", options=_OPTIONS)
-    words, uvs = own.size // 4 + 1, upload_once(compute, geometry.triangles.uvs)
-    inputs = [upload_once(compute, array) for array in (own, patches.triangle, patches.barycentric)]
-    marks = zeros(compute, 4 * words)
-    compute.run(kernel, own.size, uvs, *inputs, np.int32(patches.resolution), marks, np.int32(own.size))
-    return np.flatnonzero(download(compute, marks, (words,)).view(bool))
-
-
 class DeviceBorder:
     """Border texels on the OpenCL device."""
 
     def __init__(self, compute: Compute, geometry: PatchGeometry, border: BorderTexels) -> None:
         self._compute, self._border = compute, border
         names = "nearest_patches", "covered_middles"
-        self._nearest, self._middles = compute.kernels(_SOURCE, *names, options=_OPTIONS)
+        self._nearest, self._middles = compute.kernels(SOURCE, *names, options=OPTIONS)
         self._texels = upload_once(compute, border.texel), upload_once(compute, border.triangle)
         triangles, offsets = geometry.triangles, np.array(OFFSETS, np.int32)[:, ::-1]
         self._uvs = upload_once(compute, triangles.uvs)

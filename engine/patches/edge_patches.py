@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..device.buffers import download, upload_once, zeros
 from ..device.compute import Compute
 from ..short_rows import any_in_rows
-from .border_texels import LEADING, ON_EDGE, BorderTexels, DeviceBorder, texels_on_edges
+from .border_texels import OPTIONS, SOURCE, BorderTexels, DeviceBorder
 from .geometry import PatchGeometry
 from .host_border_texels import HostBorder
 from .patch_list import PatchList
+
+#: Nearer to an edge than this, texels, is on it; as in kernels/edge_patches.cl.
+_ON_EDGE = 0.02
+
+#: Components of a unit vector that are larger lead to a neighbour; as there.
+_LEADING = 0.3
 
 
 def away_from_edges(
@@ -22,8 +29,7 @@ def away_from_edges(
     texel_to_patch: that of `PatchList.on_texels`
     """
     if compute:
-        texels_found = texels_on_edges(compute, geometry, patches, texel_to_patch)
-        found = texel_to_patch.ravel()[texels_found].astype(np.int64) - 1
+        found = _found_on_edges(compute, geometry, patches, texel_to_patch)
     else:
         found = _at_ends_of_charts(patches, texel_to_patch, geometry)
     if not len(found):
@@ -35,25 +41,36 @@ def away_from_edges(
     return patches.moved(barycentric)
 
 
-def _at_ends_of_charts(patches: PatchList, texel_to_patch: np.ndarray, geometry: PatchGeometry) -> np.ndarray:
-    """Return the patches on an edge of their triangle beyond which no texel is a patch, (k,) int64.
+def _found_on_edges(
+    compute: Compute, geometry: PatchGeometry, patches: PatchList, texel_to_patch: np.ndarray
+) -> np.ndarray:
+    """Return what `_at_ends_of_charts` does, by the device."""
+    (kernel,) = compute.kernels(SOURCE, "find_edge_patches", options=OPTIONS)
+    arrays = geometry.triangles.uvs, texel_to_patch, patches.triangle, patches.barycentric
+    inputs = [upload_once(compute, array) for array in arrays]
+    words, size = texel_to_patch.size // 4 + 1, np.int32(texel_to_patch.size)
+    marks = zeros(compute, 4 * words)
+    compute.run(kernel, int(size), *inputs, np.int32(patches.resolution), marks, size)
+    texels = np.flatnonzero(download(compute, marks, (words,)).view(bool))
+    found: np.ndarray = texel_to_patch.ravel()[texels].astype(np.int64) - 1
+    return found
 
-    As kernels/edge_patches.cl, on the host.
-    """
+
+def _at_ends_of_charts(patches: PatchList, texel_to_patch: np.ndarray, geometry: PatchGeometry) -> np.ndarray:
+    """Return the patches on an edge of their triangle beyond which no texel is a patch, (k,) int64."""
     around = np.pad(texel_to_patch > 0, ((0, 0), (1, 1), (1, 1)))
     outer = around[:, :-2, 1:-1] & around[:, 2:, 1:-1]
     outer &= around[:, 1:-1, :-2]
     outer &= around[:, 1:-1, 2:]
     np.greater(around[:, 1:-1, 1:-1], outer, out=outer)
     beside = texel_to_patch.ravel()[np.flatnonzero(outer)].astype(np.int64) - 1
-
     distance, outward = _edges(geometry.part(beside), patches.resolution)
     row, column = np.divmod(patches.texel[beside], patches.resolution)
-    step = np.where(np.abs(outward) > LEADING, np.sign(outward), 0).astype(np.int64)
+    step = np.where(np.abs(outward) > _LEADING, np.sign(outward), 0).astype(np.int64)
     atlas = patches.atlas[beside][:, None]
     beyond = around[atlas, row[:, None] + 1, column[:, None] + 1 + step[..., 0]] & (step[..., 0] != 0)
     beyond |= around[atlas, row[:, None] + 1 + step[..., 1], column[:, None] + 1] & (step[..., 1] != 0)
-    return beside[any_in_rows((distance < ON_EDGE) & ~beyond)]
+    return beside[any_in_rows((distance < _ON_EDGE) & ~beyond)]
 
 
 def _edges(geometry: PatchGeometry, resolution: int) -> tuple[np.ndarray, np.ndarray]:

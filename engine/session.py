@@ -29,7 +29,7 @@ from .settings import Settings, check_settings
 
 if TYPE_CHECKING:
     from .cluster.workers import Workers
-    from .device.compute import Program
+    from .device.compute import ProgramParts
     from .device.devices import Devices
     from .plan.kept import Kept
 
@@ -108,10 +108,7 @@ class Session:
         from .plan.usual_programs import usual_programs
 
         stages = BakeStages(Extent.of(scene), settings, self._paces)
-        usual = usual_programs(scene, settings)
-        devices = self._take(settings, usual)
-        if devices.compute is not None and devices.on_card:
-            devices.compute.build_ahead(usual)
+        devices = self._take(settings, usual_programs(scene, settings))
         kept, self._kept = self._kept or Kept(), None
         kept.checkpoints = _checkpoints(settings)
         stages.opened(devices.on_card)
@@ -147,14 +144,16 @@ class Session:
         devices.clear()
         self._devices, self._kept = devices, kept
 
-    def _take(self, settings: Settings, ahead: Sequence[Program]) -> Devices:
+    def _take(self, settings: Settings, ahead: Sequence[ProgramParts]) -> Devices:
         """Return the devices of the last bake, or new ones; until the bake has ended well nobody has them.
 
-        ahead: programs that new ones begin to build at once
+        ahead: programs that they begin to build at once
         """
         devices, self._devices = self._devices, None
         wanted = (settings.cache_dir, settings.opencl_device)
         if devices is not None and (devices.cache_dir, devices.opencl_device) == wanted:
+            if devices.compute is not None:
+                devices.compute.build_ahead(ahead)
             return devices
         self.forget()
         if devices is not None:

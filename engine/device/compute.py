@@ -30,8 +30,8 @@ _STAGED = 1 << 17
 #: Files of kernels/ and records, one after another.
 Source = tuple[str | Record, ...]
 
-#: Source and options.
-Program = tuple[Source, tuple[str, ...]]
+#: What a program is built of, and its options.
+ProgramParts = tuple[Source, tuple[str, ...]]
 
 #: Has functions of kernels that drivers may lack, as Mesa's do with another's library of them.
 _PROBE = """
@@ -60,7 +60,7 @@ class Compute:
         cache_dir: str | None = None,
         opencl_device: str | None = None,
         context_of: Callable[[cl.Device], cl.Context] = lambda device: cl.Context([device]),
-        ahead: Iterable[Program] = (),
+        ahead: Iterable[ProgramParts] = (),
     ) -> None:
         self._context_of = context_of
         keep_starters_in_memory()
@@ -70,8 +70,7 @@ class Compute:
         self._slice_sizes: dict[tuple, SliceSize] = {}
         devices = _chosen(found_devices(), opencl_device)
         self._take(devices[0], cache_dir)
-        if not self.processor:
-            self.build_ahead(ahead)
+        self.build_ahead(ahead)
         try:
             self._open(devices, cache_dir)
         except BaseException:
@@ -91,7 +90,7 @@ class Compute:
 
     def _take(self, device: cl.Device, cache_dir: str | None) -> None:
         """Take a device, which need not have a context yet."""
-        self.device, self._begun = device, set[Program]()
+        self.device, self._begun = device, set[ProgramParts]()
         self._programs = ProgramCache(device, None if self._is_pocl else cache_dir)
         self._prelude = ("inlined.cl",) if self._is_pocl and self.processor else ()
 
@@ -137,11 +136,13 @@ class Compute:
                 self._kernels[key, name] = Kernel(self._built[key], name, self.device)
         return [self._kernels[key, name] for name in names]
 
-    def build_ahead(self, programs: Iterable[Program]) -> None:
-        """Begin to build programs that `kernels` will be asked for; once.
+    def build_ahead(self, programs: Iterable[ProgramParts]) -> None:
+        """Begin to build programs that a graphics card will be asked for by `kernels`; once.
 
         PoCL builds kernels as they start.
         """
+        if self.processor:
+            return
         new = [key for key in programs if key not in self._begun and key not in self._built]
         self._begun.update(new)
         if new and not self._is_pocl:
@@ -183,7 +184,7 @@ class Compute:
         twice if processes build for it: they may have what it lacks.
         """
         failures: dict[str, str] = {}
-        for device in (*devices[: bool(self._begun)], *devices):
+        for device in [devices[0], *devices] if self._begun else devices:
             try:
                 return _probed(self._context_of(device))
             except cl.Error as error:

@@ -9,7 +9,7 @@ import moderngl
 import pyopencl as cl
 
 from ..errors import DeviceError, DeviceMemoryError
-from .compute import Compute, Program
+from .compute import Compute, ProgramParts
 from .graphics import Graphics
 
 #: What OpenCL says of a buffer that is larger than any may be.
@@ -30,7 +30,7 @@ class Devices:
         self,
         cache_dir: str | None = None,
         opencl_device: str | None = None,
-        ahead: Iterable[Program] = (),
+        ahead: Iterable[ProgramParts] = (),
     ) -> None:
         self.cache_dir, self.opencl_device, self.missing = cache_dir, opencl_device, ""
         self.compute: Compute | None = None

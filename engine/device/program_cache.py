@@ -67,8 +67,6 @@ class ProgramCache:
     def begin(self, programs: Iterable[tuple[str, Sequence[str]]]) -> None:
         """Begin to build what `build` will be asked for in other processes, where these can keep it.
 
-        They start while this one makes its context.
-
         programs: source and options of each, in the order in which they will be asked for. The first ones are
         left to this process, which would wait for others to start; so are few.
         """

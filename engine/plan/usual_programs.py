@@ -6,7 +6,7 @@ import json
 from functools import cache
 from pathlib import Path
 
-from ..device.compute import Source
+from ..device.compute import ProgramParts
 from ..direct.emitters import EMITTER
 from ..direct.light_tree import LIGHT_NODE
 from ..direct.modulation import MODULATION
@@ -36,14 +36,14 @@ _NARROW, _CUTOUTS, _BEFORE_CUTOUTS, _RAYS = "-DNARROW", "-DCUTOUTS", "-DSTACK", 
 _COVERED = 0.75
 
 
-def usual_programs(scene: Scene, settings: Settings) -> list[tuple[Source, tuple[str, ...]]]:
+def usual_programs(scene: Scene, settings: Settings) -> list[ProgramParts]:
     """Return the parts and the options of programs that a bake by a graphics card is about to need."""
     texels = _COVERED * len(scene.atlases) * settings.resolution**2
     return _listed(sample_bytes(int(texels)) == 2, has_cutouts(scene))
 
 
 @cache
-def _listed(narrow: bool, cutouts: bool) -> list[tuple[Source, tuple[str, ...]]]:
+def _listed(narrow: bool, cutouts: bool) -> list[ProgramParts]:
     """Return what `usual_programs` does, for narrow samples or wide ones, with cut-outs or without."""
     listed = json.loads(PROGRAMS.read_text(encoding="utf-8"))
     return [

@@ -98,7 +98,7 @@ def _bake(
     parts = kept.subdivide(graphics, compute, scene, settings)
     check_patch_count(len(parts.patches))
     store = kept.store(parts.patches, len(atlases), settings, compute)
-    last = kept.light_on(parts, len(atlases), settings)
+    last = kept.light_on(compute, parts, len(atlases), settings)
     yield stages.listed(parts.surfaces.reflectance)
 
     # Lamps, small bright surfaces and bright sky are sampled with shadow rays (direct light). The room
@@ -115,7 +115,7 @@ def _bake(
     kept.sampled = lighting.sampled_light(sampled) if settings.warm_start else None
 
     # Threads beside the devices; they would hold up the first image of a scene that changes.
-    areas, seams = kept.begin(parts, len(atlases), settings)
+    areas, seams = kept.begin(compute, parts, len(atlases), settings)
 
     # Faces that touch patches hide them, whose light is not seen, or lie back to back with them.
     yield stages.begin(stages.choosing)

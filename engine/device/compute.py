@@ -10,8 +10,9 @@ import numpy as np
 import pyopencl as cl
 
 from ..errors import DeviceError
+from .beside import Beside
 from .driver_options import set_driver_options
-from .kernel import Kernel
+from .kernel import ITEMS, Kernel, run_on
 from .program_cache import ProgramCache, build, device_digest
 from .record import Record
 from .shared_buffers import SharedBuffers
@@ -20,9 +21,6 @@ from .source import kernel_source
 from .staging import Staging
 from .starters import keep_starters_in_memory
 from .work_sizes import ON_PROCESSOR, KeptWorkSizes, WorkSizes
-
-#: Work items of a group whose items have nothing to do with each other.
-_ITEMS = 64
 
 #: Least size of arrays that travel through page-locked memory, bytes.
 _STAGED = 1 << 17
@@ -127,14 +125,28 @@ class Compute:
         Returns kernels in the names' order. Who asks for a kernel again gets the same one: making one takes
         a while.
         """
-        parts = (source,) if isinstance(source, str) else source
-        key = (parts, tuple(options))
-        if key not in self._built:
-            self._built[key] = self._programs.build(self._text(parts), options)
+        key, program = self._program(source, options)
         for name in names:
             if (key, name) not in self._kernels:
-                self._kernels[key, name] = Kernel(self._built[key], name, self.device)
+                self._kernels[key, name] = Kernel(program, name, self.device)
         return [self._kernels[key, name] for name in names]
+
+    def beside(self, source: Source, name: str, options: Sequence[str] = ()) -> Beside:
+        """Return a kernel that another thread starts while this one bakes."""
+        _, program = self._program(source, options)
+        return Beside(self._queue_beside, Kernel(program, name, self.device))
+
+    def _program(self, source: str | Source, options: Sequence[str]) -> tuple[ProgramParts, cl.Program]:
+        """Return what a program is built of, and the program."""
+        parts = (source,) if isinstance(source, str) else source
+        key = parts, tuple(options)
+        if key not in self._built:
+            self._built[key] = self._programs.build(self._text(parts), options)
+        return key, self._built[key]
+
+    @cached_property
+    def _queue_beside(self) -> cl.CommandQueue:
+        return cl.CommandQueue(self.context)
 
     def build_ahead(self, programs: Iterable[ProgramParts]) -> None:
         """Begin to build programs that a graphics card will be asked for by `kernels`; once.
@@ -163,17 +175,13 @@ class Compute:
         return self._slice_sizes.setdefault(work, SliceSize())
 
     def run(self, kernel: Kernel, items: int, *arguments: object, layers: int = 1) -> None:
-        """Run a kernel for at least `items` work items of each layer; it has to ignore those beyond.
-
-        Work groups have one size whatever the number of items, since PoCL compiles a kernel anew for each.
-        """
-        (size,) = kernel.group(_ITEMS)
-        kernel(self.queue, (-(-items // size) * size, layers), (size, 1), *arguments)
+        """Run a kernel for at least `items` work items of each layer; it has to ignore those beyond."""
+        run_on(self.queue, kernel, items, *arguments, layers=layers)
 
     def run_texels(self, kernel: Kernel, shape: tuple[int, ...], *arguments: object) -> None:
         """Run a kernel for at least every texel of images, (images, height, width); see kernels/texel.cl."""
         images, height, width = shape
-        group = kernel.group(_ITEMS, 1, 1)
+        group = kernel.group(ITEMS, 1, 1)
         items = (-(-width // group[0]) * group[0], height, images)
         kernel(self.queue, items, group, *arguments, np.int32(width), np.int32(height))
 

@@ -7,6 +7,9 @@ import math
 import numpy as np
 import pyopencl as cl
 
+#: Work items of a group whose items have nothing to do with each other.
+ITEMS = 64
+
 
 class Kernel:
     """A kernel of a program; it learns the types of its scalar arguments from its first call.
@@ -56,6 +59,15 @@ class Kernel:
             self._kernel.set_arg_types([_type(argument) for argument in arguments])
             self._typed = True
         return self._kernel(queue, items, group, *arguments)
+
+
+def run_on(queue: cl.CommandQueue, kernel: Kernel, items: int, *arguments: object, layers: int = 1) -> None:
+    """Run a kernel for at least `items` work items of each layer; it has to ignore those beyond.
+
+    Work groups have one size whatever the number of items, since PoCL compiles a kernel anew for each.
+    """
+    (size,) = kernel.group(ITEMS)
+    kernel(queue, (-(-items // size) * size, layers), (size, 1), *arguments)
 
 
 def _halved(side: int, most: int) -> int:

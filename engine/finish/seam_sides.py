@@ -6,36 +6,46 @@ import numpy as np
 
 from ..patches.chart_borders import ChartBorders, free_borders
 from ..patches.chart_edges import chart_edges
+from ..patches.edge_boxes import EdgeNeighbours
 from ..patches.edge_pairs import edge_pairs
 from ..patches.seams import Seams, seams_of
 from ..scene.triangles import Triangles
+from ..short_rows import nonzero_entries
 from .bilinear import footprints
 
 #: A border faces what lies further than this beyond it, texels: those of one chart meet at corners.
 _FACES = 0.25
 
 
-def display_seams(triangles: Triangles, atlases: int, resolution: int) -> Seams:
+def display_seams(
+    triangles: Triangles, atlases: int, resolution: int, neighbours: EdgeNeighbours | None = None
+) -> Seams:
     """Return the seams between the charts of the first `atlases` lightmaps, each side on its own chart.
 
     Where charts lie nearer than two texels, look-ups at both borders read the gutter between them. If no seam
     follows the border of one, the seam of the other leaves the gutter as it is: see `own_sides`.
+
+    neighbours: finds edges that may lie on each other; None for the host
     """
     edges = chart_edges(triangles, atlases, resolution)
-    pairs = edge_pairs(edges)
-    return own_sides(seams_of(edges, pairs), free_borders(edges, pairs), resolution)
+    pairs = edge_pairs(edges, neighbours)
+    seams = seams_of(edges, pairs)
+    if not len(seams):
+        return seams
+    return own_sides(seams, free_borders(edges, pairs), atlases, resolution)
 
 
-def own_sides(seams: Seams, borders: ChartBorders, resolution: int) -> Seams:
-    """Return seams whose sides read no texel that a border facing them reads.
+def own_sides(seams: Seams, borders: ChartBorders, atlases: int, resolution: int) -> Seams:
+    """Return seams of the first `atlases` lightmaps whose sides read nothing that a border facing them reads.
 
     Such a side moves to the nearest line of texel centres, or centre, where it reads none; a pair that finds
     none is left out.
     """
     texel, kept = seams.texel.copy(), np.ones(len(seams), bool)
-    read = _BorderTexels(borders, resolution)
-    for side in (0, 1):
-        foreign = read.facing(seams.atlas[:, side], seams.texel[:, side])
+    sides = [footprints(seams.atlas[:, side], seams.texel[:, side], resolution) for side in (0, 1)]
+    read = _BorderTexels(borders, (atlases, resolution), sides)
+    for side, looked_up in enumerate(sides):
+        foreign = read.facing(seams.texel[:, side], *looked_up)
         moved = np.flatnonzero(foreign.any(axis=1))
         texel[moved, side], found = _moved(seams.texel[moved, side], foreign[moved])
         kept[moved[~found]] = False
@@ -43,20 +53,34 @@ def own_sides(seams: Seams, borders: ChartBorders, resolution: int) -> Seams:
 
 
 class _BorderTexels:
-    """Texels that look-ups along borders read, in the order of their flat indices."""
+    """Texels that look-ups along borders read, in the order of their flat indices.
 
-    def __init__(self, borders: ChartBorders, resolution: int) -> None:
-        self._borders, self._resolution = borders, resolution
+    shape      number of lightmaps, and their width
+    looked_up  footprints of the look-ups at seams: of other texels nothing is asked
+    """
+
+    def __init__(
+        self, borders: ChartBorders, shape: tuple[int, int], looked_up: list[tuple[np.ndarray, np.ndarray]]
+    ) -> None:
+        self._borders, (atlases, resolution) = borders, shape
         texels, weights = footprints(borders.atlas, borders.texel, resolution)
-        point, corner = np.nonzero(weights)
-        order = np.argsort(texels[point, corner], kind="stable")
-        self._texel, self._point = texels[point, corner][order], point[order]
+        wanted = np.zeros(atlases * resolution**2, bool)
+        for others, _ in looked_up:
+            wanted[others] = True
+        point, corner = nonzero_entries(wanted[texels] & (weights > 0))
+        read = texels[point, corner]
+        order = np.argsort(read, kind="stable")
+        self._texel, self._point = read[order], point[order]
+        self._is_read = np.zeros(len(wanted), bool)
+        self._is_read[read] = True
 
-    def facing(self, atlas: np.ndarray, position: np.ndarray) -> np.ndarray:
-        """Return which texels of look-ups at positions, (p, 2), a facing border reads, (p, 4) bool."""
-        texels, weights = footprints(atlas, position, self._resolution)
+    def facing(self, position: np.ndarray, texels: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Return which texels of look-ups at positions, (p, 2), a facing border reads, (p, 4) bool.
+
+        texels, weights: their footprints
+        """
         foreign = np.zeros(texels.shape, bool)
-        point, corner = np.nonzero(weights)
+        point, corner = nonzero_entries(self._is_read[texels] & (weights > 0))
         start, end = (np.searchsorted(self._texel, texels[point, corner], side) for side in ("left", "right"))
 
         # Each of these texels with every border point that reads it.

@@ -21,8 +21,8 @@ OFFSETS = sorted(
 #: A point this near to a texel's centre, in texels along u and v, lies within it and not on its border.
 WITHIN = 0.499
 
-#: The program of border texels and of patches on edges: one is built faster than two.
-SOURCE = ("texel_corners.cl", "texel_clip.cl", "border_texels.cl", "edge_patches.cl")
+#: The program of border texels, patches on edges and edges that lie near: one is built faster than three.
+SOURCE = ("texel_corners.cl", "texel_clip.cl", "border_texels.cl", "edge_patches.cl", "edge_neighbours.cl")
 OPTIONS = (f"-DWITHIN={WITHIN}f",)
 
 

@@ -22,6 +22,7 @@ from ..finish.store import LightmapStore
 from ..gather.kept_samples import KeptSamples
 from ..gather.static_light import StaticLight
 from ..patches.areas import surface_areas
+from ..patches.device_edge_neighbours import DeviceNeighbours
 from ..patches.patch_list import PatchList
 from ..patches.seams import Seams
 from ..patches.subdivision import Subdivision, subdivide
@@ -141,10 +142,12 @@ class Kept:
             self._rays = RayScene(compute, parts, self._top)
         return self._rays
 
-    def seams(self, parts: Subdivision, atlases: int) -> Future[Seams]:
+    def seams(self, compute: Compute | None, parts: Subdivision, atlases: int) -> Future[Seams]:
         """Begin to find the seams of the first `atlases` lightmaps, in a thread beside the devices."""
         if self._seams is None:
-            self._seams = _in_thread(display_seams, parts.triangles, atlases, parts.patches.resolution)
+            neighbours = DeviceNeighbours(compute) if compute else None
+            resolution = parts.patches.resolution
+            self._seams = _in_thread(display_seams, parts.triangles, atlases, resolution, neighbours)
         return self._seams
 
     def areas(self, parts: Subdivision) -> Future[np.ndarray]:
@@ -154,10 +157,10 @@ class Kept:
         return self._areas
 
     def begin(
-        self, parts: Subdivision, atlases: int, settings: Settings
+        self, compute: Compute | None, parts: Subdivision, atlases: int, settings: Settings
     ) -> tuple[Future[np.ndarray], Future[Seams] | None]:
         """Begin to find areas and, if they are asked for, the seams of the first `atlases` lightmaps."""
-        return self.areas(parts), self.seams(parts, atlases) if settings.hide_seams else None
+        return self.areas(parts), self.seams(compute, parts, atlases) if settings.hide_seams else None
 
     def bright_triangles(self, parts: Subdivision) -> BrightTriangles:
         """Return the triangles that are sampled as lights; see `direct.emitters.bright_triangles`."""
@@ -248,14 +251,16 @@ class Kept:
         self._store.keeps_fill = settings.warm_start
         return self._store
 
-    def light_on(self, parts: Subdivision, atlases: int, settings: Settings) -> LastLight | None:
+    def light_on(
+        self, compute: Compute | None, parts: Subdivision, atlases: int, settings: Settings
+    ) -> LastLight | None:
         """Return the light of the last bake on patches for a warm start.
 
         None without one; then areas and seams begin to be found, see `begin`.
         """
         if settings.warm_start and self.light:
             return self.light.on(parts.patches)
-        self.begin(parts, atlases, settings)
+        self.begin(compute, parts, atlases, settings)
         return None
 
     def limit(self, compute: Compute | None, budget: int) -> None:

@@ -1,0 +1,78 @@
+// Boxes of edges that overlap: a grid of cubes for each size of boxes, in which each box is entered at its own size and
+// looked for at all larger ones. See engine/patches/edge_boxes.py.
+
+#define AXES 6  // three of space, then three of normals
+
+// Along one axis.
+long cube_at(const float place, const float size)
+{
+    return (long)floor(place / size);
+}
+
+// The first of ascending keys that is not below one.
+int lower_bound(__global const long *keys, const int count, const long key)
+{
+    int first = 0, last = count;
+    while (first < last) {
+        const int middle = first + (last - first) / 2;
+        if (keys[middle] < key)
+            first = middle + 1;
+        else
+            last = middle;
+    }
+    return first;
+}
+
+// Lists pairs of boxes that overlap, the second one of the size with number get_global_id(1). boxes: low ends, then high
+// ones; sizes: of cubes, ascending; ranks: number of each box's size; keys, owners: cubes of all boxes, ascending;
+// listed: how many pairs there are, of which `most` have room.
+__kernel void find_edge_neighbours(__global const float *boxes, __global const int *ranks, __global const float *sizes,
+                                   __global const long *keys, __global const int *owners, const int entries,
+                                   const long4 factors, __global int2 *pairs, __global uint *listed, const uint most,
+                                   const int count)
+{
+    const int box = get_global_id(0), rank = get_global_id(1);
+    if (box >= count || ranks[box] > rank)
+        return;
+    float low[AXES], high[AXES];
+    for (int axis = 0; axis < AXES; ++axis) {
+        low[axis] = boxes[2 * AXES * box + axis];
+        high[axis] = boxes[2 * AXES * box + AXES + axis];
+    }
+    const float size = sizes[rank];
+    long first[3], last[3];
+    for (int axis = 0; axis < 3; ++axis) {
+        first[axis] = cube_at(low[axis], size);
+        last[axis] = cube_at(high[axis], size);
+    }
+
+    // A box is in one or two cubes along each axis.
+    for (int corner = 0; corner < 8; ++corner) {
+        long cube[3], key = rank * factors.w;
+        bool repeated = false;
+        for (int axis = 0; axis < 3; ++axis) {
+            const bool second = corner >> axis & 1;
+            repeated |= second && first[axis] == last[axis];
+            cube[axis] = second ? last[axis] : first[axis];
+        }
+        if (repeated)
+            continue;
+        key += cube[0] * factors.x + cube[1] * factors.y + cube[2] * factors.z;
+        for (int entry = lower_bound(keys, entries, key); entry < entries && keys[entry] == key; ++entry) {
+            const int other = owners[entry];
+            bool found = ranks[other] == rank && (ranks[box] < rank || box < other);
+            for (int axis = 0; axis < AXES && found; ++axis)
+                found = low[axis] <= boxes[2 * AXES * other + AXES + axis]
+                    && boxes[2 * AXES * other + axis] <= high[axis];
+
+            // Of all cubes that both lie in, the lowest one counts.
+            for (int axis = 0; axis < 3 && found; ++axis) {
+                const long start = cube_at(boxes[2 * AXES * other + axis], size);
+                found = cube[axis] == (first[axis] > start ? first[axis] : start);
+            }
+            const uint place = found ? atomic_inc(listed) : most;
+            if (place < most)
+                pairs[place] = (int2)(box, other);
+        }
+    }
+}

@@ -32,6 +32,16 @@ __kernel void clear_fourth(__global float4 *wide, const int count)
         wide[i].w = 0.0f;
 }
 
+// The sum of the channels of each of some rows of three floats or more, `stride` apart.
+__kernel void sum_channels(__global const float *rows, const int stride, __global float *sums, const int count)
+{
+    const int i = get_global_id(0);
+    if (i < count) {
+        const float3 color = vload3(0, rows + (size_t)stride * i);
+        sums[i] = color.x + color.y + color.z;
+    }
+}
+
 // The fourth number of each float4.
 __kernel void take_fourth(__global const float4 *wide, __global float *taken, const int count)
 {

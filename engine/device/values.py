@@ -8,18 +8,23 @@ from typing import Any, TypeAlias
 import numpy as np
 import pyopencl as cl
 
+from ..scene.color import channel_sum
+from ..short_rows import some_rows
 from .buffers import download, upload, upload_float4, upload_rows_once
 from .compute import Compute
 
 
 class DeviceValues:
-    """Colours of n points, in rows of three floats or more; NumPy reads them as an array, (n, 3) float32.
+    """Colours of n points, or one number of each; NumPy reads them as an array, (n, c) float32.
 
-    buffer  (n, stride) float32, which nobody changes
+    buffer    (n, stride) float32, which nobody changes
+    stride    floats of a row, 1 for single numbers, else three or more
+    channels  c, 3 or 1
     """
 
     def __init__(self, compute: Compute, buffer: cl.Buffer, count: int, stride: int = 3) -> None:
         self._compute, self.buffer, self._count, self.stride = compute, buffer, count, stride
+        self.channels = min(stride, 3)
 
     def __len__(self) -> int:
         return self._count
@@ -34,8 +39,8 @@ class DeviceValues:
 
     @cached_property
     def colors(self) -> np.ndarray:
-        """The colours, (n, 3) float32, in the memory of the host: who uploads them gets what is there."""
-        colors: np.ndarray = self.rows[:, :3]
+        """The values, (n, c) float32, in the memory of the host: who uploads them gets what is there."""
+        colors: np.ndarray = self.rows[:, : self.channels]
         self._compute.shared.of(colors, "rows", lambda: self.buffer)
         return colors
 
@@ -49,6 +54,14 @@ class DeviceValues:
         taken = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * max(1, self._count))
         compute.run(kernel, self._count, self.buffer, taken, np.int32(self._count))
         return download(compute, taken, (self._count,))
+
+    def channel_sums(self) -> DeviceValues:
+        """Return the sum of the channels of each colour."""
+        compute = self._compute
+        (kernel,) = compute.kernels("widen.cl", "sum_channels")
+        sums = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 4 * max(1, self._count))
+        compute.run(kernel, self._count, self.buffer, np.int32(self.stride), sums, np.int32(self._count))
+        return DeviceValues(compute, sums, self._count, 1)
 
     def some(self, chosen: np.ndarray) -> np.ndarray:
         """Return the colours of some points, (k,) int64, as (k, 3) float32 of the host."""
@@ -93,6 +106,16 @@ def float4_on_device(compute: Compute, values: Values) -> cl.Buffer:
 def rows_of(values: Values) -> np.ndarray:
     """Return values in the memory of the host, (n, c) float32 with all that is in their rows."""
     return values.rows if isinstance(values, DeviceValues) else values
+
+
+def channel_sums(values: Values) -> Values:
+    """Return the sum of the channels of colours, (n, 3), as (n, 1) float32, where they are."""
+    return values.channel_sums() if isinstance(values, DeviceValues) else channel_sum(values)[:, None]
+
+
+def some_of(values: Values, chosen: np.ndarray) -> np.ndarray:
+    """Return some rows of colours, (n, c), by their numbers, (k,) int64, in the memory of the host."""
+    return values.some(chosen) if isinstance(values, DeviceValues) else some_rows(values, chosen)
 
 
 def colors_on_host(values: Values) -> np.ndarray:

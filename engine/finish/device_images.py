@@ -159,7 +159,7 @@ class DevicePatches:
         """Return what texels show of the patches' values, (n, c) float32; 0 elsewhere."""
         compute = self._compute
         rows, stride = rows_on_device(compute, values)
-        channels = 3 if isinstance(values, DeviceValues) else values.shape[1]
+        channels = values.channels if isinstance(values, DeviceValues) else values.shape[1]
         count = int(np.prod(self._shape)) * channels
         texels = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 4 * count)
         sizes = np.int32(stride), np.int32(channels)

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..device.buffers import download, upload, upload_once, zeros
 from ..device.compute import Compute
+from ..device.values import Values, rows_on_device
 
 #: Light has an edge where it differs from the mean of its neighbours by more than this part.
 _EDGE = 0.1
@@ -41,12 +42,12 @@ _ON_EDGE, _AT_AN_END = 1, 2
 class PatchLight:
     """What is known of patches once the light has settled, (n, ...) each.
 
-    light   (n,) float32, all light, sum of the channels
+    light   (n, 1) float32, all light, sum of the channels
     front   (n,) float32, the fraction of the view that no back takes
     hidden  (n,) bool, nobody sees the patch
     """
 
-    light: np.ndarray
+    light: Values
     front: np.ndarray
     hidden: np.ndarray
 
@@ -71,10 +72,10 @@ def find_edges(compute: Compute, entries: np.ndarray, known: PatchLight) -> tupl
     off, noise, marks = (zeros(compute, size) for size in sizes)
 
     # How far light is off the mean of its neighbours, how much of that is noise, and what is more.
-    light, front = (values.astype(np.float32, copy=False) for values in (known.light, known.front))
-    least = np.float32(_DARK * float(known.light.mean()))
-    arrays = light, front, known.hidden.view(np.uint8)
-    buffers = [upload_once(compute, entries), *(upload(compute, array) for array in arrays)]
+    least = np.float32(_DARK * float(np.asarray(known.light).mean()))
+    light, _ = rows_on_device(compute, known.light)
+    arrays = known.front.astype(np.float32, copy=False), known.hidden.view(np.uint8)
+    buffers = upload_once(compute, entries), light, *(upload(compute, array) for array in arrays)
     compute.run_texels(find, entries.shape, *buffers, least, off, marks)
     in_blocks = atlases, blocks, blocks
     compute.run_texels(tell_noise, in_blocks, buffers[0], off, np.int32(side), noise)

@@ -27,6 +27,11 @@ class Light(Protocol):
         ...
 
     @property
+    def light(self) -> Values:
+        """What `irradiance` is, where it is."""
+        ...
+
+    @property
     def direct(self) -> np.ndarray:
         """Of light that was not reflected."""
         ...
@@ -94,8 +99,8 @@ class Outputs:
         return made
 
 
-def light_output(name: str, solution: Light) -> np.ndarray:
+def light_output(name: str, solution: Light) -> Values:
     """Return E/pi of all light, or of a part of it, (n, 3) float32."""
     if name == "combined":
-        return solution.irradiance
+        return solution.light
     return solution.direct if name == "direct" else solution.indirect

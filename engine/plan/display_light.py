@@ -11,6 +11,7 @@ import pyopencl as cl
 
 from ..device.buffers import upload_float4
 from ..device.compute import Compute
+from ..device.values import Values, channel_sums
 from ..direct.contact import NearFaces
 from ..finish.display_samples import (
     DisplaySamples,
@@ -60,7 +61,7 @@ class DisplayLight:
     visible  (s,) bool, samples that somebody sees
     normals  (s, 3) float32, unit, world space; (0, 3) unless the settings have them denoised
     light    (s,) float32, E/pi of all light, sum of the channels
-    centres  (n,) float32, the same of patches
+    centres  (n, 1) float32, the same of patches
     inside   (k,) int64, samples in walls that texels cannot part
     values   (s, 3) or (s,) float32 of every output, by name; of none without samples
     hidden   (n,) bool, patches that nobody sees
@@ -73,7 +74,7 @@ class DisplayLight:
     visible: np.ndarray
     normals: np.ndarray
     light: np.ndarray
-    centres: np.ndarray
+    centres: Values
     inside: np.ndarray
     values: dict[str, np.ndarray]
     hidden: np.ndarray
@@ -104,9 +105,7 @@ def light_in_texels(
     compute, why = what.job.compute, _why_centres_only(what.job, what.choice)
     if why or compute is None:
         return _nothing(why)
-    front = solution.gathered[:, 3]
-    light = channel_sum(solution.irradiance)
-    known = PatchLight(light, front, _nobody_sees(what, front, near))
+    known = PatchLight(channel_sums(solution.light), solution.front, _nobody_sees(what, solution.front, near))
     asked, clipper = what.job.settings.texel_samples, what.job.kept.clipper(compute, what.job.parts)
     samples, count = display_samples(clipper, what.job.parts, atlases, known, asked)
     if not len(samples):
@@ -199,7 +198,7 @@ def _nothing(*reasons: str) -> DisplayLight:
     return DisplayLight(*found, {}, nothing > 0, 1, reasons)
 
 
-def radiance_of(solved: SolveJob, settled: np.ndarray, stand_in: np.ndarray | None = None) -> cl.Buffer:
+def radiance_of(solved: SolveJob, settled: Values, stand_in: np.ndarray | None = None) -> cl.Buffer:
     """Return the radiance of patches of E/pi (m, 3) on the device; see `FinalGather.gather_from`.
 
     stand_in: (m,) int64, see `sent_light`

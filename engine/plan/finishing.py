@@ -7,7 +7,7 @@ from concurrent.futures import Future
 
 import numpy as np
 
-from ..device.values import Values
+from ..device.values import Values, channel_sums
 from ..finish.carried_maps import carried_maps, restored_maps
 from ..finish.denoising import Denoising
 from ..finish.light_group_maps import summing_up
@@ -17,7 +17,6 @@ from ..finish.second_look import SecondLook
 from ..finish.store import LightmapStore
 from ..patches.seams import Seams
 from ..progress import Progress, part_of
-from ..scene.color import channel_sum
 from ..solve.solution import Solution
 from .display_light import DisplayLight
 from .display_points import DisplayJob
@@ -114,8 +113,8 @@ class Finishing:
         light = store.texels_on_device(*self._light_of_texels())
         return without_parted(seams, job.parts, job.rays, light, store.known, store.hidden)
 
-    def _light_of_texels(self) -> tuple[np.ndarray, np.ndarray | None]:
-        """Return all light of the patches, (n,), and of samples, (s,) or None, sum of the channels."""
+    def _light_of_texels(self) -> tuple[Values, np.ndarray | None]:
+        """Return all light of the patches, (n, 1), and of samples, (s,) or None, sum of the channels."""
         if not len(self._lit.samples):
-            return channel_sum(self._solution.irradiance), None
+            return channel_sums(self._solution.light), None
         return self._lit.centres, self._lit.light

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pyopencl as cl
 
+from ..device.values import Values, some_of
 from ..patches.texels_around import entries_around
 from ..scene.color import channel_sum
 from ..segment_sums import segment_sums
@@ -70,7 +71,7 @@ class HiddenLight:
         seen[changed] = others
         return seen
 
-    def replace(self, radiance: cl.Buffer, settled: np.ndarray) -> None:
+    def replace(self, radiance: cl.Buffer, settled: Values) -> None:
         """Let hidden patches send out, on the device, what those beside them do.
 
         radiance  as of `sent_light`, of the patches that send light out, in which that of hidden ones changes
@@ -90,13 +91,13 @@ class HiddenLight:
         seen = replace(surfaces, reflectance=self.seen(surfaces.reflectance))
         return replace(solved, parts=replace(solved.parts, surfaces=seen))
 
-    def _others(self, light: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _others(self, light: Values) -> tuple[np.ndarray, np.ndarray]:
         """Return which of the patches that send light out change, (k,) int64, and to what, (k, 3 g) float32.
 
         light: (m, 3 g) float32, of all of them
         """
-        near = some_rows(light, self._sender)
-        of_hidden = np.zeros((len(self._hidden), light.shape[1]), np.float32)
+        near = some_of(light, self._sender)
+        of_hidden = np.zeros((len(self._hidden), near.shape[1]), np.float32)
         if len(near):
             brightest = float(channel_sum(near).max())
             of_hidden[self._reached] = self._beside_hidden(near, max(_FAINTEST * brightest, 1e-30))
@@ -156,7 +157,7 @@ class _HiddenGroups:
         self._visible = (members - among)[self.changed]
         self._group = np.searchsorted(self.changed, of_hidden)
 
-    def mean(self, light: np.ndarray, of_hidden: np.ndarray) -> np.ndarray:
+    def mean(self, light: Values, of_hidden: np.ndarray) -> np.ndarray:
         """Return the light of groups that are `changed`, (k, 3 g) float32.
 
         It is the mean over the group's visible patches and over its hidden ones near visible patches.
@@ -164,7 +165,7 @@ class _HiddenGroups:
 
         light: (m, 3 g) float32, of groups; of_hidden: (h, 3 g) float32
         """
-        before, lit = light[self.changed], any_in_rows(of_hidden)
+        before, lit = some_of(light, self.changed), any_in_rows(of_hidden)
         visible = self._visible * any_in_rows(before)
         count = len(self.changed)
         number = visible + np.bincount(self._group[lit], minlength=count)

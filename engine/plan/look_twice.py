@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator
 from dataclasses import replace
 
-import numpy as np
-
+from ..device.values import Values
 from ..finish.made_outputs import light_output
 from ..progress import part_of
 from ..settings import Settings
@@ -25,7 +24,7 @@ _OTHER = 0x9E3779B9
 
 def look_twice(
     what: DisplayJob, solution: Solution
-) -> Generator[float, None, tuple[dict[str, np.ndarray], float]]:
+) -> Generator[float, None, tuple[dict[str, Values], float]]:
     """Return each output that is light anew, (n, 3) float32 by name, and what part of all rays it took.
 
     Yields the fraction done. There are none without OpenCL, by the paper's method, and where other processes

@@ -22,7 +22,7 @@ class Darkness:
         """Take the number of patches."""
         self.energies: list[float] = []
         self.gathered = np.zeros((count, 4), np.float32)
-        self.irradiance = self.direct = self.indirect = self.settled = self.gathered[:, :3]
+        self.light = self.irradiance = self.direct = self.indirect = self.settled = self.gathered[:, :3]
         self.so_far, self.front = (self.gathered, self.direct), self.gathered[:, 3]
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:

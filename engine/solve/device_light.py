@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import upload, upload_float4_once, upload_rows_once, zeros
+from ..device.buffers import upload, upload_float4_once, zeros
 from ..device.compute import Compute
+from ..device.values import Values, rows_on_device
 
 _SOURCE = "send_out.cl"
 
@@ -15,7 +16,7 @@ def sent_light(
     compute: Compute,
     emission: np.ndarray,
     reflectance: np.ndarray,
-    irradiance: np.ndarray,
+    irradiance: Values,
     stand_in: np.ndarray | None = None,
 ) -> cl.Buffer:
     """Return the radiance of patches on the device, float4 of each between two black entries.
@@ -30,7 +31,7 @@ def sent_light(
     (kernel,) = compute.kernels(_SOURCE, "send_out")
     count, radiance = len(emission), zeros(compute, 16 * (len(emission) + 2))
     surfaces = upload_float4_once(compute, emission, first=1), upload_float4_once(compute, reflectance)
-    light, stride = upload_rows_once(compute, irradiance)
+    light, stride = rows_on_device(compute, irradiance)
     others = None if stand_in is None else upload(compute, stand_in.astype(np.uint32))
     compute.run(kernel, count, *surfaces, light, np.int32(stride), others, radiance, np.int32(count))
     return radiance

@@ -6,6 +6,7 @@ from collections.abc import Generator
 
 import numpy as np
 
+from ..device.values import Values
 from ..gather.device_l1 import L1
 from ..lightmap import Energy
 from ..scene.color import rest_of
@@ -98,6 +99,11 @@ class GroupedSolution:
         return self.gathered[:, :3]
 
     @property
+    def light(self) -> np.ndarray:
+        """What `irradiance` is; see `solution.Solution.light`."""
+        return self.irradiance
+
+    @property
     def direct(self) -> np.ndarray:
         """E/pi of light that was not reflected, (n, 3) float32."""
         coarse = self.last.separate_direct and not self.done
@@ -114,6 +120,6 @@ class GroupedSolution:
         return self._solver.stand_in
 
     @property
-    def settled(self) -> np.ndarray:
+    def settled(self) -> Values:
         """E/pi of the groups that patches see, (m, 3) float32."""
-        return self._solver.irradiance
+        return self._solver.light

@@ -74,6 +74,11 @@ class LastGather:
         return self.gathered[:, :3]
 
     @property
+    def light(self) -> np.ndarray:
+        """What `irradiance` is; see `solution.Solution.light`."""
+        return self.irradiance
+
+    @property
     def indirect(self) -> np.ndarray:
         """E/pi of light that was reflected, (n, 3) float32."""
         return rest_of(self.irradiance, self.direct)

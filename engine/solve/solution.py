@@ -59,6 +59,11 @@ class Solution(Protocol):
         ...
 
     @property
+    def light(self) -> Values:
+        """What `irradiance` is, where it is; nobody changes it."""
+        ...
+
+    @property
     def direct(self) -> np.ndarray:
         """E/pi of light that was not reflected, (n, 3) float32."""
         ...
@@ -69,7 +74,7 @@ class Solution(Protocol):
         ...
 
     @property
-    def settled(self) -> np.ndarray:
+    def settled(self) -> Values:
         """E/pi of what the patches see, (m, 3) float32: of themselves, or of groups of them."""
         ...
 

@@ -127,6 +127,12 @@ class Solver:
         return self._light[1]
 
     @property
+    def light(self) -> Values:
+        """What `irradiance` is, where it is: the device may hold it."""
+        device = self._newest >= 0 and isinstance(self._newest_light, DeviceValues)
+        return self._newest_light if device else self.irradiance
+
+    @property
     def gathered(self) -> np.ndarray:
         """What the last sweep gathered, (n, 4) float32: E/pi, and the fraction that is no back.
 
@@ -173,9 +179,9 @@ class Solver:
         return rest_of(self.irradiance, self.direct)
 
     @property
-    def settled(self) -> np.ndarray:
+    def settled(self) -> Values:
         """E/pi of what the patches see, themselves, (n, 3) float32."""
-        return self.irradiance
+        return self.light
 
     def iteration(self) -> Generator[float, None, None]:
         """Sweep once; yield the fraction done.

@@ -49,9 +49,10 @@ def display_samples(compute, parts, atlases, known, points):
 
 
 def even(parts, light=1.0):
-    """Return patches of even light that see no backs."""
+    """Return patches that see no backs; light: of each, even unless it is (n,)."""
     count = len(parts.patches)
-    return PatchLight(np.full(count, light), np.ones(count), np.zeros(count, bool))
+    lights = np.broadcast_to(light, count).astype(np.float32)[:, None]
+    return PatchLight(lights, np.ones(count), np.zeros(count, bool))
 
 
 SQUARE = np.array([[(2, 3), (7, 3), (7, 9)], [(2, 3), (7, 9), (2, 9)]]) / 13
@@ -101,11 +102,9 @@ def test_borders_of_large_charts_need_samples_where_nobody_covers_the_centre(com
 def test_an_edge_of_light_has_samples_on_both_sides_and_a_slope_none(compute):
     parts = parts_of(SQUARE)
     column = parts.patches.texel % RESOLUTION
-    known = even(parts)
-    known.light[:] = 1 + 0.1 * column
-    assert set(display_samples(compute, parts, 1, known, 4).texel % RESOLUTION) <= {2, 6}
-    known.light[:] = np.where(column < 4, 1, 3)
-    samples = display_samples(compute, parts, 1, known, 4)
+    slope = even(parts, 1 + 0.1 * column)
+    assert set(display_samples(compute, parts, 1, slope, 4).texel % RESOLUTION) <= {2, 6}
+    samples = display_samples(compute, parts, 1, even(parts, np.where(column < 4, 1, 3)), 4)
     row, column = np.divmod(samples.texel, RESOLUTION)
     ends = (row == row.min()) | (row == row.max())
     assert set(column[~ends]) == {2, 3, 4} and set(column[ends]) == {2, 3, 4, 5}
@@ -123,7 +122,7 @@ def test_noise_of_a_dark_corner_is_no_edge_but_shadows_in_it_and_beside_it_are(c
     light[:, 50:53] *= 0.05
     entries = np.arange(1, width**2 + 1, dtype=np.uint32).reshape(1, width, width)
     count = width**2
-    known = PatchLight(light.ravel(), np.ones(count, np.float32), np.zeros(count, bool))
+    known = PatchLight(light.reshape(-1, 1), np.ones(count, np.float32), np.zeros(count, bool))
     edge = find_edges(compute, entries, known)[0][0]
     assert edge[:, [8, 9, 16, 17, 30, 31]].all()
     assert edge[:, [49, 50, 52, 53]].mean() > 0.9
@@ -137,12 +136,9 @@ def test_borders_of_charts_have_samples_beside_light_that_is_hardly_even(compute
     """A shadow may end beyond the last centres; what is as uneven in the middle of a chart is even enough."""
     parts = parts_of(SQUARE)
     row, column = np.divmod(parts.patches.texel, RESOLUTION)
-    known = even(parts)
-    inner = (row == row.min() + 2) & (column == 4)
-    known.light[inner] = 1.07
-    assert not len(display_samples(compute, parts, 1, known, 4))
-    known.light[inner], known.light[(row == row.max() - 1) & (column == 4)] = 1, 1.07
-    texels = np.unique(display_samples(compute, parts, 1, known, 4).texel)
+    inside, beside = ((row == here) & (column == 4) for here in (row.min() + 2, row.max() - 1))
+    assert not len(display_samples(compute, parts, 1, even(parts, np.where(inside, 1.07, 1)), 4))
+    texels = np.unique(display_samples(compute, parts, 1, even(parts, np.where(beside, 1.07, 1)), 4).texel)
     assert set(texels // RESOLUTION) == {row.max()} and set(texels % RESOLUTION) == {3, 4, 5}
 
 

@@ -152,7 +152,7 @@ def _bake(
     report = _summary(solution, solved.parts.surfaces.emission, *facts)
     return Lightmap(
         atlases,
-        store.image(next(iter(made.values()))),
+        store.image(next(iter(made.values()))) if settings.centres else store.no_image,
         next(iter(passes.values())),
         store.has_patch,
         store.known,

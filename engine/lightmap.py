@@ -77,7 +77,7 @@ class Lightmap:
     """Every atlas of a bake; row 0 is the bottom row (v = 0), as in OpenGL and Blender.
 
     image      (atlases, h, w, 3) float32, the first output asked for (E/pi of all light unless set
-               otherwise); 0 where `has_patch` is False
+               otherwise); 0 where `has_patch` is False; of no atlas unless the settings ask for `centres`
     display    (atlases, h, w, 3) float32, what is stored: texels that show more than their centre have the
                mean of several points; without seams, hidden texels filled, charts dilated
     has_patch  (atlases, h, w) bool, texels that are patches

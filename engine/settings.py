@@ -339,6 +339,9 @@ class Settings:
     intermediates: bool = described(
         True, "Intermediate Lightmaps", "Yield the lightmaps so far after each iteration", Switch(), None
     )
+    centres: bool = described(
+        True, "Light at Centres", "Return what patches receive apart from what is shown", Switch(), None
+    )
     warm_start: bool = described(
         False,
         "Warm Start",

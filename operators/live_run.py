@@ -143,7 +143,7 @@ class LiveRun(Run):
         """Return what decides how the scene is baked; raises SettingsError."""
         chosen = self._context.scene.hemibake
         width = chosen.size_mode, chosen.texels_per_metre, chosen.largest_width
-        return read_settings(chosen), chosen.uv_layer, *width
+        return replace(read_settings(chosen), centres=False), chosen.uv_layer, *width
 
     def _take(self, lightmap: Lightmap) -> None:
         """Take the finished lightmap of the scene that was sent last."""

@@ -111,7 +111,7 @@ class Run:
     def _read_scene(self) -> Steps:
         """Unwrap and read the scene; do so again if somebody changes it meanwhile."""
         scene = self._context.scene
-        self._settings = replace(read_settings(scene.hemibake), intermediates=self._watched)
+        self._settings = replace(read_settings(scene.hemibake), intermediates=self._watched, centres=False)
         self._uv_layer = scene.hemibake.uv_layer
         self._target = self._chosen_target()
         targets = target_uids(self._context, self._target)

@@ -104,6 +104,11 @@ class LightmapStore:
         """Return the patches' values, (n, 3) or (n,), as (atlases, r, r, 3) float32, 0 elsewhere."""
         return _coloured(self._scattered(values))
 
+    @property
+    def no_image(self) -> np.ndarray:
+        """What `image` would return of no atlas, (0, r, r, 3) float32."""
+        return np.zeros((0, *self.has_patch.shape[1:], 3), np.float32)
+
     def display(self, values: Values) -> np.ndarray:
         """Return the patches' values as images with hidden texels filled and charts dilated."""
         if self._compute is None:

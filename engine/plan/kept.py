@@ -42,8 +42,8 @@ from .stand_ins import PatchPairs, seen_beside
 
 #: Settings that change nothing of what patches are and see. Whether light bounces and has directions does.
 _LEAVING_VISIBILITY = frozenset({
-    "accelerate", "ao_distance", "ao_samples", "checkpoint_interval", "checkpoint_space", "denoise",
-    "denoise_device", "denoise_library", "dilation", "hide_seams", "intermediates", "iterations",
+    "accelerate", "ao_distance", "ao_samples", "centres", "checkpoint_interval", "checkpoint_space",
+    "denoise", "denoise_device", "denoise_library", "dilation", "hide_seams", "intermediates", "iterations",
     "kept_budget", "light_samples", "outputs", "sample_emission", "scheduler", "texel_samples", "tolerance",
     "warm_start",
 })  # fmt: skip

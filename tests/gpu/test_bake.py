@@ -26,6 +26,12 @@ def test_dilation_touches_no_texel_that_has_a_patch():
     assert (plain.display[~has_patch] == 0).all() and (dilated.display > 0).all()
 
 
+def test_light_at_centres_is_returned_where_it_is_asked_for():
+    lightmap, shown = (drive(furnace(0.5, 1.0), replace(QUICK, centres=centres)) for centres in (True, False))
+    assert lightmap.image.shape == (1, 32, 32, 3) and shown.image.shape == (0, 32, 32, 3)
+    assert (lightmap.display.view(np.uint32) == shown.display.view(np.uint32)).all()
+
+
 def test_a_patch_list_from_a_file_gives_the_same_bits(tmp_path):
     settings = replace(QUICK, patch_file=str(tmp_path / "furnace.patches"))
     made, loaded = (drive(furnace(0.5, 1.0), settings) for _ in range(2))

@@ -7,13 +7,17 @@ the relative error put the step of light on the lit side, where it is like a sha
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ..device.buffers import upload_float4
 from ..device.compute import Compute
 from ..patches.seams import no_seams
+from ..runs import run_numbers, run_starts
 from .device_equations import DeviceEquations
 from .device_fit import DeviceFit
+from .device_images import DeviceTexels
 from .display_samples import DisplaySamples
 from .lightmap_points import LightmapPoints, centre_points, joined_points
 
@@ -37,7 +41,7 @@ class WallFit:
     visible  (s,) bool, samples that somebody sees
     light    (s,) float32, E/pi of the samples, sum of the channels
     inside   (k,) int64, samples in thin walls
-    shown    (atlases, r, r, 1) float32, that light as all texels show it without walls
+    shown    that light, one channel, as all texels show it without walls
     known    (atlases, r, r) bool, texels that show what is seen of them
 
     texels   (t,) int64, flat indices of those that are fitted
@@ -51,14 +55,14 @@ class WallFit:
         visible: np.ndarray,
         light: np.ndarray,
         inside: np.ndarray,
-        shown: np.ndarray,
+        shown: DeviceTexels,
         known: np.ndarray,
     ) -> None:
         resolution = known.shape[1]
         keys, flat = samples.keys(resolution), known.ravel()
-        near = _around(keys[inside], resolution, _REACH)
+        near = _around(keys[inside], known.shape, _REACH)
         self.texels = near[flat[near]]
-        around = _around(self.texels, resolution, 1)
+        around = _around(self.texels, known.shape, 1)
 
         # Samples tell what is shown beside the wall; so do centres of texels without any, and what stays.
         told = np.zeros(known.size, bool)
@@ -66,20 +70,23 @@ class WallFit:
         self._samples = np.flatnonzero(visible & (samples.weight > 0) & told[keys])
         beside, stays = np.zeros(known.size, bool), np.zeros(known.size, bool)
         beside[self.texels] = True
-        farther = _around(around, resolution, 1)
+        farther = _around(around, known.shape, 1)
         stays[farther[flat[farther] & ~beside[farther]]] = True
         beside[keys[self._samples]] = False
         self.centres = np.flatnonzero(stays | beside)
 
         # The square of the relative error, of what is around.
-        bright = _brightest_around(shown[..., 0], known, keys[self._samples])
+        brightness = _Brightness(shown, known, np.union1d(around, self.centres))
+        starts = run_starts(keys[self._samples])
+        bright = brightness.largest_around(keys[self._samples][starts])
+        bright = bright[run_numbers(starts, len(self._samples))]
         relative = _relative_weight(light[self._samples], bright)
         chosen = LightmapPoints(
             samples.atlas[self._samples], samples.position[self._samples],
             samples.weight[self._samples] * relative,
         )  # fmt: skip
-        bright = _brightest_around(shown[..., 0], known, self.centres)
-        weight = _relative_weight(shown.ravel()[self.centres], bright)
+        bright = brightness.largest_around(self.centres)
+        weight = _relative_weight(brightness.of(self.centres), bright)
         weight[stays[self.centres]] *= _FIXED
         centres = centre_points(self.centres, resolution)
         points = joined_points(chosen, LightmapPoints(centres.atlas, centres.position, weight))
@@ -109,30 +116,50 @@ def _relative_weight(light: np.ndarray, bright: np.ndarray) -> np.ndarray:
     return np.where(bright > 0, weight, 1.0)
 
 
-def _around(texels: np.ndarray, resolution: int, steps: int) -> np.ndarray:
-    """Return texels and those within steps of them on the lightmap, (k,) int64, flat indices, ascending."""
-    reach = np.arange(-steps, steps + 1)
-    atlas, texel = np.divmod(texels, resolution**2)
-    row, column = np.divmod(texel, resolution)
-    rows, columns = (np.clip(place[:, None] + reach, 0, resolution - 1) for place in (row, column))
-    grown = (atlas[:, None, None] * resolution + rows[:, :, None]) * resolution + columns[:, None, :]
-    return np.unique(grown)
+def _around(texels: np.ndarray, shape: tuple[int, ...], steps: int) -> np.ndarray:
+    """Return texels and those within steps of them, (k,) int64, flat indices, ascending.
 
-
-def _brightest_around(light: np.ndarray, known: np.ndarray, texels: np.ndarray) -> np.ndarray:
-    """Return the largest known light around some texels, (n,) float32, at least 0.
-
-    light   (atlases, r, r) float32
-    known   (atlases, r, r) bool
-    texels  (n,) int64, flat indices
+    shape: of the lightmaps, (atlases, r, r)
     """
-    resolution, steps = light.shape[1], range(-_AROUND, _AROUND + 1)
-    atlas, texel = np.divmod(texels, resolution**2)
-    row, column = np.divmod(texel, resolution)
-    rows, columns = ([np.clip(place + step, 0, resolution - 1) for step in steps] for place in (row, column))
-    brightest = np.zeros(len(texels), np.float32)
-    for y in rows:
-        for x in columns:
-            found = np.where(known[atlas, y, x], light[atlas, y, x], 0)
-            np.maximum(brightest, found, out=brightest)
-    return brightest
+    around = np.zeros(shape, bool)
+    flat = around.ravel()
+    for index in _steps_from(texels, shape[1], steps):
+        flat[index] = True
+    return np.flatnonzero(flat)
+
+
+def _steps_from(texels: np.ndarray, resolution: int, steps: int) -> Iterator[np.ndarray]:
+    """Yield for each step what is that far from texels, (n,) int64, flat indices; at an end the last one."""
+    reach = range(-steps, steps + 1)
+    before, column = np.divmod(texels, resolution)
+    row = before % resolution
+    columns = [np.clip(column + step, 0, resolution - 1) - column for step in reach]
+    for step in reach:
+        there = texels + resolution * (np.clip(row + step, 0, resolution - 1) - row)
+        yield from (there + across for across in columns)
+
+
+class _Brightness:
+    """Light of texels that are known, near some of them, (n,) int64, flat indices.
+
+    shown  light of all texels, one channel
+    known  (atlases, r, r) bool
+    """
+
+    def __init__(self, shown: DeviceTexels, known: np.ndarray, texels: np.ndarray) -> None:
+        self._resolution = known.shape[1]
+        near = _around(texels, known.shape, _AROUND)
+        near = near[known.ravel()[near]]
+        self._light = np.zeros(known.size, np.float32)
+        self._light[near] = shown.rows(near)[:, 0]
+
+    def of(self, texels: np.ndarray) -> np.ndarray:
+        """Return the light of some texels, (k,) float32; 0 where it is not known."""
+        return self._light[texels]
+
+    def largest_around(self, texels: np.ndarray) -> np.ndarray:
+        """Return the largest known light around some texels, (k,) float32, at least 0."""
+        largest = np.zeros(len(texels), np.float32)
+        for index in _steps_from(texels, self._resolution, _AROUND):
+            np.maximum(largest, self._light.take(index), out=largest)
+        return largest

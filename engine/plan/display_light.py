@@ -13,6 +13,7 @@ from ..device.buffers import upload_float4
 from ..device.compute import Compute
 from ..device.values import Values, channel_sums
 from ..direct.contact import NearFaces
+from ..finish.device_images import DeviceTexels
 from ..finish.display_samples import (
     DisplaySamples,
     display_samples,
@@ -86,7 +87,7 @@ class DisplayLight:
         """Return what texels of lightmaps, (atlases, r, r), show of the samples; there is one at least."""
         return TexelMeans(compute, self.samples, self.visible, shape)
 
-    def beside_walls(self, compute: Compute, shown: np.ndarray, known: np.ndarray) -> WallFit | None:
+    def beside_walls(self, compute: Compute, shown: DeviceTexels, known: np.ndarray) -> WallFit | None:
         """Return what texels beside thin walls show; None where there are none. See `WallFit`."""
         if not len(self.inside):
             return None

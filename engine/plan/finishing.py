@@ -47,7 +47,7 @@ class Finishing:
         if len(lit.samples):
             store.refine(lit.means(self._job.opencl, store.has_patch.shape), lit.hidden)
         if len(lit.inside):
-            shown = store.texels(*self._light_of_texels())
+            shown = store.texels_on_device(*self._light_of_texels())
             store.part(lit.beside_walls(self._job.opencl, shown, store.known))
         self._denoising = Denoising(store.known, self._job.settings)
 

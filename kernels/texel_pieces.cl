@@ -136,11 +136,12 @@ bool is_on(const float2 *corners, const float2 place, float3 *part)
 // starts[i + 1]. Where triangles cover most of a texel the points are those of a regular grid, row by row, each on the
 // first piece that it lies on, -1 for none. Elsewhere all are within what is covered: along the pieces they are at even
 // distances (systematic sampling), so a piece has one more or less than its area would have at most, in each piece
-// those of an R2 sequence. A point weighs its part of the texel, or of what is covered.
+// those of an R2 sequence. A point weighs its part of the texel, or of what is covered. counts: points of each texel.
 __kernel void points_in_texels(__global const float *uvs, __global const int *triangles, __global const int *texels,
                                __global const float *areas, __global const int *starts, const int resolution,
                                const int side, __global int *pieces, __global float *barycentrics,
-                               __global float *positions, __global float *weights, const int count)
+                               __global float *positions, __global float *weights, __global int *counts,
+                               const int count)
 {
     const int i = get_global_id(0);
     if (i >= count)
@@ -166,6 +167,7 @@ __kernel void points_in_texels(__global const float *uvs, __global const int *tr
         }
     }
     weights[i] = 1.0f / points;
+    counts[i] = found;
     if (found >= GRID_FROM * points)
         return;
 
@@ -174,6 +176,7 @@ __kernel void points_in_texels(__global const float *uvs, __global const int *tr
     for (int piece = starts[i]; piece < starts[i + 1]; ++piece)
         covered += areas[piece];
     weights[i] = covered / points;
+    counts[i] = points;
     int piece = starts[i];
     float passed = areas[piece];
     for (int point = 0; point < points; ++point) {
@@ -187,5 +190,30 @@ __kernel void points_in_texels(__global const float *uvs, __global const int *tr
         pieces[item] = piece;
         vstore3(all_parts, item, barycentrics);
         vstore2(origin + all_parts.x * corners[0] + all_parts.y * corners[1] + all_parts.z * corners[2], item, positions);
+    }
+}
+
+// The points that `points_in_texels` has found, close together: those of texel i from firsts[i] on.
+__kernel void list_points(__global const int *triangles, __global const int *texels, __global const int *pieces,
+                          __global const float *barycentrics, __global const float *positions,
+                          __global const float *weights, __global const int *firsts, const int points,
+                          __global int *listed_triangles, __global int *listed_texels,
+                          __global float *listed_barycentrics, __global float *listed_positions,
+                          __global float *listed_weights, const int count)
+{
+    const int i = get_global_id(0);
+    if (i >= count)
+        return;
+    int place = firsts[i];
+    for (int item = i * points; item < (i + 1) * points; ++item) {
+        const int piece = pieces[item];
+        if (piece < 0)
+            continue;
+        listed_triangles[place] = triangles[piece];
+        listed_texels[place] = texels[piece];
+        vstore3(vload3(item, barycentrics), place, listed_barycentrics);
+        vstore2(vload2(item, positions), place, listed_positions);
+        listed_weights[place] = weights[i];
+        ++place;
     }
 }

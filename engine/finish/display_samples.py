@@ -162,8 +162,9 @@ def _samples_of(clipper: TexelClipper, pieces: TexelPieces, resolution: int, poi
     order = np.argsort(keys, kind="stable")
     pieces, starts = pieces.part(order), run_starts(keys[order])
     found = clipper.points_in_texels(pieces, starts, math.isqrt(points))
-    atlas, texel, triangle = (array[found.piece] for array in (pieces.atlas, pieces.texel, pieces.triangle))
-    return DisplaySamples(atlas, texel, found.position, found.weight, triangle, found.barycentric)
+    return DisplaySamples(
+        found.atlas, found.texel, found.position, found.weight, found.triangle, found.barycentric
+    )
 
 
 def on_lightmap(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import download, upload, zeros
+from ..device.buffers import download, upload, upload_once, zeros
 from ..device.compute import Compute
 from ..runs import run_starts
 from .device_images import NOWHERE, DeviceTexels
@@ -58,8 +58,8 @@ class TexelMeans:
         texels, self._count = keys[starts], len(starts)
         firsts = np.append(starts, len(keys)).astype(np.int32)
         self._samples, self._firsts = self._buffer(16 * len(keys)), upload(compute, firsts)
-        arrays = samples.position, samples.weight, np.asarray(visible, np.uint8)
-        listed = [upload(compute, array) for array in arrays]
+        listed = [upload_once(compute, array) for array in (samples.position, samples.weight)]
+        listed.append(upload(compute, np.asarray(visible, np.uint8)))
         compute.run(self._kernels["list_samples"], len(keys), *listed, self._samples, np.int32(len(keys)))
 
         # What is known of each texel, and which ones are beside it.

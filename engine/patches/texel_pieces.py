@@ -19,7 +19,10 @@ from ..short_rows import joined_rows, some_rows
 _LEAST_PIECE = 1e-6
 
 _SOURCE = ("texel_corners.cl", "texel_clip.cl", "texel_pieces.cl")
-_NAMES = ("border_texels", "piece_areas", "points_in_texels")
+_NAMES = ("border_texels", "piece_areas", "points_in_texels", "list_points")
+
+#: Bytes of a triangle, a texel, barycentrics, a position and a weight.
+_OF_POINT = (4, 4, 12, 8, 4)
 
 
 @dataclass(frozen=True)
@@ -52,18 +55,22 @@ class TexelPieces:
 
 
 class TexelPoints(NamedTuple):
-    """Points of texels, in the order of these.
+    """Points of texels, in the order of these; nobody changes them.
 
-    piece        (s,) int32, that each lies on
+    atlas        (s,) int32
+    texel        (s,) int32, row * resolution + column
+    triangle     (s,) int32
+    barycentric  (s, 3) float32
     position     (s, 2) float32, on the lightmap, texels
     weight       (s,) float32, texels
-    barycentric  (s, 3) float32
     """
 
-    piece: np.ndarray
+    atlas: np.ndarray
+    texel: np.ndarray
+    triangle: np.ndarray
+    barycentric: np.ndarray
     position: np.ndarray
     weight: np.ndarray
-    barycentric: np.ndarray
 
 
 def joined_pieces(several: list[TexelPieces]) -> TexelPieces:
@@ -130,22 +137,22 @@ class TexelClipper:
         starts  (t,) int64, the first piece of each texel
         """
         each, texels = side**2, len(starts)
-        sizes = 4 * each, 12 * each, 8 * each, 4
-        found = [zeros(self.compute, size * max(1, texels)) for size in sizes]
-        area = upload(self.compute, pieces.area) if texels else found[3]
-        where = [self._indices(pieces.triangle), self._indices(pieces.texel), area]
-        ends = self._indices(np.append(starts, len(pieces)))
+        where = [self._indices(pieces.triangle), self._indices(pieces.texel)]
+        found = [self._buffer(size * texels) for size in (4 * each, 12 * each, 8 * each, 4)]
+        ends, counts = self._indices(np.append(starts, len(pieces))), self._buffer(4 * texels)
+        area = upload(self.compute, pieces.area) if texels else counts
         sides = np.int32(self._resolution), np.int32(side)
-        self._run("points_in_texels", texels, self._uvs, *where, ends, *sides, *found)
-        piece, barycentric, position, weight = (
-            self._read(buffer, texels * size // 4, kind)
-            for buffer, size, kind in zip(found, sizes, ("i4", "f4", "f4", "f4"), strict=True)
-        )
-        points = piece, position.reshape(-1, 2), np.repeat(weight, each), barycentric.reshape(-1, 3)
-        some = np.flatnonzero(piece >= 0)
-        return TexelPoints(
-            *points if len(some) == len(piece) else (some_rows(array, some) for array in points)
-        )
+        self._run("points_in_texels", texels, self._uvs, *where, area, ends, *sides, *found, counts)
+
+        # Who uploads the points finds them on the device.
+        last = np.cumsum(self._read(counts, texels, "i4"))
+        firsts, total = self._indices(np.append(0, last[:-1])), int(last[-1]) if texels else 0
+        listed = [self._buffer(size * total) for size in _OF_POINT]
+        self._run("list_points", texels, *where, *found, firsts, np.int32(each), *listed)
+        triangle, texel = (self._points(buffer, (total,), "i4") for buffer in listed[:2])
+        shapes = (total, 3), (total, 2), (total,)
+        others = (self._points(*pair, "f4") for pair in zip(listed[2:], shapes, strict=True))
+        return TexelPoints(self._triangles.atlas[triangle], texel, triangle, *others)
 
     def _list_rows(self, atlases: int) -> tuple:
         """Return how many rows `_rows` returns, these on the device, and the atlas of each triangle."""
@@ -182,6 +189,15 @@ class TexelClipper:
 
     def _read(self, buffer: cl.Buffer, count: int, kind: str) -> np.ndarray:
         return download(self.compute, buffer, (count,)).view(kind) if count else np.zeros(0, kind)
+
+    def _points(self, buffer: cl.Buffer, shape: tuple[int, ...], kind: str) -> np.ndarray:
+        """Return what a buffer holds of points; who uploads it once gets the buffer."""
+        values = self._read(buffer, int(np.prod(shape)), kind).reshape(shape)
+        self.compute.shared.of(values, "bits", lambda: buffer)
+        return values
+
+    def _buffer(self, size: int) -> cl.Buffer:
+        return cl.Buffer(self.compute.context, cl.mem_flags.READ_WRITE, max(4, size))
 
     def _run(self, name: str, count: int, *arguments: object) -> None:
         if count:

@@ -179,6 +179,9 @@ def _gather_groups(
 
 def _batches(samples: DisplaySamples) -> Iterator[tuple[DisplaySamples, tuple[float, float]]]:
     """Yield samples that gather together, and which fraction of all is before them and after them."""
+    if len(samples) <= _BATCH:
+        yield samples, (0.0, 1.0)
+        return
     for first in range(0, len(samples), _BATCH):
         last = min(first + _BATCH, len(samples))
         yield samples.part(slice(first, last)), (first / len(samples), last / len(samples))

@@ -69,7 +69,11 @@ def test_points_lie_in_their_texel_and_are_even_on_what_is_covered(compute):
     pieces = clipper.border_pieces(everywhere(1))
     pieces = pieces.part(pieces.area > 1e-3)
     found, side = clipper.points_in_texels(pieces, np.arange(len(pieces)), 20), 20
-    piece, points = found.piece, found.barycentric
+    keys, points = pieces.triangle.astype(np.int64) * RESOLUTION**2 + pieces.texel, found.barycentric
+    order = np.argsort(keys)
+    place = found.triangle.astype(np.int64) * RESOLUTION**2 + found.texel
+    piece = order[np.searchsorted(keys, place, sorter=order)]
+    assert (np.diff(piece) >= 0).all()
     count = np.bincount(piece, minlength=len(pieces))
     assert (count >= 0.75 * side**2).all() and (count <= side**2).all()
     assert points.min() >= 0 and np.abs(points.sum(axis=1) - 1).max() < 1e-5

@@ -78,5 +78,5 @@ def _step_records(steps: TexelSteps) -> np.ndarray:
 
 def _points(patches: PatchList) -> int:
     """Return how many patches share a texel: 1, or more where these are samples of texels."""
-    runs = 1 + np.count_nonzero(np.diff(patches.texel))
+    runs = 1 + np.count_nonzero(patches.texel[1:] != patches.texel[:-1])
     return math.ceil(len(patches) / runs)

@@ -44,7 +44,8 @@ bool is_inside(const Rays *rays, const Receiver *r, const float3 start, const fl
 
 // ways: xyz the way out, m, 0 for none; w how thick the thing is that the point is in, m, INFINITY if its sides are
 // farther than `reach`. walls: a triangle of it, -1 if none is near. sides: the two triangles that the thickness is
-// measured between. inside: 1 for points inside of something. normals: of the triangles.
+// measured between. inside: 1 for points inside of something; of others nothing else is written. normals: of the
+// triangles.
 __kernel void push_out(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const float *normals,
                        const float reach, __global float4 *ways, __global int *walls, __global int2 *sides,
                        __global uchar *inside, const int count)
@@ -57,13 +58,13 @@ __kernel void push_out(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers,
     const float3 start = r.at + r.height * r.geometric;
     float3 x, y;
     basis(r.geometric, &x, &y);
-    ways[point] = (float4)(0.0f, 0.0f, 0.0f, INFINITY);
-    walls[point] = -1;
-    sides[point] = (int2)(-1);
     bool backs_only;
     inside[point] = is_inside(&rays, &r, start, x, y, normals, &backs_only);
     if (!inside[point])
         return;
+    ways[point] = (float4)(0.0f, 0.0f, 0.0f, INFINITY);
+    walls[point] = -1;
+    sides[point] = (int2)(-1);
     float nearest = INFINITY, thickness = INFINITY, distances[WAYS];
     int met[WAYS];
     for (int i = 0; i < WAYS; ++i) {
@@ -85,4 +86,17 @@ __kernel void push_out(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers,
         }
     }
     ways[point].w = thickness;
+}
+
+// The ways of some points, close together.
+__kernel void take_ways(__global const float4 *ways, __global const int *walls, __global const int2 *sides,
+                        __global const int *points, __global float4 *taken, __global int *taken_walls,
+                        __global int2 *taken_sides, const int count)
+{
+    const int i = get_global_id(0);
+    if (i >= count)
+        return;
+    taken[i] = ways[points[i]];
+    taken_walls[i] = walls[points[i]];
+    taken_sides[i] = sides[points[i]];
 }

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import download, upload_once
+from ..device.buffers import download, upload, upload_once, zeros
+from ..device.compute import Compute
+from ..device.kernel import Kernel
 from ..patches.geometry import PatchGeometry
 from ..short_rows import joined_rows, row_products, some_rows
 from ..visibility.rays.ray_scene import RayScene
@@ -59,23 +61,37 @@ def ways_out(scene: RayScene, count: int, reach: float, normals: np.ndarray) -> 
     normals: (t, 3) float32, unit, of the triangles.
     """
     compute, rays = scene.compute, scene.rays
-    (kernel,) = rays.kernels((*RECEIVER_SOURCE, "looks.cl", "push_out.cl"), "push_out")
-    flags = cl.mem_flags.READ_WRITE
-    ways, *found = (cl.Buffer(compute.context, flags, size * count) for size in (16, 4, 8, 1))
+    push, take = rays.kernels((*RECEIVER_SOURCE, "looks.cl", "push_out.cl"), "push_out", "take_ways")
+    found = [cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size * count) for size in (16, 4, 8)]
+    marks, number = zeros(compute, 4 * (count // 4 + 1)), np.int32(count)
     inputs = scene.receivers, upload_once(compute, normals), np.float32(reach)
-    rays.run(kernel, count, *inputs, ways, *found, np.int32(count))
-    way = download(compute, ways, (count, 4))
-    wall, side, inside = np.empty(count, np.int32), np.empty((count, 2), np.int32), np.empty(count, bool)
-    for array, buffer in zip((wall, side, inside), found, strict=True):
-        cl.enqueue_copy(compute.queue, array, buffer)
+    rays.run(push, count, *inputs, *found, marks, number)
+    inside = download(compute, marks, (count // 4 + 1,)).view(bool)[:count]
+    offset, thickness = np.zeros((count, 3), np.float32), np.full(count, np.inf, np.float32)
+    wall = np.full(count, -1, np.int32)
 
     # Few points are near sides of anything.
-    thickness = np.full(count, np.inf, np.float32)
     between = np.flatnonzero(inside)
-    one, other = (some_rows(normals, triangle) for triangle in some_rows(side, between).T)
-    apart = between[row_products(one, other) < _APART]
-    thickness[apart] = way[apart, 3]
-    return WaysOut(way[:, :3].copy(), thickness, wall, inside)
+    if len(between):
+        way, wall[between], side = _taken(compute, take, found, between)
+        offset[between] = way[:, :3]
+        one, other = (some_rows(normals, triangle) for triangle in side.T)
+        apart = row_products(one, other) < _APART
+        thickness[between[apart]] = way[apart, 3]
+    return WaysOut(offset, thickness, wall, inside)
+
+
+def _taken(
+    compute: Compute, kernel: Kernel, found: list[cl.Buffer], points: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return ways, walls and sides of some points, (k, 4) float32, (k,) int32 and (k, 2) int32."""
+    count = len(points)
+    taken = [cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, size * count) for size in (16, 4, 8)]
+    compute.run(kernel, count, *found, upload(compute, points.astype(np.int32)), *taken, np.int32(count))
+    ways, walls, sides = (
+        download(compute, buffer, (count, columns)) for buffer, columns in zip(taken, (4, 1, 2), strict=True)
+    )
+    return ways, walls.view(np.int32)[:, 0], sides.view(np.int32)
 
 
 def pushed_barycentrics(geometry: PatchGeometry, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -14,7 +14,7 @@ from ..patches.geometry import PatchGeometry, TexelSteps
 from ..patches.patch_list import PatchList
 from ..scene.model import Scene
 from ..settings import Settings
-from ..short_rows import nonzero_rows
+from ..short_rows import any_in_rows, some_rows
 from .choice import Choice
 from .solve_job import SolveJob
 
@@ -76,7 +76,8 @@ class DisplayPoints:
         """
         samples, parts = self.samples, self.parts
         ways = ways_out(self.rays, len(samples), self._side, self._steps.geometric).without(lit)
-        inside = nonzero_rows(ways.offset)
+        inside = np.flatnonzero(ways.inside)
+        inside = inside[any_in_rows(some_rows(ways.offset, inside))]
         if not len(inside):
             return ways
         moved, stays = pushed_barycentrics(parts.geometry.part(inside), ways.offset[inside])

@@ -63,7 +63,7 @@ def split_sky(world: np.ndarray) -> Sky:
     """Split a world's radiance, (3,) or (h, w, 3), at a multiple of its mean luminance."""
     if world.ndim == 1:
         return Sky(whole_sky(world), None)
-    bright = luminance(world.astype(np.float64))
+    bright = luminance(world, np.float64)
     mean = float((bright.mean(axis=1) * row_fractions(len(world))).sum())
     places = np.flatnonzero(bright > _BRIGHT * mean)
     if not len(places):

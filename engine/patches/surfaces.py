@@ -11,7 +11,7 @@ import numpy as np
 from ..device.compute import Compute
 from ..scene.digests import same_values
 from ..scene.model import Scene, Texture
-from ..short_rows import nonzero_rows
+from ..short_rows import any_in_rows, nonzero_rows, some_rows
 from ..slabs import taken
 from .geometry import PatchGeometry
 from .host_texture_means import multiply_on_host
@@ -103,7 +103,20 @@ def patch_surfaces(
             rows = np.flatnonzero(stays[geometry.material])
             values[kind][rows] = before[rows]
     _multiply(compute, scene, geometry, resolution, [(values[kind], textures[kind]) for kind in textures])
-    return PatchSurfaces(**values)
+    surfaces = PatchSurfaces(**values)
+    if known is None:
+        # Few materials emit: all other patches need not be asked.
+        vars(surfaces)["shining"] = _shining(scene, geometry, surfaces.emission)
+    return surfaces
+
+
+def _shining(scene: Scene, geometry: PatchGeometry, emission: np.ndarray) -> np.ndarray:
+    """Return `PatchSurfaces.shining`: patches of materials that emit whose textures leave some of it."""
+    emits = np.array([material.emission.any() for material in scene.materials], bool)
+    if not emits.any():
+        return np.zeros(0, np.int64)
+    patches = np.flatnonzero(taken(emits.take(geometry.triangles.material), geometry.triangle))
+    return patches[any_in_rows(some_rows(emission, patches))]
 
 
 def _multiply(

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from ..slabs import in_slabs
+
+#: What each channel brings to luminance (ITU-R BT.709).
+_LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 
 def channel_sum(values: np.ndarray) -> np.ndarray:
@@ -25,13 +29,25 @@ def channel_sum(values: np.ndarray) -> np.ndarray:
     return sums
 
 
-def luminance(values: np.ndarray) -> np.ndarray:
-    """Return the luminance of scene-linear Rec.709 colors (ITU-R BT.709), (..., 3) -> (...), same dtype.
+def luminance(values: np.ndarray, dtype: npt.DTypeLike = None) -> np.ndarray:
+    """Return the luminance of scene-linear Rec.709 colors (ITU-R BT.709), (..., 3) -> (...).
 
     Column by column, as `channel_sum`.
+
+    dtype: of the result, in which it is summed up; None for that of the values
     """
-    total: np.ndarray = 0.2126 * values[..., 0] + 0.7152 * values[..., 1] + 0.0722 * values[..., 2]
-    return total
+    colors = values.reshape(-1, values.shape[-1])
+    total = np.empty(len(colors), dtype or values.dtype)
+
+    def add(slab: slice) -> None:
+        here, part = total[slab], np.empty_like(total[slab])
+        np.multiply(colors[slab, 0], _LUMINANCE[0], out=here, dtype=total.dtype)
+        for channel in (1, 2):
+            np.multiply(colors[slab, channel], _LUMINANCE[channel], out=part, dtype=total.dtype)
+            here += part
+
+    in_slabs(len(colors), 4 * total.itemsize, add)
+    return total.reshape(values.shape[:-1])
 
 
 def colors_of(values: np.ndarray) -> np.ndarray:

@@ -91,6 +91,6 @@ def _has_use(sky: np.ndarray) -> bool:
     """Return whether a sky, (h, w, 3), differs from place to place, and nowhere by far."""
     if (sky == sky[0, 0]).all():
         return False
-    light = luminance(sky.astype(np.float64))
+    light = luminance(sky, np.float64)
     mean, square = ((power.mean(axis=1) * row_fractions(len(sky))).sum() for power in (light, light**2))
     return bool(square <= (_EVEN * mean) ** 2)

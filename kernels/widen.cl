@@ -7,6 +7,16 @@ __kernel void widen(__global const float *narrow, __global float4 *wide, const i
         wide[i] = i < first || i >= first + values ? (float4)(0.0f) : (float4)(vload3(i - first, narrow), 0.0f);
 }
 
+// The same of colours whose rows are `stride` apart.
+__kernel void widen_rows(__global const float *rows, const int stride, __global float4 *wide, const int first,
+                         const int values, const int count)
+{
+    const int i = get_global_id(0);
+    const bool within = i >= first && i < first + values;
+    if (i < count)
+        wide[i] = within ? (float4)(vload3(0, rows + (size_t)stride * (i - first)), 0.0f) : (float4)(0.0f);
+}
+
 // The colours of `planes` float4 of each item, one plane after the other, three floats each.
 __kernel void narrow(__global const float4 *wide, const int planes, const int items, __global float *narrow)
 {
@@ -22,6 +32,14 @@ __kernel void put_colors(__global const float *colors, __global const uint *plac
     const int i = get_global_id(0);
     if (i < count)
         wide[first + places[i]] = (float4)(vload3(i, colors), 0.0f);
+}
+
+// Colours of some rows, `stride` apart, become black.
+__kernel void blacken(__global float *rows, const int stride, __global const uint *places, const int count)
+{
+    const int i = get_global_id(0);
+    if (i < count)
+        vstore3((float3)(0.0f), 0, rows + (size_t)stride * places[i]);
 }
 
 // float4 of which the fourth becomes 0.

@@ -183,7 +183,7 @@ def _hemicubes(
     parts, kept, compute = session._kept._parts, session._kept.samples, session._devices.compute
     radiance = np.zeros((len(parts.patches) + 2, 3))
     gathered = sum(lightmap.passes[name] for name in outputs)[0][known]
-    radiance[1:-1] = parts.surfaces.reflectance * gathered
+    radiance[1:-1] = np.asarray(parts.surfaces.reflectance) * gathered
     rows = np.concatenate([_downloaded(compute, piece.cache, kept.sampling) for piece in kept.pieces])
     session.close()
 

@@ -154,7 +154,9 @@ def _shot(room: Room) -> list[Curve]:
     with watch:
         seen, points = room.seen(), viewpoints(room.parts.triangles, geometry, room.settings)
         polygon = room.polygon[geometry.triangle]
-        shooting = Shooting(geometry, seen, points, polygon, surfaces.emission, surfaces.reflectance)
+        shooting = Shooting(
+            geometry, seen, points, polygon, surfaces.emission, np.asarray(surfaces.reflectance)
+        )
     plain, ambient = Curve("progressive shooting"), Curve("progressive shooting + ambient")
     start = shooting.unshot.sum()
     while shooting.unshot.sum() > 1e-4 * start:

@@ -10,7 +10,7 @@ import pyopencl as cl
 
 from ..scene.color import channel_sum
 from ..short_rows import some_rows
-from .buffers import download, upload, upload_float4, upload_rows_once
+from .buffers import download, upload, upload_float4, upload_float4_once, upload_rows_once
 from .compute import Compute
 
 
@@ -24,7 +24,7 @@ class DeviceValues:
 
     def __init__(self, compute: Compute, buffer: cl.Buffer, count: int, stride: int = 3) -> None:
         self._compute, self.buffer, self._count, self.stride = compute, buffer, count, stride
-        self.channels = min(stride, 3)
+        self.channels, self._wide = min(stride, 3), dict[int, cl.Buffer]()
 
     def __len__(self) -> int:
         return self._count
@@ -67,12 +67,38 @@ class DeviceValues:
         """Return the colours of some points, (k,) int64, as (k, 3) float32 of the host."""
         if "rows" in vars(self) or not len(chosen):
             return self.colors[chosen]
-        compute, count = self._compute, len(chosen)
+        return self.taken(upload(self._compute, chosen.astype(np.uint32)), len(chosen)).colors
+
+    def taken(self, chosen: cl.Buffer, count: int) -> DeviceValues:
+        """Return the colours of some points by their numbers, uint32 or int32 on the device."""
+        compute = self._compute
         (kernel,) = compute.kernels("widen.cl", "take_colors")
-        taken = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 12 * count)
-        numbers = upload(compute, chosen.astype(np.uint32))
-        compute.run(kernel, count, self.buffer, np.int32(self.stride), numbers, taken, np.int32(count))
-        return download(compute, taken, (count, 3))
+        taken = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 12 * max(1, count))
+        compute.run(kernel, count, self.buffer, np.int32(self.stride), chosen, taken, np.int32(count))
+        return DeviceValues(compute, taken, count)
+
+    def black_at(self, places: np.ndarray) -> DeviceValues:
+        """Return the same colours, but some of them, (k,) int64, black."""
+        if not len(places):
+            return self
+        compute, size = self._compute, 4 * self.stride * self._count
+        changed = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)
+        cl.enqueue_copy(compute.queue, changed, self.buffer, byte_count=size)
+        (kernel,) = compute.kernels("widen.cl", "blacken")
+        numbers = upload(compute, places.astype(np.uint32))
+        compute.run(kernel, len(places), changed, np.int32(self.stride), numbers, np.int32(len(places)))
+        return DeviceValues(compute, changed, self._count, self.stride)
+
+    def as_float4(self, first: int = 0) -> cl.Buffer:
+        """Return the colours as float4 after some rows of zeros, the same buffer each time."""
+        if first not in self._wide:
+            compute, count = self._compute, first + self._count
+            wide = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count)
+            (kernel,) = compute.kernels("widen.cl", "widen_rows")
+            sizes = (first, self._count, count)
+            compute.run(kernel, count, self.buffer, np.int32(self.stride), wide, *map(np.int32, sizes))
+            self._wide[first] = wide
+        return self._wide[first]
 
     def plus(self, others: Values, sign: int = 1) -> DeviceValues:
         """Return float4 of these colours plus those of others times 1 or -1, from 0 on; the fourth is 0."""
@@ -101,6 +127,11 @@ def float4_on_device(compute: Compute, values: Values) -> cl.Buffer:
     if isinstance(values, DeviceValues) and values.stride == 4:
         return values.buffer
     return upload_float4(compute, np.asarray(values))
+
+
+def float4_once(compute: Compute, values: Values) -> cl.Buffer:
+    """Return colours, (n, 3), which nobody changes, as float4: the same buffer each time."""
+    return values.as_float4() if isinstance(values, DeviceValues) else upload_float4_once(compute, values)
 
 
 def rows_of(values: Values) -> np.ndarray:

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 
+from ..device.buffers import upload, upload_once
 from ..device.compute import Compute
+from ..device.values import DeviceValues, Values, colors_on_host, some_of
 from ..scene.digests import same_values
 from ..scene.model import Scene, Texture
 from ..short_rows import any_in_rows, nonzero_rows, some_rows
@@ -22,18 +25,18 @@ from .textured import TexturedPatches, textured_patches
 _KINDS = ("reflectance", "emission")
 
 #: Multiplies values of patches, (n, 3) float32, by textures of their materials.
-_Multiplier = Callable[[np.ndarray, Sequence[tuple[TexturedPatches, Texture]]], None]
+_Multiplier = Callable[[Any, Sequence[tuple[TexturedPatches, Texture]]], None]
 
 
 @dataclass(frozen=True)
 class PatchSurfaces:
     """Surfaces as the solver needs them.
 
-    reflectance  (n, 3) float32
+    reflectance  (n, 3) float32, where it was made
     emission     (n, 3) float32, radiance
     """
 
-    reflectance: np.ndarray
+    reflectance: Values
     emission: np.ndarray
 
     @cached_property
@@ -47,10 +50,13 @@ class PatchSurfaces:
 
     def black_at(self, patches: np.ndarray) -> PatchSurfaces:
         """Return the same, but that some patches, (n,) bool, reflect nothing."""
-        if not patches.any():
+        places = np.flatnonzero(patches)
+        if not len(places):
             return self
+        if isinstance(self.reflectance, DeviceValues):
+            return PatchSurfaces(self.reflectance.black_at(places), self.emission)
         reflectance = self.reflectance.copy()
-        reflectance[patches] = 0
+        reflectance[places] = 0
         return PatchSurfaces(reflectance, self.emission)
 
 
@@ -84,30 +90,50 @@ def patch_surfaces(
 
     known: of the same patches in a scene of the same geometry; None to read all textures
     """
-    values, textures = {}, {}
+    if known is None:
+        return _made_surfaces(compute, scene, geometry, resolution)
+    values: dict[str, Values] = {}
+    textures: dict[str, list[Texture | None]] = {}
     for kind in _KINDS:
-        maps = [getattr(material, f"{kind}_map") for material in scene.materials]
-        if known is None:
-            values[kind], textures[kind] = _constants(scene, kind, geometry), maps
-            continue
+        maps = _maps(scene, kind)
         same, before = known.shown_by(scene, kind), getattr(known.surfaces, kind)
         if same.all():
             values[kind] = before
             continue
 
         # Textures that stay are not read again.
-        values[kind] = _constants(scene, kind, geometry)
+        made = values[kind] = _constants(scene, kind, geometry)
         textures[kind] = [None if stays else texture for stays, texture in zip(same, maps, strict=True)]
         stays = same & [texture is not None for texture in maps]
         if stays.any():
             rows = np.flatnonzero(stays[geometry.material])
-            values[kind][rows] = before[rows]
-    _multiply(compute, scene, geometry, resolution, [(values[kind], textures[kind]) for kind in textures])
-    surfaces = PatchSurfaces(**values)
-    if known is None:
-        # Few materials emit: all other patches need not be asked.
-        vars(surfaces)["shining"] = _shining(scene, geometry, surfaces.emission)
+            made[rows] = some_of(before, rows)
+    device = compute if compute is not None and _fits(compute, list(textures.values())) else None
+    _multiply(device, scene, geometry, resolution, [(values[kind], textures[kind]) for kind in textures])
+    return PatchSurfaces(values["reflectance"], colors_on_host(values["emission"]))
+
+
+def _made_surfaces(
+    compute: Compute | None, scene: Scene, geometry: PatchGeometry, resolution: int
+) -> PatchSurfaces:
+    """Return what `patch_surfaces` does where nothing is known; a device keeps what patches reflect."""
+    maps = [_maps(scene, kind) for kind in _KINDS]
+    device = compute if compute is not None and _fits(compute, maps) else None
+    reflectance: Values = (
+        _constants_on(device, scene, geometry) if device else _constants(scene, "reflectance", geometry)
+    )
+    emission = _constants(scene, "emission", geometry)
+    _multiply(device, scene, geometry, resolution, list(zip((reflectance, emission), maps, strict=True)))
+    surfaces = PatchSurfaces(reflectance, emission)
+
+    # Few materials emit: all other patches need not be asked.
+    vars(surfaces)["shining"] = _shining(scene, geometry, emission)
     return surfaces
+
+
+def _maps(scene: Scene, kind: str) -> list[Texture | None]:
+    """Return the texture of a kind of each material."""
+    return [getattr(material, f"{kind}_map") for material in scene.materials]
 
 
 def _shining(scene: Scene, geometry: PatchGeometry, emission: np.ndarray) -> np.ndarray:
@@ -124,16 +150,28 @@ def _multiply(
     scene: Scene,
     geometry: PatchGeometry,
     resolution: int,
-    kinds: Sequence[tuple[np.ndarray, Sequence[Texture | None]]],
+    kinds: Sequence[tuple[Values, Sequence[Texture | None]]],
 ) -> None:
-    """Multiply values of patches, (n, 3) float32, by textures of each material, where it has one."""
-    sizes = [texture.pixels.nbytes for _, textures in kinds for texture in textures if texture]
-    if sizes:
+    """Multiply values of patches, (n, 3) float32, by textures of each material, where it has one.
+
+    compute: holds each texture, and values that are on a device; None to multiply on the host
+    """
+    if any(texture for _, textures in kinds for texture in textures):
         chosen = [any(maps) for maps in zip(*(textures for _, textures in kinds), strict=True)]
         textured = textured_patches(geometry, resolution, chosen)
-        multiply = _multiplier(compute, scene, geometry, max(sizes))
+        multiply: _Multiplier = (
+            TextureMeans(compute, geometry, scene.meshes).multiply
+            if compute
+            else partial(multiply_on_host, geometry, scene.meshes)
+        )
         for values, textures in kinds:
             multiply(values, _on_patches(textures, textured))
+
+
+def _fits(compute: Compute, maps: Sequence[Sequence[Texture | None]]) -> bool:
+    """Return whether a device holds each of some textures."""
+    sizes = [texture.pixels.nbytes for textures in maps for texture in textures if texture]
+    return max(sizes, default=0) <= int(compute.device.max_mem_alloc_size)
 
 
 def _constants(scene: Scene, kind: str, geometry: PatchGeometry) -> np.ndarray:
@@ -141,8 +179,20 @@ def _constants(scene: Scene, kind: str, geometry: PatchGeometry) -> np.ndarray:
     colors = [getattr(material, kind) for material in scene.materials]
     if not np.any(colors):
         return np.zeros((len(geometry.triangle), 3), np.float32)
-    of_triangle = np.stack(colors).astype(np.float32).take(geometry.triangles.material, axis=0)
-    return taken(of_triangle, geometry.triangle)
+    return taken(_of_triangles(colors, geometry), geometry.triangle)
+
+
+def _constants_on(compute: Compute, scene: Scene, geometry: PatchGeometry) -> DeviceValues:
+    """Return what each patch's material reflects, on a device."""
+    colors = _of_triangles([material.reflectance for material in scene.materials], geometry)
+    of_triangle = DeviceValues(compute, upload(compute, colors), len(colors))
+    return of_triangle.taken(upload_once(compute, geometry.triangle), len(geometry.triangle))
+
+
+def _of_triangles(colors: Sequence[np.ndarray], geometry: PatchGeometry) -> np.ndarray:
+    """Return the colour of each triangle's material, (t, 3) float32."""
+    table: np.ndarray = np.stack(colors).astype(np.float32).take(geometry.triangles.material, axis=0)
+    return table
 
 
 def _on_patches(
@@ -151,10 +201,3 @@ def _on_patches(
     """Return the textures, one a material, that patches show, with these patches."""
     maps = zip(textured, textures, strict=True)
     return [(patches, texture) for patches, texture in maps if texture and patches and len(patches.patch)]
-
-
-def _multiplier(compute: Compute | None, scene: Scene, geometry: PatchGeometry, largest: int) -> _Multiplier:
-    """Return what multiplies by textures: the device if it holds the largest one, bytes, or the host."""
-    if compute is not None and largest <= compute.device.max_mem_alloc_size:
-        return TextureMeans(compute, geometry, scene.meshes).multiply
-    return partial(multiply_on_host, geometry, scene.meshes)

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import upload
+from ..device.buffers import upload, upload_once
 from ..device.compute import Compute
+from ..device.values import DeviceValues, Values
 from ..scene.cutouts import EXTENSIONS
 from ..scene.model import Mesh, Texture
 from .geometry import PatchGeometry
@@ -29,23 +30,24 @@ class TextureMeans:
 
     def __init__(self, compute: Compute, geometry: PatchGeometry, meshes: Sequence[Mesh]) -> None:
         self._compute, self._geometry, self._meshes = compute, geometry, meshes
-        self._points = upload(compute, geometry.triangle), upload(compute, geometry.barycentric)
+        self._points = upload_once(compute, geometry.triangle), upload_once(compute, geometry.barycentric)
         self._image: tuple[tuple, cl.Buffer] | None = None
         options = (f"-DSAMPLES={SAMPLES}",)
         self._mean, self._shrink = compute.kernels(_SOURCE, "texture_mean", "shrink", options=options)
 
-    def multiply(self, values: np.ndarray, maps: Sequence[tuple[TexturedPatches, Texture]]) -> None:
-        """Multiply values of patches, (n, 3) float32, by textures of their materials."""
+    def multiply(self, values: Values, maps: Sequence[tuple[TexturedPatches, Texture]]) -> None:
+        """Multiply values of patches, (n, 3) float32 in rows of three, by textures of their materials."""
         if not maps:
             return
         places = np.zeros(len(self._geometry.triangles.material), np.int32)
         for textured, _ in maps:
             places[textured.triangles] = np.arange(len(textured.triangles))
         inputs = (*self._points, upload(self._compute, places))
-        buffer = upload(self._compute, values)
+        buffer = values.buffer if isinstance(values, DeviceValues) else upload(self._compute, values)
         for textured, texture in sorted(maps, key=lambda both: id(both[1].pixels)):
             self._multiply(buffer, inputs, textured, texture)
-        cl.enqueue_copy(self._compute.queue, values, buffer)
+        if isinstance(values, np.ndarray):
+            cl.enqueue_copy(self._compute.queue, values, buffer)
 
     def _multiply(
         self, values: cl.Buffer, inputs: tuple[cl.Buffer, ...], textured: TexturedPatches, texture: Texture

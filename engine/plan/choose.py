@@ -217,7 +217,7 @@ def _begins_sparse(job: SolveJob, sweep: Sweep) -> bool:
 def _host_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
     """Return the light of all patches in host memory, gathered by OpenGL or as the paper does."""
     gather, choice = _choose_gather(job)
-    reflectance = job.parts.surfaces.reflectance
+    reflectance = colors_on_host(job.parts.surfaces.reflectance)
     radiosity = HostRadiosity(
         gather, reflectance, job.emission, job.area,
         job.sampled_light, job.gathers_direct, job.columns,

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pyopencl as cl
 
-from ..device.values import Values, some_of
+from ..device.values import Values, colors_on_host, some_of
 from ..patches.texels_around import entries_around
 from ..scene.color import channel_sum
 from ..segment_sums import segment_sums
@@ -88,7 +88,7 @@ class HiddenLight:
     def on_surfaces(self, solved: SolveJob) -> SolveJob:
         """Return a job whose hidden patches reflect what those beside them do, as in `seen`."""
         surfaces = solved.parts.surfaces
-        seen = replace(surfaces, reflectance=self.seen(surfaces.reflectance))
+        seen = replace(surfaces, reflectance=self.seen(colors_on_host(surfaces.reflectance)))
         return replace(solved, parts=replace(solved.parts, surfaces=seen))
 
     def _others(self, light: Values) -> tuple[np.ndarray, np.ndarray]:

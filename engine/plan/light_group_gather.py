@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..device.values import colors_on_host
 from ..gather.light_group_sweep import LightGroupLook
 from ..progress import part_of
 from ..settings import Settings
@@ -51,7 +52,9 @@ def gather_light_groups(
         some = [groups[number] for number in together]
         look = _look(some, choice, receivers, settings)
         sent = [
-            reflected_light(groups[number].parts.surfaces.reflectance, settled[number], stand_in)
+            reflected_light(
+                colors_on_host(groups[number].parts.surfaces.reflectance), settled[number], stand_in
+            )
             for number in together
         ]
         found = yield from part_of(0.0, 1 / looks, look.gather(np.stack(sent, axis=1)))

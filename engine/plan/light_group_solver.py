@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..device.buffers import upload_float4
+from ..device.values import colors_on_host
 from ..gather.kept_samples import KeptSamples
 from ..gather.light_group_sweep import TOGETHER, LightGroupSweep
 from ..progress import part_of
@@ -190,7 +191,7 @@ def _solved_together(
     radiosity = _Radiosity(
         job.opencl,
         sweep,
-        np.repeat(job.parts.surfaces.reflectance, len(parts), axis=0),
+        np.repeat(colors_on_host(job.parts.surfaces.reflectance), len(parts), axis=0),
         upload_float4(job.opencl, _beside(part.emission for part in bright), first=1),
         np.repeat(job.area, len(parts)),
         sampled,

@@ -12,7 +12,7 @@ from ..device.compute import Compute
 from ..device.graphics import Graphics
 from ..device.program_cache import device_digest
 from ..device.source import source_digest
-from ..device.values import Values
+from ..device.values import Values, colors_on_host
 from ..direct.contact import NearFaces
 from ..errors import DeviceError
 from ..patches.subdivision import Subdivision
@@ -111,18 +111,19 @@ class SolveJob:
 
         Column by column: pages of three would be mapped for it.
         """
-        surfaces, light = self.parts.surfaces, self.sampled_light
-        radiance: np.ndarray = channel_sum(surfaces.emission)
+        light, reflectance = self.sampled_light, colors_on_host(self.parts.surfaces.reflectance)
+        radiance: np.ndarray = channel_sum(self.parts.surfaces.emission)
         column = np.empty_like(radiance)
         for channel in range(3):
-            radiance += np.multiply(surfaces.reflectance[:, channel], light[:, channel], out=column)
+            radiance += np.multiply(reflectance[:, channel], light[:, channel], out=column)
         return radiance
 
     @property
     def light_key(self) -> tuple:
         """All that decides the light of the patches, where it is known what they see and how they gather."""
         settings = self.settings
-        arrays = (self.emission, self.sky, self.sampled_light, self.parts.surfaces.reflectance, self.area)
+        reflectance = colors_on_host(self.parts.surfaces.reflectance)
+        arrays = (self.emission, self.sky, self.sampled_light, reflectance, self.area)
         return (*arrays, settings.accelerate, settings.tolerance, self.columns, self.remote is not None)
 
     def _visibility_key(self) -> str:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..device.values import Values, some_of
 from ..progress import Progress, Schedule, Stage
 from ..scene.light_groups import light_group_names
 from ..scene.model import Scene, shining_lights
@@ -41,6 +42,9 @@ _LOOK_UP = 0.02
 
 #: Fraction of a lightmap's texels that are patches, and their mean reflectance, before they are known.
 _COVERAGE, _REFLECTANCE = 0.6, 0.6
+
+#: Patches that are asked for their reflectance, about.
+_ASKED = 1 << 10
 
 #: Samples that adaptive bakes find, as a part of those of all patches, before it is known.
 _ADAPTED = 0.5
@@ -165,9 +169,10 @@ class BakeStages(Schedule):
         self._size(patches)
         return sum(stage.seconds_left for stage in self._names)
 
-    def listed(self, reflectance: np.ndarray) -> Progress:
+    def listed(self, reflectance: Values) -> Progress:
         """Learn how many patches there are, and what they reflect, (n, 3), the last step of listing them."""
-        self._reflectance = float(reflectance.mean()) if len(reflectance) else 0.0
+        some = np.arange(0, len(reflectance), max(1, len(reflectance) // _ASKED))
+        self._reflectance = float(some_of(reflectance, some).mean()) if len(some) else 0.0
         self._size(len(reflectance))
         return self.end()
 

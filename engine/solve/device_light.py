@@ -7,7 +7,7 @@ import pyopencl as cl
 
 from ..device.buffers import upload, upload_float4_once, zeros
 from ..device.compute import Compute
-from ..device.values import Values, rows_on_device
+from ..device.values import Values, float4_once, rows_on_device
 
 _SOURCE = "send_out.cl"
 
@@ -15,7 +15,7 @@ _SOURCE = "send_out.cl"
 def sent_light(
     compute: Compute,
     emission: np.ndarray,
-    reflectance: np.ndarray,
+    reflectance: Values,
     irradiance: Values,
     stand_in: np.ndarray | None = None,
 ) -> cl.Buffer:
@@ -30,7 +30,7 @@ def sent_light(
     """
     (kernel,) = compute.kernels(_SOURCE, "send_out")
     count, radiance = len(emission), zeros(compute, 16 * (len(emission) + 2))
-    surfaces = upload_float4_once(compute, emission, first=1), upload_float4_once(compute, reflectance)
+    surfaces = upload_float4_once(compute, emission, first=1), float4_once(compute, reflectance)
     light, stride = rows_on_device(compute, irradiance)
     others = None if stand_in is None else upload(compute, stand_in.astype(np.uint32))
     compute.run(kernel, count, *surfaces, light, np.int32(stride), others, radiance, np.int32(count))

@@ -10,7 +10,7 @@ import pyopencl as cl
 
 from ..device.buffers import download, upload, upload_float4_once, zeros
 from ..device.compute import Compute
-from ..device.values import DeviceValues, Values, float4_on_device
+from ..device.values import DeviceValues, Values, float4_on_device, float4_once
 from ..gather.device_l1 import L1
 from ..gather.sweep import Sweep
 from .radiosity import Balance, Step, Sums
@@ -42,7 +42,7 @@ class DeviceRadiosity:
         self,
         compute: Compute,
         sweep: Sweep,
-        reflectance: np.ndarray,
+        reflectance: Values,
         emission: cl.Buffer,
         area: np.ndarray,
         sampled_light: np.ndarray,
@@ -60,7 +60,7 @@ class DeviceRadiosity:
         kernels = compute.kernels(("channels.cl", "solve.cl"), *names, options=options)
         self._products, self._mix, self._balance, self._add_up = kernels
         (self._send_out,) = compute.kernels("send_out.cl", "send_out")
-        self._emission, self._reflectance = emission, upload_float4_once(compute, reflectance)
+        self._emission, self._reflectance = emission, float4_once(compute, reflectance)
         self._sampled_light = upload_float4_once(compute, sampled_light)
 
         # Areas as fractions of all: bright light times large areas leaves float32.

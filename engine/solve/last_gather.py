@@ -7,6 +7,7 @@ from collections.abc import Generator
 import numpy as np
 import pyopencl as cl
 
+from ..device.values import Values, colors_on_host
 from ..gather.device_l1 import L1
 from ..gather.final_gather import LightGather
 from ..progress import part_of
@@ -29,7 +30,7 @@ class LastGather:
         final: LightGather,
         sampled_light: np.ndarray,
         emission: np.ndarray,
-        reflectance: np.ndarray,
+        reflectance: Values,
         bounces: bool,
         separate_direct: bool,
     ) -> None:
@@ -48,7 +49,7 @@ class LastGather:
         """
         radiance = self._emission
         if self._bounces:
-            radiance = radiance + reflected_light(self._reflectance, irradiance, stand_in)
+            radiance = radiance + reflected_light(colors_on_host(self._reflectance), irradiance, stand_in)
         yield from self._all_light(self._final.gather(radiance))
 
     def gather_from(self, radiance: cl.Buffer) -> Generator[float, None, None]:

@@ -16,6 +16,7 @@ import pyopencl as cl
 
 from ..device.buffers import download, upload, upload_once
 from ..device.compute import Compute
+from ..device.values import colors_on_host
 from ..patches.subdivision import Subdivision
 from ..patches.surfaces import PatchSurfaces
 from ..visibility.rays.ray_scene import RayScene
@@ -53,7 +54,9 @@ class PatchGroups:
     def parts(self) -> Subdivision:
         """Groups as a Subdivision."""
         parts, leader = self._parts, self.leader
-        surfaces = PatchSurfaces(self.mean(parts.surfaces.reflectance), self.mean(parts.surfaces.emission))
+        surfaces = PatchSurfaces(
+            self.mean(colors_on_host(parts.surfaces.reflectance)), self.mean(parts.surfaces.emission)
+        )
         return replace(
             parts,
             patches=parts.patches.part(leader),

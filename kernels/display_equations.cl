@@ -32,6 +32,14 @@ void mark_footprint(const Footprint *f, const int atlas, const int resolution, _
     }
 }
 
+// The marks of texels, a byte each.
+__kernel void unknown_texels(__global const uint *marks, __global uchar *unknown, const int count)
+{
+    const int texel = get_global_id(0);
+    if (texel < count)
+        unknown[texel] = (marks[texel] & UNKNOWN) != 0;
+}
+
 // Texels that points beside centres read.
 __kernel void mark_points(__global const float2 *positions, __global const uint *owners, __global uint *marks,
                           const int resolution, const int count)

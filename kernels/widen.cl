@@ -34,6 +34,15 @@ __kernel void put_colors(__global const float *colors, __global const uint *plac
         wide[first + places[i]] = (float4)(vload3(i, colors), 0.0f);
 }
 
+// Three floats take the places of others.
+__kernel void put_rows(__global const float *values, __global const uint *places, __global float *rows,
+                       const int count)
+{
+    const int i = get_global_id(0);
+    if (i < count)
+        vstore3(vload3(i, values), places[i], rows);
+}
+
 // Colours of some rows, `stride` apart, become black.
 __kernel void blacken(__global float *rows, const int stride, __global const uint *places, const int count)
 {

@@ -50,6 +50,20 @@ def upload_once(compute: Compute, values: np.ndarray) -> cl.Buffer:
     return compute.shared.of(values, "bits", lambda: upload(compute, values))
 
 
+def replace_rows_once(compute: Compute, values: np.ndarray, changed: np.ndarray, rows: np.ndarray) -> None:
+    """Make what `upload_once` returns of changed values, (n, 3) float32, of those before, on the device.
+
+    values: uploaded once; rows: (k,) int64, where both differ
+    """
+    before, size = upload_once(compute, values), values.nbytes
+    buffer = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)
+    cl.enqueue_copy(compute.queue, buffer, before, byte_count=size)
+    (put,) = compute.kernels("widen.cl", "put_rows")
+    arrays = upload(compute, changed[rows]), upload(compute, rows.astype(np.uint32))
+    compute.run(put, len(rows), *arrays, buffer, np.int32(len(rows)))
+    compute.shared.of(changed, "bits", lambda: buffer)
+
+
 def upload_float4(compute: Compute, values: np.ndarray, first: int = 0, last: int = 0) -> cl.Buffer:
     """Return (n, 3) float32 as (first + n + last, 4): rows of zeros around the values; the fourth is 0."""
     count, values = first + len(values) + last, values.astype(np.float32, copy=False)

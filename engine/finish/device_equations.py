@@ -12,12 +12,9 @@ from .lightmap_points import LightmapPoints
 
 _SOURCE = ("footprint.cl", "links.cl", "display_equations.cl")
 _NAMES = (
-    "mark_points", "mark_seams", "number_texels", "find_points", "link_texels", "smooth_links", "seam_rows",
-    "list_entries", "order_entries",
+    "mark_points", "mark_seams", "unknown_texels", "number_texels", "find_points", "link_texels",
+    "smooth_links", "seam_rows", "list_entries", "order_entries",
 )  # fmt: skip
-
-#: The mark of unknown texels in kernels/display_equations.cl.
-_UNKNOWN = 2
 
 #: Neighbours of a texel and itself; texels that both sides of a seam read.
 _LINKS, _CORNERS = 9, 8
@@ -56,9 +53,7 @@ class DeviceEquations:
         self._lengths = self._uploaded(seams.weight, np.float32)
         marks = self._marked(centres.size)
 
-        # All marks are in the first of four bytes.
-        lowest = self._read(marks, centres.size).view(np.uint8)[::4]
-        self.texel = np.flatnonzero((lowest & _UNKNOWN) > 0).astype(np.uint32)
+        self.texel = self._unknown(marks, centres.size)
         self.count = len(self.texel)
         if self.count:
             self._number(centres.size)
@@ -85,6 +80,14 @@ class DeviceEquations:
             "mark_seams", self.seams, self._sides, self._atlases, self.centre, marks, self._counts, resolution
         )
         return marks
+
+    def _unknown(self, marks: cl.Buffer, size: int) -> np.ndarray:
+        """Return the flat indices of unknown texels, (n,) uint32."""
+        words = size // 4 + 1
+        unknown = zeros(self._compute, 4 * words)
+        self._run("unknown_texels", size, marks, unknown)
+        flags = download(self._compute, unknown, (words,)).view(bool)
+        return np.flatnonzero(flags).astype(np.uint32)
 
     def _number(self, size: int) -> None:
         """Number the unknowns, and find the points in each."""

@@ -23,15 +23,17 @@ from .patch_list import PatchList
 class Charts:
     """The charts of a scene's lightmaps, as texels see them.
 
-    names     of the meshes
-    patches   of the texels whose centres are covered
-    entries   (atlases, r, r) uint32: which of them + 1 each texel is, 0 for none
-    border    all other texels that a triangle touches
-    warnings  sentences for the user
+    names        of the meshes
+    patches      of the texels whose centres are covered
+    on_triangle  (t,) int64, how many of them are on each triangle
+    entries      (atlases, r, r) uint32: which of them + 1 each texel is, 0 for none
+    border       all other texels that a triangle touches
+    warnings     sentences for the user
     """
 
     names: tuple[str, ...]
     patches: PatchList
+    on_triangle: np.ndarray
     entries: np.ndarray
     border: BorderTexels
     warnings: tuple[str, ...]
@@ -55,7 +57,8 @@ def read_charts(
     covered = list_or_load_patches(graphics, scene, triangles, settings)
     own, geometry = covered.on_texels(len(scene.atlases)), patch_geometry(triangles, covered)
     covered = away_from_edges(compute, geometry, covered, own)
-    texels = covered_texels(scene, geometry.at(covered))
+    texels = covered_texels(scene, geometry)
     warnings = note_uncovered(scene, texels) + check_overlap(graphics, scene, triangles, covered, texels)
     border = border_texels(graphics, triangles, own)
-    return Charts(tuple(mesh.name for mesh in scene.meshes), covered, own, border, tuple(warnings))
+    names = tuple(mesh.name for mesh in scene.meshes)
+    return Charts(names, covered, geometry.on_triangle, own, border, tuple(warnings))

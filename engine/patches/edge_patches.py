@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..device.buffers import download, upload_once, zeros
+from ..device.buffers import download, replace_rows_once, upload_once, zeros
 from ..device.compute import Compute
 from ..short_rows import any_in_rows
 from .border_texels import OPTIONS, SOURCE, BorderTexels, DeviceBorder
@@ -36,8 +36,11 @@ def away_from_edges(
         return patches
     border = BorderTexels(patches.key[found], patches.triangle[found])
     texels = DeviceBorder(compute, geometry, border) if compute else HostBorder(geometry, border)
+    middles = texels.middles(np.arange(len(found)), patches.resolution)
     barycentric = patches.barycentric.copy()
-    barycentric[found] = texels.middles(np.arange(len(found)), patches.resolution)
+    barycentric[found] = middles
+    if compute:
+        replace_rows_once(compute, patches.barycentric, barycentric, found)
     return patches.moved(barycentric)
 
 

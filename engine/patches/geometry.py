@@ -68,7 +68,10 @@ class PatchGeometry:
 
     def at(self, patches: PatchList) -> PatchGeometry:
         """Return the geometry of other patches on the same triangles."""
-        return PatchGeometry(self.triangles, self.steps, patches.triangle, patches.barycentric)
+        there = PatchGeometry(self.triangles, self.steps, patches.triangle, patches.barycentric)
+        if patches.triangle is self.triangle and "on_triangle" in vars(self):
+            vars(there)["on_triangle"] = self.on_triangle
+        return there
 
     @cached_property
     def on_triangle(self) -> np.ndarray:

@@ -134,15 +134,16 @@ def _on_triangle(drawn: np.ndarray) -> np.ndarray:
 
     Those drawn on slivers do not lie on their triangles, or are NaN: they are moved there.
     """
-    barycentric = np.empty((len(drawn), 3), np.float32)
+    barycentric, not_on = np.empty((len(drawn), 3), np.float32), [np.zeros(0, np.int64)]
 
     def complete(slab: slice) -> None:
         first, second, third = barycentric[slab].T
         first[:], second[:] = drawn[slab].T
         np.subtract(1 - first, second, out=third)
+        not_on.append(slab.start + np.flatnonzero(~(barycentric[slab] >= 0)) // 3)
 
     in_slabs(len(barycentric), 12, complete)
-    off = np.unique(np.flatnonzero(~(barycentric >= 0)) // 3)
+    off = np.unique(np.concatenate(not_on))
     inside = np.clip(np.nan_to_num(barycentric[off]), 0, 1)
     total = inside.sum(axis=1, keepdims=True)
     middle = np.float32(1 / 3)

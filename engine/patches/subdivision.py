@@ -79,6 +79,7 @@ def subdivide(
     if last is None or charts is None or not charts.suit(scene, triangles, last.triangles):
         charts, last = read_charts(graphics, compute, scene, triangles, settings), None
     covered = PatchGeometry(triangles, steps, charts.patches.triangle, charts.patches.barycentric)
+    vars(covered)["on_triangle"] = charts.on_triangle
     index = index_map(compute, covered, charts, last.index if last else None)
     patches, geometry = index.patches, covered.at(index.patches)
 

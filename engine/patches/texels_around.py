@@ -35,3 +35,17 @@ def entries_around(texel_to_patch: np.ndarray, key: np.ndarray) -> np.ndarray:
     key             (k,) int64, see `cells_around`
     """
     return cells_around(texel_to_patch, key).astype(np.int64)
+
+
+def beside_any(flags: np.ndarray) -> np.ndarray:
+    """Return the texels with one of some others among 3 x 3 around them, (atlases, r, r) bool.
+
+    flags: (atlases, r, r) bool, the others
+    """
+    rows = flags.copy()
+    rows[:, 1:] |= flags[:, :-1]
+    rows[:, :-1] |= flags[:, 1:]
+    beside = rows.copy()
+    beside[:, :, 1:] |= rows[:, :, :-1]
+    beside[:, :, :-1] |= rows[:, :, 1:]
+    return beside

@@ -9,7 +9,7 @@ import numpy as np
 from ..direct.contact import NearFaces
 from ..finish.store import is_hidden
 from ..patches.subdivision import Subdivision
-from ..patches.texels_around import entries_around
+from ..patches.texels_around import beside_any, entries_around
 from ..scene.color import channel_sum
 from ..short_rows import nonzero_entries
 from ..slabs import taken
@@ -31,11 +31,12 @@ def seen_beside(parts: Subdivision, hidden: np.ndarray) -> PatchPairs:
 
     hidden: (n,) bool, of all patches, some of them
     """
-    flags = np.concatenate([[False], hidden])
-    texels = np.flatnonzero(taken(flags, parts.texel_to_patch.ravel()))
+    shown = parts.texel_to_patch
+    of_hidden = taken(np.concatenate([[False], hidden]), shown.ravel()).reshape(shown.shape)
+    texels = np.flatnonzero(of_hidden & beside_any((shown > 0) & ~of_hidden))
     pairs = [
         _seen_beside(parts, hidden, texels[first : first + _TEXELS])
-        for first in range(0, len(texels), _TEXELS)
+        for first in range(0, max(len(texels), 1), _TEXELS)
     ]
     patch, beside = (np.concatenate(numbers) for numbers in zip(*pairs, strict=True))
     return patch, beside

@@ -6,9 +6,11 @@ import pytest
 from engine.device.buffers import (
     download,
     download_colors_once,
+    replace_rows_once,
     upload,
     upload_float4,
     upload_float4_once,
+    upload_once,
 )
 
 
@@ -33,6 +35,18 @@ def test_colours_that_came_from_the_device_are_uploaded_from_there(compute):
     assert np.array_equal(colours, wide[:, :3])
     assert upload_float4_once(compute, colours) is buffer
     assert np.array_equal(download(compute, buffer, (1009, 4)), upload_of(compute, colours))
+
+
+def test_rows_that_change_are_replaced_on_the_device(compute):
+    random = np.random.default_rng(3)
+    values, rows = random.random((1009, 3), np.float32), np.array([0, 17, 1008])
+    changed = values.copy()
+    changed[rows] = random.random((3, 3), np.float32)
+    before = upload_once(compute, values)
+    replace_rows_once(compute, values, changed, rows)
+    assert upload_once(compute, changed) is not before
+    for array in (values, changed):
+        assert np.array_equal(download(compute, upload_once(compute, array), (1009, 3)), array)
 
 
 def upload_of(compute, colours):

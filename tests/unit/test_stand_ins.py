@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from engine.direct.contact import NearFaces
+from engine.patches.texels_around import beside_any, cells_around
 from engine.plan.stand_ins import stand_ins
 
 HEIGHT, WIDTH = 5, 11
@@ -79,6 +80,26 @@ def test_the_darkest_beside_a_hidden_patch_stands_in(how):
     assert np.abs(row - own // WIDTH)[rim].max() == 1 and np.abs(column - own % WIDTH)[rim].max() == 1
     assert (column[4:7, 2] == 1).all() and (column[4:7, 6] == 7).all()
     assert (column[3, 3:6] == [4, 5, 6]).all()
+
+
+def test_a_chart_that_nobody_sees_stands_for_itself():
+    """A gutter of one texel is between the charts, so that no visible patch is beside a hidden one."""
+    grid = np.arange(1, WIDTH**2 + 1).reshape(WIDTH, WIDTH)
+    grid[:, 5] = 0
+    grid[grid > 0] = np.arange(1, np.count_nonzero(grid) + 1)
+    front = np.ones(grid.max())
+    front[grid[:, 6:].ravel() - 1] = 0
+    found = stand_ins(floor(grid), near(len(front)), gathered_by(np.ones_like(front), front))
+    assert np.array_equal(found, np.arange(len(front)))
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 1), (2, 7, 7), (3, 13, 13)])
+def test_texels_beside_others_do_not_reach_over_the_ends_of_a_lightmap(shape):
+    random = np.random.default_rng(shape[1])
+    for part in (0.0, 0.03, 0.3):
+        flags = random.random(shape) < part
+        around = cells_around(flags, np.arange(flags.size))
+        assert np.array_equal(beside_any(flags).ravel(), around.any(axis=1))
 
 
 def test_under_a_thin_wall_the_dark_side_stands_in():

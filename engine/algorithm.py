@@ -99,7 +99,7 @@ def _bake(
     check_patch_count(len(parts.patches))
     store = kept.store(parts.patches, len(atlases), settings, compute)
     last = kept.light_on(compute, parts, len(atlases), settings)
-    yield stages.listed(parts.surfaces.reflectance)
+    yield stages.listed(len(parts.patches), parts.surfaces.mean_reflectance)
 
     # Lamps, small bright surfaces and bright sky are sampled with shadow rays (direct light). The room
     # appears in it, while it is still to be found what patches see of each other.

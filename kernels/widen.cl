@@ -43,6 +43,27 @@ __kernel void put_rows(__global const float *values, __global const uint *places
         vstore3(vload3(i, values), places[i], rows);
 }
 
+// Rows of `columns` words with others inserted: the one with number k comes to inserted[k], which ascend.
+__kernel void insert_rows(__global const uint *rows, __global const uint *others, __global const int *inserted,
+                          const int number, const int columns, __global uint *joined, const int count)
+{
+    const int i = get_global_id(0);
+    if (i >= count)
+        return;
+    int before = 0, last = number;
+    while (before < last) {
+        const int middle = before + (last - before) / 2;
+        if (inserted[middle] < i)
+            before = middle + 1;
+        else
+            last = middle;
+    }
+    const bool is_new = before < number && inserted[before] == i;
+    __global const uint *source = is_new ? others + before * columns : rows + (i - before) * columns;
+    for (int column = 0; column < columns; ++column)
+        joined[i * columns + column] = source[column];
+}
+
 // Colours of some rows, `stride` apart, become black.
 __kernel void blacken(__global float *rows, const int stride, __global const uint *places, const int count)
 {

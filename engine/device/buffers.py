@@ -64,6 +64,22 @@ def replace_rows_once(compute: Compute, values: np.ndarray, changed: np.ndarray,
     compute.shared.of(changed, "bits", lambda: buffer)
 
 
+def insert_rows_once(compute: Compute, values: np.ndarray, joined: np.ndarray, inserted: np.ndarray) -> None:
+    """Make what `upload_once` returns of values with others inserted, on the device, of what was there.
+
+    values    (n,) or (n, c) of 4 bytes each, uploaded once
+    joined    (n + k,) or (n + k, c), with the others
+    inserted  (k,) int64, rows of these, ascending
+    """
+    before, columns = upload_once(compute, values), values[:1].size
+    buffer = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, joined.nbytes)
+    (insert,) = compute.kernels("widen.cl", "insert_rows")
+    others = upload(compute, joined[inserted]), upload(compute, inserted.astype(np.int32))
+    sizes = np.int32(len(inserted)), np.int32(columns)
+    compute.run(insert, len(joined), before, *others, *sizes, buffer, np.int32(len(joined)))
+    compute.shared.of(joined, "bits", lambda: buffer)
+
+
 def upload_float4(compute: Compute, values: np.ndarray, first: int = 0, last: int = 0) -> cl.Buffer:
     """Return (n, 3) float32 as (first + n + last, 4): rows of zeros around the values; the fourth is 0."""
     count, values = first + len(values) + last, values.astype(np.float32, copy=False)

@@ -24,6 +24,9 @@ from .textured import TexturedPatches, textured_patches
 #: What materials give to patches, each a colour times a texture.
 _KINDS = ("reflectance", "emission")
 
+#: Patches that a mean is made of, about.
+_ASKED = 1 << 10
+
 #: Multiplies values of patches, (n, 3) float32, by textures of their materials.
 _Multiplier = Callable[[Any, Sequence[tuple[TexturedPatches, Texture]]], None]
 
@@ -43,6 +46,13 @@ class PatchSurfaces:
     def shining(self) -> np.ndarray:
         """Patches that emit, (k,) int64."""
         return nonzero_rows(self.emission)
+
+    @cached_property
+    def mean_reflectance(self) -> float:
+        """Mean of patches at even distances in their list, of the channels; 0 without any."""
+        count = len(self.reflectance)
+        some = np.arange(0, count, max(1, count // _ASKED))
+        return float(some_of(self.reflectance, some).mean()) if count else 0.0
 
     def shine_as(self, others: PatchSurfaces) -> bool:
         """Return whether the same patches emit."""

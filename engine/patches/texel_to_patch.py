@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..device.buffers import insert_rows_once
 from ..device.compute import Compute
 from ..slabs import taken
 from .border_texels import BorderTexels, DeviceBorder
@@ -62,7 +63,7 @@ def index_map(
     thin = np.flatnonzero((nearest == 0) & inside)
     if len(thin):
         middle = texels.middles(thin, patches.resolution)
-        patches = _with_thin(patches, border.part(thin), middle)
+        patches = _with_thin(compute, patches, border.part(thin), middle)
         own = patches.on_texels(len(texel_to_patch))
         nearest, _ = texels.nearest_patches(patches, own)
         texel_to_patch, nearest[thin] = own.copy(), own.ravel()[border.texel[thin]]
@@ -70,16 +71,27 @@ def index_map(
     return IndexMap(patches, texel_to_patch, found, inside)
 
 
-def _with_thin(patches: PatchList, thin: BorderTexels, middle: np.ndarray) -> PatchList:
-    """Return patches, and those on thin surfaces with barycentrics (k, 3), by atlas and texel."""
+def _with_thin(
+    compute: Compute | None, patches: PatchList, thin: BorderTexels, middle: np.ndarray
+) -> PatchList:
+    """Return patches, and those on thin surfaces with barycentrics (k, 3), by atlas and texel.
+
+    A device that has the patches gets the others.
+    """
     atlas, texel = np.divmod(thin.texel, patches.resolution**2)
     columns = (
         (patches.atlas, atlas), (patches.texel, texel), (patches.triangle, thin.triangle),
         (patches.barycentric, middle),
     )  # fmt: skip
-    order = _inserted(np.searchsorted(patches.key, thin.texel), len(patches))
+    place = np.searchsorted(patches.key, thin.texel)
+    order = _inserted(place, len(patches))
     joined = (np.concatenate([old, new.astype(old.dtype, copy=False)]) for old, new in columns)
-    return PatchList(patches.resolution, *(taken(column, order) for column in joined))
+    every = PatchList(patches.resolution, *(taken(column, order) for column in joined))
+    if compute and len(patches):
+        rows = place + np.arange(len(place))
+        insert_rows_once(compute, patches.triangle, every.triangle, rows)
+        insert_rows_once(compute, patches.barycentric, every.barycentric, rows)
+    return every
 
 
 def _inserted(place: np.ndarray, count: int) -> np.ndarray:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..device.values import Values, some_of
 from ..progress import Progress, Schedule, Stage
 from ..scene.light_groups import light_group_names
 from ..scene.model import Scene, shining_lights
@@ -42,9 +41,6 @@ _LOOK_UP = 0.02
 
 #: Fraction of a lightmap's texels that are patches, and their mean reflectance, before they are known.
 _COVERAGE, _REFLECTANCE = 0.6, 0.6
-
-#: Patches that are asked for their reflectance, about.
-_ASKED = 1 << 10
 
 #: Samples that adaptive bakes find, as a part of those of all patches, before it is known.
 _ADAPTED = 0.5
@@ -169,11 +165,10 @@ class BakeStages(Schedule):
         self._size(patches)
         return sum(stage.seconds_left for stage in self._names)
 
-    def listed(self, reflectance: Values) -> Progress:
-        """Learn how many patches there are, and what they reflect, (n, 3), the last step of listing them."""
-        some = np.arange(0, len(reflectance), max(1, len(reflectance) // _ASKED))
-        self._reflectance = float(some_of(reflectance, some).mean()) if len(some) else 0.0
-        self._size(len(reflectance))
+    def listed(self, patches: int, reflectance: float) -> Progress:
+        """Learn how many patches there are, and their mean reflectance, the last step of listing them."""
+        self._reflectance = reflectance
+        self._size(patches)
         return self.end()
 
     def sampling(self, part: float) -> None:

@@ -6,6 +6,7 @@ import pytest
 from engine.device.buffers import (
     download,
     download_colors_once,
+    insert_rows_once,
     replace_rows_once,
     upload,
     upload_float4,
@@ -47,6 +48,16 @@ def test_rows_that_change_are_replaced_on_the_device(compute):
     assert upload_once(compute, changed) is not before
     for array in (values, changed):
         assert np.array_equal(download(compute, upload_once(compute, array), (1009, 3)), array)
+
+
+@pytest.mark.parametrize("columns", [(), (3,)])
+@pytest.mark.parametrize("inserted", [[0], [5, 6, 7, 1012], [0, 1, 2], list(range(0, 1013, 2))])
+def test_rows_are_inserted_on_the_device(compute, columns, inserted):
+    joined = np.random.default_rng(5).integers(0, 1 << 30, (1013, *columns)).astype(np.int32)
+    values = np.delete(joined, inserted, axis=0)
+    insert_rows_once(compute, values, joined, np.array(inserted))
+    found = download(compute, upload_once(compute, joined), joined.shape).view(np.int32)
+    assert np.array_equal(found, joined)
 
 
 def upload_of(compute, colours):

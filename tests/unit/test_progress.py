@@ -177,7 +177,7 @@ def test_paces_of_a_bake_serve_the_next_one(clock):
         assert stages.patches.measured == measured
         stages.begin(stages.patches)
         clock.now += 3
-        stages.listed(np.full((601, 3), 0.5))
+        stages.listed(601, 0.5)
         assert finished(stages.run(stages.images, work(clock, 0.001, 3))) is None
         stages.learn()
         known.append(paces["Patches"] * stages.patches.amount)

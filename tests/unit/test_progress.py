@@ -1,7 +1,6 @@
 import math
 from itertools import islice
 
-import numpy as np
 import pytest
 
 from engine import progress

@@ -7,6 +7,7 @@ from functools import reduce
 import numpy as np
 
 from .runs import run_starts
+from .slabs import in_slabs
 
 
 def some_rows(values: np.ndarray, chosen: np.ndarray | slice) -> np.ndarray:
@@ -34,10 +35,15 @@ def any_in_rows(values: np.ndarray) -> np.ndarray:
 
 def nonzero_rows(values: np.ndarray) -> np.ndarray:
     """Return the rows of (n, c), contiguous, that have an entry that is not 0, (k,) int64; few have any."""
-    entries = np.flatnonzero(values.ravel() != 0)
-    entries //= max(values.shape[1], 1)
-    rows: np.ndarray = entries[run_starts(entries)]
-    return rows
+    found: dict[int, np.ndarray] = {}
+
+    def find(slab: slice) -> None:
+        entries = np.flatnonzero(values[slab].ravel() != 0)
+        entries //= max(values.shape[1], 1)
+        found[slab.start] = slab.start + entries[run_starts(entries)]
+
+    in_slabs(len(values), values.nbytes // max(len(values), 1), find)
+    return joined_rows([found[start] for start in sorted(found)])
 
 
 def all_in_rows(values: np.ndarray) -> np.ndarray:

@@ -28,7 +28,6 @@ from ..patches.seams import Seams
 from ..patches.subdivision import Subdivision, subdivide
 from ..patches.surfaces import KnownSurfaces, patch_surfaces
 from ..patches.texel_pieces import TexelClipper
-from ..progress import Made
 from ..resume.checkpoint import Checkpoints
 from ..scene.digests import ArrayDigests, geometry_digest, surfaces_digest
 from ..scene.model import Scene
@@ -142,25 +141,22 @@ class Kept:
             self._rays = RayScene(compute, parts, self._top)
         return self._rays
 
-    def seams(self, compute: Compute | None, parts: Subdivision, atlases: int) -> Future[Seams]:
-        """Begin to find the seams of the first `atlases` lightmaps, in a thread beside the devices."""
-        if self._seams is None:
-            neighbours = DeviceNeighbours(compute) if compute else None
-            resolution = parts.patches.resolution
-            self._seams = _in_thread(display_seams, parts.triangles, atlases, resolution, neighbours)
-        return self._seams
-
-    def areas(self, parts: Subdivision) -> Future[np.ndarray]:
-        """Begin to find the area that each patch stands for, in a thread; see `surface_areas`."""
-        if self._areas is None:
-            self._areas = _in_thread(surface_areas, parts.triangles, parts.patches, parts.geometry)
-        return self._areas
-
     def begin(
         self, compute: Compute | None, parts: Subdivision, atlases: int, settings: Settings
     ) -> tuple[Future[np.ndarray], Future[Seams] | None]:
-        """Begin to find areas and, if they are asked for, the seams of the first `atlases` lightmaps."""
-        return self.areas(parts), self.seams(compute, parts, atlases) if settings.hide_seams else None
+        """Begin to find the area that each patch stands for, in a thread beside the devices.
+
+        After that it finds the seams of the first `atlases` lightmaps, if they are asked for: they are needed
+        last, and two threads would hold up each other.
+        """
+        thread = ThreadPoolExecutor(1, "kept")
+        if self._areas is None:
+            self._areas = thread.submit(surface_areas, parts.triangles, parts.patches, parts.geometry)
+        if self._seams is None and settings.hide_seams:
+            neighbours, resolution = DeviceNeighbours(compute) if compute else None, parts.patches.resolution
+            self._seams = thread.submit(display_seams, parts.triangles, atlases, resolution, neighbours)
+        thread.shutdown(wait=False)
+        return self._areas, self._seams if settings.hide_seams else None
 
     def bright_triangles(self, parts: Subdivision) -> BrightTriangles:
         """Return the triangles that are sampled as lights; see `direct.emitters.bright_triangles`."""
@@ -274,14 +270,6 @@ class Kept:
             return
         if self.samples.bytes > (budget or compute.device.global_mem_size // _PART):
             self.samples = None
-
-
-def _in_thread(make: Callable[..., Made], *arguments: object) -> Future[Made]:
-    """Begin to make something beside the devices."""
-    thread = ThreadPoolExecutor(1, "kept")
-    begun = thread.submit(make, *arguments)
-    thread.shutdown(wait=False)
-    return begun
 
 
 def visibility_settings(settings: Settings) -> tuple:

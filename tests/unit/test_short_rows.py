@@ -8,6 +8,7 @@ from engine.short_rows import (
     any_in_rows,
     largest_in_rows,
     nonzero_entries,
+    nonzero_rows,
     row_products,
 )
 
@@ -21,3 +22,13 @@ def test_rows_are_reduced_as_numpy_does(shape):
         assert np.array_equal(largest_in_rows(rows), rows.max(axis=1), equal_nan=True)
         assert np.allclose(row_products(rows, rows + 1), (rows * (rows + 1)).sum(axis=1), equal_nan=True)
         assert all(map(np.array_equal, nonzero_entries(rows), np.nonzero(rows)))
+
+
+@pytest.mark.parametrize("part", [0.0, 1e-5, 0.3])
+@pytest.mark.parametrize("shape", [(0, 3), (1, 1), (1_000_003, 3), (70_001, 37)])
+def test_rows_that_are_not_black_are_found_in_all_slabs(shape, part):
+    random = np.random.default_rng(shape[0])
+    values = np.zeros(shape, np.float32)
+    some = random.integers(0, max(values.size, 1), int(values.size * part))
+    values.ravel()[some] = random.choice([-1, np.nan, 2], len(some))
+    assert np.array_equal(nonzero_rows(values), np.flatnonzero((values != 0).any(axis=1)))

@@ -148,6 +148,17 @@ def zeros(compute: Compute, size: int) -> cl.Buffer:
     return buffer
 
 
+def words_of(count: int) -> int:
+    """Return the size of whole words, bytes, that hold so many bytes, one word at least."""
+    return 4 * (count // 4 + 1)
+
+
+def download_bytes(compute: Compute, buffer: cl.Buffer, count: int) -> np.ndarray:
+    """Return `count` bytes of a buffer of `words_of` them, (count,) uint8; see `download`."""
+    words = download(compute, buffer, (words_of(count) // 4,))
+    return words.view(np.uint8)[:count]
+
+
 def download(compute: Compute, buffer: cl.Buffer, shape: tuple[int, ...], first: int = 0) -> np.ndarray:
     """Return float32 of a buffer in a shape, from the byte `first` on, once all work before is done."""
     values = np.empty(shape, np.float32)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import upload
+from ..device.buffers import download_bytes, upload, words_of
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receivers import RECEIVER_SOURCE
 
@@ -49,11 +49,10 @@ def patches_in_contact(scene: RayScene, count: int) -> tuple[np.ndarray, np.ndar
     rays, compute = scene.rays, scene.compute
     codes = tuple(f"-D{name}={code}" for code, name in enumerate(("NONE", "HIDDEN", "BACK_TO_BACK")))
     (kernel,) = rays.kernels((*RECEIVER_SOURCE, "looks.cl", "contact.cl"), "in_contact", options=codes)
-    output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, count)
+    output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, words_of(count))
     limits = (np.float32(ABOVE), np.float32(BELOW))
     rays.run(kernel, count, scene.receivers, *limits, output, np.int32(count))
-    found = np.empty(count, np.uint8)
-    cl.enqueue_copy(compute.queue, found, output)
+    found = download_bytes(compute, output, count)
     return found == 1, found == 2
 
 
@@ -67,15 +66,13 @@ def patches_lit_by_backs(
     """
     rays, compute = scene.rays, scene.compute
     (kernel,) = rays.kernels((*RECEIVER_SOURCE, "looks.cl", "lit_by_backs.cl"), "lit_by_backs")
-    output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, count)
+    output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, words_of(count))
     shining, planes = upload(compute, shines.astype(np.uint8)), _planes_in_front(positions[shines])
     planes_buffer = upload(compute, planes if len(planes) else np.zeros((1, 4), np.float32))
     rays.run(
         kernel, count, scene.receivers, shining, planes_buffer, np.int32(len(planes)), output, np.int32(count)
     )
-    lit = np.empty(count, np.uint8)
-    cl.enqueue_copy(compute.queue, lit, output)
-    return lit.astype(bool)
+    return download_bytes(compute, output, count).view(bool)
 
 
 def _planes_in_front(corners: np.ndarray) -> np.ndarray:
@@ -98,8 +95,6 @@ def patches_inside(scene: RayScene, count: int) -> np.ndarray:
     """Return which patches are inside of something, (n,) bool: of what they see most are backs."""
     rays, compute = scene.rays, scene.compute
     (kernel,) = rays.kernels((*RECEIVER_SOURCE, "looks.cl", "inside.cl"), "inside")
-    output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, count)
+    output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, words_of(count))
     rays.run(kernel, count, scene.receivers, output, np.int32(count))
-    inside = np.empty(count, np.uint8)
-    cl.enqueue_copy(compute.queue, inside, output)
-    return inside.astype(bool)
+    return download_bytes(compute, output, count).view(bool)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import download, upload, zeros
+from ..device.buffers import download, download_bytes, upload, words_of, zeros
 from ..device.compute import Compute
 from ..patches.seams import Seams
 from .lightmap_points import LightmapPoints
@@ -73,7 +73,7 @@ class DeviceEquations:
 
     def _marked(self, size: int) -> cl.Buffer:
         """Return the marks of all texels."""
-        marks, self._counts = zeros(self._compute, 4 * size), zeros(self._compute, 4 * (self.seams // 4 + 1))
+        marks, self._counts = zeros(self._compute, 4 * size), zeros(self._compute, words_of(self.seams))
         resolution = np.int32(self.resolution)
         self._run("mark_points", self.points, self.positions, self._owners, marks, resolution)
         self._run(
@@ -83,11 +83,9 @@ class DeviceEquations:
 
     def _unknown(self, marks: cl.Buffer, size: int) -> np.ndarray:
         """Return the flat indices of unknown texels, (n,) uint32."""
-        words = size // 4 + 1
-        unknown = zeros(self._compute, 4 * words)
+        unknown = zeros(self._compute, words_of(size))
         self._run("unknown_texels", size, marks, unknown)
-        flags = download(self._compute, unknown, (words,)).view(bool)
-        return np.flatnonzero(flags).astype(np.uint32)
+        return np.flatnonzero(download_bytes(self._compute, unknown, size).view(bool)).astype(np.uint32)
 
     def _number(self, size: int) -> None:
         """Number the unknowns, and find the points in each."""

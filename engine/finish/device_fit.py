@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import download, upload, zeros
+from ..device.buffers import download, upload, words_of, zeros
 from ..device.compute import Compute
 from .device_equations import DeviceEquations
 
@@ -55,7 +55,7 @@ class DeviceFit:
         names = ("right", "solution", "residual", "direction", "change", "low", "high")
         self._images, self._vectors = images, {name: zeros(compute, 16 * count * images) for name in names}
         self._products, self._more_products = (zeros(compute, 16 * seams * images) for _ in range(2))
-        self._held = zeros(compute, 4 * (count * images // 4 + 1))
+        self._held = zeros(compute, words_of(count * images))
         self._run_numbers, self._all_points = zeros(compute, 64 * images), zeros(compute, 32 * images)
         self._sums = zeros(compute, 16 * self._groups * images)
 

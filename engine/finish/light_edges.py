@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.buffers import download, upload, upload_once, zeros
+from ..device.buffers import download_bytes, upload, upload_once, words_of, zeros
 from ..device.compute import Compute
 from ..device.values import Values, rows_on_device
 
@@ -68,7 +68,7 @@ def find_edges(compute: Compute, entries: np.ndarray, known: PatchLight) -> tupl
     find, tell_noise, mark = compute.kernels(("texel.cl", "edges.cl"), *names, options=options)
     atlases, side, _ = entries.shape
     blocks = -(-side // _BLOCK)
-    sizes = 4 * entries.size, 4 * atlases * blocks**2, 4 * (entries.size // 4 + 1)
+    sizes = 4 * entries.size, 4 * atlases * blocks**2, words_of(entries.size)
     off, noise, marks = (zeros(compute, size) for size in sizes)
 
     # How far light is off the mean of its neighbours, how much of that is noise, and what is more.
@@ -80,6 +80,5 @@ def find_edges(compute: Compute, entries: np.ndarray, known: PatchLight) -> tupl
     in_blocks = atlases, blocks, blocks
     compute.run_texels(tell_noise, in_blocks, buffers[0], off, np.int32(side), noise)
     compute.run_texels(mark, entries.shape, off, noise, np.int32(blocks), marks)
-    found = download(compute, marks, (entries.size // 4 + 1,)).view(np.uint8)[: entries.size]
-    found = found.reshape(entries.shape)
+    found = download_bytes(compute, marks, entries.size).reshape(entries.shape)
     return found & _ON_EDGE > 0, found & _AT_AN_END > 0

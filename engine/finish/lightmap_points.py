@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.buffers import download, upload_once, zeros
+from ..device.buffers import download_bytes, upload_once, words_of, zeros
 from ..device.compute import Compute
 from ..patches.patch_list import PatchList
 from ..scene.triangles import Triangles
@@ -66,11 +66,10 @@ def _found_thin(compute: Compute, triangles: Triangles, patches: PatchList) -> n
     (kernel,) = compute.kernels(("texel_corners.cl", "thin_patches.cl"), "find_thin")
     arrays = triangles.uvs, patches.triangle, patches.barycentric, patches.texel
     inputs = (upload_once(compute, array) for array in arrays)
-    thin = zeros(compute, 4 * (len(patches) // 4 + 1))
+    thin = zeros(compute, words_of(len(patches)))
     size = np.int32(patches.resolution), np.float32(_AT_CENTRE), thin, np.int32(len(patches))
     compute.run(kernel, len(patches), *inputs, *size)
-    found = download(compute, thin, (len(patches) // 4 + 1,)).view(np.uint8)
-    return np.flatnonzero(found[: len(patches)])
+    return np.flatnonzero(download_bytes(compute, thin, len(patches)).view(bool))
 
 
 def _positions(triangles: Triangles, patches: PatchList) -> np.ndarray:

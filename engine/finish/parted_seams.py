@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..device.buffers import download, upload, zeros
+from ..device.buffers import download_bytes, upload, words_of, zeros
 from ..device.compute import Compute
 from ..patches.seams import Seams
 from ..patches.subdivision import Subdivision
@@ -63,12 +63,12 @@ def without_parted(
 def _compared(compute: Compute, seams: Seams, light: DeviceTexels, texels: np.ndarray) -> np.ndarray:
     """Return the marks of seams, (p,) uint8, from light and marks of texels, (atlases, r, r) uint8."""
     (kernel,) = compute.kernels(("footprint.cl", "seam_sides.cl"), "compare_sides")
-    found = zeros(compute, 4 * (len(seams) // 4 + 1))
+    found = zeros(compute, words_of(len(seams)))
     sides = seams.texel.astype(np.float32), seams.atlas.astype(np.int32, copy=False)
     buffers = [*(upload(compute, array) for array in sides), light.buffer, upload(compute, texels)]
     size = np.int32(texels.shape[-1]), np.int32(len(seams))
     compute.run(kernel, len(seams), *buffers, np.float32(_DIFFERS), found, *size)
-    return download(compute, found, (len(seams) // 4 + 1,)).view(np.uint8)[: len(seams)]
+    return download_bytes(compute, found, len(seams))
 
 
 def _patches_beside(seams: Seams, entries: np.ndarray, known: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import download, upload, upload_once, zeros
+from ..device.buffers import download, download_bytes, upload, upload_once, words_of, zeros
 from ..device.compute import Compute
 from ..device.kernel import Kernel
 from ..patches.geometry import PatchGeometry
@@ -63,10 +63,10 @@ def ways_out(scene: RayScene, count: int, reach: float, normals: np.ndarray) -> 
     compute, rays = scene.compute, scene.rays
     push, take = rays.kernels((*RECEIVER_SOURCE, "looks.cl", "push_out.cl"), "push_out", "take_ways")
     found = [cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size * count) for size in (16, 4, 8)]
-    marks, number = zeros(compute, 4 * (count // 4 + 1)), np.int32(count)
+    marks, number = zeros(compute, words_of(count)), np.int32(count)
     inputs = scene.receivers, upload_once(compute, normals), np.float32(reach)
     rays.run(push, count, *inputs, *found, marks, number)
-    inside = download(compute, marks, (count // 4 + 1,)).view(bool)[:count]
+    inside = download_bytes(compute, marks, count).view(bool)
     offset, thickness = np.zeros((count, 3), np.float32), np.full(count, np.inf, np.float32)
     wall = np.full(count, -1, np.int32)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..device.buffers import download, replace_rows_once, upload_once, zeros
+from ..device.buffers import download_bytes, replace_rows_once, upload_once, words_of, zeros
 from ..device.compute import Compute
 from ..short_rows import any_in_rows
 from .border_texels import OPTIONS, SOURCE, BorderTexels, DeviceBorder
@@ -51,10 +51,10 @@ def _found_on_edges(
     (kernel,) = compute.kernels(SOURCE, "find_edge_patches", options=OPTIONS)
     arrays = geometry.triangles.uvs, texel_to_patch, patches.triangle, patches.barycentric
     inputs = [upload_once(compute, array) for array in arrays]
-    words, size = texel_to_patch.size // 4 + 1, np.int32(texel_to_patch.size)
-    marks = zeros(compute, 4 * words)
-    compute.run(kernel, int(size), *inputs, np.int32(patches.resolution), marks, size)
-    texels = np.flatnonzero(download(compute, marks, (words,)).view(bool))
+    size = texel_to_patch.size
+    marks = zeros(compute, words_of(size))
+    compute.run(kernel, size, *inputs, np.int32(patches.resolution), marks, np.int32(size))
+    texels = np.flatnonzero(download_bytes(compute, marks, size).view(bool))
     found: np.ndarray = texel_to_patch.ravel()[texels].astype(np.int64) - 1
     return found
 

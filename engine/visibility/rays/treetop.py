@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import pyopencl as cl
 
-from ...device.buffers import download, upload, zeros
+from ...device.buffers import download, upload, words_of, zeros
 from ...device.compute import Compute
 from ...device.kernel import Kernel
 
@@ -74,7 +74,7 @@ class Treetop:
         """Split ranges of clusters until each has one."""
         compute, count = self._compute, self.count
         order, parted = upload(compute, np.arange(count, dtype=np.int32)), zeros(compute, 4 * count)
-        bins, ranges = zeros(compute, 4 * (count // 4 + 1)), zeros(compute, 16 * count)
+        bins, ranges = zeros(compute, words_of(count)), zeros(compute, 16 * count)
         cl.enqueue_copy(compute.queue, ranges, np.array([0, count, -1, 0], np.int32))
         memory = order, parted, bins, ranges, upload(compute, np.ones(1, np.int32))
         first, last = 0, 1

@@ -65,8 +65,10 @@ class DeviceValues:
 
     def some(self, chosen: np.ndarray) -> np.ndarray:
         """Return the colours of some points, (k,) int64, as (k, 3) float32 of the host."""
-        if "rows" in vars(self) or not len(chosen):
+        if "rows" in vars(self):
             return self.colors[chosen]
+        if not len(chosen):
+            return np.zeros((0, self.channels), np.float32)
         return self.taken(upload(self._compute, chosen.astype(np.uint32)), len(chosen)).colors
 
     def taken(self, chosen: cl.Buffer, count: int) -> DeviceValues:

@@ -26,7 +26,7 @@ def grown(graphics, compute, scene, resolution):
     covered = list_patches(graphics, scene, triangles, resolution)
     own = covered.on_texels(len(scene.atlases))
     border, geometry = border_texels(graphics, triangles, own), patch_geometry(triangles, covered)
-    index = index_map(compute, geometry, Charts((), covered, own, border, ()), None)
+    index = index_map(compute, geometry, Charts((), covered, geometry.on_triangle, own, border, ()), None)
     return covered, index.patches, geometry.at(index.patches), index.texel_to_patch
 
 

@@ -35,15 +35,15 @@ def any_in_rows(values: np.ndarray) -> np.ndarray:
 
 def nonzero_rows(values: np.ndarray) -> np.ndarray:
     """Return the rows of (n, c), contiguous, that have an entry that is not 0, (k,) int64; few have any."""
-    found: dict[int, np.ndarray] = {}
+    found: dict[tuple[int, int], np.ndarray] = {}
 
     def find(slab: slice) -> None:
         entries = np.flatnonzero(values[slab].ravel() != 0)
         entries //= max(values.shape[1], 1)
-        found[slab.start] = slab.start + entries[run_starts(entries)]
+        found[slab.start, slab.stop] = slab.start + entries[run_starts(entries)]
 
     in_slabs(len(values), values.nbytes // max(len(values), 1), find)
-    return joined_rows([found[start] for start in sorted(found)])
+    return joined_rows([found[ends] for ends in sorted(found)])
 
 
 def all_in_rows(values: np.ndarray) -> np.ndarray:

@@ -4,9 +4,9 @@
 #define AXES 6  // three of space, then three of normals
 
 // Along one axis.
-long cube_at(const float place, const float size)
+long cube_at(const float place, const float inverse)
 {
-    return (long)floor(place / size);
+    return (long)floor(place * inverse);
 }
 
 // The first of ascending keys that is not below one.
@@ -24,9 +24,9 @@ int lower_bound(__global const long *keys, const int count, const long key)
 }
 
 // Lists pairs of boxes that overlap, the second one of the size with number get_global_id(1). boxes: low ends, then high
-// ones; sizes: of cubes, ascending; ranks: number of each box's size; keys, owners: cubes of all boxes, ascending;
-// listed: how many pairs there are, of which `most` have room.
-__kernel void find_edge_neighbours(__global const float *boxes, __global const int *ranks, __global const float *sizes,
+// ones; inverses: of the sizes of cubes, powers of two, so that products are exact; ranks: number of each box's size;
+// keys, owners: cubes of all boxes, ascending; listed: how many pairs there are, of which `most` have room.
+__kernel void find_edge_neighbours(__global const float *boxes, __global const int *ranks, __global const float *inverses,
                                    __global const long *keys, __global const int *owners, const int entries,
                                    const long4 factors, __global int2 *pairs, __global uint *listed, const uint most,
                                    const int count)
@@ -39,11 +39,11 @@ __kernel void find_edge_neighbours(__global const float *boxes, __global const i
         low[axis] = boxes[2 * AXES * box + axis];
         high[axis] = boxes[2 * AXES * box + AXES + axis];
     }
-    const float size = sizes[rank];
+    const float inverse = inverses[rank];
     long first[3], last[3];
     for (int axis = 0; axis < 3; ++axis) {
-        first[axis] = cube_at(low[axis], size);
-        last[axis] = cube_at(high[axis], size);
+        first[axis] = cube_at(low[axis], inverse);
+        last[axis] = cube_at(high[axis], inverse);
     }
 
     // A box is in one or two cubes along each axis.
@@ -67,7 +67,7 @@ __kernel void find_edge_neighbours(__global const float *boxes, __global const i
 
             // Of all cubes that both lie in, the lowest one counts.
             for (int axis = 0; axis < 3 && found; ++axis) {
-                const long start = cube_at(boxes[2 * AXES * other + axis], size);
+                const long start = cube_at(boxes[2 * AXES * other + axis], inverse);
                 found = cube[axis] == (first[axis] > start ? first[axis] : start);
             }
             const uint place = found ? atomic_inc(listed) : most;

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+import pyopencl as cl
 
 from ..device.compute import Compute
 from .border_texels import OPTIONS, SOURCE
 from .edge_boxes import FACTORS, EdgeBoxes
+from .host_edge_neighbours import HostNeighbours
 
 #: Pairs of a box that there is room for at first, more or less.
 _PAIRS = 4
@@ -34,7 +36,12 @@ class DeviceNeighbours:
         keys, owner = boxes.cubes(sizes[rank][:, None])
         keys += rank[owner] * FACTORS[3]
         order = np.argsort(keys)
-        pairs = self._listed(boxes, rank, sizes, keys[order], owner[order])
+        try:
+            pairs = self._listed(boxes, rank, sizes, keys[order], owner[order])
+        except cl.Error:
+            # Dense boxes may have more pairs than the device has room for.
+            yield from HostNeighbours().overlapping(boxes)
+            return
 
         # The order in which work items list them is that of chance.
         key = (rank[pairs[:, 1]] * len(boxes) + pairs[:, 0]) * len(boxes) + pairs[:, 1]
@@ -53,7 +60,7 @@ class DeviceNeighbours:
         """
         arrays = (
             np.concatenate([boxes.low, boxes.high], axis=1), rank.astype(np.int32),
-            sizes.astype(np.float32), keys, owner.astype(np.int32),
+            (1 / sizes).astype(np.float32), keys, owner.astype(np.int32),
         )  # fmt: skip
         inputs, beside = [self._beside.upload(array) for array in arrays], self._beside
         found, total = np.empty((_PAIRS * len(boxes), 2), np.int32), np.zeros(1, np.uint32)

@@ -56,7 +56,7 @@ class EdgeBoxes:
         low, high = (
             np.floor(ends[:, :3] / np.float32(size)).astype(np.int64) for ends in (self.low, self.high)
         )
-        box = np.arange(len(low))
+        box = np.arange(len(low), dtype=np.int64)
         cube, owner = low, box
         for axis in range(3):
             two = low[owner, axis] != high[owner, axis]

@@ -1,8 +1,10 @@
 """Boxes of edges that overlap: all of them, once each, in one order, by the device and by the host."""
 
 import numpy as np
+import pyopencl as cl
 import pytest
 
+from engine.device.beside import Beside
 from engine.finish.seam_sides import display_seams
 from engine.patches import device_edge_neighbours, host_edge_neighbours
 from engine.patches.chart_edges import chart_edges
@@ -61,6 +63,15 @@ def test_more_pairs_than_there_is_room_for(compute, monkeypatch):
         parts = list(neighbours.overlapping(boxes))
         assert [len(first) for first, _ in parts][:2] == [101, 101] and len(parts) > pairs // 101
         np.testing.assert_array_equal(pairs_of(neighbours, boxes), expected(boxes))
+
+
+def test_the_host_goes_on_where_a_device_has_no_room(compute, monkeypatch):
+    def full(*arguments):
+        raise cl.MemoryError("MEM_OBJECT_ALLOCATION_FAILURE")
+
+    boxes = random_boxes(3, 331)
+    monkeypatch.setattr(Beside, "room_for", full)
+    np.testing.assert_array_equal(pairs_of(DeviceNeighbours(compute), boxes), expected(boxes))
 
 
 def test_no_boxes(compute):

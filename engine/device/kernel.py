@@ -48,10 +48,10 @@ class Kernel:
         self,
         queue: cl.CommandQueue,
         items: tuple[int, ...],
-        group: tuple[int, ...] | None,
+        group: tuple[int, ...],
         *arguments: object,
     ) -> cl.Event:
-        """Start `items` work items, in groups.
+        """Start `items` work items, in groups of one size: PoCL fails to choose one where groups are small.
 
         arguments  buffers, local memory, NumPy scalars, and arrays for vectors
         """

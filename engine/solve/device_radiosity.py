@@ -16,7 +16,8 @@ from ..gather.sweep import Sweep
 from .radiosity import Balance, Step, Sums
 
 #: Work items of the kernels that sum over patches, and of a group that adds their sums up: on a graphics
-#: card, where many items hide how long loads take, and on a processor. Many items keep float32 sums exact.
+#: card, where many items hide how long loads take, and on a processor. Many items keep float32 sums exact;
+#: powers of two are multiples of every work group.
 _ITEMS, _ADDING = (16384, 512), (256, 1)
 
 #: Numbers of a patch in buffers of light.
@@ -102,8 +103,8 @@ class DeviceRadiosity:
 
     def sums(self, newest: int, least: float) -> Sums:
         """Return the sums after a sweep; see `solve.Radiosity.sums`."""
-        self._products(
-            self._queue, (self._items,), None,
+        self._compute.run(
+            self._products, self._items,
             self._gathered, self._defects, np.int32(newest), self._reflectance, self._area,
             self.patches_seen, np.float32(least), np.int32(self.count), self._sums,
         )  # fmt: skip
@@ -117,8 +118,8 @@ class DeviceRadiosity:
         self._mixture[:-1, :3], self._mixture[-1, :3] = weights, ambient
         self._mixture[:-1, 3] = weights[:, 0]
         cl.enqueue_copy(self._queue, self._weights, self._mixture, is_blocking=False)
-        self._mix(
-            self._queue, (self._items,), None,
+        self._compute.run(
+            self._mix, self._items,
             self._gathered, self._weights, self.patches_seen,
             self._reflectance, self._area, np.float32(least), np.int32(self.count),
             self._irradiance, self._sums,
@@ -140,8 +141,8 @@ class DeviceRadiosity:
             if isinstance(direct, DeviceValues)
             else upload_float4_once(self._compute, direct)
         )
-        self._balance(
-            self._queue, (self._items,), None,
+        self._compute.run(
+            self._balance, self._items,
             self._gathered, self._defects, np.int32(newest), self._reflectance, emitted, first, self._area,
             self.patches_seen, np.int32(self.count), self._sums,
         )  # fmt: skip

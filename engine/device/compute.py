@@ -41,7 +41,7 @@ __kernel void probe(__global float *x)
 
 
 class Compute:
-    """An OpenCL context with one in-order queue; the first GPU found, else the first device that works.
+    """An OpenCL context and the in-order queue of bakes; the first GPU, else the first device that works.
 
     cache_dir, opencl_device  see `Settings`
     context_of                makes the context of a device

@@ -23,16 +23,20 @@ int lower_bound(__global const long *keys, const int count, const long key)
     return first;
 }
 
-// Lists pairs of boxes that overlap, the second one of the size with number get_global_id(1). boxes: low ends, then high
-// ones; inverses: of the sizes of cubes, powers of two, so that products are exact; ranks: number of each box's size;
-// keys, owners: cubes of all boxes, ascending; listed: how many pairs there are, of which `most` have room.
+// Lists pairs of boxes that overlap. An item is a box and a size, number item / count, of the second box; items from
+// `start` to `end` are done. boxes: low ends, then high ones; inverses: of the sizes of cubes, powers of two, so that
+// products are exact; ranks: number of each box's size; keys, owners: cubes of all boxes, ascending; listed: how many
+// pairs there are, more than `most` if there is no room for all.
 __kernel void find_edge_neighbours(__global const float *boxes, __global const int *ranks, __global const float *inverses,
                                    __global const long *keys, __global const int *owners, const int entries,
-                                   const long4 factors, __global int2 *pairs, __global uint *listed, const uint most,
-                                   const int count)
+                                   const long4 factors, const int count, const long start, const long end,
+                                   __global int2 *pairs, __global uint *listed, const uint most)
 {
-    const int box = get_global_id(0), rank = get_global_id(1);
-    if (box >= count || ranks[box] > rank)
+    const long item = start + get_global_id(0);
+    if (item >= end)
+        return;
+    const int box = item % count, rank = item / count;
+    if (ranks[box] > rank)
         return;
     float low[AXES], high[AXES];
     for (int axis = 0; axis < AXES; ++axis) {
@@ -70,9 +74,12 @@ __kernel void find_edge_neighbours(__global const float *boxes, __global const i
                 const long start = cube_at(boxes[2 * AXES * other + axis], inverse);
                 found = cube[axis] == (first[axis] > start ? first[axis] : start);
             }
-            const uint place = found ? atomic_inc(listed) : most;
-            if (place < most)
-                pairs[place] = (int2)(box, other);
+            if (!found)
+                continue;
+            const uint place = atomic_inc(listed);
+            if (place >= most)
+                return;
+            pairs[place] = (int2)(box, other);
         }
     }
 }

@@ -26,9 +26,9 @@ class Beside:
         flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
         return cl.Buffer(self._queue.context, flags, hostbuf=np.ascontiguousarray(values))
 
-    def room_for(self, values: np.ndarray) -> cl.Buffer:
-        """Return a buffer of the size of an array, which is not empty."""
-        return cl.Buffer(self._queue.context, cl.mem_flags.READ_WRITE, values.nbytes)
+    def room_for(self, size: int) -> cl.Buffer:
+        """Return a buffer of this many bytes, one at least."""
+        return cl.Buffer(self._queue.context, cl.mem_flags.READ_WRITE, size)
 
     def download(self, values: np.ndarray, buffer: cl.Buffer) -> None:
         """Fill an array with the bits of a buffer, once all work before is done."""

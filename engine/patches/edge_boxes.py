@@ -70,7 +70,7 @@ class EdgeNeighbours(Protocol):
     """Finds boxes that overlap."""
 
     def overlapping(self, boxes: EdgeBoxes) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Yield all pairs of boxes that overlap, once each, some at a time, as two (p,) int64 arrays.
+        """Yield all pairs of boxes that overlap, once each, in parts, as two (p,) int64 arrays.
 
         The second one is of a higher level than the first, or of the same and has the higher number. Pairs
         are in the order of that level, then of both numbers.

@@ -30,29 +30,33 @@ class HostNeighbours:
 def _in_one_cube(
     boxes: EdgeBoxes, size: float, full_size: np.ndarray
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield pairs of boxes that overlap, once each: any of m boxes, and one of full size.
+    """Yield pairs of boxes that overlap, once each and in order: any of m boxes, and one of full size.
 
     size       of the cubes, m
     full_size  (m,) bool, boxes as large as the cubes
     """
     keys, box = boxes.cubes(size)
-    axes = np.stack([boxes.low.T, boxes.high.T], axis=1)
     full = np.flatnonzero(full_size[box])
     full = full[np.argsort(keys[full])]
     start, end = (np.searchsorted(keys[full], keys, side) for side in ("left", "right"))
-    count, found = end - start, [np.zeros(0, np.int64)]
-    for part in _parts_of(count):
-        first = np.repeat(box[part], count[part])
-        offset = np.repeat(np.cumsum(count[part]) - count[part], count[part])
-        second = box[full[np.repeat(start[part], count[part]) + np.arange(len(first)) - offset]]
+
+    # Entries of a box, one after the other, in parts of whole boxes.
+    count = end - start
+    order = np.argsort(box, kind="stable")
+    entries = np.searchsorted(box[order], np.arange(len(boxes) + 1))
+    whole = np.bincount(box, count, len(boxes)).astype(np.int64)
+    axes = np.stack([boxes.low.T, boxes.high.T], axis=1)
+    for part in _parts_of(whole):
+        entry = order[entries[part.start] : entries[part.stop]]
+        first = np.repeat(box[entry], count[entry])
+        offset = np.repeat(np.cumsum(count[entry]) - count[entry], count[entry])
+        second = box[full[np.repeat(start[entry], count[entry]) + np.arange(len(first)) - offset]]
         first, second = _overlapping(axes, first, second)
 
-        # Of two boxes of full size the one with the lower number is the first.
+        # Boxes meet in several cubes; of two of full size the one with the lower number is the first.
         once = (first != second) & (~full_size[first] | (first < second))
-        found.append(first[once] * len(boxes) + second[once])
-    pairs = np.unique(np.concatenate(found))
-    for start_of_part in range(0, len(pairs), _CHUNK):
-        yield np.divmod(pairs[start_of_part : start_of_part + _CHUNK], len(boxes))
+        pairs = np.unique(first[once] * len(boxes) + second[once])
+        yield np.divmod(pairs, len(boxes))
 
 
 def _overlapping(axes: np.ndarray, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,7 +1,6 @@
 """Boxes of edges that overlap: all of them, once each, in one order, by the device and by the host."""
 
 import numpy as np
-import pyopencl as cl
 import pytest
 
 from engine.device.beside import Beside
@@ -53,25 +52,37 @@ def test_all_pairs_are_found_once_and_in_order(compute, seed, count, origin, spr
         np.testing.assert_array_equal(pairs_of(neighbours, boxes), pairs)
 
 
-def test_more_pairs_than_there_is_room_for(compute, monkeypatch):
-    """Boxes all overlap; they are handed out in several parts, of which the last one is short."""
-    boxes, pairs = random_boxes(5, 83, spread=1e-6), 83 * 82 // 2
-    boxes = EdgeBoxes(boxes.low - 1, boxes.high + 1)
-    for module in (device_edge_neighbours, host_edge_neighbours):
-        monkeypatch.setattr(module, "_CHUNK", 101)
-    for neighbours in (HostNeighbours(), DeviceNeighbours(compute)):
-        parts = list(neighbours.overlapping(boxes))
-        assert [len(first) for first, _ in parts][:2] == [101, 101] and len(parts) > pairs // 101
-        np.testing.assert_array_equal(pairs_of(neighbours, boxes), expected(boxes))
+def crowd(count):
+    """Return boxes that all overlap."""
+    boxes = random_boxes(5, count, spread=1e-6)
+    return EdgeBoxes(boxes.low - 1, boxes.high + 1)
 
 
-def test_the_host_goes_on_where_a_device_has_no_room(compute, monkeypatch):
-    def full(*arguments):
-        raise cl.MemoryError("MEM_OBJECT_ALLOCATION_FAILURE")
+def test_host_yields_parts_of_limited_size(monkeypatch):
+    """Each box of a crowd is in up to eight cubes with all others; a part has whole boxes."""
+    monkeypatch.setattr(host_edge_neighbours, "_CHUNK", 1009)
+    parts = list(HostNeighbours().overlapping(crowd(83)))
+    assert len(parts) > 7 and max(len(first) for first, _ in parts) <= 1009
+    np.testing.assert_array_equal(pairs_of(HostNeighbours(), crowd(83)), expected(crowd(83)))
 
-    boxes = random_boxes(3, 331)
-    monkeypatch.setattr(Beside, "room_for", full)
-    np.testing.assert_array_equal(pairs_of(DeviceNeighbours(compute), boxes), expected(boxes))
+
+@pytest.mark.parametrize("of_each", [1, 3])
+def test_device_yields_parts_that_there_is_room_for(compute, monkeypatch, of_each):
+    """There is room for no more pairs than one box has, or for a few times as many."""
+    monkeypatch.setattr(device_edge_neighbours, "_OF_EACH", of_each)
+    monkeypatch.setattr(device_edge_neighbours, "_LEAST", 1)
+    parts = list(DeviceNeighbours(compute).overlapping(crowd(83)))
+    assert len(parts) > 83 // 2 // of_each and max(len(first) for first, _ in parts) <= 83 * of_each
+    np.testing.assert_array_equal(pairs_of(DeviceNeighbours(compute), crowd(83)), expected(crowd(83)))
+
+
+def test_memory_for_pairs_has_a_limit(compute, monkeypatch):
+    """A crowd of 3,001 boxes has 4.5 million pairs, of which 2^16 are on the device at a time."""
+    sizes, room_for = [], Beside.room_for
+    monkeypatch.setattr(Beside, "room_for", lambda beside, size: sizes.append(size) or room_for(beside, size))
+    total = sum(len(first) for first, _ in DeviceNeighbours(compute).overlapping(crowd(3001)))
+    assert total == 3001 * 3000 // 2
+    assert sizes == [8 << 16]
 
 
 def test_no_boxes(compute):

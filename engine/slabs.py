@@ -17,7 +17,7 @@ _MOST, _LEAST = 4, 1 << 21
 def in_slabs(count: int, row: int, work: Callable[[slice], object]) -> None:
     """Call `work` with slabs that are all of `count` rows together, each in a thread; raises what it raises.
 
-    row: bytes that are written of each
+    row: bytes that are read or written of each
     """
     slabs = min(_threads(), count * row // _LEAST)
     if slabs < 2:

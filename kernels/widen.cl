@@ -7,14 +7,12 @@ __kernel void widen(__global const float *narrow, __global float4 *wide, const i
         wide[i] = i < first || i >= first + values ? (float4)(0.0f) : (float4)(vload3(i - first, narrow), 0.0f);
 }
 
-// The same of colours whose rows are `stride` apart.
-__kernel void widen_rows(__global const float *rows, const int stride, __global float4 *wide, const int first,
-                         const int values, const int count)
+// Colours whose rows are `stride` apart become float4.
+__kernel void widen_rows(__global const float *rows, const int stride, __global float4 *wide, const int count)
 {
     const int i = get_global_id(0);
-    const bool within = i >= first && i < first + values;
     if (i < count)
-        wide[i] = within ? (float4)(vload3(0, rows + (size_t)stride * (i - first)), 0.0f) : (float4)(0.0f);
+        wide[i] = (float4)(vload3(0, rows + (size_t)stride * i), 0.0f);
 }
 
 // The colours of `planes` float4 of each item, one plane after the other, three floats each.
@@ -64,12 +62,13 @@ __kernel void insert_rows(__global const uint *rows, __global const uint *others
         joined[i * columns + column] = source[column];
 }
 
-// Colours of some rows, `stride` apart, become black.
-__kernel void blacken(__global float *rows, const int stride, __global const uint *places, const int count)
+// The first `channels` numbers of rows `stride` apart become 0.
+__kernel void blacken(__global float *rows, const int stride, const int channels, __global const uint *places,
+                      const int count)
 {
     const int i = get_global_id(0);
-    if (i < count)
-        vstore3((float3)(0.0f), 0, rows + (size_t)stride * places[i]);
+    for (int channel = 0; i < count && channel < channels; ++channel)
+        rows[(size_t)stride * places[i] + channel] = 0.0f;
 }
 
 // float4 of which the fourth becomes 0.
@@ -98,13 +97,13 @@ __kernel void take_fourth(__global const float4 *wide, __global float *taken, co
         taken[i] = wide[i].w;
 }
 
-// The colours of some items of rows `stride` apart, close together.
-__kernel void take_colors(__global const float *rows, const int stride, __global const uint *chosen,
-                          __global float *taken, const int count)
+// The first `channels` numbers of some of the rows `stride` apart, close together.
+__kernel void take_colors(__global const float *rows, const int stride, const int channels,
+                          __global const uint *chosen, __global float *taken, const int count)
 {
     const int i = get_global_id(0);
-    if (i < count)
-        vstore3(vload3(0, rows + (size_t)stride * chosen[i]), i, taken);
+    for (int channel = 0; i < count && channel < channels; ++channel)
+        taken[(size_t)channels * i + channel] = rows[(size_t)stride * chosen[i] + channel];
 }
 
 // Colours, rows `stride` apart, plus others times a sign, from 0 on, as float4.

@@ -24,7 +24,7 @@ class DeviceValues:
 
     def __init__(self, compute: Compute, buffer: cl.Buffer, count: int, stride: int = 3) -> None:
         self._compute, self.buffer, self._count, self.stride = compute, buffer, count, stride
-        self.channels, self._wide = min(stride, 3), dict[int, cl.Buffer]()
+        self.channels = min(stride, 3)
 
     def __len__(self) -> int:
         return self._count
@@ -64,7 +64,7 @@ class DeviceValues:
         return DeviceValues(compute, sums, self._count, 1)
 
     def some(self, chosen: np.ndarray) -> np.ndarray:
-        """Return the colours of some points, (k,) int64, as (k, 3) float32 of the host."""
+        """Return the values of some points, (k,) int64, as (k, c) float32 of the host."""
         if "rows" in vars(self):
             return self.colors[chosen]
         if not len(chosen):
@@ -72,15 +72,16 @@ class DeviceValues:
         return self.taken(upload(self._compute, chosen.astype(np.uint32)), len(chosen)).colors
 
     def taken(self, chosen: cl.Buffer, count: int) -> DeviceValues:
-        """Return the colours of some points by their numbers, uint32 or int32 on the device."""
+        """Return the values of some points by their numbers, uint32 or int32 on the device."""
         compute = self._compute
         (kernel,) = compute.kernels("widen.cl", "take_colors")
-        taken = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 12 * max(1, count))
-        compute.run(kernel, count, self.buffer, np.int32(self.stride), chosen, taken, np.int32(count))
-        return DeviceValues(compute, taken, count)
+        taken = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 4 * self.channels * max(1, count))
+        sizes = np.int32(self.stride), np.int32(self.channels)
+        compute.run(kernel, count, self.buffer, *sizes, chosen, taken, np.int32(count))
+        return DeviceValues(compute, taken, count, self.channels)
 
     def black_at(self, places: np.ndarray) -> DeviceValues:
-        """Return the same colours, but some of them, (k,) int64, black."""
+        """Return the same values, but some of them, (k,) int64, 0."""
         if not len(places):
             return self
         compute, size = self._compute, 4 * self.stride * self._count
@@ -88,19 +89,18 @@ class DeviceValues:
         cl.enqueue_copy(compute.queue, changed, self.buffer, byte_count=size)
         (kernel,) = compute.kernels("widen.cl", "blacken")
         numbers = upload(compute, places.astype(np.uint32))
-        compute.run(kernel, len(places), changed, np.int32(self.stride), numbers, np.int32(len(places)))
+        sizes = np.int32(self.stride), np.int32(self.channels)
+        compute.run(kernel, len(places), changed, *sizes, numbers, np.int32(len(places)))
         return DeviceValues(compute, changed, self._count, self.stride)
 
-    def as_float4(self, first: int = 0) -> cl.Buffer:
-        """Return the colours as float4 after some rows of zeros, the same buffer each time."""
-        if first not in self._wide:
-            compute, count = self._compute, first + self._count
-            wide = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count)
-            (kernel,) = compute.kernels("widen.cl", "widen_rows")
-            sizes = (first, self._count, count)
-            compute.run(kernel, count, self.buffer, np.int32(self.stride), wide, *map(np.int32, sizes))
-            self._wide[first] = wide
-        return self._wide[first]
+    @cached_property
+    def float4(self) -> cl.Buffer:
+        """Colours as float4, of which the fourth is 0: the same buffer each time."""
+        compute, count = self._compute, self._count
+        wide = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * max(1, count))
+        (kernel,) = compute.kernels("widen.cl", "widen_rows")
+        compute.run(kernel, count, self.buffer, np.int32(self.stride), wide, np.int32(count))
+        return wide
 
     def plus(self, others: Values, sign: int = 1) -> DeviceValues:
         """Return float4 of these colours plus those of others times 1 or -1, from 0 on; the fourth is 0."""
@@ -133,7 +133,7 @@ def float4_on_device(compute: Compute, values: Values) -> cl.Buffer:
 
 def float4_once(compute: Compute, values: Values) -> cl.Buffer:
     """Return colours, (n, 3), which nobody changes, as float4: the same buffer each time."""
-    return values.as_float4() if isinstance(values, DeviceValues) else upload_float4_once(compute, values)
+    return values.float4 if isinstance(values, DeviceValues) else upload_float4_once(compute, values)
 
 
 def rows_of(values: Values) -> np.ndarray:

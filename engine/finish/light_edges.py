@@ -42,7 +42,7 @@ _ON_EDGE, _AT_AN_END = 1, 2
 class PatchLight:
     """What is known of patches once the light has settled, (n, ...) each.
 
-    light   (n, 1) float32, all light, sum of the channels
+    light   (n, 1) float32, all light, sum of the channels; rows one after the other
     front   (n,) float32, the fraction of the view that no back takes
     hidden  (n,) bool, nobody sees the patch
     """

@@ -21,7 +21,8 @@ def sweeps_left(residuals: Sequence[float], settings: Settings, reflectance: flo
     """Return how many sweeps are expected to come.
 
     residuals    after each sweep so far, falling by one factor; NaN or infinite where unknown
-    reflectance  mean of all patches: in a closed scene the error of plain sweeps falls by it each time
+    reflectance  mean of patches all over the scene: in a closed one the error of plain sweeps falls by it
+                 each time
     """
     if not settings.bounces:
         return max(1 - len(residuals), 0)

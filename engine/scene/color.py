@@ -30,7 +30,7 @@ def channel_sum(values: np.ndarray) -> np.ndarray:
 
 
 def luminance(values: np.ndarray, dtype: npt.DTypeLike = None) -> np.ndarray:
-    """Return the luminance of scene-linear Rec.709 colors (ITU-R BT.709), (..., 3) -> (...).
+    """Return the luminance of scene-linear Rec.709 colors (ITU-R BT.709), (..., 3) float -> (...).
 
     Column by column, as `channel_sum`.
 

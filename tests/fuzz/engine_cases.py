@@ -543,6 +543,7 @@ _SETTINGS = st.fixed_dictionaries(
         "accelerate": st.booleans(),
         "memory_budget": st.sampled_from([0, 1, 10_000, 1_000_000]),
         "intermediates": st.booleans(),
+        "centres": st.booleans(),
         "outputs": st.lists(
             st.sampled_from(["combined", "direct", "indirect", "ambient_occlusion"]), min_size=1, unique=True
         ).map(tuple),

@@ -105,7 +105,7 @@ class SolveJob:
             return None
         return weakref.ref(samples), self.parts.triangles, self.emission, self.sky, self.sampled_light
 
-    @property
+    @cached_property
     def first_radiance(self) -> np.ndarray:
         """What each patch sends out before light has gone from patch to patch, (n,) float32, sum of channels.
 

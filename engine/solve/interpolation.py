@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import download, upload
+from ..device.buffers import download, upload, upload_once
 from ..patches.subdivision import Subdivision
 from ..scene.color import channel_sum
 from ..visibility.rays.ray_scene import RayScene
@@ -39,11 +39,12 @@ class Interpolation:
         files = (*RECEIVER_SOURCE, "channels.cl", "interpolate.cl")
         self._interpolate, self._spread = self._compute.kernels(files, "interpolate", "spread")
         patches = parts.patches
-        arrays = (patches.atlas, patches.texel, group.astype(np.int32), leader.astype(np.int32))
+        numbers = group.astype(np.int32), leader.astype(np.int32)
         self._count = len(patches)
         self._where = (
-            upload(self._compute, parts.texel_to_patch), np.int32(patches.resolution), np.int32(width),
-            *(upload(self._compute, array) for array in arrays),
+            upload_once(self._compute, parts.texel_to_patch), np.int32(patches.resolution), np.int32(width),
+            *(upload_once(self._compute, array) for array in (patches.atlas, patches.texel)),
+            *(upload(self._compute, array) for array in numbers),
         )  # fmt: skip
 
     def fit(

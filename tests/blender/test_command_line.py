@@ -303,6 +303,8 @@ def test_installed_command_tells_the_same_as_the_tool(tmp_path, capfd):
         16,
         "--world",
         "1,2,3",
+        "--visibility",
+        "rays",
         "--json",
     ]
     code, lines = installed(capfd, *words)

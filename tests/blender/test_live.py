@@ -287,6 +287,31 @@ def test_an_undo_of_its_beginning_ends_it(operator, context, window):  # noqa: F
     assert not part("operators.worker_owner").owner.busy
 
 
+@pytest.mark.usefixtures("window")
+def test_an_undo_in_edit_mode_goes_on(operator, context):  # noqa: F811
+    """Its steps hold a mesh alone: preview materials that were set aside for it are made again."""
+    import bpy
+
+    room, _ = lit_room()
+    bpy.context.view_layer.objects.active = room
+    bpy.ops.ed.undo_push(message="A room")
+    start(operator, context)
+    settle(operator, context)
+    bpy.ops.ed.undo_push(message="Live")
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.ed.undo_push(message="Edit Mode")
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.ed.undo_push(message="Select")
+    told = len(operator.reports)
+    bpy.ops.ed.undo()
+    settle(operator, context)
+    room = bpy.data.objects["Room"]
+    assert room.mode == "EDIT" and len(operator.reports) == told
+    assert part("operators.worker_owner").owner.running is not None
+    assert room.material_slots[0].material.name == "Grey (lightmap)"
+    bpy.ops.object.mode_set(mode="OBJECT")
+
+
 def test_light_shows_however_fast_changes_follow_each_other(operator, context, window):  # noqa: F811
     """Something moves in each event, as while the timeline plays: readings do not keep images away."""
     import bpy

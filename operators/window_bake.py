@@ -7,7 +7,6 @@ import time
 import bpy
 
 from ..engine.progress import Progress
-from .lookup import find
 from .run import Run
 from .telling import progress_line
 from .worker_owner import owner
@@ -35,7 +34,6 @@ class WindowBake:
         self._manager = context.window_manager
         self._timer = self._manager.event_timer_add(interval, window=context.window)
         self._manager.progress_begin(0, 100)
-        self._told: set[int] = set()
         self._shown, self._redrawn = "", time.perf_counter()
         self._period, self._is_drawing, self._has_new_pixels = _PERIODS[0], True, False
         self._tell_status(context)
@@ -73,9 +71,8 @@ class WindowBake:
         owner.running = None
         self._manager.event_timer_remove(self._timer)
         self._manager.progress_end()
-        for workspace in [find(bpy.data.workspaces, uid) for uid in self._told]:
-            if workspace is not None:
-                workspace.status_text_set(None)
+        workspace = bpy.context.workspace or bpy.data.workspaces[0]
+        workspace.status_text_set(None)
         _redraw(self._manager)
 
     def cancel(self, keep_images: bool = False) -> bool:
@@ -89,10 +86,23 @@ class WindowBake:
         return "Esc over the 3D view cancels"
 
     def _tell_status(self, context: bpy.types.Context) -> None:
-        """Show the progress in the status bar, which each workspace has for itself."""
+        """Show the progress in the status bar.
+
+        Workspaces have texts of their own, of which only that of the one in sight can be cleared. Blender's
+        function draws the status bars of all.
+        """
         if context.workspace is not None:
-            context.workspace.status_text_set(f"{progress_line(self.progress)}    {self.how_to_end}")
-            self._told.add(context.workspace.session_uid)
+            context.workspace.status_text_set(self._draw_status)
+
+    def _draw_status(self, header: bpy.types.Header, context: bpy.types.Context) -> None:
+        """Draw a status bar as Blender does, but with the progress in place of what keys do."""
+        layout = header.layout
+        layout.label(text=f"{progress_line(self.progress)}    {self.how_to_end}", translate=False)
+        layout.separator_spacer()
+        layout.template_reports_banner()
+        layout.template_running_jobs()
+        layout.separator_spacer()
+        layout.template_status_info()
 
 
 def _editor_below(context: bpy.types.Context, event: bpy.types.Event) -> str | None:

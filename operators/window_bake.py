@@ -92,11 +92,11 @@ class WindowBake:
         function draws the status bars of all.
         """
         if context.workspace is not None:
-            context.workspace.status_text_set(self._draw_status)
+            # Blender calls functions, but no methods.
+            context.workspace.status_text_set(lambda header, _: self._draw_status(header.layout))
 
-    def _draw_status(self, header: bpy.types.Header, context: bpy.types.Context) -> None:
+    def _draw_status(self, layout: bpy.types.UILayout) -> None:
         """Draw a status bar as Blender does, but with the progress in place of what keys do."""
-        layout = header.layout
         layout.label(text=f"{progress_line(self.progress)}    {self.how_to_end}", translate=False)
         layout.separator_spacer()
         layout.template_reports_banner()

@@ -38,20 +38,31 @@ def _border_texels_in(
 
 
 def note_uncovered(scene: Scene, texels: np.ndarray) -> list[str]:
-    """Return a warning that names the objects whose UVs cover no texel's centre.
+    """Return warnings that name the objects without an area, and those whose UVs cover no texel's centre.
 
     texels: see `covered_texels`
     """
-    names = [
-        mesh.name for mesh, count in zip(scene.meshes, texels, strict=True) if not count and len(mesh.face)
+    shrunk = [mesh.name for mesh in scene.meshes if len(mesh.face) and not _has_area(mesh.positions)]
+    small = [
+        mesh.name
+        for mesh, count in zip(scene.meshes, texels, strict=True)
+        if not count and len(mesh.face) and mesh.name not in shrunk
     ]
-    if not names:
-        return []
-    sentence = (
+    sentences = {
         "The lightmap UVs of {} are too small to cover a texel: their light is a guess. "
-        "Unwrap them again or raise the resolution."
-    )
-    return [naming(sentence, names)]
+        "Unwrap them again or raise the resolution.": small,
+        "Scaled to nothing, so that no light falls on them: {}. Give them a scale.": shrunk,
+    }
+    return [naming(sentence, names) for sentence, names in sentences.items() if names]
+
+
+def _has_area(positions: np.ndarray) -> bool:
+    """Return whether any of some triangles, (t, 3, 3), has an area: most often the first one."""
+    for some in (positions[:1], positions):
+        edges = np.diff(some.astype(np.float64), axis=1)
+        if np.cross(edges[:, 0], edges[:, 1]).any():
+            return True
+    return False
 
 
 def covered_texels(scene: Scene, geometry: PatchGeometry) -> np.ndarray:

@@ -82,6 +82,12 @@ def check_faceless(objects: Sequence[bpy.types.Object], meshes: Sequence[Checked
     )
 
 
+def check_scale(meshes: Sequence[CheckedMesh]) -> list[Finding]:
+    """Return meshes that their scale shrinks to a line or a point."""
+    names = [mesh.name for mesh in meshes if np.linalg.matrix_rank(mesh.matrix[:3, :3]) < 2]
+    return found(WARNING, "Scaled to nothing, so that no light falls on them: {}. Give them a scale.", names)
+
+
 def check_zero_area(meshes: Sequence[CheckedMesh]) -> Steps:
     """Return meshes with triangles that have no area."""
     flat: dict[str, bool] = {}

@@ -290,6 +290,21 @@ def test_zero_area_faces_are_told():
     assert finding("without an area").objects == ("Sliver",)
 
 
+@pytest.mark.parametrize(("scale", "shrunk"), [((0, 0, 0), True), ((2, 0, 0), True), ((1, 1, 0), False)])
+def test_objects_that_are_scaled_to_nothing_are_told(scale, shrunk):
+    """A square that is flat anyway has the area that it had."""
+    import bpy
+
+    square("Even")
+    square("Scaled").scale = scale
+    found = [each.objects for each in check().findings if "Scaled to nothing" in each.text]
+    assert found == ([("Scaled",)] if shrunk else [])
+    bpy.ops.hemibake.bake()
+    warnings = report()["warnings"]
+    assert any("Scaled to nothing" in warning for warning in warnings) == shrunk
+    assert not any("too small to cover a texel" in warning for warning in warnings)
+
+
 def test_objects_hidden_from_one_of_viewport_and_renders_are_told():
     square("Shown")
     square("Only shown", np.array(SQUARE_UVS)).hide_render = True

@@ -8,7 +8,7 @@ import itertools
 import os
 import shutil
 import time
-from types import SimpleNamespace
+from types import FunctionType, SimpleNamespace
 
 import pytest
 
@@ -43,6 +43,7 @@ class Workspace:
     def status_text_set(self, draw):
         import bpy
 
+        assert isinstance(draw, FunctionType), "Blender would not call it"
         bpy.data.workspaces[0].status_text_set(draw)
         draw(SimpleNamespace(layout=self), bpy.context)
 

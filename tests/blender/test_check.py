@@ -383,6 +383,7 @@ def test_earlier_bakes_make_the_estimate_a_measured_one():
     import bpy
 
     furnace()
+    bpy.context.scene.hemibake.resolution = 128
     assert bpy.ops.hemibake.bake() == {"FINISHED"}
     told = check().estimate
     assert told.measured and told.patches == pytest.approx(report()["patches"], rel=0.05)

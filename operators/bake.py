@@ -36,6 +36,16 @@ class ModalBake(ModalOperator):
         return {"CANCELLED"}
 
 
+class _BakeInWindow(WindowBake):
+    """A bake that ends, too, once an undo has left it nothing to bake."""
+
+    run: Run
+
+    def wants_to_cancel(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
+        """See `WindowBake`."""
+        return self.run.undone or super().wants_to_cancel(context, event)
+
+
 class HEMIBAKE_OT_bake(ModalBake, bpy.types.Operator):
     """Bake the light that the visible objects receive into their lightmaps"""
 
@@ -46,6 +56,8 @@ class HEMIBAKE_OT_bake(ModalBake, bpy.types.Operator):
     @property
     def cancelled(self) -> str:
         """What the user is told who cancels: whether it was for nothing."""
+        if self._window.run.undone:
+            return "Bake cancelled: the lightmap UVs of all objects were undone"
         if kept_checkpoint_since(self._began):
             return "Bake cancelled. With the same scene and settings the next one goes on from there"
         return "Bake cancelled"
@@ -79,7 +91,7 @@ class HEMIBAKE_OT_bake(ModalBake, bpy.types.Operator):
         last_failure.forget()
         warm_up()
         run = Run(context, owner.bake_in_worker(), made_uvs=lambda: push_undo("Make Lightmap UVs"))
-        self._window, self._began = WindowBake(context, run), time.time()
+        self._window, self._began = _BakeInWindow(context, run), time.time()
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 

@@ -42,6 +42,7 @@ from .scene.targets import only_targets, target_uids
 from .scene.uvs.baked_uvs import BakedUvs
 from .scene.uvs.unwrap import unwrap_missing
 from .scene.uvs.uv_modifier import has_uvs
+from .undo_watch import UndoWatch
 from .user_files import keep_paces
 from .worker_owner import owner
 
@@ -72,7 +73,7 @@ class Run:
     ) -> None:
         self._context, self._bake = SceneContext(context), bake
         self._watched, self._made_uvs = watched, made_uvs
-        self._changes = Changes()
+        self._changes, self._undo = Changes(), UndoWatch()
         self._images: ShownImages | None = None
         self._check: IdleCheck | None = None
         self._unwraps = False
@@ -210,13 +211,24 @@ class Run:
 
     def _bake_without_overlaps(self) -> Bake:
         """Bake; start again without the objects whose charts lie on others'."""
-        while True:
-            work = self._showing(self._bake(self._read.scene, self._settings))
-            try:
-                return (yield from self._stages.include(self._stages.baking, work))
-            except OverlapError as error:
-                self._leave_out_overlaps(error)
-                yield None
+        with self._undo:
+            while True:
+                work = self._showing(self._bake(self._read.scene, self._settings))
+                try:
+                    return (yield from self._stages.include(self._stages.baking, work))
+                except OverlapError as error:
+                    self._leave_out_overlaps(error)
+                    yield None
+
+    @property
+    def undone(self) -> bool:
+        """True while an undo has taken the lightmap UVs of all objects that are baked: it is for nothing."""
+        if not self._undo.happened:
+            return False
+        baked = {uid for uid, _ in self._read.objects}
+        present = {obj.session_uid for obj in bpy.data.objects}
+        self._undo.happened = not (baked & present) - set(self._uvs.lost())
+        return self._undo.happened
 
     def _finish_check(self) -> Steps:
         """Do what is left of the check."""

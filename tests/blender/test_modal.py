@@ -363,6 +363,27 @@ def test_object_whose_uvs_were_undone_in_mid_bake_is_named_and_not_written(opera
     assert kept.hemibake.image.name == "Own" and report()["objects"] == 1
 
 
+def test_bake_of_objects_whose_uvs_were_all_undone_ends(operator, context, window):
+    """UVs are made for a step of their own, the newest one: that is what somebody takes back."""
+    import bpy
+
+    room = furnace()
+    for step in range(3):
+        room.location.x = step
+        bpy.ops.ed.undo_push(message=f"Moved to {step}")
+    before = snapshot()
+    operator.invoke(context, None)
+    drive(operator, context, until=image_shown)
+    assert "Lightmap" in bpy.data.objects["Furnace"].data.uv_layers
+    bpy.ops.ed.undo()
+    assert drive(operator, context) == {"CANCELLED"} and window.is_as_before()
+    assert operator.reports[-1] == (
+        {"INFO"}, "Bake cancelled: the lightmap UVs of all objects were undone"
+    )  # fmt: skip
+    assert snapshot() == before and not part("operators.worker_owner").owner.busy
+    assert part("operators.run").bpy.app.handlers.undo_post[:] == []
+
+
 def bake_with_history(operator, context):
     """Move a furnace in three steps that can be undone, then bake until its image is shown."""
     import bpy
@@ -376,8 +397,10 @@ def bake_with_history(operator, context):
 
 
 def test_undo_in_mid_bake_leaves_no_pointer_to_an_image_that_it_frees(operator, context):
+    """It takes the UVs of one object away, not those of the other."""
     import bpy
 
+    square("Beside", [(0.8, 0.8), (0.9, 0.8), (0.9, 0.9), (0.8, 0.9)]).location = (5, 5, 5)
     bake_with_history(operator, context)
     bpy.ops.ed.undo()
     assert not image_shown() and len(bpy.context.scene.hemibake.lightmaps) == 0

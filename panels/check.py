@@ -39,9 +39,8 @@ def estimate_text(expected: Estimate) -> str:
     """Return what a bake is expected to take, in one line."""
     about = f"about {_duration(expected.seconds)}"
     known = about if expected.measured else f"{about} on a processor, less on a graphics card"
-    return (
-        f"{expected.patches:,} patches, {expected.sample_bytes / 2**20:,.0f} MiB for what they see, {known}"
-    )
+    memory = f"at most {expected.sample_bytes / 2**20:,.0f} MiB for what they see"
+    return f"{expected.patches:,} patches, {memory}, {known}"
 
 
 def _duration(seconds: float) -> str:

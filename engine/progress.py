@@ -25,6 +25,9 @@ _STARTING = 0.2
 #: Slices that follow each other faster are one step: thousands of them would cost as much as the work, s.
 _STEP = 0.004
 
+#: Work of which nothing but a guess is known is not expected to take a smaller part of that.
+_FASTEST = 0.25
+
 #: A guess does not matter if it is less than this part of the time that was spent so far.
 _NEGLIGIBLE = 0.1
 
@@ -241,13 +244,14 @@ class Schedule:
         return sum(stage.seconds for stage in self._stages[: self._current + 1])
 
     def _slowness(self) -> float:
-        """Return how many times as long as expected the work so far took, at least 1.
+        """Return how many times as long as expected the work so far took, at least `_FASTEST`.
 
-        What slows it, drivers that compile and other programs, slows what nothing but a guess is known of.
+        What slows it, drivers that compile and other programs, slows what nothing but a guess is known of. A
+        machine that is faster than the guesses is faster at that, too.
         """
         begun = [stage for stage in self._stages[: self._current + 1] if stage.seconds > 0]
         expected = sum(stage.pace * (stage.done or stage.amount) for stage in begun)
-        return max(1.0, (self._spent + _PRIOR) / (expected + _PRIOR))
+        return max(_FASTEST, (self._spent + _PRIOR) / (expected + _PRIOR))
 
 
 def format_seconds_left(seconds: float) -> str:

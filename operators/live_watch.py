@@ -8,7 +8,7 @@ import bpy
 
 from .lookup import find
 from .result.images import MARK as LIGHTMAP
-from .result.preview import previewed, set_preview_aside
+from .result.preview import is_previewed, set_preview_aside
 from .result.preview_material import MARK as PREVIEW
 from .scene import SceneContext
 
@@ -89,13 +89,13 @@ class LiveWatch:
         """No step knows the preview materials that were made since the last one."""
         scene = find(bpy.data.scenes, self._context.scene_uid)
         if scene is not None:
-            self._showed = any(True for _ in previewed(scene))
+            self._showed = is_previewed(scene)
             set_preview_aside(scene)
 
     def _note_undo(self, *_: object) -> None:
         """Objects tell whether they show their lightmaps: steps of Edit Mode bring no materials back."""
         scene = find(bpy.data.scenes, self._context.scene_uid)
-        self.undone |= scene is None or (self._showed and not any(True for _ in previewed(scene)))
+        self.undone |= scene is None or (self._showed and not is_previewed(scene))
         self.objects, self.materials = True, {material.session_uid for material in bpy.data.materials}
 
 

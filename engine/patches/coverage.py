@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..device.graphics import Graphics
@@ -9,6 +11,7 @@ from ..errors import OverlapError
 from ..naming import naming
 from ..scene.model import Scene
 from ..scene.triangles import Triangles
+from ..short_rows import any_in_rows
 from .border_texels import BorderTexels
 from .chart_raster import OVERLAP, TOUCHED, draw_charts
 from .geometry import PatchGeometry
@@ -42,7 +45,12 @@ def note_uncovered(scene: Scene, texels: np.ndarray) -> list[str]:
 
     texels: see `covered_texels`
     """
-    shrunk = [mesh.name for mesh in scene.meshes if len(mesh.face) and not _has_area(mesh.positions)]
+    filled = [mesh for mesh in scene.meshes if len(mesh.face)]
+    shrunk = dict.fromkeys(
+        mesh.name
+        for mesh, has_area in zip(filled, _have_area([mesh.positions[0] for mesh in filled]), strict=True)
+        if not (has_area or _have_area(mesh.positions).any())
+    )
     small = [
         mesh.name
         for mesh, count in zip(scene.meshes, texels, strict=True)
@@ -51,18 +59,16 @@ def note_uncovered(scene: Scene, texels: np.ndarray) -> list[str]:
     sentences = {
         "The lightmap UVs of {} are too small to cover a texel: their light is a guess. "
         "Unwrap them again or raise the resolution.": small,
-        "Scaled to nothing, so that no light falls on them: {}. Give them a scale.": shrunk,
+        "Scaled to nothing, so that no light falls on them: {}. Give them a scale.": list(shrunk),
     }
     return [naming(sentence, names) for sentence, names in sentences.items() if names]
 
 
-def _has_area(positions: np.ndarray) -> bool:
-    """Return whether any of some triangles, (t, 3, 3), has an area: most often the first one."""
-    for some in (positions[:1], positions):
-        edges = np.diff(some.astype(np.float64), axis=1)
-        if np.cross(edges[:, 0], edges[:, 1]).any():
-            return True
-    return False
+def _have_area(positions: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
+    """Return which of some triangles, (t, 3, 3), have an area, (t,) bool."""
+    edges = np.diff(np.asarray(positions, np.float64).reshape(-1, 3, 3), axis=1)
+    have: np.ndarray = any_in_rows(np.cross(edges[:, 0], edges[:, 1]))
+    return have
 
 
 def covered_texels(scene: Scene, geometry: PatchGeometry) -> np.ndarray:

@@ -37,9 +37,14 @@ def previewed(scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
             yield obj
 
 
+def is_previewed(scene: bpy.types.Scene) -> bool:
+    """Return whether an object of a scene is to show its lightmap, whatever materials it wears."""
+    return any(True for _ in previewed(scene))
+
+
 def shows_preview(scene: bpy.types.Scene) -> bool:
     """Return whether an object of a scene shows its lightmap; quick without a preview, for panels."""
-    return any(MARK in material for material in bpy.data.materials) and any(True for _ in previewed(scene))
+    return any(MARK in material for material in bpy.data.materials) and is_previewed(scene)
 
 
 def show_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> tuple[int, list[str]]:

@@ -34,11 +34,11 @@ def keep_check(scene: bpy.types.Scene, checked: Checked) -> None:
 
 
 class IdleCheck:
-    """A check of a scene that is done in the pauses of other work."""
+    """A check of a scene that is done in the pauses of its bake."""
 
     def __init__(self, context: SceneContext) -> None:
         self._context = context
-        self._steps: Generator[None, None, Checked] | None = check_scene(context)
+        self._steps: Generator[None, None, Checked] | None = check_scene(context, is_baking=True)
 
     def step(self) -> bool:
         """Go on with it for a short time, and in the end keep what it has found; return whether more is left.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from .result.moved_charts import note_moved_charts
 from .result.preview import hide_preview, previewed, show_preview
 from .viewports import show_materials, show_solid_again
 
@@ -26,7 +27,8 @@ class HEMIBAKE_OT_preview(bpy.types.Operator):
         if not count:
             self.report({"ERROR"}, " ".join(notes) or "No object has a lightmap to show. Bake first.")
             return {"CANCELLED"}
-        for note in notes:
+        depsgraph, uv_layer = context.evaluated_depsgraph_get(), context.scene.hemibake.uv_layer
+        for note in (*notes, *note_moved_charts(previewed(context.scene), depsgraph, uv_layer)):
             self.report({"WARNING"}, note)
         show_materials(context)
         self.report({"INFO"}, f"{count} objects show their lightmaps")

@@ -262,6 +262,12 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
         options={"HIDDEN"},
         override=_OVERRIDABLE,
     )
+    baked_uvs: StringProperty(
+        name="Baked UVs",
+        description="Digest of the lightmap UVs that the last bake of the object used",
+        options={"HIDDEN"},
+        override=_OVERRIDABLE,
+    )
     fingerprint: StringProperty(
         name="Fingerprint",
         description="Digest of what the last bake saw of the object",

@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 
 from ..lookup import find_all
+from ..result.moved_charts import has_moved_charts
 from ..scene import SceneContext
 from ..scene.objects.meshes import read_array, read_positions, read_topology
 from ..scene.objects.render_settings import differs_in_renders
@@ -32,6 +33,7 @@ class CheckedMesh:
     copies     whether modifiers make other faces than the mesh has, and no modifier keeps UVs of these
     outdated   whether a modifier keeps UVs, but of other faces than there are by now
     unlike     whether a modifier keeps UVs that fit, but renders make other faces than the viewport
+    moved      whether its lightmap was baked with other lightmap UVs
     matrix     (4, 4) float64, object space to world space
     scale      its scale in lightmaps
     positions  (v, 3) float32, object space
@@ -51,6 +53,7 @@ class CheckedMesh:
     copies: bool
     outdated: bool
     unlike: bool
+    moved: bool
     matrix: np.ndarray
     scale: float
     positions: np.ndarray
@@ -118,6 +121,7 @@ def _read(
             copies=changed and not obj.data.is_editmode and keeper is None,
             outdated=outdated,
             unlike=keeper is not None and not outdated and differs_in_renders(obj),
+            moved=obj.hemibake.image is not None and has_moved_charts(obj, mesh, uv_layer),
             matrix=np.array(obj.matrix_world, np.float64),
             scale=obj.hemibake.lightmap_scale,
             positions=read_positions(mesh),

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
+from ..result.moved_charts import MOVED_CHARTS
 from ..scene.crowds import make_footprints, place_apart
 from ..scene.place import Charted, Place, make_charted
 from ..scene.uvs.footprint import LARGEST_GRID, Footprint, make_footprint
@@ -91,6 +92,11 @@ def check_kept(meshes: Sequence[CheckedMesh]) -> list[Finding]:
             "show_as_rendered",
         ),
     ]
+
+
+def check_moved(meshes: Sequence[CheckedMesh]) -> list[Finding]:
+    """Return meshes whose lightmap was baked with other lightmap UVs."""
+    return found(WARNING, MOVED_CHARTS, [mesh.name for mesh in meshes if mesh.moved])
 
 
 def check_unneeded(objects: Sequence[bpy.types.Object]) -> list[Finding]:

@@ -26,6 +26,7 @@ from ..result.file_names import file_name
 from ..result.files import reason, replace_all, staging_folder
 from ..result.lightmap_files import LightmapFile
 from ..result.manifest import NAME, is_ours, read_manifest, write_manifest
+from ..result.moved_charts import note_moved_charts
 from ..result.preview import hide_preview, previewed, show_preview
 from .encoded import EncodedLightmap, encode
 from .exporter import write_gltf
@@ -73,6 +74,9 @@ def _export(context: bpy.types.Context, path: Path, kind: str, use_files: bool) 
     missing = [image for image in surfaces.images if not image.size[0]]
     usable = [image for image in surfaces.images if image.size[0]]
     notes = [_missing(image, surfaces) for image in missing]
+    lit = dict.fromkeys(surface.source for surface in surfaces.all if surface.place is not None)
+    depsgraph, uv_layer = context.evaluated_depsgraph_get(), context.scene.hemibake.uv_layer
+    notes += note_moved_charts(lit, depsgraph, uv_layer)
     if not usable:
         raise EngineError("\n".join(notes) or _NOTHING_BAKED)
     changes = Changes()

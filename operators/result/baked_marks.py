@@ -42,7 +42,7 @@ def mark_lightmaps(
 def mark_objects(
     read: ReadScene, images: Sequence[bpy.types.Image], uv_layer: str, lost: Mapping[int, str]
 ) -> None:
-    """Write on each baked object which image, of the first output, and which UV layer belong to it.
+    """Write on each baked object which image, of the first output, and which UV layer and UVs belong to it.
 
     images  atlas after atlas, of the first output first
     lost    session uids and names of objects without lightmap UVs, which stay as they are
@@ -66,3 +66,4 @@ def mark_objects(
     for uid, fingerprint in read.fingerprints.items():
         if uid in editable and uid not in lost:
             editable[uid].hemibake.fingerprint = fingerprint
+            editable[uid].hemibake.baked_uvs = read.uv_digests[uid]

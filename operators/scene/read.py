@@ -44,12 +44,14 @@ class ReadScene:
     entries       of each mesh of the scene, None for an occluder
     notes         sentences for the user
     fingerprints  of each object that has entries, by session uid; see `find_fingerprints`
+    uv_digests    of the lightmap UVs of the same objects; see `uv_digest.digest_of`
     """
 
     scene: Scene
     entries: tuple[Entry | None, ...]
     notes: tuple[str, ...]
     fingerprints: dict[int, str] = field(default_factory=dict)
+    uv_digests: dict[int, str] = field(default_factory=dict)
 
     @property
     def objects(self) -> tuple[tuple[int, Place], ...]:
@@ -194,7 +196,9 @@ class _SceneReading:
         entries = tuple(
             _entry(reading, place) for reading, place in zip(self._readings, self._places, strict=True)
         )
-        return ReadScene(scene, entries, (*self._notes, *self._skipped), fingerprints)
+        placed = zip(self._readings, self._places, strict=True)
+        digests = {reading.source: reading.shape.uv_digest for reading, place in placed if place is not None}
+        return ReadScene(scene, entries, (*self._notes, *self._skipped), fingerprints, digests)
 
     def _fingerprints(self) -> Slices[dict[int, str]]:
         """Return the fingerprint of each object that gets a lightmap, its instances included."""

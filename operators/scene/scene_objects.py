@@ -17,6 +17,7 @@ from .objects.items import ItemKey, SceneItem
 from .objects.meshes import LIGHTMAP_UVS, Corners, MeshArrays, make_corners, read_mesh
 from .slices import Slices
 from .uvs.lightmap_layer import lightmap_layer
+from .uvs.uv_digest import digest_of
 from .uvs.uv_faults import is_finite
 from .uvs.uv_modifier import uv_source
 
@@ -25,14 +26,16 @@ from .uvs.uv_modifier import uv_source
 class Shape:
     """A mesh in object space, one for all that show it.
 
-    corners  its triangles
-    slots    (t,) int32, index into `Scene.materials` of each triangle
-    box      (8, 3) float64
+    corners    its triangles
+    slots      (t,) int32, index into `Scene.materials` of each triangle
+    box        (8, 3) float64
+    uv_digest  tells its lightmap UVs from others, see `uv_digest.digest_of`; empty without any
     """
 
     corners: Corners
     slots: np.ndarray
     box: np.ndarray
+    uv_digest: str
 
 
 @dataclass(frozen=True)
@@ -145,7 +148,7 @@ class ItemReader:
             corners = yield from make_corners(mesh.arrays)
             if corners.dropped:
                 self._degenerate[mesh.name] = corners.dropped
-            self._shapes[key] = _shape(corners, mesh.slots)
+            self._shapes[key] = _shape(corners, mesh.slots, mesh.arrays.uvs)
             self._uv_troubles[key] = _uv_trouble(corners.uvs)
             if not isinstance(self._shapes[key], str):
                 self._table.keep(mesh.item, mesh.slots)
@@ -212,8 +215,8 @@ class ItemReader:
         return read_mesh(mesh, None if atlas is None or layer not in mesh.uv_layers else layer, maps)
 
 
-def _shape(corners: Corners, slots: Sequence[int]) -> Shape | str:
-    """Return a mesh with its materials, or why it is left out."""
+def _shape(corners: Corners, slots: Sequence[int], uvs: np.ndarray | None) -> Shape | str:
+    """Return a mesh with its materials, or why it is left out; uvs: (l, 2) float32, the lightmap UVs."""
     if not len(corners.positions):
         return NO_FACES
     if not np.isfinite(corners.positions).all():
@@ -221,7 +224,8 @@ def _shape(corners: Corners, slots: Sequence[int]) -> Shape | str:
     if not np.isfinite(corners.normals).all():
         return NORMALS_NOT_FINITE
     index = np.clip(corners.slot, 0, len(slots) - 1)
-    return Shape(corners, np.asarray(slots, np.int32)[index], _box(corners.positions))
+    digest = "" if uvs is None else digest_of(uvs)
+    return Shape(corners, np.asarray(slots, np.int32)[index], _box(corners.positions), digest)
 
 
 def _uv_trouble(uvs: np.ndarray | None) -> str | None:

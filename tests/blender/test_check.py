@@ -471,3 +471,43 @@ def test_check_in_slices_ends_with_its_scene():
     for _ in range(100):
         idle.step()
     assert bpy.context.scene.hemibake.findings == ""
+
+
+def test_charts_that_were_moved_since_they_were_baked_are_told():
+    """Not by the check of the bake that mends it, nor of objects that were baked earlier or not at all."""
+    import bpy
+
+    room, other, new = furnace(), square("Other"), square("New")
+    other.location, new.hemibake.role = (5, 0, 0), "OCCLUDER"
+    bpy.ops.hemibake.bake()
+    assert finding("since they were baked") is None
+    uvs = loop_uvs(room)
+    room.data.uv_layers["Lightmap"].uv.foreach_set("vector", np.float32(0.5) * uvs.reshape(-1))
+    new.data.uv_layers["Lightmap"].uv.foreach_set("vector", np.float32(0.5) * loop_uvs(new).reshape(-1))
+    found = finding("since they were baked")
+    assert found.objects == ("Furnace",) and found.severity == "WARNING"
+    bpy.ops.hemibake.bake()
+    kept = part("operators.checks").last_check(bpy.context.scene).findings
+    assert not any("since they were baked" in one.text for one in kept)
+    assert finding("since they were baked") is None
+    room.hemibake.baked_uvs = ""
+    room.data.uv_layers["Lightmap"].uv.foreach_set("vector", uvs.reshape(-1))
+    assert finding("since they were baked") is None
+
+
+@pytest.mark.parametrize("mode", ["OBJECT", "EDIT"])
+def test_charts_of_modifiers_and_of_a_mesh_in_edit_mode_are_compared_as_they_were_baked(mode):
+    import bpy
+
+    copied, edited = square("Copied"), square("Edited")
+    edited.location.z = 2
+    copied.modifiers.new("Array", "ARRAY").count = 3
+    bpy.context.view_layer.objects.active = edited
+    bpy.ops.object.mode_set(mode=mode)
+    bpy.ops.hemibake.bake()
+    assert finding("since they were baked") is None
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert finding("since they were baked") is None
+    copied.modifiers["Array"].count = 2
+    bpy.ops.hemibake.unwrap()
+    assert finding("since they were baked").objects == ("Copied",)

@@ -15,6 +15,7 @@ from tests.blender.things import (
     bpy_link,
     files_below,
     furnace,
+    loop_uvs,
     material,
     mesh_object,
     part,
@@ -482,11 +483,22 @@ def test_what_has_no_lightmap_is_exported_without_one(tmp_path, capfd):
     said = capfd.readouterr().out
     assert "UV layers of lightmaps are gone: 'Lost'. Bake again." in said
     assert "dark where the engine has no lights: 'Dark'." in said
+    assert "since they were baked" not in said
     assert_object_lit(file, room)
     for name in ("Dark", "Lost"):
         (primitive,) = file.primitives(file.nodes(name)[0])
         assert "MOZ_lightmap" not in file.json["materials"][primitive["material"]].get("extensions", {})
     assert not file.nodes("Hidden")
+
+
+def test_charts_that_were_moved_since_the_bake_are_told(tmp_path, capfd):
+    """The file has the UVs of now, which show light of other places."""
+    room, other = furnace(), square("Other", None)
+    other.location.z = 0.5
+    bake()
+    room.data.uv_layers["Lightmap"].uv.foreach_set("vector", 0.5 * loop_uvs(room).reshape(-1))
+    export(tmp_path / "room.glb")
+    assert "since they were baked: 'Furnace'. The lightmap shows wrong light" in capfd.readouterr().out
 
 
 def test_nothing_baked(tmp_path):

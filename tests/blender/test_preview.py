@@ -8,6 +8,7 @@ from tests.blender.things import (
     INWARD,
     bpy_link,
     furnace,
+    loop_uvs,
     material,
     mesh_object,
     part,
@@ -271,3 +272,30 @@ def test_slots_that_are_filled_or_added_meanwhile_stay_and_are_baked(baked):
     assert room.material_slots[0].material == black
     assert [slot.material.name for slot in own.material_slots] == ["Object's", "Black"]
     assert len(bare.material_slots) == 0
+
+
+def test_charts_that_were_moved_since_the_bake_are_told(baked, capfd):
+    """Of objects, and of what only instances show; the lightmaps show all the same."""
+    import bpy
+
+    room, bare, own = baked
+    bpy.context.scene.hemibake.resolution = 257
+    chairs = bpy.data.collections.new("Chairs")
+    chair = square("Chair", uvs=None)
+    bpy.context.scene.collection.objects.unlink(chair)
+    chairs.objects.link(chair)
+    for number in range(2):
+        instance = bpy_link(bpy.data.objects.new(f"Instance {number}", None))
+        instance.instance_type, instance.instance_collection = "COLLECTION", chairs
+        instance.location, instance.scale = (0.2, 0.6, 0.3 + 0.3 * number), (0.2, 0.2, 0.2)
+    bpy.ops.hemibake.bake()
+    bpy.ops.hemibake.preview()
+    assert "since they were baked" not in capfd.readouterr().out
+    for obj in (bare, chair):
+        uvs = 0.5 * loop_uvs(obj)
+        obj.data.uv_layers["Lightmap"].uv.foreach_set("vector", uvs.reshape(-1))
+    bpy.ops.hemibake.preview()
+    assert bpy.ops.hemibake.preview() == {"FINISHED"}
+    said = capfd.readouterr().out
+    assert "since they were baked: 'Bare', 'Chair'." in said
+    assert all(obj.hemibake.slots for obj in (room, bare, own, chair))

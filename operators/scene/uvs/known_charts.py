@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 
 import bpy
@@ -10,21 +9,11 @@ import numpy as np
 
 from ....engine.unwrap.adjacency import components
 from ....engine.unwrap.polygon_mesh import Charts, PolygonMesh, areas, signed_areas
-from ..objects.meshes import read_array
+from .uv_digest import digest_of, layer_uvs
 from .uv_faults import is_finite
 
 #: UVs of neighbours are the same if they agree to this many parts of a lightmap.
 _STEPS = 1 << 20
-
-
-def layer_uvs(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
-    """Return a UV layer of a mesh, (l, 2) float32."""
-    return read_array(mesh.uv_layers[name].uv, "vector", 2, np.float32)
-
-
-def digest_of(uvs: np.ndarray) -> str:
-    """Return a text that tells UVs, (l, 2) float32, from others."""
-    return hashlib.sha256(np.ascontiguousarray(uvs, np.float32).tobytes()).hexdigest()
 
 
 def is_made(objects: Sequence[bpy.types.Object], layer: str) -> bool:

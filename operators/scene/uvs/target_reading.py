@@ -12,8 +12,9 @@ from ....engine.unwrap.polygon_mesh import PolygonMesh, areas
 from ..objects.visible import visible_objects
 from ..scene_context import SceneContext
 from ..slices import row_slices
-from .known_charts import digest_of, known_charts, layer_uvs
+from .known_charts import known_charts
 from .object_lookup import ObjectLookup
+from .uv_digest import digest_of, layer_uvs
 from .uv_targets import Leave, Target, Users, own_target
 from .wall_cuts import loops_along_walls, walls_of
 

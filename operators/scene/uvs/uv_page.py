@@ -8,8 +8,8 @@ import numpy as np
 
 from ...changes import Changes
 from ...object_properties import set_property
-from .known_charts import digest_of
 from .object_lookup import ObjectLookup
+from .uv_digest import digest_of
 from .uv_layers import replace_layer
 from .uv_modifier import add_uv_modifier
 from .uv_targets import Target

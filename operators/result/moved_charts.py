@@ -1,0 +1,46 @@
+"""Objects whose lightmap UVs have changed since they were baked: they show light of other places."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import bpy
+
+from ...engine.naming import naming
+from ..scene.uvs.lightmap_layer import lightmap_layer
+from ..scene.uvs.uv_digest import digest_of, layer_uvs
+from ..scene.uvs.uv_targets import evaluated_mesh
+
+#: What it means for objects, whose names go where {} is.
+MOVED_CHARTS = (
+    "Lightmap UVs that have changed since they were baked: {}. The lightmap shows wrong light there. Bake "
+    "again."
+)
+
+
+def has_moved_charts(obj: bpy.types.Object, mesh: bpy.types.Mesh, uv_layer: str) -> bool:
+    """Return whether the lightmap UVs of an object are other ones than those of its last bake.
+
+    False without a bake that wrote them down, and of a UV layer that is gone.
+
+    mesh: as modifiers make it; uv_layer: that of the scene
+    """
+    known = obj.hemibake
+
+    # The layer of an object that only instances show is none of its properties.
+    layer = known.uv_layer or lightmap_layer(obj, uv_layer)
+    if not known.baked_uvs or layer not in mesh.uv_layers:
+        return False
+    return digest_of(layer_uvs(mesh, layer)) != known.baked_uvs
+
+
+def note_moved_charts(
+    objects: Iterable[bpy.types.Object], depsgraph: bpy.types.Depsgraph, uv_layer: str
+) -> list[str]:
+    """Return a sentence that names the objects with other lightmap UVs than were baked; none without any."""
+    names = []
+    for obj in objects:
+        with evaluated_mesh(obj, depsgraph) as mesh:
+            if mesh is not None and has_moved_charts(obj, mesh, uv_layer):
+                names.append(obj.name)
+    return [naming(MOVED_CHARTS, names)] if names else []

@@ -7,7 +7,7 @@ OpenGL and OpenCL are imported by the first bake: a process that leaves baking t
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import replace
 from functools import partial
@@ -29,7 +29,6 @@ from .settings import Settings, check_settings
 
 if TYPE_CHECKING:
     from .cluster.workers import Workers
-    from .device.compute import ProgramParts
     from .device.devices import Devices
     from .plan.kept import Kept
 
@@ -103,12 +102,12 @@ class Session:
 
     def _bake(self, scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap]:
         """Bake a scene that has been checked, on what the last bake has left."""
+        stages = BakeStages(Extent.of(scene), settings, self._paces)
+        devices = self._take(scene, settings)
+
         from .algorithm import bake
         from .plan.kept import Kept
-        from .plan.usual_programs import usual_programs
 
-        stages = BakeStages(Extent.of(scene), settings, self._paces)
-        devices = self._take(settings, usual_programs(scene, settings))
         kept, self._kept = self._kept or Kept(), None
         kept.checkpoints = _checkpoints(settings)
         stages.opened(devices.on_card)
@@ -144,23 +143,37 @@ class Session:
         devices.clear()
         self._devices, self._kept = devices, kept
 
-    def _take(self, settings: Settings, ahead: Sequence[ProgramParts]) -> Devices:
+    def _take(self, scene: Scene, settings: Settings) -> Devices:
         """Return the devices of the last bake, or new ones; until the bake has ended well nobody has them.
 
-        ahead: programs that they begin to build at once
+        They begin to build programs that the bake is about to need.
         """
         devices, self._devices = self._devices, None
         wanted = (settings.cache_dir, settings.opencl_device)
         if devices is not None and (devices.cache_dir, devices.opencl_device) == wanted:
+            from .plan.usual_programs import usual_programs
+
             if devices.compute is not None:
-                devices.compute.build_ahead(ahead)
+                devices.compute.build_ahead(usual_programs(scene, settings))
             return devices
         self.forget()
         if devices is not None:
             devices.release()
-        from .device.devices import Devices
+        return _opened(scene, settings)
 
-        return Devices(*wanted, ahead)
+
+def _opened(scene: Scene, settings: Settings) -> Devices:
+    """Return new devices: all that bakes with them is imported while drivers start."""
+    from .device.devices import Devices
+
+    wanted = settings.cache_dir, settings.opencl_device
+    opening = Devices.begin_opening(*wanted)
+    from .plan.usual_programs import usual_programs
+
+    opening.build_ahead(usual_programs(scene, settings))
+    from . import algorithm  # noqa: F401 - takes as long to import as drivers take to start
+
+    return Devices(*wanted, opening)
 
 
 def _checkpoints(settings: Settings) -> Checkpoints:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 import moderngl
 import pyopencl as cl
 
 from ..errors import DeviceError, DeviceMemoryError
-from .compute import Compute, ProgramParts
+from .compute import Compute
 from .graphics import Graphics
+from .opening import Opening
 
 #: What OpenCL says of a buffer that is larger than any may be.
 _TOO_LARGE = "INVALID_BUFFER_SIZE"
@@ -20,7 +21,7 @@ class Devices:
     """Both devices, with what was built for them; they may serve several bakes, one after the other.
 
     cache_dir, opencl_device  as in `Settings`
-    ahead      programs that a graphics card begins to build at once, see `Compute`
+    opening    of the OpenCL device, if it has begun
     compute    None if there is no OpenCL; `missing` then tells why and the remedy
 
     Raises DeviceError if there is no OpenGL, or if the chosen OpenCL device is not there or does not work.
@@ -30,12 +31,12 @@ class Devices:
         self,
         cache_dir: str | None = None,
         opencl_device: str | None = None,
-        ahead: Iterable[ProgramParts] = (),
+        opening: Opening | None = None,
     ) -> None:
         self.cache_dir, self.opencl_device, self.missing = cache_dir, opencl_device, ""
         self.compute: Compute | None = None
         try:
-            self.compute = Compute(cache_dir, opencl_device, ahead=ahead)
+            self.compute = opening.compute() if opening else Compute(cache_dir, opencl_device)
         except DeviceError as error:
             if opencl_device is not None:
                 raise
@@ -47,6 +48,11 @@ class Devices:
         except BaseException:
             self._release_compute()
             raise
+
+    @staticmethod
+    def begin_opening(cache_dir: str | None, opencl_device: str | None) -> Opening:
+        """Begin to open an OpenCL device for devices of the same parameters."""
+        return Opening(lambda ahead: Compute(cache_dir, opencl_device, ahead=ahead))
 
     @property
     def on_card(self) -> bool:

@@ -1,0 +1,59 @@
+"""Devices that are opened in a thread, and what starts kernels."""
+
+import threading
+
+import numpy as np
+import pyopencl as cl
+import pytest
+
+from engine import DeviceError
+from engine.device.compute import Compute
+from engine.device.devices import Devices
+from engine.device.opening import Opening
+
+
+def test_a_device_waits_for_its_programs_and_nothing_else_does():
+    asked, programs = threading.Event(), [(("widen.cl",), ()), (("pack.cl",), ("-DX",))]
+
+    def open_device(ahead):
+        asked.set()
+        return list(ahead)
+
+    opening = Opening(open_device)
+    assert asked.wait(60)
+    opening.build_ahead(programs)
+    assert opening.compute() == programs
+
+
+def test_who_asks_for_a_device_is_told_why_there_is_none():
+    opening = Devices.begin_opening(None, "No such device")
+    opening.build_ahead([])
+    with pytest.raises(DeviceError, match="There is no OpenCL device 'No such device'"):
+        Devices(None, "No such device", opening)
+
+
+def test_kernels_that_share_what_starts_them_keep_their_own_arguments():
+    """They differ in their names; others in the types of their arguments, too."""
+    source = """
+    __kernel void twice(__global float *x, const int number) { x[get_global_id(0)] = 2 * number; }
+    __kernel void thrice(__global float *x, const int number) { x[get_global_id(0)] = 3 * number; }
+    __kernel void halved(__global float *x, const float number) { x[get_global_id(0)] = number / 2; }
+    __kernel void summed(__global float *x, const int4 all) { x[get_global_id(0)] = all.x + all.y + all.w; }
+    """
+    compute = Compute()
+    program = cl.Program(compute.context, source).build()
+    arguments = {
+        "twice": np.int32(5), "thrice": np.int32(7), "halved": np.float32(0.5),
+        "summed": np.array([1, 2, 4, 8], np.int32),
+    }  # fmt: skip
+    kernels = {name: cl.Kernel(program, name) for name in arguments}
+    for typed in (False, True):
+        for name, expected in {"twice": 10, "thrice": 21, "halved": 0.25, "summed": 11}.items():
+            value, found = arguments[name], np.zeros(4, np.float32)
+            buffer = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, found.nbytes)
+            if typed:
+                types = [None, value.dtype if value.ndim == 0 else np.dtype((np.void, 16))]
+                kernels[name].set_arg_types(types)
+            kernels[name](compute.queue, (4,), (1,), buffer, value)
+            cl.enqueue_copy(compute.queue, found, buffer)
+            assert (found == expected).all(), name

@@ -24,3 +24,11 @@ def own_slots(obj: bpy.types.Object) -> list[Any]:
         before[index] if index < len(before) and not is_filled(slot) else slot
         for index, slot in enumerate(obj.material_slots)
     ]
+
+
+def own_materials(obj: bpy.types.Object) -> list[bpy.types.Material | None]:
+    """Return the material of each slot, the object's or its mesh's, whatever the preview has put there."""
+    return [
+        slot.material if slot.link == "OBJECT" else obj.data.materials[index]
+        for index, slot in enumerate(own_slots(obj))
+    ]

@@ -17,7 +17,15 @@ from ..scene import SceneContext, visible_meshes
 from ..scene.objects.visible import visible_objects
 from ..scene.targets import target_uids
 from ..worker_owner import owner
-from .faces import centres_of, check_coordinates, check_faceless, check_normals, check_scale, check_zero_area
+from .faces import (
+    centres_of,
+    check_coordinates,
+    check_culled,
+    check_faceless,
+    check_normals,
+    check_scale,
+    check_zero_area,
+)
 from .finding import ERROR, INFO, WARNING, Checked, Finding
 from .meshes import CheckedMesh, read_meshes
 from .surroundings import check_hidden, check_images, check_light
@@ -83,13 +91,14 @@ def check_scene(context: SceneContext, is_baking: bool = False) -> Generator[Non
     findings += yield from check_widths(charts, settings.resolution)
     findings += yield from check_normals(meshes, centres)
     findings += check_scale(meshes)
+    findings += check_culled(meshes)
     findings += yield from check_zero_area(meshes)
     lamps = sum(obj.type == "LIGHT" for obj in visible_objects(context))
     extent = Extent(0, sum(len(mesh.triangles) for mesh in meshes), lamps)
     expected = _expect(baked, charts, settings, extent)
     findings += _check_memory(expected, settings, finder.found)
     ordered = sorted(findings, key=lambda finding: _ORDER.index(finding.severity))
-    return Checked(tuple(ordered), expected)
+    return Checked(tuple(ordered), expected if baked else None)
 
 
 def _check_surroundings(context: SceneContext) -> Generator[None, None, list[Finding]]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..scene.objects.extent import middle_of, trouble_with
 from ..scene.objects.meshes import is_degenerate
-from .finding import ERROR, WARNING, Finding, found
+from .finding import ERROR, INFO, WARNING, Finding, found
 from .meshes import CheckedMesh
 
 #: Triangles that are looked at without a pause.
@@ -48,7 +48,7 @@ def check_normals(meshes: Sequence[CheckedMesh], centres: dict[str, np.ndarray])
     """
     turned, mixed = [], []
     for mesh in meshes:
-        if _is_closed(mesh):
+        if mesh.is_closed:
             if not _is_even(mesh):
                 mixed.append(mesh.name)
             elif (yield from _looks_inwards(mesh)) and not contains_things(mesh, centres):
@@ -88,6 +88,16 @@ def check_scale(meshes: Sequence[CheckedMesh]) -> list[Finding]:
     return found(WARNING, "Scaled to nothing, so that no light falls on them: {}. Give them a scale.", names)
 
 
+def check_culled(meshes: Sequence[CheckedMesh]) -> list[Finding]:
+    """Return open meshes whose materials cull backs: light that falls on these goes on."""
+    return found(
+        INFO,
+        "Open, with Backface Culling in their materials: {}. Light goes through their backs, as in engines "
+        "but not in Cycles. Switch it off where backs shall stop light.",
+        [mesh.name for mesh in meshes if mesh.culled and not mesh.is_closed],
+    )
+
+
 def check_zero_area(meshes: Sequence[CheckedMesh]) -> Steps:
     """Return meshes with triangles that have no area."""
     flat: dict[str, bool] = {}
@@ -123,12 +133,6 @@ def centres_of(objects: Sequence[bpy.types.Object]) -> dict[str, np.ndarray]:
             matrix = np.array(obj.matrix_world, np.float64)
             middles[obj.name] = matrix[:3, :3] @ middle + matrix[:3, 3]
     return middles
-
-
-def _is_closed(mesh: CheckedMesh) -> bool:
-    """Return whether every edge has two faces."""
-    users = np.bincount(mesh.edge, minlength=len(mesh.edges))
-    return bool((users[users > 0] == 2).all())
 
 
 def _is_even(mesh: CheckedMesh) -> bool:

@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 
 from ..lookup import find_all
+from ..own_slots import own_materials
 from ..result.moved_charts import has_moved_charts
 from ..scene import SceneContext
 from ..scene.objects.meshes import read_array, read_positions, read_topology
@@ -34,6 +35,7 @@ class CheckedMesh:
     outdated   whether a modifier keeps UVs, but of other faces than there are by now
     unlike     whether a modifier keeps UVs that fit, but renders make other faces than the viewport
     moved      whether its lightmap was baked with other lightmap UVs
+    culled     whether a material of it has Backface Culling
     matrix     (4, 4) float64, object space to world space
     scale      its scale in lightmaps
     positions  (v, 3) float32, object space
@@ -54,6 +56,7 @@ class CheckedMesh:
     outdated: bool
     unlike: bool
     moved: bool
+    culled: bool
     matrix: np.ndarray
     scale: float
     positions: np.ndarray
@@ -63,6 +66,12 @@ class CheckedMesh:
     starts: np.ndarray
     triangles: np.ndarray
     uvs: np.ndarray | None
+
+    @cached_property
+    def is_closed(self) -> bool:
+        """Whether every edge has two faces."""
+        users = np.bincount(self.edge, minlength=len(self.edges))
+        return bool((users[users > 0] == 2).all())
 
     @cached_property
     def corners(self) -> np.ndarray:
@@ -121,6 +130,7 @@ def _read(
             copies=changed and not obj.data.is_editmode and keeper is None,
             outdated=outdated,
             unlike=keeper is not None and not outdated and differs_in_renders(obj),
+            culled=any(material and material.use_backface_culling for material in own_materials(obj)),
             moved=obj.hemibake.image is not None and has_moved_charts(obj, mesh, uv_layer),
             matrix=np.array(obj.matrix_world, np.float64),
             scale=obj.hemibake.lightmap_scale,

@@ -82,8 +82,10 @@ def test_findings_survive_text():
     assert [one.severity for one in checked.findings] == ["ERROR", "INFO"]
 
 
-def test_empty_scene_is_told():
-    assert finding("no mesh with faces").severity == "ERROR"
+def test_empty_scene_is_told_and_takes_no_time():
+    checked = check()
+    assert ["no mesh with faces" in one.text for one in checked.findings] == [True]
+    assert checked.findings[0].severity == "ERROR" and checked.estimate is None
 
 
 def test_uv_layer_without_a_name_is_told():
@@ -511,3 +513,24 @@ def test_charts_of_modifiers_and_of_a_mesh_in_edit_mode_are_compared_as_they_wer
     copied.modifiers["Array"].count = 2
     bpy.ops.hemibake.unwrap()
     assert finding("since they were baked").objects == ("Copied",)
+
+
+def test_backs_that_light_goes_through_are_told():
+    """Those of closed meshes nobody sees; the material may be the object's, or replaced by the preview."""
+    import bpy
+
+    culling = material("Culling")
+    culling.use_backface_culling = True
+    closed = mesh_object("Closed", CUBE, OUTWARD, surface=culling)
+    leaf, own = square("Leaf", surface=culling), square("Own", surface=material("Plain"))
+    own.material_slots[0].link, own.material_slots[0].material = "OBJECT", culling
+    square("Plain", surface=bpy.data.materials["Plain"])
+    found = finding("Backface Culling")
+    assert (found.severity, found.objects) == ("INFO", ("Leaf", "Own"))
+    bpy.ops.hemibake.bake()
+    bpy.ops.hemibake.preview()
+    assert finding("Backface Culling").objects == ("Leaf", "Own")
+    for obj in (closed, leaf, own):
+        obj.location.x += 3
+    culling.use_backface_culling = False
+    assert finding("Backface Culling") is None

@@ -43,7 +43,7 @@ class _BakeInWindow(WindowBake):
 
     def wants_to_cancel(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
         """See `WindowBake`."""
-        return self.run.undone or super().wants_to_cancel(context, event)
+        return self.run.uvs_undone or super().wants_to_cancel(context, event)
 
 
 class HEMIBAKE_OT_bake(ModalBake, bpy.types.Operator):
@@ -56,7 +56,7 @@ class HEMIBAKE_OT_bake(ModalBake, bpy.types.Operator):
     @property
     def cancelled(self) -> str:
         """What the user is told who cancels: whether it was for nothing."""
-        if self._window.run.undone:
+        if self._window.run.uvs_undone:
             return "Bake cancelled: the lightmap UVs of all objects were undone"
         if kept_checkpoint_since(self._began):
             return "Bake cancelled. With the same scene and settings the next one goes on from there"

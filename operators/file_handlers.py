@@ -5,10 +5,10 @@ Lightmap UVs that nothing needs are removed; what bakes of the old file have lef
 
 from __future__ import annotations
 
-import bpy
 from bpy.app.handlers import persistent
 
 from .compat import FILE_EVENTS
+from .handlers import Handlers
 from .scene.materials.kept_evaluations import kept_evaluations
 from .scene.uvs.uv_node_group import remove_unused_uvs
 from .worker_owner import owner
@@ -28,18 +28,7 @@ def _forget(*_: object) -> None:
     kept_evaluations.clear()
 
 
-def bind() -> None:
-    """Let Blender call it."""
-    bpy.app.handlers.load_post.append(_forget)
-    for name in FILE_EVENTS:
-        getattr(bpy.app.handlers, name).append(_tidy)
+_handlers = Handlers({"load_post": _forget, **dict.fromkeys(FILE_EVENTS, _tidy)})
 
-
-def unbind() -> None:
-    """Let Blender call it no more."""
-    if _forget in bpy.app.handlers.load_post:
-        bpy.app.handlers.load_post.remove(_forget)
-    for name in FILE_EVENTS:
-        handlers = getattr(bpy.app.handlers, name)
-        if _tidy in handlers:
-            handlers.remove(_tidy)
+#: Let Blender call it, and no more.
+bind, unbind = _handlers.begin, _handlers.end

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import bpy
 
+from .handlers import Handlers
 from .lookup import find
 from .result.images import MARK as LIGHTMAP
 from .result.preview import is_previewed, set_preview_aside
@@ -36,16 +37,18 @@ class LiveWatch:
         self._context = context
         self.undone = self._showed = False
         self.clear()
-        self._handlers = {
-            "depsgraph_update_post": self._note_update,
-            "frame_change_post": self._note_update,
-            "undo_pre": self._expect_undo,
-            "undo_post": self._note_undo,
-            "redo_pre": self._expect_undo,
-            "redo_post": self._note_undo,
-            "save_pre": saving,
-            "save_post": saved,
-        }
+        self._handlers = Handlers(
+            {
+                "depsgraph_update_post": self._note_update,
+                "frame_change_post": self._note_update,
+                "undo_pre": self._expect_undo,
+                "undo_post": self._note_undo,
+                "redo_pre": self._expect_undo,
+                "redo_post": self._note_undo,
+                "save_pre": saving,
+                "save_post": saved,
+            }
+        )
 
     @property
     def changed(self) -> bool:
@@ -55,15 +58,11 @@ class LiveWatch:
     def begin(self) -> None:
         """Listen to what changes from now on."""
         self._context.evaluated_depsgraph_get()
-        for name, handler in self._handlers.items():
-            getattr(bpy.app.handlers, name).append(handler)
+        self._handlers.begin()
 
     def end(self) -> None:
-        """Listen no more; another file takes all handlers along."""
-        for name, handler in self._handlers.items():
-            handlers = getattr(bpy.app.handlers, name)
-            if handler in handlers:
-                handlers.remove(handler)
+        """Listen no more."""
+        self._handlers.end()
 
     def clear_lamps(self) -> None:
         """Take the lamps as they are."""

@@ -25,6 +25,7 @@ from .changed_light import ChangedLight, find_changed_light, forget_light, remem
 from .changes import Changes
 from .checks import IdleCheck
 from .file_format import chosen_format
+from .handlers import Handlers
 from .lightmap_size import chosen_width, width_for
 from .lookup import find
 from .result import images
@@ -42,7 +43,6 @@ from .scene.targets import only_targets, target_uids
 from .scene.uvs.baked_uvs import BakedUvs
 from .scene.uvs.unwrap import unwrap_missing
 from .scene.uvs.uv_modifier import has_uvs
-from .undo_watch import UndoWatch
 from .user_files import keep_paces
 from .worker_owner import owner
 
@@ -58,10 +58,11 @@ class Run:
 
     All its work, reading the scene included, is done by `step`: whoever gets an error from it must `cancel`.
 
-    bake      the engine's, or that of a worker
-    watched   False shows no intermediate lightmaps: nobody sees them before the bake is done
-    made_uvs  called when lightmap UVs have been made: an undo step must follow before anything else happens
-    failure   why the lightmaps could not be written, None if they were
+    bake        the engine's, or that of a worker
+    watched     False shows no intermediate lightmaps: nobody sees them before the bake is done
+    made_uvs    called when lightmap UVs have been made: an undo step must follow before anything else happens
+    failure     why the lightmaps could not be written, None if they were
+    uvs_undone  True while an undo has taken the lightmap UVs of all objects that are baked: it is for nothing
     """
 
     def __init__(
@@ -73,12 +74,13 @@ class Run:
     ) -> None:
         self._context, self._bake = SceneContext(context), bake
         self._watched, self._made_uvs = watched, made_uvs
-        self._changes, self._undo = Changes(), UndoWatch()
+        self._changes = Changes()
         self._images: ShownImages | None = None
         self._check: IdleCheck | None = None
         self._unwraps = False
         self._changed: ChangedLight | None = None
         self.failure: str | None = None
+        self.uvs_undone = False
         self._start = time.perf_counter()
         self._stages = RunStages(owner.paces)
         self._work = self._all_work()
@@ -211,7 +213,7 @@ class Run:
 
     def _bake_without_overlaps(self) -> Bake:
         """Bake; start again without the objects whose charts lie on others'."""
-        with self._undo:
+        with Handlers({"undo_post": self._note_undo, "redo_post": self._note_undo}):
             while True:
                 work = self._showing(self._bake(self._read.scene, self._settings))
                 try:
@@ -220,15 +222,11 @@ class Run:
                     self._leave_out_overlaps(error)
                     yield None
 
-    @property
-    def undone(self) -> bool:
-        """True while an undo has taken the lightmap UVs of all objects that are baked: it is for nothing."""
-        if not self._undo.happened:
-            return False
+    def _note_undo(self, *_: object) -> None:
+        """Look whether any object that is baked is left, and has its lightmap UVs."""
         baked = {uid for uid, _ in self._read.objects}
         present = {obj.session_uid for obj in bpy.data.objects}
-        self._undo.happened = not (baked & present) - set(self._uvs.lost())
-        return self._undo.happened
+        self.uvs_undone = not (baked & present) - set(self._uvs.lost())
 
     def _finish_check(self) -> Steps:
         """Do what is left of the check."""

@@ -7,6 +7,7 @@ from typing import Self
 
 import bpy
 
+from ..handlers import Handlers
 from .objects.visible import visible_objects
 from .scene_context import SceneContext
 
@@ -33,29 +34,26 @@ class SceneWatch:
         """Watch the scene of a context; tolerant: take all changes as they come."""
         self.context, self._tolerant = context, tolerant
         self._changed = self._doubtful = False
-        self._handlers = {
-            "depsgraph_update_post": self._note_update,
-            "frame_change_post": self._note_update,
-            "undo_post": self._note_undo,
-            "redo_post": self._note_undo,
-        }
+        self._handlers = Handlers(
+            {
+                "depsgraph_update_post": self._note_update,
+                "frame_change_post": self._note_update,
+                "undo_post": self._note_undo,
+                "redo_post": self._note_undo,
+            }
+        )
         self.visible, self.items = frozenset[int](), 0
 
     def __enter__(self) -> Self:
         self.accept()
         self.visible, self.items = self._census()
-        for name, handler in self._handlers.items():
-            getattr(bpy.app.handlers, name).append(handler)
+        self._handlers.begin()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        # Another file takes all handlers along.
-        for name, handler in self._handlers.items():
-            handlers = getattr(bpy.app.handlers, name)
-            if handler in handlers:
-                handlers.remove(handler)
+        self._handlers.end()
 
     def depsgraph(self) -> bpy.types.Depsgraph:
         """Return the evaluated depsgraph; raises SceneChangedError if it is not as it was."""

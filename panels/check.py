@@ -39,8 +39,13 @@ def estimate_text(expected: Estimate) -> str:
     """Return what a bake is expected to take, in one line."""
     about = f"about {_duration(expected.seconds)}"
     known = about if expected.measured else f"{about} on a processor, less on a graphics card"
-    memory = f"at most {expected.sample_bytes / 2**20:,.0f} MiB for what they see"
+    memory = f"at most {_size(expected.sample_bytes)} for what they see"
     return f"{expected.patches:,} patches, {memory}, {known}"
+
+
+def _size(count: int) -> str:
+    """Return bytes in the unit that people count them in."""
+    return f"{count / 2**30:,.1f} GiB" if count >= 2**30 else f"{count / 2**20:,.0f} MiB"
 
 
 def _duration(seconds: float) -> str:

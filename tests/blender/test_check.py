@@ -534,3 +534,14 @@ def test_backs_that_light_goes_through_are_told():
         obj.location.x += 3
     culling.use_backface_culling = False
     assert finding("Backface Culling") is None
+
+
+@pytest.mark.parametrize(
+    ("size", "text"),
+    [(0, "0 MiB"), ((1 << 30) - 1, "1,024 MiB"), (1 << 30, "1.0 GiB"), (37 << 30, "37.0 GiB")],
+)
+def test_memory_is_told_in_a_unit_that_people_count_it_in(size, text):
+    from engine.plan.estimate import Estimate
+
+    told = part("panels.check").estimate_text(Estimate(5, size, 200.0, True))
+    assert told == f"5 patches, at most {text} for what they see, about 3 min"

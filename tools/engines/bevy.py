@@ -24,6 +24,10 @@ SOURCE = HERE / "bevy_show"
 #: Where cargo builds the program.
 BUILT = HERE.parents[1] / "out" / "engines" / "bevy"
 
+#: Where the loader of Vulkan looks for drivers: variables that name them, and folders.
+_DRIVER_VARIABLES = ("VK_DRIVER_FILES", "VK_ICD_FILENAMES")
+_DRIVER_FOLDERS = ("/etc/vulkan/icd.d", "/usr/local/share/vulkan/icd.d", "/usr/share/vulkan/icd.d")
+
 #: Longest time that drawing may take, s.
 _PATIENCE = 300
 
@@ -39,7 +43,16 @@ def missing() -> str:
         ctypes.CDLL("libvulkan.so.1")
     except OSError:
         return "Vulkan is not installed (Debian: apt install libvulkan1 mesa-vulkan-drivers)"
+    if not _has_driver():
+        return "Vulkan has no driver (Debian: apt install mesa-vulkan-drivers)"
     return ""
+
+
+def _has_driver() -> bool:
+    """Return whether a driver of Vulkan is named where its loader looks for them."""
+    if any(os.environ.get(name) for name in _DRIVER_VARIABLES):
+        return True
+    return any(driver for folder in _DRIVER_FOLDERS for driver in Path(folder).glob("*.json"))
 
 
 def install() -> None:

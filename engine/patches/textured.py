@@ -14,6 +14,9 @@ from .geometry import PatchGeometry
 #: Samples along u and v of a texel; textures are shrunk until their pixels are no finer.
 SAMPLES = 4
 
+#: Up to this number of materials their patches are searched for one by one; beyond it they are sorted.
+_SEARCHED = 8
+
 #: Images are averaged over squares of pixels while samples are at least this many of their pixels apart.
 _SHRINK = 2
 
@@ -62,20 +65,26 @@ def textured_patches(
 ) -> list[TexturedPatches | None]:
     """Return the patches and the triangles of each material that is chosen, None of the others."""
     triangles = geometry.triangles
-    patches, places = (_grouped(of.material, len(materials)) for of in (geometry, triangles))
+    patches, places = (_grouped(of.material, materials) for of in (geometry, triangles))
     return [
         TexturedPatches(
             patch, place, triangles.mesh[place], geometry.on_triangle[place],
             _barycentric_steps(triangles.uvs[place], resolution),
-        ) if chosen else None
-        for patch, place, chosen in zip(patches, places, materials, strict=True)
+        ) if patch is not None and place is not None else None
+        for patch, place in zip(patches, places, strict=True)
     ]  # fmt: skip
 
 
-def _grouped(numbers: np.ndarray, count: int) -> list[np.ndarray]:
-    """Return where each number below `count` stands among numbers, (n,): (m,) int64 each, ascending."""
-    order = np.argsort(numbers.astype(np.min_scalar_type(count)), kind="stable")
-    return np.split(order, np.cumsum(np.bincount(numbers, minlength=count))[:-1])
+def _grouped(numbers: np.ndarray, chosen: Sequence[bool]) -> list[np.ndarray | None]:
+    """Return where each chosen number stands among numbers, (n,): (m,) int64 each, ascending.
+
+    None of those that are not chosen.
+    """
+    if sum(chosen) <= _SEARCHED:
+        return [np.flatnonzero(numbers == number) if wanted else None for number, wanted in enumerate(chosen)]
+    order = np.argsort(numbers.astype(np.min_scalar_type(len(chosen))), kind="stable")
+    groups = np.split(order, np.cumsum(np.bincount(numbers, minlength=len(chosen)))[:-1])
+    return [group if wanted else None for group, wanted in zip(groups, chosen, strict=True)]
 
 
 def averaged_size(texture: Texture, side: int) -> tuple[int, int]:

@@ -163,17 +163,17 @@ class Session:
 
 
 def _opened(scene: Scene, settings: Settings) -> Devices:
-    """Return new devices: all that bakes with them is imported while drivers start."""
+    """Return new devices: all that bakes with them is imported while OpenCL is opened."""
     from .device.devices import Devices
 
     wanted = settings.cache_dir, settings.opencl_device
-    opening = Devices.begin_opening(*wanted)
-    from .plan.usual_programs import usual_programs
+    with Devices.begin_opening(*wanted) as opening:
+        from .plan.usual_programs import usual_programs
 
-    opening.build_ahead(usual_programs(scene, settings))
-    from . import algorithm  # noqa: F401 - takes as long to import as drivers take to start
+        opening.build_ahead(usual_programs(scene, settings))
+        from . import algorithm  # noqa: F401 - takes as long to import as a device takes to open
 
-    return Devices(*wanted, opening)
+        return Devices(*wanted, opening)
 
 
 def _checkpoints(settings: Settings) -> Checkpoints:

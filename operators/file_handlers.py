@@ -30,5 +30,5 @@ def _forget(*_: object) -> None:
 
 _handlers = Handlers({"load_post": _forget, **dict.fromkeys(FILE_EVENTS, _tidy)})
 
-#: Let Blender call it, and no more.
+#: Have Blender call it from now on; have it called no more.
 bind, unbind = _handlers.begin, _handlers.end

@@ -32,3 +32,15 @@ def own_materials(obj: bpy.types.Object) -> list[bpy.types.Material | None]:
         slot.material if slot.link == "OBJECT" else obj.data.materials[index]
         for index, slot in enumerate(own_slots(obj))
     ]
+
+
+def shown_materials(mesh: bpy.types.Mesh, obj: bpy.types.Object) -> list[bpy.types.Material | None]:
+    """Return the material of each slot of an object's evaluated mesh: the object's own where the slot has it.
+
+    While the object shows its lightmap, what the preview has put there does not count. One slot at least.
+    """
+    materials = [material and material.original for material in mesh.materials]
+    for index, slot in enumerate(own_slots(obj)):
+        if slot.link == "OBJECT" and index < len(materials):
+            materials[index] = slot.material
+    return materials or [None]

@@ -62,7 +62,7 @@ class Run:
     watched     False shows no intermediate lightmaps: nobody sees them before the bake is done
     made_uvs    called when lightmap UVs have been made: an undo step must follow before anything else happens
     failure     why the lightmaps could not be written, None if they were
-    uvs_undone  True while an undo has taken the lightmap UVs of all objects that are baked: it is for nothing
+    uvs_undone  True once an undo has taken the lightmap UVs of all objects that are baked: it is for nothing
     """
 
     def __init__(
@@ -224,7 +224,7 @@ class Run:
 
     def _note_undo(self, *_: object) -> None:
         """Look whether any object that is baked is left, and has its lightmap UVs."""
-        baked = {uid for uid, _ in self._read.objects}
+        baked = set(self._read.fingerprints)
         present = {obj.session_uid for obj in bpy.data.objects}
         self.uvs_undone = not (baked & present) - set(self._uvs.lost())
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -36,8 +37,26 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "clEnqueueReleaseExternalMemObjectsKHR": _HANDOVER,
 }  # fmt: skip
 
+#: CL_DEVICE_TYPE_ALL.
+_ALL_DEVICES = 0xFFFFFFFF
+
 #: Functions of an extension that the loader of OpenCL does not export.
 _OF_PLATFORM = ("clEnqueueAcquireExternalMemObjectsKHR", "clEnqueueReleaseExternalMemObjectsKHR")
+
+
+def start_drivers() -> None:
+    """Have OpenCL load its drivers, and these find their devices.
+
+    PyOpenCL would keep Python's lock meanwhile. Whatever goes wrong is told by those who use them.
+    """
+    with suppress(OSError, DeviceError):
+        library, count, most = ctypes.CDLL(_loaded()), _UINT(), 64
+        platforms = (_POINTER * most)()
+        library.clGetPlatformIDs(_UINT(most), platforms, ctypes.byref(count))
+        for platform in platforms[: min(count.value, most)]:
+            library.clGetDeviceIDs(
+                _POINTER(platform), _ULONG(_ALL_DEVICES), _UINT(0), None, ctypes.byref(count)
+            )
 
 
 class ClLibrary:

@@ -11,6 +11,7 @@ import pyopencl as cl
 
 from ..errors import DeviceError
 from .beside import Beside
+from .cl_library import start_drivers
 from .driver_options import set_driver_options
 from .kernel import ITEMS, Kernel, run_on
 from .program_cache import ProgramCache, build, device_digest
@@ -238,6 +239,7 @@ def _chosen(devices: list[cl.Device], name: str | None) -> list[cl.Device]:
 def found_devices() -> list[cl.Device]:
     """Return every device, the best kind first: GPU, accelerator, then anything else."""
     set_driver_options()
+    start_drivers()
     try:
         devices = [device for platform in cl.get_platforms() for device in platform.get_devices()]
     except cl.Error as error:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
+from contextlib import suppress
+from types import TracebackType
 
 from .compute import Compute, ProgramParts
 
 
 class Opening:
-    """Opens a device: drivers let go of Python's lock meanwhile.
+    """Opens a device; a context manager, which an error leaves with nothing open.
 
     open_device: opens it, given the programs that a graphics card begins to build at once
     """
@@ -18,6 +20,19 @@ class Opening:
     def __init__(self, open_device: Callable[[Iterator[ProgramParts]], Compute]) -> None:
         self._ahead, self._compute = Future[Sequence[ProgramParts]](), Future[Compute]()
         threading.Thread(target=self._open, args=[open_device], name="opening", daemon=True).start()
+
+    def __enter__(self) -> Opening:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if error is None:
+            return
+        if not self._ahead.done():
+            self._ahead.set_result(())
+        with suppress(BaseException):
+            self.compute().release()
 
     def build_ahead(self, programs: Sequence[ProgramParts]) -> None:
         """Tell which programs a card is to build, for which it waits; called once."""

@@ -11,9 +11,9 @@ from pytools import persistent_dict
 class _Starters:
     """Stands in for the database in which PyOpenCL keeps what it has generated.
 
-    What starts a kernel depends on the number and the types of its arguments alone, so that kernels which
-    differ in their names share it: the first item of a key is the name. Python takes half a millisecond to
-    compile it.
+    What starts a kernel depends on all but the first item of its key, the name, so that kernels with like
+    arguments share it: Python takes half a millisecond to compile it. What PyOpenCL says of a wrong number of
+    arguments may have the name of another one.
     """
 
     def __init__(self, *_names: str, **_options: object) -> None:

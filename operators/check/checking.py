@@ -53,7 +53,7 @@ def check_scene(context: SceneContext, is_baking: bool = False) -> Generator[Non
 
     Raises SceneError if the scene goes away in between.
 
-    is_baking: whether a bake has begun, which makes new lightmaps
+    is_baking: whether a bake has begun, which gives its objects new lightmaps
     """
     try:
         width = chosen_width(context, visible_meshes(context), context.scene.hemibake)
@@ -83,7 +83,7 @@ def check_scene(context: SceneContext, is_baking: bool = False) -> Generator[Non
     baked = [mesh for mesh in meshes if mesh.uid in targets]
     findings += check_missing(baked)
     findings += check_kept(baked)
-    findings += [] if is_baking else check_moved(meshes)
+    findings += check_moved([mesh for mesh in meshes if not is_baking or mesh.uid not in targets])
     charts = yield from find_charts(meshes, settings.resolution)
     charts = [one for one in charts if one.mesh.uid in targets]
     findings += yield from check_overlaps(charts)
@@ -91,14 +91,14 @@ def check_scene(context: SceneContext, is_baking: bool = False) -> Generator[Non
     findings += yield from check_widths(charts, settings.resolution)
     findings += yield from check_normals(meshes, centres)
     findings += check_scale(meshes)
-    findings += check_culled(meshes)
+    findings += yield from check_culled(meshes)
     findings += yield from check_zero_area(meshes)
     lamps = sum(obj.type == "LIGHT" for obj in visible_objects(context))
     extent = Extent(0, sum(len(mesh.triangles) for mesh in meshes), lamps)
-    expected = _expect(baked, charts, settings, extent)
-    findings += _check_memory(expected, settings, finder.found)
+    expected = _expect(baked, charts, settings, extent) if baked else None
+    findings += _check_memory(expected, settings, finder.found) if expected else []
     ordered = sorted(findings, key=lambda finding: _ORDER.index(finding.severity))
-    return Checked(tuple(ordered), expected if baked else None)
+    return Checked(tuple(ordered), expected)
 
 
 def _check_surroundings(context: SceneContext) -> Generator[None, None, list[Finding]]:

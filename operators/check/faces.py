@@ -7,6 +7,7 @@ from collections.abc import Generator, Sequence
 import bpy
 import numpy as np
 
+from ...engine.runs import run_starts
 from ..scene.objects.extent import middle_of, trouble_with
 from ..scene.objects.meshes import is_degenerate
 from .finding import ERROR, INFO, WARNING, Finding, found
@@ -17,6 +18,9 @@ _CHUNK = 1 << 14
 
 #: Things that make a closed mesh around them a room, seen from inside.
 _CONTENTS = {"MESH", "LIGHT", "CAMERA", "CURVE", "FONT", "SURFACE", "META"}
+
+#: Large odd numbers, one for each axis.
+_FACTORS = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
 
 Steps = Generator[None, None, list[Finding]]
 
@@ -88,13 +92,18 @@ def check_scale(meshes: Sequence[CheckedMesh]) -> list[Finding]:
     return found(WARNING, "Scaled to nothing, so that no light falls on them: {}. Give them a scale.", names)
 
 
-def check_culled(meshes: Sequence[CheckedMesh]) -> list[Finding]:
+def check_culled(meshes: Sequence[CheckedMesh]) -> Steps:
     """Return open meshes whose materials cull backs: light that falls on these goes on."""
+    names = []
+    for mesh in meshes:
+        if mesh.culled and not mesh.is_closed and not _is_closed_in_space(mesh):
+            names.append(mesh.name)
+        yield
     return found(
         INFO,
         "Open, with Backface Culling in their materials: {}. Light goes through their backs, as in engines "
         "but not in Cycles. Switch it off where backs shall stop light.",
-        [mesh.name for mesh in meshes if mesh.culled and not mesh.is_closed],
+        names,
     )
 
 
@@ -133,6 +142,20 @@ def centres_of(objects: Sequence[bpy.types.Object]) -> dict[str, np.ndarray]:
             matrix = np.array(obj.matrix_world, np.float64)
             middles[obj.name] = matrix[:3, :3] @ middle + matrix[:3, 3]
     return middles
+
+
+def _is_closed_in_space(mesh: CheckedMesh) -> bool:
+    """Return whether every edge has two faces once vertices in one place are one, as glTF splits them.
+
+    An edge is known by the sum of hashes of its ends, whichever of them comes first.
+    """
+    bits = (mesh.positions + np.float32(0)).view(np.uint32).astype(np.uint64)
+    mixed = (bits * _FACTORS).sum(axis=1, dtype=np.uint64)
+    mixed ^= mixed >> np.uint64(29)
+    mixed *= _FACTORS[0]
+    ends = mixed[mesh.edges[mesh.edge]]
+    keys = np.sort(ends.sum(axis=1, dtype=np.uint64)[ends[:, 0] != ends[:, 1]])
+    return bool((np.diff(run_starts(keys), append=len(keys)) == 2).all())
 
 
 def _is_even(mesh: CheckedMesh) -> bool:

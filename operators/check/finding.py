@@ -40,7 +40,10 @@ def found(severity: str, sentence: str, names: Sequence[str], fix: str = "", val
 
 @dataclass(frozen=True)
 class Checked:
-    """What a check of a scene has found, the worst first, and what a bake is expected to take."""
+    """What a check of a scene has found, the worst first, and what a bake is expected to take.
+
+    estimate: None if nothing would be baked
+    """
 
     findings: tuple[Finding, ...]
     estimate: Estimate | None

@@ -11,10 +11,11 @@ import bpy
 import numpy as np
 
 from ..lookup import find_all
-from ..own_slots import own_materials
+from ..own_slots import shown_materials
+from ..result.instance_places import baked_instances
 from ..result.moved_charts import has_moved_charts
 from ..scene import SceneContext
-from ..scene.objects.meshes import read_array, read_positions, read_topology
+from ..scene.objects.meshes import read_array, read_positions, read_slots, read_topology
 from ..scene.objects.render_settings import differs_in_renders
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from ..scene.uvs.multi_user import multi_user_sources
@@ -35,7 +36,7 @@ class CheckedMesh:
     outdated   whether a modifier keeps UVs, but of other faces than there are by now
     unlike     whether a modifier keeps UVs that fit, but renders make other faces than the viewport
     moved      whether its lightmap was baked with other lightmap UVs
-    culled     whether a material of it has Backface Culling
+    culled     whether a material of its faces has Backface Culling
     matrix     (4, 4) float64, object space to world space
     scale      its scale in lightmaps
     positions  (v, 3) float32, object space
@@ -93,13 +94,15 @@ def read_meshes(
     waiting = [obj.session_uid for obj in objects]
     uv_layer = context.scene.hemibake.uv_layer
     several = multi_user_sources(uv_layer)
+    instanced = {name for _, name, _ in baked_instances(context.scene)}
     meshes: list[CheckedMesh] = []
     while waiting:
         depsgraph, limit = context.evaluated_depsgraph_get(), time.perf_counter() + _SLICE
         present = find_all(bpy.data.objects, waiting)
         done = 0
         for obj in present:
-            mesh = _read(obj, depsgraph, uv_layer, several)
+            is_lit = obj.hemibake.image is not None or obj.name in instanced
+            mesh = _read(obj, depsgraph, uv_layer, several, is_lit)
             meshes += [mesh] if mesh is not None else []
             done += 1
             if time.perf_counter() > limit:
@@ -110,8 +113,12 @@ def read_meshes(
 
 
 def _read(
-    obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph, uv_layer: str, several: set[int]
+    obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph, uv_layer: str, several: set[int], is_lit: bool
 ) -> CheckedMesh | None:
+    """Return an object's mesh; None without faces.
+
+    is_lit: whether it, or an instance of it, has a lightmap
+    """
     layer, keeper = lightmap_layer(obj, uv_layer), uv_modifier(obj, uv_layer)
     with evaluated_mesh(obj, depsgraph) as mesh:
         if mesh is None or not len(mesh.polygons):
@@ -130,8 +137,8 @@ def _read(
             copies=changed and not obj.data.is_editmode and keeper is None,
             outdated=outdated,
             unlike=keeper is not None and not outdated and differs_in_renders(obj),
-            culled=any(material and material.use_backface_culling for material in own_materials(obj)),
-            moved=obj.hemibake.image is not None and has_moved_charts(obj, mesh, uv_layer),
+            moved=is_lit and has_moved_charts(obj, mesh, uv_layer),
+            culled=_is_culled(mesh, obj),
             matrix=np.array(obj.matrix_world, np.float64),
             scale=obj.hemibake.lightmap_scale,
             positions=read_positions(mesh),
@@ -142,3 +149,12 @@ def _read(
             triangles=read_array(mesh.loop_triangles, "loops", 3, np.int32),
             uvs=None if uvs is None else read_array(uvs.uv, "vector", 2, np.float32),
         )
+
+
+def _is_culled(mesh: bpy.types.Mesh, obj: bpy.types.Object) -> bool:
+    """Return whether a material of an evaluated mesh's faces has Backface Culling."""
+    materials = shown_materials(mesh, obj)
+    if not any(material and material.use_backface_culling for material in materials):
+        return False
+    used = np.unique(np.clip(read_slots(mesh), 0, len(materials) - 1))
+    return any(materials[slot] and materials[slot].use_backface_culling for slot in used)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import bpy
 import numpy as np
 
-from ..result.instance_places import instance_image
+from ..result.instance_places import baked_instances, instance_image
 from ..scene.objects.items import SceneItem, scene_items
 from ..scene.objects.visible import visible_objects
 from ..scene.uvs.lightmap_layer import lightmap_layer
@@ -101,12 +100,7 @@ def _grouped(surfaces: Iterable[Surface], name: str) -> dict:
 
 def _read(context: bpy.types.Context) -> Iterator[Surface]:
     scene, visible = context.scene, {obj.session_uid for obj in visible_objects(context)}
-    baked = {
-        (obj, entry["object"], tuple(entry["persistent_id"])): entry
-        for obj in scene.objects
-        if obj.hemibake.instances
-        for entry in json.loads(obj.hemibake.instances)
-    }
+    baked = baked_instances(scene)
     for item in scene_items(context.evaluated_depsgraph_get(), visible):
         if item.source.type == "MESH":
             entry = baked.get((item.instancer, item.source.name, item.persistent_id))

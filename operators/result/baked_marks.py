@@ -66,4 +66,4 @@ def mark_objects(
     for uid, fingerprint in read.fingerprints.items():
         if uid in editable and uid not in lost:
             editable[uid].hemibake.fingerprint = fingerprint
-            editable[uid].hemibake.baked_uvs = read.uv_digests[uid]
+            editable[uid].hemibake.baked_uvs = read.uv_digests.get(uid, "")

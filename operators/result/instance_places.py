@@ -46,16 +46,21 @@ class PlaceTable:
     buckets: int
 
 
-def instance_places(
-    scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph
-) -> dict[bpy.types.Object, list[InstancePlace]]:
-    """Return the places of the baked instances of each object, and that of the object itself."""
-    baked = {
+def baked_instances(scene: bpy.types.Scene) -> dict[tuple[bpy.types.Object, str, tuple[int, ...]], dict]:
+    """Return what bakes have written down of instances, by instancer, object's name and persistent id."""
+    return {
         (obj, entry["object"], tuple(entry["persistent_id"])): entry
         for obj in scene.objects
         if obj.hemibake.instances
         for entry in json.loads(obj.hemibake.instances)
     }
+
+
+def instance_places(
+    scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph
+) -> dict[bpy.types.Object, list[InstancePlace]]:
+    """Return the places of the baked instances of each object, and that of the object itself."""
+    baked = baked_instances(scene)
     places: dict[bpy.types.Object, list[InstancePlace]] = {}
     for instance in depsgraph.object_instances if baked else ():
         if not instance.is_instance:

@@ -1,4 +1,4 @@
-"""Objects whose lightmap UVs have changed since they were baked: they show light of other places."""
+"""Objects whose lightmap UVs have changed since they were baked: they may show light of other places."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from ..scene.uvs.uv_targets import evaluated_mesh
 
 #: What it means for objects, whose names go where {} is.
 MOVED_CHARTS = (
-    "Lightmap UVs that have changed since they were baked: {}. The lightmap shows wrong light there. Bake "
-    "again."
+    "Lightmap UVs, or faces, that have changed since they were baked: {}. The lightmap may show wrong light "
+    "there. Bake again."
 )
 
 

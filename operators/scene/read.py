@@ -44,7 +44,7 @@ class ReadScene:
     entries       of each mesh of the scene, None for an occluder
     notes         sentences for the user
     fingerprints  of each object that has entries, by session uid; see `find_fingerprints`
-    uv_digests    of the lightmap UVs of the same objects; see `uv_digest.digest_of`
+    uv_digests    of the lightmap UVs of the same objects, if they show them; see `uv_digest.digest_of`
     """
 
     scene: Scene
@@ -196,9 +196,20 @@ class _SceneReading:
         entries = tuple(
             _entry(reading, place) for reading, place in zip(self._readings, self._places, strict=True)
         )
+        return ReadScene(
+            scene, entries, (*self._notes, *self._skipped), fingerprints, self._uv_digests()
+        )  # fmt: skip
+
+    def _uv_digests(self) -> dict[int, str]:
+        """Return the digest of the lightmap UVs of each object that gets a lightmap.
+
+        Of an object that only instances show it is theirs; instances of own geometry have other meshes.
+        """
         placed = zip(self._readings, self._places, strict=True)
-        digests = {reading.source: reading.shape.uv_digest for reading, place in placed if place is not None}
-        return ReadScene(scene, entries, (*self._notes, *self._skipped), fingerprints, digests)
+        readings = [reading for reading, place in placed if place is not None]
+        shown = [reading for reading in readings if reading.instancer not in (None, reading.source)]
+        shown += [reading for reading in readings if reading.instancer is None]
+        return {reading.source: reading.shape.uv_digest for reading in shown}
 
     def _fingerprints(self) -> Slices[dict[int, str]]:
         """Return the fingerprint of each object that gets a lightmap, its instances included."""

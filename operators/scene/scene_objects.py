@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from ...engine.naming import naming
-from ..own_slots import own_slots
+from ..own_slots import shown_materials
 from .materials.material_table import MaterialTable
 from .messages import NO_FACES, NO_UVS, NORMALS_NOT_FINITE, NOT_FINITE, NOT_FINITE_UVS, Troubles
 from .objects.extent import middle_of, trouble_with
@@ -120,7 +120,8 @@ class ItemReader:
         if item.source.hemibake.role == "IGNORED" or self._instancer_ignored(item):
             return
         atlas = item.source.hemibake.atlas if self._gets_lightmap(item) else None
-        slots = tuple(self._table.index(material, atlas, item) for material in _slot_materials(item))
+        materials = shown_materials(item.object.data, item.source)
+        slots = tuple(self._table.index(material, atlas, item) for material in materials)
         layer = lightmap_layer(item.source, self._uv_layer)
         key = (item.object.data.as_pointer(), layer, slots, atlas is None)
         if key not in self._shapes and key not in self._unfinished:
@@ -244,15 +245,3 @@ def _box(positions: np.ndarray) -> np.ndarray:
 def _objects(names: Sequence[str]) -> str:
     """Return the beginning of a sentence for `naming`."""
     return "Object {}" if len(names) == 1 else "Objects {}"
-
-
-def _slot_materials(item: SceneItem) -> list[bpy.types.Material | None]:
-    """Return the material of each slot: the object's own where the slot is linked to the object.
-
-    While the object shows its lightmap, what the preview has put there does not count.
-    """
-    materials = [material and material.original for material in item.object.data.materials]
-    for index, slot in enumerate(own_slots(item.source)):
-        if slot.link == "OBJECT" and index < len(materials):
-            materials[index] = slot.material
-    return materials or [None]

@@ -497,6 +497,78 @@ def test_charts_that_were_moved_since_they_were_baked_are_told():
     assert finding("since they were baked") is None
 
 
+def test_a_bake_of_other_objects_mends_no_moved_charts():
+    import bpy
+
+    first, second = furnace(), square("Second")
+    second.location, second.hemibake.atlas = (5, 0, 0), "Own"
+    bpy.ops.hemibake.bake()
+    halve_charts(second)
+    first.select_set(True)
+    second.select_set(False)
+    bpy.context.view_layer.objects.active = first
+    bpy.context.scene.hemibake.target = "SELECTED"
+    bpy.ops.hemibake.bake()
+    kept = part("operators.checks").last_check(bpy.context.scene).findings
+    assert [one.objects for one in kept if "since they were baked" in one.text] == [("Second",)]
+
+
+def halve_charts(obj):
+    """Make the lightmap UVs of an object half as large."""
+    obj.data.uv_layers["Lightmap"].uv.foreach_set("vector", np.float32(0.5) * loop_uvs(obj).reshape(-1))
+
+
+def test_moved_charts_of_what_only_instances_show_are_told():
+    import bpy
+
+    bpy.context.scene.hemibake.resolution = 257
+    furnace()
+    chair, chairs = square("Chair"), bpy.data.collections.new("Chairs")
+    bpy.context.scene.collection.objects.unlink(chair)
+    chairs.objects.link(chair)
+    instance = bpy.data.objects.new("Instance", None)
+    instance.instance_type, instance.instance_collection = "COLLECTION", chairs
+    instance.location, instance.scale = (0.2, 0.2, 0.3), (0.3, 0.3, 0.3)
+    bpy.context.scene.collection.objects.link(instance)
+    bpy.ops.hemibake.bake()
+    assert finding("since they were baked") is None
+    halve_charts(chair)
+    assert finding("since they were baked").objects == ("Chair",)
+
+
+def test_instances_of_an_objects_own_geometry_have_charts_of_their_own():
+    """Geometry Nodes show one part of a mesh as an instance: its UVs are none of the object's."""
+    import bpy
+
+    bpy.context.scene.hemibake.resolution = 257
+    corners = [(x + shift, y, 0) for shift in (0, 2) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    uvs = [(x / 2.2 + shift, y / 2.2) for shift in (0, 0.5) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    glow = material("Glow", emission=1.0)
+    own = mesh_object("Own", corners, [(0, 1, 2, 3), (4, 5, 6, 7)], uvs, surface=glow)
+    tree = bpy.data.node_groups.new("Parted", "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    kinds = (
+        "NodeGroupInput", "NodeGroupOutput", "GeometryNodeSeparateGeometry", "GeometryNodeGeometryToInstance",
+        "GeometryNodeJoinGeometry", "GeometryNodeInputIndex", "FunctionNodeCompare",
+    )  # fmt: skip
+    start, end, parted, instance, join, index, first = map(tree.nodes.new, kinds)
+    parted.domain, first.data_type, first.operation = "FACE", "INT", "EQUAL"
+    pairs = (
+        (start.outputs[0], parted.inputs["Geometry"]), (index.outputs[0], first.inputs[2]),
+        (first.outputs[0], parted.inputs["Selection"]), (parted.outputs["Selection"], instance.inputs[0]),
+        (parted.outputs["Inverted"], join.inputs[0]), (instance.outputs[0], join.inputs[0]),
+        (join.outputs[0], end.inputs[0]),
+    )  # fmt: skip
+    for one, other in pairs:
+        tree.links.new(one, other)
+    own.modifiers.new("Parted", "NODES").node_group = tree
+    bpy.context.view_layer.update()
+    bpy.ops.hemibake.bake()
+    assert own.hemibake.instances and own.hemibake.image
+    assert finding("since they were baked") is None
+
+
 @pytest.mark.parametrize("mode", ["OBJECT", "EDIT"])
 def test_charts_of_modifiers_and_of_a_mesh_in_edit_mode_are_compared_as_they_were_baked(mode):
     import bpy
@@ -522,6 +594,11 @@ def test_backs_that_light_goes_through_are_told():
     culling = material("Culling")
     culling.use_backface_culling = True
     closed = mesh_object("Closed", CUBE, OUTWARD, surface=culling)
+    split = [CUBE[corner] for face in OUTWARD for corner in face]
+    faces = [tuple(range(first, first + 4)) for first in range(0, 24, 4)]
+    mesh_object("Split as by glTF", split, faces, surface=culling).location.x = 5
+    unused = square("Unused", surface=bpy.data.materials.new("Other"))
+    unused.data.materials.append(culling)
     leaf, own = square("Leaf", surface=culling), square("Own", surface=material("Plain"))
     own.material_slots[0].link, own.material_slots[0].material = "OBJECT", culling
     square("Plain", surface=bpy.data.materials["Plain"])

@@ -381,7 +381,27 @@ def test_bake_of_objects_whose_uvs_were_all_undone_ends(operator, context, windo
         {"INFO"}, "Bake cancelled: the lightmap UVs of all objects were undone"
     )  # fmt: skip
     assert snapshot() == before and not part("operators.worker_owner").owner.busy
-    assert part("operators.run").bpy.app.handlers.undo_post[:] == []
+    assert bpy.app.handlers.undo_post[:] == bpy.app.handlers.redo_post[:] == []
+
+
+def test_an_undo_that_takes_nothing_of_what_is_baked_ends_nothing(operator, context, window):
+    """Here only instances are baked."""
+    import bpy
+
+    bpy.context.scene.hemibake.resolution = 257
+    chair, chairs = furnace("Chair"), bpy.data.collections.new("Chairs")
+    bpy.context.scene.collection.objects.unlink(chair)
+    chairs.objects.link(chair)
+    instance = bpy.data.objects.new("Instance", None)
+    instance.instance_type, instance.instance_collection = "COLLECTION", chairs
+    bpy.context.scene.collection.objects.link(instance)
+    bpy.context.view_layer.update()
+    operator.invoke(context, None)
+    drive(operator, context, until=lambda: "Lightmap instances" in bpy.data.images)
+    for handler in bpy.app.handlers.undo_post[:]:
+        handler(bpy.context.scene)
+    assert drive(operator, context) == {"FINISHED"}
+    assert report()["objects"] == 0 and instance.hemibake.instances
 
 
 def bake_with_history(operator, context):

@@ -1,5 +1,6 @@
 """Devices that are opened in a thread, and what starts kernels."""
 
+import importlib
 import threading
 
 import numpy as np
@@ -25,6 +26,27 @@ def test_a_device_waits_for_its_programs_and_nothing_else_does():
     assert opening.compute() == programs
 
 
+@pytest.mark.parametrize("told", [False, True])
+def test_an_error_leaves_nothing_open(told):
+    released = threading.Event()
+
+    class Device:
+        def __init__(self, ahead):
+            assert list(ahead) == ([1] if told else [])
+
+        release = staticmethod(released.set)
+
+    def failing():
+        with Opening(Device) as opening:
+            if told:
+                opening.build_ahead([1])
+            raise ImportError
+
+    with pytest.raises(ImportError):
+        failing()
+    assert released.is_set()
+
+
 def test_who_asks_for_a_device_is_told_why_there_is_none():
     opening = Devices.begin_opening(None, "No such device")
     opening.build_ahead([])
@@ -41,12 +63,15 @@ def test_kernels_that_share_what_starts_them_keep_their_own_arguments():
     __kernel void summed(__global float *x, const int4 all) { x[get_global_id(0)] = all.x + all.y + all.w; }
     """
     compute = Compute()
+    made = importlib.import_module("pyopencl.invoker").invoker_cache._made
+    made.clear()
     program = cl.Program(compute.context, source).build()
     arguments = {
         "twice": np.int32(5), "thrice": np.int32(7), "halved": np.float32(0.5),
         "summed": np.array([1, 2, 4, 8], np.int32),
     }  # fmt: skip
     kernels = {name: cl.Kernel(program, name) for name in arguments}
+    assert len(made) == 1
     for typed in (False, True):
         for name, expected in {"twice": 10, "thrice": 21, "halved": 0.25, "summed": 11}.items():
             value, found = arguments[name], np.zeros(4, np.float32)
@@ -57,3 +82,6 @@ def test_kernels_that_share_what_starts_them_keep_their_own_arguments():
             kernels[name](compute.queue, (4,), (1,), buffer, value)
             cl.enqueue_copy(compute.queue, found, buffer)
             assert (found == expected).all(), name
+
+    # Those of any arguments, then of an int, a float and a vector.
+    assert len(made) == 1 + 3

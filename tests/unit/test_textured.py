@@ -9,7 +9,7 @@ from engine.patches import textured
 @pytest.mark.parametrize("materials", [1, 3, 13])
 @pytest.mark.parametrize("searched", [0, 8, 100])
 def test_patches_of_materials_are_found_by_search_and_by_sorting(monkeypatch, materials, searched):
-    """In their order; those of materials that are not chosen are nobody's, and one material has no patches."""
+    """In their order; those of materials that are not chosen are nobody's; one material has no patches."""
     monkeypatch.setattr(textured, "_SEARCHED", searched)
     random = np.random.default_rng(materials)
     numbers = random.integers(0, max(materials - 1, 1), 1009).astype(np.int32)

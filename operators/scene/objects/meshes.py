@@ -115,7 +115,7 @@ def read_mesh(mesh: bpy.types.Mesh, uv_layer: str | None, uv_maps: Mapping[str, 
         normals=read_array(mesh.corner_normals, "vector", 3, np.float32),
         loops=read_array(mesh.loop_triangles, "loops", 3, np.int32),
         sizes=np.diff(np.r_[starts, len(mesh.loops)]).astype(np.int32),
-        slot=_slots(mesh),
+        slot=read_slots(mesh),
         uvs=None if uv_layer is None else _uvs(mesh.uv_layers.get(uv_layer)),
         maps={name: _uvs(_layer(mesh, layer)) for name, layer in uv_maps.items()},
     )
@@ -180,7 +180,7 @@ def _joined(parts: Sequence[Corners]) -> Corners:
     )
 
 
-def _slots(mesh: bpy.types.Mesh) -> np.ndarray:
+def read_slots(mesh: bpy.types.Mesh) -> np.ndarray:
     """Return the material slot of each polygon, (p,) int32; without the attribute it is the first one."""
     attribute = mesh.attributes.get("material_index")
     if attribute is None:

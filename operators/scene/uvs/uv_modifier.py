@@ -84,7 +84,7 @@ def remove_uv_modifiers(obj: bpy.types.Object) -> None:
         return
     for modifier in modifiers:
         obj.modifiers.remove(modifier)
-    for name in ("image", "uv_layer", "uv_scale", "uv_offset"):
+    for name in ("image", "uv_layer", "uv_scale", "uv_offset", "baked_uvs", "fingerprint"):
         obj.hemibake.property_unset(name)
 
 

@@ -28,7 +28,7 @@ _PASSING = {
 #: What a bake, and the check before it, write on scenes and objects.
 _RESULTS = {
     "report", "findings", "lightmaps", "image", "uv_layer", "uv_scale", "uv_offset", "instances",
-    "fingerprint", "slots", "slot_added", "baked_scene",
+    "baked_uvs", "fingerprint", "slots", "slot_added", "baked_scene",
 }  # fmt: skip
 
 #: Name of the modifiers that keep lightmap UVs, and of what they use.

@@ -554,8 +554,9 @@ def test_instances_of_an_objects_own_geometry_have_charts_of_their_own():
     )  # fmt: skip
     start, end, parted, instance, join, index, first = map(tree.nodes.new, kinds)
     parted.domain, first.data_type, first.operation = "FACE", "INT", "EQUAL"
+    (number,) = [socket for socket in first.inputs if socket.identifier == "A_INT"]
     pairs = (
-        (start.outputs[0], parted.inputs["Geometry"]), (index.outputs[0], first.inputs[2]),
+        (start.outputs[0], parted.inputs["Geometry"]), (index.outputs[0], number),
         (first.outputs[0], parted.inputs["Selection"]), (parted.outputs["Selection"], instance.inputs[0]),
         (parted.outputs["Inverted"], join.inputs[0]), (instance.outputs[0], join.inputs[0]),
         (join.outputs[0], end.inputs[0]),

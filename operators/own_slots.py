@@ -26,14 +26,6 @@ def own_slots(obj: bpy.types.Object) -> list[Any]:
     ]
 
 
-def own_materials(obj: bpy.types.Object) -> list[bpy.types.Material | None]:
-    """Return the material of each slot, the object's or its mesh's, whatever the preview has put there."""
-    return [
-        slot.material if slot.link == "OBJECT" else obj.data.materials[index]
-        for index, slot in enumerate(own_slots(obj))
-    ]
-
-
 def shown_materials(mesh: bpy.types.Mesh, obj: bpy.types.Object) -> list[bpy.types.Material | None]:
     """Return the material of each slot of an object's evaluated mesh: the object's own where the slot has it.
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ..own_slots import is_filled, own_materials, own_slots
+from ..own_slots import is_filled, own_slots
 from ..scene.objects.meshes import read_array
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from .directional_images import images_beside
@@ -128,7 +128,8 @@ def refresh_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, chan
 def _stale_slots(obj: bpy.types.Object, changed: Container[int]) -> list[int]:
     """Return the indices of slots that do not show their own material as it is now."""
     stale = []
-    for index, (slot, material) in enumerate(zip(obj.material_slots, own_materials(obj), strict=True)):
+    for index, (slot, own) in enumerate(zip(obj.material_slots, own_slots(obj), strict=True)):
+        material = own.material if own.link == "OBJECT" else obj.data.materials[index]
         is_shown = slot.material is not None and MARK in slot.material
         if not is_shown or (material is not None and material.session_uid in changed):
             stale.append(index)

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import _thread
 import signal
+import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+#: Time until a signal that was lost comes again, s: longer than what lost it takes to return.
+_AGAIN = 0.02
 
 
 class Stopped(KeyboardInterrupt):
@@ -25,18 +31,25 @@ class Signals:
     While Blender starts or ends an exception would get lost in its own scripts, or break off what removes
     temporary files. Afterwards the process ends, which signals no longer break off: Blender's own handler
     could not be put back, since Python does not know it.
+
+    Python ignores exceptions in finalizers and callbacks of weak references, as its import system has
+    them: a signal that came in one of these comes again.
     """
 
     def __init__(self) -> None:
         self._received: int | None = None
         self._raises = False
+        self._raised = False
+        self._tell_ignored = sys.unraisablehook
 
     def __enter__(self) -> Signals:
         for number in _SIGNALS:
             signal.signal(number, self._receive)
+        self._tell_ignored, sys.unraisablehook = sys.unraisablehook, self._ignored
         return self
 
     def __exit__(self, *_: object) -> None:
+        sys.unraisablehook = self._tell_ignored
         for number in _SIGNALS:
             signal.signal(number, signal.SIG_IGN)
 
@@ -57,9 +70,19 @@ class Signals:
     def check(self) -> None:
         """Raise Stopped if a signal has come."""
         if self._received is not None:
+            self._raised = True
             raise Stopped(self._received)
 
     def _receive(self, number: int, frame: FrameType | None) -> None:
-        first, self._received = self._received is None, self._received or number
-        if first and self._raises:
-            raise Stopped(number)
+        """Note a signal, and raise the first one: a second must not break off what ends the work."""
+        self._received = self._received or number
+        if self._raises and not self._raised:
+            self.check()
+
+    def _ignored(self, found: sys.UnraisableHookArgs) -> None:
+        """Tell of an exception that Python ignored; after a Stopped, let its signal come again."""
+        if not isinstance(found.exc_value, Stopped):
+            self._tell_ignored(found)
+            return
+        self._raised = False
+        threading.Timer(_AGAIN, _thread.interrupt_main, (self._received,)).start()

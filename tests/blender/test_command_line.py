@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+import weakref
 from pathlib import Path
 
 import pytest
@@ -219,6 +220,36 @@ def test_signal_ends_a_bake_without_a_trace(tmp_path, number, code, moment):
     assert json.loads(output) == {"error": f"Interrupted by {number.name}."}
     assert "Traceback" not in errors
     assert not list(temporary.iterdir()) and not out.exists()
+
+
+@pytest.mark.usefixtures("signals_as_before")
+def test_signal_that_a_callback_loses_comes_again():
+    """Python ignores what is raised in a callback of a weak reference: the bake went on to its end."""
+    signals = part("operators.command_line.signals")
+
+    class Referent:
+        pass
+
+    def lose_a_signal():
+        referent = Referent()
+        lost = weakref.ref(referent, lambda _: signal.raise_signal(signal.SIGTERM))
+        with signals.Signals() as heard, heard.heard():
+            del referent
+            assert lost() is None
+            wait_for(10)
+            heard._received = None
+
+    told = sys.unraisablehook
+    with pytest.raises(signals.Stopped, match="SIGTERM"):
+        lose_a_signal()
+    assert sys.unraisablehook is told
+
+
+def wait_for(seconds):
+    """Wait as work does, that signals break off: `interrupt_main` does not end a sleep."""
+    limit = time.monotonic() + seconds
+    while time.monotonic() < limit:
+        time.sleep(0.01)
 
 
 def installed(capfd, *arguments) -> tuple[int, list[str]]:

@@ -15,7 +15,7 @@ from ..own_slots import shown_materials
 from ..result.instance_places import baked_instances
 from ..result.moved_charts import has_moved_charts
 from ..scene import SceneContext
-from ..scene.objects.meshes import read_array, read_positions, read_slots, read_topology
+from ..scene.objects.meshes import read_array, read_positions, read_slots, read_topology, read_uvs
 from ..scene.objects.render_settings import differs_in_renders
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from ..scene.uvs.multi_user import multi_user_sources
@@ -147,7 +147,7 @@ def _read(
             edges=edges,
             starts=read_array(mesh.polygons, "loop_start", 1, np.int32)[:, 0],
             triangles=read_array(mesh.loop_triangles, "loops", 3, np.int32),
-            uvs=None if uvs is None else read_array(uvs.uv, "vector", 2, np.float32),
+            uvs=None if uvs is None else read_uvs(uvs),
         )
 
 

@@ -18,6 +18,7 @@ from tests.blender.things import (
     part,
     pixels,
     report,
+    shrink_charts,
     snapshot,
     square,
 )
@@ -484,8 +485,8 @@ def test_charts_that_were_moved_since_they_were_baked_are_told():
     bpy.ops.hemibake.bake()
     assert finding("since they were baked") is None
     uvs = loop_uvs(room)
-    room.data.uv_layers["Lightmap"].uv.foreach_set("vector", np.float32(0.5) * uvs.reshape(-1))
-    new.data.uv_layers["Lightmap"].uv.foreach_set("vector", np.float32(0.5) * loop_uvs(new).reshape(-1))
+    shrink_charts(room)
+    shrink_charts(new)
     found = finding("since they were baked")
     assert found.objects == ("Furnace",) and found.severity == "WARNING"
     bpy.ops.hemibake.bake()
@@ -503,7 +504,7 @@ def test_a_bake_of_other_objects_mends_no_moved_charts():
     first, second = furnace(), square("Second")
     second.location, second.hemibake.atlas = (5, 0, 0), "Own"
     bpy.ops.hemibake.bake()
-    halve_charts(second)
+    shrink_charts(second)
     first.select_set(True)
     second.select_set(False)
     bpy.context.view_layer.objects.active = first
@@ -511,11 +512,6 @@ def test_a_bake_of_other_objects_mends_no_moved_charts():
     bpy.ops.hemibake.bake()
     kept = part("operators.checks").last_check(bpy.context.scene).findings
     assert [one.objects for one in kept if "since they were baked" in one.text] == [("Second",)]
-
-
-def halve_charts(obj):
-    """Make the lightmap UVs of an object half as large."""
-    obj.data.uv_layers["Lightmap"].uv.foreach_set("vector", np.float32(0.5) * loop_uvs(obj).reshape(-1))
 
 
 def test_moved_charts_of_what_only_instances_show_are_told():
@@ -532,7 +528,7 @@ def test_moved_charts_of_what_only_instances_show_are_told():
     bpy.context.scene.collection.objects.link(instance)
     bpy.ops.hemibake.bake()
     assert finding("since they were baked") is None
-    halve_charts(chair)
+    shrink_charts(chair)
     assert finding("since they were baked").objects == ("Chair",)
 
 

@@ -97,14 +97,17 @@ def loop_uvs(obj, layer="Lightmap") -> np.ndarray:
     return uvs.reshape(-1, 2)
 
 
+def shrink_charts(obj, layer="Lightmap"):
+    """Make the charts of an object half as large, about the lower left corner."""
+    obj.data.uv_layers[layer].uv.foreach_set("vector", np.float32(0.5) * loop_uvs(obj, layer).reshape(-1))
+
+
 def evaluated_uvs(obj, layer="Lightmap") -> np.ndarray:
     """Return a UV layer of the mesh that modifiers make, (l, 2)."""
     import bpy
 
     mesh = obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
-    return part("operators.scene.objects.meshes").read_array(
-        mesh.uv_layers[layer].uv, "vector", 2, np.float32
-    )
+    return part("operators.scene.objects.meshes").read_uvs(mesh.uv_layers[layer])
 
 
 def cross(a, b) -> np.ndarray:

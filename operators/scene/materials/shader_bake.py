@@ -11,7 +11,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ...compat import new_node_tree, node_input
-from ..objects.meshes import LIGHTMAP_UVS, read_array
+from ..objects.meshes import LIGHTMAP_UVS, read_uvs
 from ..slices import Slices, row_slices
 from ..uvs.uv_layers import MOST_LAYERS
 from .sockets import feeder
@@ -79,7 +79,7 @@ def lay_lightmap_uvs(mesh: bpy.types.Mesh, uv_layer: str, move: Move | None) -> 
     layer = mesh.uv_layers.get(uv_layer)
     if layer is None:
         return False
-    uvs = read_array(layer.uv, "vector", 2, np.float32)
+    uvs = read_uvs(layer)
     rendered = layer.active_render
     if len(mesh.uv_layers) == MOST_LAYERS:
         mesh.uv_layers.remove(layer)

@@ -61,6 +61,11 @@ def read_topology(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndar
     )
 
 
+def read_uvs(layer: bpy.types.MeshUVLoopLayer) -> np.ndarray:
+    """Return a UV layer at the loops of its mesh, (l, 2) float32."""
+    return read_array(layer.uv, "vector", 2, np.float32)
+
+
 def read_corner_vertices(mesh: bpy.types.Mesh) -> np.ndarray:
     """Return the vertex of each loop of a mesh, (l,) int32; one that is being edited has no attributes."""
     if mesh.is_editmode:
@@ -196,8 +201,7 @@ def _layer(mesh: bpy.types.Mesh, name: str) -> bpy.types.MeshUVLoopLayer | None:
 
 
 def _uvs(layer: bpy.types.MeshUVLoopLayer | None) -> np.ndarray | None:
-    """Return a UV map of all loops, (l, 2) float32."""
-    return None if layer is None else read_array(layer.uv, "vector", 2, np.float32)
+    return None if layer is None else read_uvs(layer)
 
 
 def subfaces(face: np.ndarray) -> np.ndarray:

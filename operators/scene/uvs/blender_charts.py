@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 
 from ....engine.unwrap.polygon_mesh import PolygonMesh, areas, signed_areas
-from ..objects.meshes import read_array
+from ..objects.meshes import read_array, read_uvs
 from .uv_faults import covered_texels
 
 #: Largest angle between the faces of a chart and the direction along which they are projected.
@@ -75,7 +75,7 @@ def _edited_uvs(
             edit()
         if not np.array_equal(read_array(mesh.loops, "vertex_index", 1, np.int32)[:, 0], corners):
             return None
-        return read_array(mesh.uv_layers[0].uv, "vector", 2, np.float32)
+        return read_uvs(mesh.uv_layers[0])
     finally:
         bpy.data.meshes.remove(mesh)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..objects.meshes import read_array
+from ..objects.meshes import read_array, read_uvs
 from .uv_faults import is_finite, is_inside, overlap
 
 #: What such layers are called by people and other programs, in small letters.
@@ -68,7 +68,7 @@ def layer_triangles(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
     """Return a UV layer at the corners of a mesh's triangles, (t, 3, 2) float32."""
     mesh.calc_loop_triangles()
     loops = read_array(mesh.loop_triangles, "loops", 3, np.int32)
-    return read_array(mesh.uv_layers[name].uv, "vector", 2, np.float32)[loops]
+    return read_uvs(mesh.uv_layers[name])[loops]
 
 
 def _usable(mesh: bpy.types.Mesh, name: str) -> bool:

@@ -7,12 +7,12 @@ import hashlib
 import bpy
 import numpy as np
 
-from ..objects.meshes import read_array
+from ..objects.meshes import read_uvs
 
 
 def layer_uvs(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
     """Return a UV layer of a mesh, (l, 2) float32."""
-    return read_array(mesh.uv_layers[name].uv, "vector", 2, np.float32)
+    return read_uvs(mesh.uv_layers[name])
 
 
 def digest_of(uvs: np.ndarray) -> str:

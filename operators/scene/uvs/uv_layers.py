@@ -8,6 +8,7 @@ import numpy as np
 
 from ...changes import Changes
 from ...lookup import find
+from ..objects.meshes import read_uvs
 
 #: Blender's own limit.
 MOST_LAYERS = 8
@@ -44,8 +45,7 @@ def replace_layer(obj: bpy.types.Object, name: str, uvs: np.ndarray, changes: Ch
         add_layer(obj, name, uvs, changes)
         return
     obj.update_from_editmode()
-    before = np.empty((len(obj.data.loops), 2), np.float32)
-    obj.data.uv_layers[name].uv.foreach_get("vector", before.reshape(-1))
+    before = read_uvs(obj.data.uv_layers[name])
     changes.add(lambda uid=obj.session_uid: _bring_back(uid, name, before))
     _exchange(obj, name, uvs)
 

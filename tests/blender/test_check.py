@@ -546,16 +546,16 @@ def test_instances_of_an_objects_own_geometry_have_charts_of_their_own():
         tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
     kinds = (
         "NodeGroupInput", "NodeGroupOutput", "GeometryNodeSeparateGeometry", "GeometryNodeGeometryToInstance",
-        "GeometryNodeJoinGeometry", "GeometryNodeInputIndex", "FunctionNodeCompare",
+        "GeometryNodeJoinGeometry", "GeometryNodeInputIndex",
     )  # fmt: skip
-    start, end, parted, instance, join, index, first = map(tree.nodes.new, kinds)
-    parted.domain, first.data_type, first.operation = "FACE", "INT", "EQUAL"
-    (number,) = [socket for socket in first.inputs if socket.identifier == "A_INT"]
+    start, end, parted, instance, join, index = map(tree.nodes.new, kinds)
+    parted.domain = "FACE"
+
+    # The index of a face as Boolean: the second one becomes an instance.
     pairs = (
-        (start.outputs[0], parted.inputs["Geometry"]), (index.outputs[0], number),
-        (first.outputs[0], parted.inputs["Selection"]), (parted.outputs["Selection"], instance.inputs[0]),
-        (parted.outputs["Inverted"], join.inputs[0]), (instance.outputs[0], join.inputs[0]),
-        (join.outputs[0], end.inputs[0]),
+        (start.outputs[0], parted.inputs["Geometry"]), (index.outputs[0], parted.inputs["Selection"]),
+        (parted.outputs["Selection"], instance.inputs[0]), (instance.outputs[0], join.inputs[0]),
+        (parted.outputs["Inverted"], join.inputs[0]), (join.outputs[0], end.inputs[0]),
     )  # fmt: skip
     for one, other in pairs:
         tree.links.new(one, other)

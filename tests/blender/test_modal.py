@@ -388,7 +388,7 @@ def test_an_undo_that_takes_nothing_of_what_is_baked_ends_nothing(operator, cont
     """Here only instances are baked."""
     import bpy
 
-    bpy.context.scene.hemibake.resolution = 257
+    bpy.context.scene.hemibake.resolution = 67
     chair, chairs = furnace("Chair"), bpy.data.collections.new("Chairs")
     bpy.context.scene.collection.objects.unlink(chair)
     chairs.objects.link(chair)

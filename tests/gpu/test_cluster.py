@@ -23,6 +23,9 @@ from engine.session import Session
 from tests.analytic.scenes import nine_quad_room
 from tests.gpu.schedulers import ONE_THREAD, running_scheduler
 
+#: Each test starts workers.
+pytestmark = pytest.mark.long
+
 #: Odd, so that the last block is a short one.
 SETTINGS = Settings(resolution=45, samples=100, visibility="rays", texel_samples=1, intermediates=False)
 

@@ -20,6 +20,9 @@ from tests.analytic.rooms import room as hall
 from tests.gpu.test_kept import ROOM, assert_same, coloured, lamp
 from tests.rows import long
 
+#: Each test bakes three times or more, every slice of work written to disk; short ones are in tests/unit.
+pytestmark = pytest.mark.long
+
 #: Every slice of work is written.
 SETTINGS = Settings(
     resolution=37, hemicube=8, samples=132, iterations=7, tolerance=0, visibility="rays", light_samples=3,

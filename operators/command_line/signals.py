@@ -8,7 +8,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import FrameType
+from types import FrameType, TracebackType
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
@@ -21,6 +21,7 @@ class Stopped(KeyboardInterrupt):
 
     def __init__(self, number: int) -> None:
         super().__init__(f"Interrupted by {signal.Signals(number).name}.")
+        self.number = number
         #: Exit code of a process that a signal ended, as shells tell it.
         self.code = 128 + number
 
@@ -33,23 +34,25 @@ class Signals:
     could not be put back, since Python does not know it.
 
     Python ignores exceptions in finalizers and callbacks of weak references, as its import system has
-    them: a signal that came in one of these comes again.
+    them; Blender prints those of handlers and of render engines, as Cycles', and goes on. A signal that
+    came in one of these comes again.
     """
 
     def __init__(self) -> None:
         self._received: int | None = None
         self._raises = False
         self._raised = False
-        self._tell_ignored = sys.unraisablehook
+        self._hooks = sys.unraisablehook, sys.excepthook
 
     def __enter__(self) -> Signals:
         for number in _SIGNALS:
             signal.signal(number, self._receive)
-        self._tell_ignored, sys.unraisablehook = sys.unraisablehook, self._ignored
+        self._hooks = sys.unraisablehook, sys.excepthook
+        sys.unraisablehook, sys.excepthook = self._ignored, self._printed
         return self
 
     def __exit__(self, *_: object) -> None:
-        sys.unraisablehook = self._tell_ignored
+        sys.unraisablehook, sys.excepthook = self._hooks
         for number in _SIGNALS:
             signal.signal(number, signal.SIG_IGN)
 
@@ -80,9 +83,28 @@ class Signals:
             self.check()
 
     def _ignored(self, found: sys.UnraisableHookArgs) -> None:
-        """Tell of an exception that Python ignored; after a Stopped, let its signal come again."""
-        if not isinstance(found.exc_value, Stopped):
-            self._tell_ignored(found)
-            return
+        """Tell of an exception that Python ignored, but for a Stopped."""
+        if isinstance(found.exc_value, Stopped):
+            self._come_again(found.exc_value.number)
+        else:
+            self._hooks[0](found)
+
+    def _printed(self, kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+        """Print an exception that nothing in Python catches, but for a Stopped."""
+        if isinstance(error, Stopped):
+            self._come_again(error.number)
+        else:
+            self._hooks[1](kind, error, trace)
+
+    def _come_again(self, number: int) -> None:
+        """Let a signal that was lost come again, once what lost it has returned."""
         self._raised = False
-        threading.Timer(_AGAIN, _thread.interrupt_main, (self._received,)).start()
+        threading.Timer(_AGAIN, _interrupt, (number,)).start()
+
+
+def _interrupt(number: int) -> None:
+    """Send the main thread a signal, which ends waiting, too; Windows only notes it."""
+    if sys.platform == "win32":
+        _thread.interrupt_main(number)
+    else:
+        signal.pthread_kill(threading.main_thread().ident, number)

@@ -113,7 +113,7 @@ def _loaded() -> str:
         return "OpenCL.dll"
     if sys.platform == "darwin":
         return "/System/Library/Frameworks/OpenCL.framework/OpenCL"
-    for line in Path("/proc/self/maps").read_text(encoding="utf-8").splitlines():
+    for line in Path("/proc/self/maps").read_text(encoding="utf-8", errors="surrogateescape").splitlines():
         if "libOpenCL" in line:
             return line.split(maxsplit=5)[-1]
     raise DeviceError("PyOpenCL has not loaded OpenCL yet.")

@@ -1,6 +1,9 @@
 """Devices that are opened in a thread, and what starts kernels."""
 
 import importlib
+import mmap
+import os
+import sys
 import threading
 
 import numpy as np
@@ -8,6 +11,7 @@ import pyopencl as cl
 import pytest
 
 from engine import DeviceError
+from engine.device.cl_library import start_drivers
 from engine.device.compute import Compute
 from engine.device.devices import Devices
 from engine.device.opening import Opening
@@ -24,6 +28,16 @@ def test_a_device_waits_for_its_programs_and_nothing_else_does():
     assert asked.wait(60)
     opening.build_ahead(programs)
     assert opening.compute() == programs
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Linux tells files in memory as bytes.")
+def test_drivers_start_beside_files_whose_names_are_no_text(tmp_path):
+    path = os.fsencode(tmp_path) + b"/fa\xe9.bin"
+    with open(path, "w+b") as file:
+        file.write(b"here")
+        file.flush()
+        with mmap.mmap(file.fileno(), 4):
+            start_drivers()
 
 
 @pytest.mark.parametrize("told", [False, True])

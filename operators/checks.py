@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Generator
+from collections.abc import Collection, Generator
 
 import bpy
 
@@ -12,7 +12,7 @@ from ..engine.errors import EngineError, SceneError
 from ..engine.naming import counted
 from ..engine.progress import finished
 from .changes import Changes
-from .check import Checked, check_scene
+from .check import Checked, check_scene, without_moved
 from .check.fixes import FIXES
 from .scene import SceneContext
 from .scene.uvs.uv_node_group import remove_unused_uvs
@@ -33,12 +33,19 @@ def keep_check(scene: bpy.types.Scene, checked: Checked) -> None:
     scene.hemibake.findings = checked.to_json()
 
 
+def forget_moved_charts(scene: bpy.types.Scene, baked: Collection[str]) -> None:
+    """Let the last check of a scene say nothing more about moved charts of objects that were baked since."""
+    checked = last_check(scene)
+    if checked is not None:
+        keep_check(scene, without_moved(checked, baked))
+
+
 class IdleCheck:
     """A check of a scene that is done in the pauses of its bake."""
 
     def __init__(self, context: SceneContext) -> None:
         self._context = context
-        self._steps: Generator[None, None, Checked] | None = check_scene(context, is_baking=True)
+        self._steps: Generator[None, None, Checked] | None = check_scene(context)
 
     def step(self) -> bool:
         """Go on with it for a short time, and in the end keep what it has found; return whether more is left.

@@ -23,7 +23,7 @@ from .bake_report import bake_report
 from .bake_settings import read_settings
 from .changed_light import ChangedLight, find_changed_light, forget_light, remember_light
 from .changes import Changes
-from .checks import IdleCheck
+from .checks import IdleCheck, forget_moved_charts
 from .file_format import chosen_format
 from .handlers import Handlers
 from .lightmap_size import chosen_width, width_for
@@ -289,6 +289,7 @@ class Run:
         mark_lightmaps(entries, lightmap, self._read, self._settings, self._kept)
         lost = self._uvs.lost()
         mark_objects(self._read, targets, self._uv_layer, lost)
+        forget_moved_charts(self._context.scene, self._baked_names(lost))
         self._remember_light(lost)
         self._seconds["store"] = time.perf_counter() - start
         self._stages.has_saved()
@@ -325,6 +326,11 @@ class Run:
             return [], []
         notes = clipping_notes(self._read, files[-len(pixels) :], lightmap.has_patch)
         return [str(self._destination.folder / file.name) for file in files], list(notes)
+
+    def _baked_names(self, lost: dict[int, str]) -> set[str]:
+        """Return the names of the objects that have new lightmaps."""
+        baked = self._read.fingerprints.keys() - lost.keys()
+        return {obj.name for obj in bpy.data.objects if obj.session_uid in baked}
 
     def _remember_light(self, lost: dict[int, str]) -> None:
         """Write down what the next bake of changed objects compares with."""

@@ -2,5 +2,6 @@
 
 from .checking import check_scene
 from .finding import Checked, Finding
+from .uvs import without_moved
 
-__all__ = ["Checked", "Finding", "check_scene"]
+__all__ = ["Checked", "Finding", "check_scene", "without_moved"]

@@ -48,12 +48,10 @@ _ORDER = (ERROR, WARNING, INFO)
 _COVERAGE = 0.6
 
 
-def check_scene(context: SceneContext, is_baking: bool = False) -> Generator[None, None, Checked]:
+def check_scene(context: SceneContext) -> Generator[None, None, Checked]:
     """Check a scene without changing anything; yields after every few milliseconds.
 
     Raises SceneError if the scene goes away in between.
-
-    is_baking: whether a bake has begun, which gives its objects new lightmaps
     """
     try:
         width = chosen_width(context, visible_meshes(context), context.scene.hemibake)
@@ -83,7 +81,7 @@ def check_scene(context: SceneContext, is_baking: bool = False) -> Generator[Non
     baked = [mesh for mesh in meshes if mesh.uid in targets]
     findings += check_missing(baked)
     findings += check_kept(baked)
-    findings += check_moved([mesh for mesh in meshes if not is_baking or mesh.uid not in targets])
+    findings += check_moved(meshes)
     charts = yield from find_charts(meshes, settings.resolution)
     charts = [one for one in charts if one.mesh.uid in targets]
     findings += yield from check_overlaps(charts)

@@ -7,7 +7,6 @@ from collections.abc import Generator, Sequence
 import bpy
 import numpy as np
 
-from ...engine.runs import run_starts
 from ..scene.objects.extent import middle_of, trouble_with
 from ..scene.objects.meshes import is_degenerate
 from .finding import ERROR, INFO, WARNING, Finding, found
@@ -96,7 +95,7 @@ def check_culled(meshes: Sequence[CheckedMesh]) -> Steps:
     """Return open meshes whose materials cull backs: light that falls on these goes on."""
     names = []
     for mesh in meshes:
-        if mesh.culled and not mesh.is_closed and not _is_closed_in_space(mesh):
+        if mesh.culled and not mesh.is_closed and not (yield from _is_closed_in_space(mesh)):
             names.append(mesh.name)
         yield
     return found(
@@ -144,18 +143,32 @@ def centres_of(objects: Sequence[bpy.types.Object]) -> dict[str, np.ndarray]:
     return middles
 
 
-def _is_closed_in_space(mesh: CheckedMesh) -> bool:
-    """Return whether every edge has two faces once vertices in one place are one, as glTF splits them.
+def _is_closed_in_space(mesh: CheckedMesh) -> Generator[None, None, bool]:
+    """Return whether an even number of faces meets at every edge once vertices in one place are one.
 
-    An edge is known by the sum of hashes of its ends, whichever of them comes first.
+    So are the meshes of glTF, which splits vertices. Edges get hashes of where they are, which are drawn from
+    64 bits: the exclusive or of all that have an odd number of faces is zero where these pair up.
     """
-    bits = (mesh.positions + np.float32(0)).view(np.uint32).astype(np.uint64)
-    mixed = (bits * _FACTORS).sum(axis=1, dtype=np.uint64)
-    mixed ^= mixed >> np.uint64(29)
-    mixed *= _FACTORS[0]
-    ends = mixed[mesh.edges[mesh.edge]]
-    keys = np.sort(ends.sum(axis=1, dtype=np.uint64)[ends[:, 0] != ends[:, 1]])
-    return bool((np.diff(run_starts(keys), append=len(keys)) == 2).all())
+    odd = mesh.edges[np.bincount(mesh.edge, minlength=len(mesh.edges)) % 2 == 1]
+    unpaired = np.uint64(0)
+    for first in range(0, len(odd), _CHUNK):
+        ends = _mixed(_bits(mesh.positions[odd[first : first + _CHUNK]]) @ _FACTORS)
+        keys = _mixed(ends.sum(axis=1, dtype=np.uint64))
+        unpaired ^= np.bitwise_xor.reduce(keys[ends[:, 0] != ends[:, 1]])
+        yield
+    return bool(unpaired == 0)
+
+
+def _bits(positions: np.ndarray) -> np.ndarray:
+    """Return the bits of coordinates, float32, as uint64; 0 and -0 have the same."""
+    return (positions + np.float32(0)).view(np.uint32).astype(np.uint64)
+
+
+def _mixed(values: np.ndarray) -> np.ndarray:
+    """Return hashes of numbers, uint64: every bit depends on all lower ones and on many higher ones."""
+    for shift, factor in zip((32, 29, 32), _FACTORS, strict=True):
+        values = (values ^ (values >> np.uint64(shift))) * factor
+    return values ^ (values >> np.uint64(29))
 
 
 def _is_even(mesh: CheckedMesh) -> bool:

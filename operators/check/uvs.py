@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Generator, Sequence
+from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
@@ -14,7 +14,7 @@ from ..scene.place import Charted, Place, make_charted
 from ..scene.uvs.footprint import LARGEST_GRID, Footprint, make_footprint
 from ..scene.uvs.uv_faults import is_finite
 from ..scene.uvs.uv_modifier import uv_modifiers
-from .finding import ERROR, INFO, WARNING, Finding, found
+from .finding import ERROR, INFO, WARNING, Checked, Finding, found
 from .meshes import CheckedMesh
 
 #: Mean width of charts, texels, below which their light cannot be told apart, and largest lightmap that is
@@ -97,6 +97,17 @@ def check_kept(meshes: Sequence[CheckedMesh]) -> list[Finding]:
 def check_moved(meshes: Sequence[CheckedMesh]) -> list[Finding]:
     """Return meshes whose lightmap was baked with other lightmap UVs."""
     return found(WARNING, MOVED_CHARTS, [mesh.name for mesh in meshes if mesh.moved])
+
+
+def without_moved(checked: Checked, baked: Collection[str]) -> Checked:
+    """Return what a check has found, less what it says about moved charts of objects baked since."""
+    findings: list[Finding] = []
+    for finding in checked.findings:
+        if finding.text.startswith(MOVED_CHARTS.partition("{}")[0]):
+            findings += found(WARNING, MOVED_CHARTS, [name for name in finding.objects if name not in baked])
+        else:
+            findings.append(finding)
+    return replace(checked, findings=tuple(findings))
 
 
 def check_unneeded(objects: Sequence[bpy.types.Object]) -> list[Finding]:

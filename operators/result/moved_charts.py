@@ -21,7 +21,8 @@ MOVED_CHARTS = (
 def has_moved_charts(obj: bpy.types.Object, mesh: bpy.types.Mesh, uv_layer: str) -> bool:
     """Return whether the lightmap UVs of an object are other ones than those of its last bake.
 
-    False without a bake that wrote them down, and of a UV layer that is gone.
+    False without a bake that wrote them down, of a UV layer that is gone, and in modes that leave modifiers
+    out of the mesh, as Edit and Sculpt Mode do.
 
     mesh: as modifiers make it; uv_layer: that of the scene
     """
@@ -29,7 +30,8 @@ def has_moved_charts(obj: bpy.types.Object, mesh: bpy.types.Mesh, uv_layer: str)
 
     # The layer of an object that only instances show is none of its properties.
     layer = known.uv_layer or lightmap_layer(obj, uv_layer)
-    if not known.baked_uvs or layer not in mesh.uv_layers:
+    leaves_out = obj.mode != "OBJECT" and len(obj.modifiers) > 0
+    if not known.baked_uvs or leaves_out or layer not in mesh.uv_layers:
         return False
     return digest_of(layer_uvs(mesh, layer)) != known.baked_uvs
 

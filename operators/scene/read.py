@@ -203,13 +203,18 @@ class _SceneReading:
     def _uv_digests(self) -> dict[int, str]:
         """Return the digest of the lightmap UVs of each object that gets a lightmap.
 
-        Of an object that only instances show it is theirs; instances of own geometry have other meshes.
+        Of an object that only instances show it is theirs, if they are alike; instances of own geometry have
+        other meshes.
         """
         placed = zip(self._readings, self._places, strict=True)
         readings = [reading for reading, place in placed if place is not None]
-        shown = [reading for reading in readings if reading.instancer not in (None, reading.source)]
-        shown += [reading for reading in readings if reading.instancer is None]
-        return {reading.source: reading.shape.uv_digest for reading in shown}
+        shown: dict[int, set[str]] = {}
+        for reading in readings:
+            if reading.instancer not in (None, reading.source):
+                shown.setdefault(reading.source, set()).add(reading.shape.uv_digest)
+        alike = {source: digest for source, (digest, *others) in shown.items() if not others}
+        own = {reading.source: reading.shape.uv_digest for reading in readings if reading.instancer is None}
+        return alike | own
 
     def _fingerprints(self) -> Slices[dict[int, str]]:
         """Return the fingerprint of each object that gets a lightmap, its instances included."""

@@ -584,6 +584,70 @@ def test_charts_of_modifiers_and_of_a_mesh_in_edit_mode_are_compared_as_they_wer
     assert finding("since they were baked").objects == ("Copied",)
 
 
+def test_instances_within_an_instance_move_no_charts_of_its_object():
+    """Geometry Nodes show a finer mesh above it, as an instance in the instance of a collection."""
+    import bpy
+
+    bpy.context.scene.hemibake.resolution = 67
+    chair, chairs = (
+        square("Chair", surface=material("Glow", emission=1.0)),
+        bpy.data.collections.new("Chairs"),
+    )
+    bpy.context.scene.collection.objects.unlink(chair)
+    chairs.objects.link(chair)
+    tree = bpy.data.node_groups.new("Stacked", "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    kinds = (
+        "NodeGroupInput", "NodeGroupOutput", "GeometryNodeSubdivideMesh", "GeometryNodeTransform",
+        "GeometryNodeGeometryToInstance", "GeometryNodeJoinGeometry",
+    )  # fmt: skip
+    start, end, finer, raised, instance, join = map(tree.nodes.new, kinds)
+    raised.inputs["Translation"].default_value = (0, 0, 1)
+    pairs = (
+        (start, finer), (finer, raised), (raised, instance), (instance, join), (start, join), (join, end),
+    )  # fmt: skip
+    for one, other in pairs:
+        tree.links.new(one.outputs[0], other.inputs[0])
+    chair.modifiers.new("Stacked", "NODES").node_group = tree
+    shown = bpy.data.objects.new("Instance", None)
+    shown.instance_type, shown.instance_collection = "COLLECTION", chairs
+    bpy.context.scene.collection.objects.link(shown)
+    bpy.context.view_layer.update()
+    bpy.ops.hemibake.bake()
+    assert len(json.loads(shown.hemibake.instances)) == 2
+    assert finding("since they were baked") is None
+
+
+def test_a_mode_that_leaves_modifiers_out_moves_no_charts():
+    import bpy
+
+    obj = square("Bent")
+    obj.modifiers.new("Subdivision", "SUBSURF").show_in_editmode = False
+    bpy.ops.hemibake.bake()
+    bpy.context.view_layer.objects.active = obj
+    bpy.ops.object.mode_set(mode="EDIT")
+    assert finding("since they were baked") is None
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert finding("since they were baked") is None
+    shrink_charts(obj)
+    assert finding("since they were baked").objects == ("Bent",)
+
+
+def test_a_cancelled_bake_mends_no_moved_charts():
+    import bpy
+
+    obj = furnace()
+    bpy.ops.hemibake.bake()
+    shrink_charts(obj)
+    run = part("operators.run").Run(bpy.context, part("operators.worker_owner").owner.bake(), watched=False)
+    while run._check is None or run._check.step():
+        run.step()
+    run.cancel()
+    kept = part("operators.checks").last_check(bpy.context.scene).findings
+    assert [one.objects for one in kept if "since they were baked" in one.text] == [("Furnace",)]
+
+
 def test_backs_that_light_goes_through_are_told():
     """Those of closed meshes nobody sees; the material may be the object's, or replaced by the preview."""
     import bpy
@@ -594,16 +658,23 @@ def test_backs_that_light_goes_through_are_told():
     split = [CUBE[corner] for face in OUTWARD for corner in face]
     faces = [tuple(range(first, first + 4)) for first in range(0, 24, 4)]
     mesh_object("Split as by glTF", split, faces, surface=culling).location.x = 5
+
+    # Boxes of one mesh that share a face, and that share an edge; one of which a face is missing.
+    for number, shift in enumerate(((1, 0, 0), (1, 1, 0))):
+        two = [*split, *(np.array(split) + shift)]
+        both = [*faces, *(tuple(np.array(face) + 24) for face in faces)]
+        mesh_object(f"Touching {number}", two, both, surface=culling).location.y = 7 * (1 + number)
+    mesh_object("Lidless", two, both[1:], surface=culling).location.y = 21
     unused = square("Unused", surface=bpy.data.materials.new("Other"))
     unused.data.materials.append(culling)
     leaf, own = square("Leaf", surface=culling), square("Own", surface=material("Plain"))
     own.material_slots[0].link, own.material_slots[0].material = "OBJECT", culling
     square("Plain", surface=bpy.data.materials["Plain"])
     found = finding("Backface Culling")
-    assert (found.severity, found.objects) == ("INFO", ("Leaf", "Own"))
+    assert (found.severity, found.objects) == ("INFO", ("Leaf", "Lidless", "Own"))
     bpy.ops.hemibake.bake()
     bpy.ops.hemibake.preview()
-    assert finding("Backface Culling").objects == ("Leaf", "Own")
+    assert finding("Backface Culling").objects == ("Leaf", "Lidless", "Own")
     for obj in (closed, leaf, own):
         obj.location.x += 3
     culling.use_backface_culling = False

@@ -43,8 +43,10 @@ def last_report(scene: bpy.types.Scene) -> dict[str, Any] | None:
 
 def summary(report: dict[str, Any]) -> str:
     """Return what a bake did, in one line."""
+    instances = report.get("instances", 0)
     parts = [
-        counted(report["objects"], "object"),
+        *([counted(report["objects"], "object")] if report["objects"] or not instances else []),
+        *([counted(instances, "instance")] if instances else []),
         counted(report["patches"], "patch", "es"),
         counted(report["iterations"], "bounce"),
     ]

@@ -69,6 +69,23 @@ def copied():
     return part("operators.last_bake")._whole_text(bpy.context.scene)
 
 
+@pytest.mark.parametrize(
+    ("objects", "instances", "told"),
+    [
+        (0, 0, "0 objects, "),
+        (0, 1, "1 instance, "),
+        (1, 17, "1 object, 17 instances, "),
+        (3, 0, "3 objects, "),
+    ],
+)
+def test_summary_counts_what_got_light(objects, instances, told):
+    facts = {"patches": 1021, "iterations": 1, "residual": None, "seconds": {"total": 1.25}}
+    summary = part("operators.last_bake").summary
+    assert summary({"objects": objects, "instances": instances, **facts}) == (
+        f"{told}1,021 patches, 1 bounce, 1.2 s"
+    )
+
+
 def test_copied_report_has_summary_warnings_and_figures():
     import bpy
 

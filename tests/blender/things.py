@@ -100,6 +100,7 @@ def loop_uvs(obj, layer="Lightmap") -> np.ndarray:
 def shrink_charts(obj, layer="Lightmap"):
     """Make the charts of an object half as large, about the lower left corner."""
     obj.data.uv_layers[layer].uv.foreach_set("vector", np.float32(0.5) * loop_uvs(obj, layer).reshape(-1))
+    obj.data.update()
 
 
 def evaluated_uvs(obj, layer="Lightmap") -> np.ndarray:

@@ -21,7 +21,6 @@ class Stopped(KeyboardInterrupt):
 
     def __init__(self, number: int) -> None:
         super().__init__(f"Interrupted by {signal.Signals(number).name}.")
-        self.number = number
         #: Exit code of a process that a signal ended, as shells tell it.
         self.code = 128 + number
 
@@ -47,7 +46,6 @@ class Signals:
     def __enter__(self) -> Signals:
         for number in _SIGNALS:
             signal.signal(number, self._receive)
-        self._hooks = sys.unraisablehook, sys.excepthook
         sys.unraisablehook, sys.excepthook = self._ignored, self._printed
         return self
 
@@ -85,21 +83,21 @@ class Signals:
     def _ignored(self, found: sys.UnraisableHookArgs) -> None:
         """Tell of an exception that Python ignored, but for a Stopped."""
         if isinstance(found.exc_value, Stopped):
-            self._come_again(found.exc_value.number)
+            self._come_again()
         else:
             self._hooks[0](found)
 
     def _printed(self, kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
         """Print an exception that nothing in Python catches, but for a Stopped."""
         if isinstance(error, Stopped):
-            self._come_again(error.number)
+            self._come_again()
         else:
             self._hooks[1](kind, error, trace)
 
-    def _come_again(self, number: int) -> None:
+    def _come_again(self) -> None:
         """Let a signal that was lost come again, once what lost it has returned."""
         self._raised = False
-        threading.Timer(_AGAIN, _interrupt, (number,)).start()
+        threading.Timer(_AGAIN, _interrupt, (self._received,)).start()
 
 
 def _interrupt(number: int) -> None:

@@ -7,8 +7,9 @@ from collections.abc import Iterable
 import bpy
 
 from ...engine.naming import naming
+from ..scene.objects.meshes import read_uvs
 from ..scene.uvs.lightmap_layer import lightmap_layer
-from ..scene.uvs.uv_digest import digest_of, layer_uvs
+from ..scene.uvs.uv_digest import digest_of
 from ..scene.uvs.uv_targets import evaluated_mesh
 
 #: What it means for objects, whose names go where {} is.
@@ -33,7 +34,7 @@ def has_moved_charts(obj: bpy.types.Object, mesh: bpy.types.Mesh, uv_layer: str)
     leaves_out = obj.mode != "OBJECT" and len(obj.modifiers) > 0
     if not known.baked_uvs or leaves_out or layer not in mesh.uv_layers:
         return False
-    return digest_of(layer_uvs(mesh, layer)) != known.baked_uvs
+    return digest_of(read_uvs(mesh.uv_layers[layer])) != known.baked_uvs
 
 
 def note_moved_charts(

@@ -12,6 +12,7 @@ from tests.blender.things import (
     SQUARE_UVS,
     finished,
     furnace,
+    geometry_nodes,
     loop_uvs,
     material,
     mesh_object,
@@ -541,14 +542,11 @@ def test_instances_of_an_objects_own_geometry_have_charts_of_their_own():
     uvs = [(x / 2.2 + shift, y / 2.2) for shift in (0, 0.5) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
     glow = material("Glow", emission=1.0)
     own = mesh_object("Own", corners, [(0, 1, 2, 3), (4, 5, 6, 7)], uvs, surface=glow)
-    tree = bpy.data.node_groups.new("Parted", "GeometryNodeTree")
-    for direction in ("INPUT", "OUTPUT"):
-        tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
     kinds = (
-        "NodeGroupInput", "NodeGroupOutput", "GeometryNodeSeparateGeometry", "GeometryNodeGeometryToInstance",
-        "GeometryNodeJoinGeometry", "GeometryNodeInputIndex",
+        "GeometryNodeSeparateGeometry", "GeometryNodeGeometryToInstance", "GeometryNodeJoinGeometry",
+        "GeometryNodeInputIndex",
     )  # fmt: skip
-    start, end, parted, instance, join, index = map(tree.nodes.new, kinds)
+    tree, (start, end, parted, instance, join, index) = geometry_nodes(own, *kinds)
     parted.domain = "FACE"
 
     # The index of a face as Boolean: the second one becomes an instance.
@@ -559,7 +557,6 @@ def test_instances_of_an_objects_own_geometry_have_charts_of_their_own():
     )  # fmt: skip
     for one, other in pairs:
         tree.links.new(one, other)
-    own.modifiers.new("Parted", "NODES").node_group = tree
     bpy.context.view_layer.update()
     bpy.ops.hemibake.bake()
     assert own.hemibake.instances and own.hemibake.image
@@ -589,27 +586,21 @@ def test_instances_within_an_instance_move_no_charts_of_its_object():
     import bpy
 
     bpy.context.scene.hemibake.resolution = 67
-    chair, chairs = (
-        square("Chair", surface=material("Glow", emission=1.0)),
-        bpy.data.collections.new("Chairs"),
-    )
+    chair = square("Chair", surface=material("Glow", emission=1.0))
+    chairs = bpy.data.collections.new("Chairs")
     bpy.context.scene.collection.objects.unlink(chair)
     chairs.objects.link(chair)
-    tree = bpy.data.node_groups.new("Stacked", "GeometryNodeTree")
-    for direction in ("INPUT", "OUTPUT"):
-        tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
     kinds = (
-        "NodeGroupInput", "NodeGroupOutput", "GeometryNodeSubdivideMesh", "GeometryNodeTransform",
-        "GeometryNodeGeometryToInstance", "GeometryNodeJoinGeometry",
+        "GeometryNodeSubdivideMesh", "GeometryNodeTransform", "GeometryNodeGeometryToInstance",
+        "GeometryNodeJoinGeometry",
     )  # fmt: skip
-    start, end, finer, raised, instance, join = map(tree.nodes.new, kinds)
+    tree, (start, end, finer, raised, instance, join) = geometry_nodes(chair, *kinds)
     raised.inputs["Translation"].default_value = (0, 0, 1)
     pairs = (
         (start, finer), (finer, raised), (raised, instance), (instance, join), (start, join), (join, end),
     )  # fmt: skip
     for one, other in pairs:
         tree.links.new(one.outputs[0], other.inputs[0])
-    chair.modifiers.new("Stacked", "NODES").node_group = tree
     shown = bpy.data.objects.new("Instance", None)
     shown.instance_type, shown.instance_collection = "COLLECTION", chairs
     bpy.context.scene.collection.objects.link(shown)

@@ -103,6 +103,18 @@ def shrink_charts(obj, layer="Lightmap"):
     obj.data.update()
 
 
+def geometry_nodes(obj, *kinds):
+    """Give an object a Geometry Nodes modifier; return its tree, and input, output and nodes in it."""
+    import bpy
+
+    tree = bpy.data.node_groups.new("Nodes", "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    nodes = [tree.nodes.new(kind) for kind in ("NodeGroupInput", "NodeGroupOutput", *kinds)]
+    obj.modifiers.new("Nodes", "NODES").node_group = tree
+    return tree, nodes
+
+
 def evaluated_uvs(obj, layer="Lightmap") -> np.ndarray:
     """Return a UV layer of the mesh that modifiers make, (l, 2)."""
     import bpy

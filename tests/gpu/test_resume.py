@@ -20,7 +20,7 @@ from tests.analytic.rooms import room as hall
 from tests.gpu.test_kept import ROOM, assert_same, coloured, lamp
 from tests.rows import long
 
-#: Each test bakes three times or more, every slice of work written to disk; short ones are in tests/unit.
+#: These bake several times, with every slice of work written to disk; short ones are in tests/unit.
 pytestmark = pytest.mark.long
 
 #: Every slice of work is written.

@@ -9,7 +9,8 @@ import numpy as np
 
 from ....engine.unwrap.adjacency import components
 from ....engine.unwrap.polygon_mesh import Charts, PolygonMesh, areas, signed_areas
-from .uv_digest import digest_of, layer_uvs
+from ..objects.meshes import read_uvs
+from .uv_digest import digest_of
 from .uv_faults import is_finite
 
 #: UVs of neighbours are the same if they agree to this many parts of a lightmap.
@@ -21,7 +22,7 @@ def is_made(objects: Sequence[bpy.types.Object], layer: str) -> bool:
     mesh = objects[0].data
     if layer not in mesh.uv_layers:
         return False
-    digest = digest_of(layer_uvs(mesh, layer))
+    digest = digest_of(read_uvs(mesh.uv_layers[layer]))
     return all(obj.hemibake.made_uvs == digest for obj in objects)
 
 

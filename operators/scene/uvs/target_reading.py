@@ -9,12 +9,13 @@ from dataclasses import replace
 import bpy
 
 from ....engine.unwrap.polygon_mesh import PolygonMesh, areas
+from ..objects.meshes import read_uvs
 from ..objects.visible import visible_objects
 from ..scene_context import SceneContext
 from ..slices import row_slices
 from .known_charts import known_charts
 from .object_lookup import ObjectLookup
-from .uv_digest import digest_of, layer_uvs
+from .uv_digest import digest_of
 from .uv_targets import Leave, Target, Users, own_target
 from .wall_cuts import loops_along_walls, walls_of
 
@@ -53,7 +54,7 @@ class TargetReader:
 
     def _with_charts(self, obj: bpy.types.Object, target: Target) -> Target:
         """Return a target with the charts that its layer has."""
-        uvs = layer_uvs(obj.data, target.layer)
+        uvs = read_uvs(obj.data.uv_layers[target.layer])
         self.digests[target.mesh.name] = digest_of(uvs)
         return replace(target, charts=known_charts(target.mesh, uvs))
 

@@ -18,7 +18,8 @@ from .lightmap import Lightmap
 from .live import Live
 from .progress import Progress, finished
 from .scene.changes import Changes
-from .scene.model import Light, Material, Mesh, Scene, Texture
+from .scene.model import Light, Material, Mesh, Scene
+from .scene.texture import Texture
 from .session import Session
 from .settings import Settings
 

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from .scene.model import Light, Material, Mesh, Scene, Texture
+from .scene.model import Light, Material, Mesh, Scene
+from .scene.texture import Texture
 from .self_test import furnace
 from .session import warm_up as bake_and_forget
 from .settings import Settings

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from ..scene.color import srgb_to_linear
-from ..scene.model import Mesh, Texture
+from ..scene.model import Mesh
 from ..scene.resampling import shrink
+from ..scene.texture import Texture
 from ..scene.textures import sample
 from .geometry import PatchGeometry
 from .textured import SAMPLES, TexturedPatches, averaged_size

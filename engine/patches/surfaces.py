@@ -13,7 +13,8 @@ from ..device.buffers import upload, upload_once
 from ..device.compute import Compute
 from ..device.values import DeviceValues, Values, colors_on_host, some_of
 from ..scene.digests import same_values
-from ..scene.model import Scene, Texture
+from ..scene.model import Scene
+from ..scene.texture import Texture
 from ..short_rows import any_in_rows, nonzero_rows, some_rows
 from ..slabs import taken
 from .geometry import PatchGeometry

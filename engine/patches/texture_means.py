@@ -11,7 +11,8 @@ from ..device.buffers import upload, upload_once
 from ..device.compute import Compute
 from ..device.values import DeviceValues, Values
 from ..scene.cutouts import EXTENSIONS
-from ..scene.model import Mesh, Texture
+from ..scene.model import Mesh
+from ..scene.texture import Texture
 from .geometry import PatchGeometry
 from .textured import SAMPLES, TexturedPatches, averaged_size
 

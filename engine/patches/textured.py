@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..scene.cutouts import map_uvs
-from ..scene.model import Mesh, Texture
+from ..scene.model import Mesh
+from ..scene.texture import Texture
 from .geometry import PatchGeometry
 
 #: Samples along u and v of a texel; textures are shrunk until their pixels are no finer.

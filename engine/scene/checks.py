@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import SceneError
-from .model import LIGHT_KINDS, OCCLUDER, Light, Material, Mesh, Scene, Texture
+from .model import LIGHT_KINDS, OCCLUDER, Light, Material, Mesh, Scene
 from .profile import check_profile
+from .texture import Texture
 
 #: Largest radiance, W/(m^2 sr), and largest strength of a light: sums of greater ones would leave float32.
 MAX_RADIANCE = 1e30

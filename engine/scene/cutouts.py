@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import SceneError
-from .model import Material, Scene, Texture
+from .model import Material, Scene
+from .texture import Texture
 
 #: Codes of `Cutouts.maps`, column 3: how an alpha map goes on beyond [0, 1].
 EXTENSIONS = ("repeat", "mirror", "extend", "clip")

@@ -10,7 +10,8 @@ from dataclasses import fields, is_dataclass
 
 import numpy as np
 
-from .model import Material, Mesh, Scene, Texture
+from .model import Material, Mesh, Scene
+from .texture import Texture
 
 #: Arrays of a mesh that decide where its patches are and what they see.
 _GEOMETRY = ("positions", "normals", "uvs", "face", "subface", "material")

@@ -7,38 +7,35 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from .profile import Profile
+from .texture import Texture
+from .transmission import Transmission
 
 
 @dataclass(frozen=True)
-class Texture:
-    """An image that varies a material over a surface.
+class BackSide:
+    """Emission and diffuse reflectance of the back of a surface; fields as in `Material`."""
 
-    pixels     (h, w, c) float32, c is 1 for alpha, else 3; scene-linear unless srgb; row 0 at v = 0
-    uv_map     key into `Mesh.texture_uvs`
-    transform  (2, 3) float64, applied to (u, v, 1) of the UV map; the image covers [0, 1] of the result
-    extension  what lies beyond [0, 1]: "repeat", "mirror", "extend" (the border) or "clip" (zero)
-    smooth     True interpolates between pixels, False takes the nearest one
-    srgb       True if pixels are sRGB-encoded: decoded after interpolation, as Cycles does with 8-bit images
-    """
-
-    name: str
-    pixels: np.ndarray
-    uv_map: str
-    transform: np.ndarray = field(default_factory=lambda: np.eye(2, 3))
-    extension: str = "repeat"
-    smooth: bool = True
-    srgb: bool = False
+    reflectance: np.ndarray
+    emission: np.ndarray
+    reflectance_map: Texture | None = None
+    emission_map: Texture | None = None
 
 
 @dataclass(frozen=True)
 class Material:
-    """A diffuse surface; each quantity is a constant, multiplied by a texture where there is one.
+    """A diffuse surface; each quantity is a constant, multiplied by a texture if there is one.
 
-    reflectance      (3,) float32, in [0, 1]
-    emission         (3,) float32, radiance, sent out by both sides of the surface
+    reflectance and emission belong to the part of the surface that stops rays: 1 - the largest channel of
+    `transmission.bounce`. So the reflectance of a tinted sheet may exceed 1.
+
+    reflectance      (3,) float32, diffuse reflectance of the front
+    emission         (3,) float32, radiance that the front emits, W/(m^2 sr)
+    translucency     (3,) float32, diffuse transmittance: fraction of the light that leaves the other side
     alpha            fraction of the light that the surface stops, in [0, 1]
     alpha_threshold  alpha at or above it is 1, below it 0; None leaves alpha as it is
     culled           True if the back is see-through
+    transmission     straight-through transmittance, RGB; replaces alpha and culled
+    back             reflectance and emission of the back; None is as the front
     """
 
     name: str
@@ -50,6 +47,10 @@ class Material:
     reflectance_map: Texture | None = None
     emission_map: Texture | None = None
     alpha_map: Texture | None = None
+    translucency: np.ndarray = field(default_factory=lambda: np.zeros(3, np.float32))
+    translucency_map: Texture | None = None
+    transmission: Transmission = field(default_factory=Transmission)
+    back: BackSide | None = None
 
 
 #: The arrays of a mesh, one entry a triangle.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .color import srgb_to_linear
-from .model import Texture
+from .texture import Texture
 
 
 def sample(pixels: np.ndarray, uv: np.ndarray, texture: Texture) -> np.ndarray:

@@ -23,8 +23,9 @@ from ..lightmap import Energy, Lightmap, Report
 from ..naming import Note
 from ..progress import Progress
 from ..scene.changes import Changes
-from ..scene.model import Light, Material, Mesh, Scene, Texture
+from ..scene.model import Light, Material, Mesh, Scene
 from ..scene.profile import Profile
+from ..scene.texture import Texture
 from ..settings import Settings
 from ..unwrap.cutting import Cutting
 from ..unwrap.polygon_mesh import Charts, PolygonMesh

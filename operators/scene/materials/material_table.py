@@ -11,7 +11,8 @@ import bpy
 import numpy as np
 
 from ....engine.naming import listing
-from ....engine.scene.model import Material, Texture
+from ....engine.scene.model import Material
+from ....engine.scene.texture import Texture
 from ...compat import node_tree
 from ...lookup import find
 from ..objects.items import ItemKey, SceneItem, scene_items

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ....engine.scene.model import Texture
+from ....engine.scene.texture import Texture
 from .pixels import PixelCache, is_plain, is_srgb
 from .sockets import ComplexError, feeder
 

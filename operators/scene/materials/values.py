@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ....engine.scene.model import Texture
+from ....engine.scene.texture import Texture
 from .sockets import ComplexError
 
 

@@ -23,9 +23,10 @@ from ..lightmap import Energy, Lightmap, Report
 from ..naming import Note
 from ..progress import Progress
 from ..scene.changes import Changes
-from ..scene.model import Light, Material, Mesh, Scene
+from ..scene.model import BackSide, Light, Material, Mesh, Scene
 from ..scene.profile import Profile
 from ..scene.texture import Texture
+from ..scene.transmission import Transmission, Transmittance
 from ..settings import Settings
 from ..unwrap.cutting import Cutting
 from ..unwrap.polygon_mesh import Charts, PolygonMesh
@@ -35,6 +36,7 @@ from ..unwrap.unwrapping import FilledSquare, Square, Unwrapped
 RECORDS: dict[str, type] = {
     record.__name__: record
     for record in (
+        BackSide,
         Changes,
         Charts,
         Cutting,
@@ -54,6 +56,8 @@ RECORDS: dict[str, type] = {
         Settings,
         Square,
         Texture,
+        Transmission,
+        Transmittance,
         Unwrapped,
     )
 }

@@ -109,22 +109,9 @@ def _view(build, changed: dict) -> np.ndarray:
         view = build()
         if changed:
             _show_lightmap(changed, view.resolution, folder)
-        else:
-            _cull_backs()
         for name in view.removed:
             bpy.data.objects[name].hide_render = bool(changed)
         return render(_SIZE, _SHOWN if changed else _TRUE, view.exposure)
-
-
-def _cull_backs() -> None:
-    """Let backs of culled materials be see-through for Cycles, too."""
-    import bpy
-
-    from tools.verification.cycles import clear_backs
-
-    for surface in bpy.data.materials:
-        if surface.use_backface_culling and surface.node_tree:
-            clear_backs(surface.node_tree)
 
 
 def _show_lightmap(changed: dict, resolution: int, folder: str) -> None:

@@ -20,7 +20,6 @@ from ..worker_owner import owner
 from .faces import (
     centres_of,
     check_coordinates,
-    check_culled,
     check_faceless,
     check_normals,
     check_scale,
@@ -89,7 +88,6 @@ def check_scene(context: SceneContext) -> Generator[None, None, Checked]:
     findings += yield from check_widths(charts, settings.resolution)
     findings += yield from check_normals(meshes, centres)
     findings += check_scale(meshes)
-    findings += yield from check_culled(meshes)
     findings += yield from check_zero_area(meshes)
     lamps = sum(obj.type == "LIGHT" for obj in visible_objects(context))
     extent = Extent(0, sum(len(mesh.triangles) for mesh in meshes), lamps)

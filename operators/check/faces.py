@@ -9,7 +9,7 @@ import numpy as np
 
 from ..scene.objects.extent import middle_of, trouble_with
 from ..scene.objects.meshes import is_degenerate
-from .finding import ERROR, INFO, WARNING, Finding, found
+from .finding import ERROR, WARNING, Finding, found
 from .meshes import CheckedMesh
 
 #: Triangles that are looked at without a pause.
@@ -17,9 +17,6 @@ _CHUNK = 1 << 14
 
 #: Things that make a closed mesh around them a room, seen from inside.
 _CONTENTS = {"MESH", "LIGHT", "CAMERA", "CURVE", "FONT", "SURFACE", "META"}
-
-#: Large odd numbers, one for each axis.
-_FACTORS = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
 
 Steps = Generator[None, None, list[Finding]]
 
@@ -91,21 +88,6 @@ def check_scale(meshes: Sequence[CheckedMesh]) -> list[Finding]:
     return found(WARNING, "Scaled to nothing, so that no light falls on them: {}. Give them a scale.", names)
 
 
-def check_culled(meshes: Sequence[CheckedMesh]) -> Steps:
-    """Return open meshes whose materials cull backs: light that falls on these goes on."""
-    names = []
-    for mesh in meshes:
-        if mesh.culled and not mesh.is_closed and not (yield from _is_closed_in_space(mesh)):
-            names.append(mesh.name)
-        yield
-    return found(
-        INFO,
-        "Open, with Backface Culling in their materials: {}. Light goes through their backs, as in engines "
-        "but not in Cycles. Switch it off where backs shall stop light.",
-        names,
-    )
-
-
 def check_zero_area(meshes: Sequence[CheckedMesh]) -> Steps:
     """Return meshes with triangles that have no area."""
     flat: dict[str, bool] = {}
@@ -141,34 +123,6 @@ def centres_of(objects: Sequence[bpy.types.Object]) -> dict[str, np.ndarray]:
             matrix = np.array(obj.matrix_world, np.float64)
             middles[obj.name] = matrix[:3, :3] @ middle + matrix[:3, 3]
     return middles
-
-
-def _is_closed_in_space(mesh: CheckedMesh) -> Generator[None, None, bool]:
-    """Return whether an even number of faces meets at every edge once vertices in one place are one.
-
-    So are the meshes of glTF, which splits vertices. Edges get hashes of where they are, which are drawn from
-    64 bits: the exclusive or of all that have an odd number of faces is zero where these pair up.
-    """
-    odd = mesh.edges[np.bincount(mesh.edge, minlength=len(mesh.edges)) % 2 == 1]
-    unpaired = np.uint64(0)
-    for first in range(0, len(odd), _CHUNK):
-        ends = _mixed(_bits(mesh.positions[odd[first : first + _CHUNK]]) @ _FACTORS)
-        keys = _mixed(ends.sum(axis=1, dtype=np.uint64))
-        unpaired ^= np.bitwise_xor.reduce(keys[ends[:, 0] != ends[:, 1]])
-        yield
-    return bool(unpaired == 0)
-
-
-def _bits(positions: np.ndarray) -> np.ndarray:
-    """Return the bits of coordinates, float32, as uint64; 0 and -0 have the same."""
-    return (positions + np.float32(0)).view(np.uint32).astype(np.uint64)
-
-
-def _mixed(values: np.ndarray) -> np.ndarray:
-    """Return hashes of numbers, uint64: every bit depends on all lower ones and on many higher ones."""
-    for shift, factor in zip((32, 29, 32), _FACTORS, strict=True):
-        values = (values ^ (values >> np.uint64(shift))) * factor
-    return values ^ (values >> np.uint64(29))
 
 
 def _is_even(mesh: CheckedMesh) -> bool:

@@ -11,11 +11,10 @@ import bpy
 import numpy as np
 
 from ..lookup import find_all
-from ..own_slots import shown_materials
 from ..result.instance_places import baked_instances
 from ..result.moved_charts import has_moved_charts
 from ..scene import SceneContext
-from ..scene.objects.meshes import read_array, read_positions, read_slots, read_topology, read_uvs
+from ..scene.objects.meshes import read_array, read_positions, read_topology, read_uvs
 from ..scene.objects.render_settings import differs_in_renders
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from ..scene.uvs.multi_user import multi_user_sources
@@ -36,7 +35,6 @@ class CheckedMesh:
     outdated   whether a modifier keeps UVs, but of other faces than there are by now
     unlike     whether a modifier keeps UVs that fit, but renders make other faces than the viewport
     moved      whether its lightmap was baked with other lightmap UVs
-    culled     whether a material of its faces has Backface Culling
     matrix     (4, 4) float64, object space to world space
     scale      its scale in lightmaps
     positions  (v, 3) float32, object space
@@ -57,7 +55,6 @@ class CheckedMesh:
     outdated: bool
     unlike: bool
     moved: bool
-    culled: bool
     matrix: np.ndarray
     scale: float
     positions: np.ndarray
@@ -138,7 +135,6 @@ def _read(
             outdated=outdated,
             unlike=keeper is not None and not outdated and differs_in_renders(obj),
             moved=is_lit and has_moved_charts(obj, mesh, uv_layer),
-            culled=_is_culled(mesh, obj),
             matrix=np.array(obj.matrix_world, np.float64),
             scale=obj.hemibake.lightmap_scale,
             positions=read_positions(mesh),
@@ -149,12 +145,3 @@ def _read(
             triangles=read_array(mesh.loop_triangles, "loops", 3, np.int32),
             uvs=None if uvs is None else read_uvs(uvs),
         )
-
-
-def _is_culled(mesh: bpy.types.Mesh, obj: bpy.types.Object) -> bool:
-    """Return whether a material of an evaluated mesh's faces has Backface Culling."""
-    materials = shown_materials(mesh, obj)
-    if not any(material and material.use_backface_culling for material in materials):
-        return False
-    used = np.unique(np.clip(read_slots(mesh), 0, len(materials) - 1))
-    return any(materials[slot] and materials[slot].use_backface_culling for slot in used)

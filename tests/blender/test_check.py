@@ -283,6 +283,18 @@ def test_rooms_look_inwards(light, thing):
     assert finding("look inwards").objects == ("Room",)
 
 
+def test_backface_culling_is_no_finding():
+    import bpy
+
+    surface = material("Leaf")
+    mesh_object("Canopy", CUBE, OUTWARD[:3], np.zeros((12, 2)), surface=surface)
+    mesh_object("Card", CUBE, OUTWARD[4:5], np.zeros((4, 2)), surface=surface)
+    before = check()
+    surface.use_backface_culling = True
+    bpy.context.view_layer.update()
+    assert check() == before
+
+
 def test_open_meshes_and_planes_may_look_anywhere():
     mesh_object("Bowl", CUBE, INWARD[:5], np.zeros((20, 2)))
     assert finding("inwards") is None
@@ -637,39 +649,6 @@ def test_a_cancelled_bake_mends_no_moved_charts():
     run.cancel()
     kept = part("operators.checks").last_check(bpy.context.scene).findings
     assert [one.objects for one in kept if "since they were baked" in one.text] == [("Furnace",)]
-
-
-def test_backs_that_light_goes_through_are_told():
-    """Those of closed meshes nobody sees; the material may be the object's, or replaced by the preview."""
-    import bpy
-
-    culling = material("Culling")
-    culling.use_backface_culling = True
-    closed = mesh_object("Closed", CUBE, OUTWARD, surface=culling)
-    split = [CUBE[corner] for face in OUTWARD for corner in face]
-    faces = [tuple(range(first, first + 4)) for first in range(0, 24, 4)]
-    mesh_object("Split as by glTF", split, faces, surface=culling).location.x = 5
-
-    # Boxes of one mesh that share a face, and that share an edge; one of which a face is missing.
-    for number, shift in enumerate(((1, 0, 0), (1, 1, 0))):
-        two = [*split, *(np.array(split) + shift)]
-        both = [*faces, *(tuple(np.array(face) + 24) for face in faces)]
-        mesh_object(f"Touching {number}", two, both, surface=culling).location.y = 7 * (1 + number)
-    mesh_object("Lidless", two, both[1:], surface=culling).location.y = 21
-    unused = square("Unused", surface=bpy.data.materials.new("Other"))
-    unused.data.materials.append(culling)
-    leaf, own = square("Leaf", surface=culling), square("Own", surface=material("Plain"))
-    own.material_slots[0].link, own.material_slots[0].material = "OBJECT", culling
-    square("Plain", surface=bpy.data.materials["Plain"])
-    found = finding("Backface Culling")
-    assert (found.severity, found.objects) == ("INFO", ("Leaf", "Lidless", "Own"))
-    bpy.ops.hemibake.bake()
-    bpy.ops.hemibake.preview()
-    assert finding("Backface Culling").objects == ("Leaf", "Lidless", "Own")
-    for obj in (closed, leaf, own):
-        obj.location.x += 3
-    culling.use_backface_culling = False
-    assert finding("Backface Culling") is None
 
 
 @pytest.mark.parametrize(

@@ -163,8 +163,6 @@ class RealisedScene:
                 if node.bl_idname == "ShaderNodeBsdfPrincipled":
                     _make_dull(copy.node_tree, node)
             _blacken_backs(copy.node_tree)
-            if copy.use_backface_culling:
-                clear_backs(copy.node_tree)
             node = copy.node_tree.nodes.new("ShaderNodeTexImage")
             node.image = self._images[atlas or 0]
             copy.node_tree.nodes.active = node
@@ -243,21 +241,6 @@ def _blacken_backs(tree: bpy.types.NodeTree) -> None:
             tree.links.new(socket.links[0].from_socket, first)
         tree.links.new(geometry.outputs["Backfacing"], factor)
         tree.links.new(next(item for item in mix.outputs if item.enabled), socket)
-
-
-def clear_backs(tree: bpy.types.NodeTree) -> None:
-    """Let backs be see-through: Cycles does not heed back-face culling."""
-    output = tree.get_output_node("CYCLES")
-    if output is None or not output.inputs["Surface"].is_linked:
-        return
-    front = output.inputs["Surface"].links[0].from_socket
-    geometry, clear, mix = (
-        tree.nodes.new(f"ShaderNode{kind}") for kind in ("NewGeometry", "BsdfTransparent", "MixShader")
-    )
-    tree.links.new(geometry.outputs["Backfacing"], mix.inputs[0])
-    tree.links.new(front, mix.inputs[1])
-    tree.links.new(clear.outputs[0], mix.inputs[2])
-    tree.links.new(mix.outputs[0], output.inputs["Surface"])
 
 
 def _set_up(scene: bpy.types.Scene, samples: int, seed: int) -> None:

@@ -362,22 +362,6 @@ def emission_textured():
 
 
 @scene
-def culled_backs():
-    floor()
-    surface = material("One-sided", (0.7, 0.4, 0.2))
-    surface.use_backface_culling = True
-    add("Sheet", bpy.ops.mesh.primitive_plane_add, surface, size=1, location=(0, 0, 0.8)).rotation_euler = (
-        0.2,
-        0,
-        0,
-    )
-    turned = add("Turned", bpy.ops.mesh.primitive_plane_add, surface, size=0.6, location=(-0.9, 0.6, 0.5))
-    turned.rotation_euler = (math.pi, 0, 0)
-    lamp("AREA", energy=60, shape="SQUARE", size=0.3)
-    world(strength=0.3)
-
-
-@scene
 def smooth_sphere():
     """Shading normals differ from the facets: no dark facets along the terminator."""
     floor()

@@ -10,14 +10,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..scene.degenerate import is_collapsed
 from .layers import sheets
 from .polygon_mesh import Charts, PolygonMesh, areas, signed_areas
 
 #: Part of its area that a polygon keeps in the plane, unless it is folded.
 _LEAST_FLAT = 0.01
-
-#: A polygon has no area if it is less than this part of its longest edge squared.
-_NOTHING = 1e-10
 
 
 def make_charts(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> Charts:
@@ -53,14 +51,11 @@ def make_charts(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> Charts
 
 
 def _empty_polygons(mesh: PolygonMesh) -> np.ndarray:
-    """Return whether each polygon, (p,) bool, has no area, so that it needs no texels."""
-    corners = mesh.positions[mesh.corners[mesh.triangles]]
-    longest = (np.diff(corners[:, [0, 1, 2, 0]], axis=1) ** 2).sum(axis=2).max(axis=1)
-    count = len(mesh.starts) - 1
-    area = np.bincount(mesh.polygon, areas(corners), count)
-    size = np.zeros(count)
-    np.maximum.at(size, mesh.polygon, longest)
-    return area <= _NOTHING * size
+    """Return True for polygons, (p,), whose triangles all have no area, so that they need no texels."""
+    empty = is_collapsed(mesh.positions[mesh.corners[mesh.triangles]])
+    empty[mesh.degenerate] = True
+    filled = np.bincount(mesh.polygon[~empty], minlength=len(mesh.starts) - 1)
+    return filled == 0
 
 
 def _torn_polygons(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> np.ndarray:

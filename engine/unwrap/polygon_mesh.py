@@ -18,6 +18,7 @@ class PolygonMesh:
     triangles  (t, 3) int32, loops of each triangle
     polygon    (t,) int32, polygon of each triangle
     parted     (k,) int64, loops at whose edges smooth surfaces end
+    degenerate (d,) int64, triangles that have no area in the precision of their coordinates
     """
 
     name: str
@@ -27,6 +28,7 @@ class PolygonMesh:
     triangles: np.ndarray
     polygon: np.ndarray
     parted: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
+    degenerate: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
 
     @cached_property
     def after(self) -> np.ndarray:

@@ -75,6 +75,8 @@ def check_scene(context: SceneContext) -> Generator[None, None, Checked]:
     yield
     meshes, broken = yield from check_coordinates(meshes)
     findings += broken
+    meshes, flat = yield from check_zero_area(meshes)
+    findings += flat
 
     # All others lie in the atlases, too, but only what is baked needs usable charts.
     baked = [mesh for mesh in meshes if mesh.uid in targets]
@@ -88,7 +90,6 @@ def check_scene(context: SceneContext) -> Generator[None, None, Checked]:
     findings += yield from check_widths(charts, settings.resolution)
     findings += yield from check_normals(meshes, centres)
     findings += check_scale(meshes)
-    findings += yield from check_zero_area(meshes)
     lamps = sum(obj.type == "LIGHT" for obj in visible_objects(context))
     extent = Extent(0, sum(len(mesh.triangles) for mesh in meshes), lamps)
     expected = _expect(baked, charts, settings, extent) if baked else None

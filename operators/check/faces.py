@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
+from dataclasses import replace
 
 import bpy
 import numpy as np
 
+from ...engine.scene.degenerate import is_degenerate
 from ..scene.objects.extent import middle_of, trouble_with
-from ..scene.objects.meshes import is_degenerate
 from .finding import ERROR, WARNING, Finding, found
 from .meshes import CheckedMesh
 
@@ -88,22 +89,28 @@ def check_scale(meshes: Sequence[CheckedMesh]) -> list[Finding]:
     return found(WARNING, "Scaled to nothing, so that no light falls on them: {}. Give them a scale.", names)
 
 
-def check_zero_area(meshes: Sequence[CheckedMesh]) -> Steps:
-    """Return meshes with triangles that have no area."""
-    flat: dict[str, bool] = {}
+def check_zero_area(
+    meshes: Sequence[CheckedMesh],
+) -> Generator[None, None, tuple[list[CheckedMesh], list[Finding]]]:
+    """Return the meshes without the triangles that have no area, which bakes leave out, and a finding."""
+    kept, names = [], []
     for mesh in meshes:
-        flat[mesh.name] = yield from _any_degenerate(mesh)
-    names = [name for name, degenerate in flat.items() if degenerate]
-    return found(WARNING, "Faces without an area, which are left out: {}.", names)
+        degenerate = yield from _find_degenerate(mesh)
+        if degenerate.any():
+            names.append(mesh.name)
+            mesh = replace(mesh, triangles=mesh.triangles[~degenerate])
+        if len(mesh.triangles):
+            kept.append(mesh)
+    return kept, found(WARNING, "Faces without an area, which are left out: {}.", names)
 
 
-def _any_degenerate(mesh: CheckedMesh) -> Generator[None, None, bool]:
-    """Return whether a triangle of a mesh has no area."""
+def _find_degenerate(mesh: CheckedMesh) -> Generator[None, None, np.ndarray]:
+    """Return True for triangles of a mesh, (t,), that have no area."""
+    parts = [np.zeros(0, bool)]
     for first in range(0, len(mesh.corners), _CHUNK):
-        if is_degenerate(mesh.corners[first : first + _CHUNK]).any():
-            return True
+        parts.append(is_degenerate(mesh.corners[first : first + _CHUNK]))
         yield
-    return False
+    return np.concatenate(parts)
 
 
 def contains_things(mesh: CheckedMesh, centres: dict[str, np.ndarray]) -> bool:

@@ -42,7 +42,7 @@ class CheckedMesh:
     edge       (l,) int32, from each loop to the next one of its polygon
     edges      (e, 2) int32, vertices
     starts     (p,) int32, first loop of each polygon
-    triangles  (t, 3) int32, loops
+    triangles  (t, 3) int32, loops; see `check_zero_area` for those without an area
     uvs        (l, 2) float32, lightmap UVs, None without any that fit
     """
 

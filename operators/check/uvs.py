@@ -245,7 +245,7 @@ def chart_width(charts: ChartsOf) -> Generator[None, None, float]:
     """Return the mean width of charts in UVs: of long strips exactly, of squares half of it.
 
     It is twice the area of the charts over the length of their borders: edges of a single loop, or whose two
-    loops have other UVs.
+    loops have other UVs. Polygons whose triangles all have no area have no borders.
     """
     mesh = charts.mesh
     after = np.arange(1, len(mesh.vertex) + 1)
@@ -264,5 +264,7 @@ def chart_width(charts: ChartsOf) -> Generator[None, None, float]:
             yield
             mean = np.bincount(mesh.edge, values, len(mesh.edges)) / np.maximum(users, 1)
             border[mesh.edge[np.abs(values - mean[mesh.edge]) > _SAME_UV]] = True
-    around = float(length[border[mesh.edge]].sum())
+    covered = np.zeros(len(mesh.vertex), bool)
+    covered[mesh.triangles] = True
+    around = float(length[border[mesh.edge] & covered].sum())
     return 2 * charts.charted.flat_area / around if around > 0 else 0.0

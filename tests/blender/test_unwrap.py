@@ -323,3 +323,32 @@ def test_unwrapping_without_a_process_fails_as_a_whole_and_says_what(monkeypatch
     with pytest.raises(Exception, match="could not be made. The unwrapping process could not start"):
         unwrap_missing([obj], RESOLUTION, changes)
     assert not obj.data.uv_layers
+
+
+def collapsed_faces(count, unit):
+    """Return vertices and faces of a plate with `count` faces that have a corner in the middle of an edge."""
+    random = np.random.default_rng(11)
+    vertices, faces = [tuple(corner) for corner in np.array(SQUARE) * unit], [(0, 1, 2, 3)]
+    for _ in range(count):
+        first = (random.uniform(0, 1, 3) * unit).astype(np.float32)
+        second = (first + random.normal(size=3) * 0.1 * unit).astype(np.float32)
+        corners = (first, second, (first + second) / np.float32(2))
+        faces.append(tuple(range(len(vertices), len(vertices) + 3)))
+        vertices += [tuple(float(value) for value in corner) for corner in corners]
+    return vertices, faces
+
+
+@pytest.mark.parametrize("unit", [1.0, 0.001, 1000.0])
+def test_collapsed_faces_take_no_room_from_the_others(unit):
+    import bpy
+
+    plate = mesh_object("Plate", *collapsed_faces(307, unit))
+    floor = mesh_object("Floor", np.array(SQUARE) * unit, [(0, 1, 2, 3)])
+    unwrap_missing([plate, floor], 64, part("operators.changes").Changes())
+    width = np.ptp(loop_uvs(floor).reshape(-1, 2), axis=0).min() * 64
+    assert width > 25
+    assert np.ptp(loop_uvs(plate).reshape(-1, 2)[:4], axis=0).min() * 64 == pytest.approx(width, abs=2)
+    bpy.ops.hemibake.check()
+    found = part("operators.checks").last_check(bpy.context.scene).findings
+    assert [one.objects for one in found if "without an area" in one.text] == [("Plate",)]
+    assert not any("room" in one.text or "too small" in one.text for one in found)

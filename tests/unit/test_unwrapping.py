@@ -1,5 +1,6 @@
 """Charts and their packing, from arrays to arrays; what xatlas is to say is made up, or its own."""
 
+import dataclasses
 import time
 from dataclasses import replace
 
@@ -434,6 +435,14 @@ def test_polygons_without_area_need_no_chart():
     assert made.chart.tolist() == [0, 0, -1, -1, -1, -1, 1, 1]
     (uvs,) = finished(pack_charts([mesh], [made], 61))
     assert np.isfinite(uvs).all() and np.abs(signed_areas(uvs[mesh.triangles])).sum() > 0.4
+
+
+def test_triangles_that_reading_drops_need_no_chart():
+    square = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]) * 0.001
+    mesh = polygons(square + np.arange(3)[:, None, None])
+    mesh = dataclasses.replace(mesh, degenerate=np.array([1, 4, 5]))
+    made = make_charts(mesh, np.zeros((6, 3, 2)), np.full(6, -1))
+    assert made.chart.tolist() == [0, 0, 1, 1, -1, -1]
 
 
 def test_polyomino_lies_along_the_axes_with_its_borders_between_texels():

@@ -9,13 +9,11 @@ import bpy
 import numpy as np
 
 from ....engine.progress import finished
+from ....engine.scene.degenerate import is_degenerate
 from ..slices import Slices, row_slices
 
 #: UV map of textures that were made over lightmap UVs, whichever layer of an object holds these.
 LIGHTMAP_UVS = "Hemibake lightmap UVs"
-
-#: A triangle is degenerate if twice its area is below this times its longest edge squared.
-_ZERO_AREA = 1e-7
 
 
 @dataclass(frozen=True)
@@ -209,11 +207,3 @@ def subfaces(face: np.ndarray) -> np.ndarray:
     index = np.arange(len(face), dtype=np.int32)
     starts = np.r_[True, face[1:] != face[:-1]][: len(face)]
     return index - np.maximum.accumulate(np.where(starts, index, 0)).astype(np.int32)
-
-
-def is_degenerate(positions: np.ndarray) -> np.ndarray:
-    """Return which triangles, (t, 3, 3), have no area, (t,) bool; not those whose coordinates are none."""
-    edges = (positions - np.roll(positions, 1, axis=1)).astype(np.float64)
-    longest = np.max(np.sum(edges**2, axis=2), axis=1)
-    doubled = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
-    return doubled <= _ZERO_AREA * longest

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
+from ....engine.scene.degenerate import is_degenerate
 from ....engine.unwrap.polygon_mesh import Charts, PolygonMesh
 from ..messages import LINKED, MANY_LAYERS, attribute_in_the_way
 from ..objects.extent import trouble_with
@@ -160,13 +161,17 @@ def _read(
         return None
     mesh.calc_loop_triangles()
     starts = np.r_[read_array(mesh.polygons, "loop_start", 1, np.int32)[:, 0], len(mesh.loops)]
+    corners = read_corner_vertices(mesh)
+    triangles = read_array(mesh.loop_triangles, "loops", 3, np.int32)
+    stored = read_array(mesh.vertices, "co", 3, np.float32)[corners[triangles]]
     return PolygonMesh(
         name=objects[0].name,
         positions=positions * objects[0].hemibake.lightmap_scale,
-        corners=read_corner_vertices(mesh),
+        corners=corners,
         starts=starts,
-        triangles=read_array(mesh.loop_triangles, "loops", 3, np.int32),
+        triangles=triangles,
         polygon=np.repeat(np.arange(len(starts) - 1, dtype=np.int32), np.maximum(np.diff(starts) - 2, 0)),
+        degenerate=np.flatnonzero(is_degenerate(stored)),
     )
 
 

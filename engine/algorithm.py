@@ -86,7 +86,7 @@ def _bake(
 ) -> Generator[Progress, None, Lightmap]:
     """Bake: the paper's algorithm."""
     graphics, compute = devices.graphics, devices.compute
-    settings, notes = without_opencl(devices, scene, settings)
+    scene, settings, notes = without_opencl(devices, scene, settings)
     atlases, scene = scene.atlases, place_occluders(scene, settings.resolution)
     check_limits(graphics, compute, scene, settings)
 

@@ -9,6 +9,7 @@ from bpy.app.handlers import persistent
 
 from .compat import FILE_EVENTS
 from .handlers import Handlers
+from .scene.light.kept_worlds import kept_worlds
 from .scene.materials.kept_evaluations import kept_evaluations
 from .scene.uvs.uv_node_group import remove_unused_uvs
 from .worker_owner import owner
@@ -26,6 +27,7 @@ def _forget(*_: object) -> None:
     """Free what is kept of bakes of the file before."""
     owner.forget()
     kept_evaluations.clear()
+    kept_worlds.clear()
 
 
 _handlers = Handlers({"load_post": _forget, **dict.fromkeys(FILE_EVENTS, _tidy)})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..errors import SceneError
 from ..scene.light_groups import light_group_names
-from ..scene.model import Scene, shining_lights
+from ..scene.model import Scene, masked_lights
 from ..settings import LIGHT_OUTPUTS, Settings
 
 
@@ -16,7 +16,7 @@ def output_names(scene: Scene, settings: Settings) -> list[str]:
     names: list[str] = []
     for name in settings.outputs:
         if name == "shadow_mask":
-            names += [f"{name} {light.name}" for light in shining_lights(scene)]
+            names += [f"{name} {light.name}" for light in masked_lights(scene)]
         elif name == "light_groups":
             names += light_group_maps(scene)
         elif name in MAPS_OF:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from ..device.devices import Devices
 from ..errors import DeviceError
 from ..scene.model import Scene, shining_lights
+from ..scene.sky_suns import put_suns_into_world
 from ..settings import Settings
 
 #: Outputs that OpenCL alone makes.
@@ -19,15 +20,19 @@ _RAY_OUTPUTS = {
 }
 
 
-def without_opencl(devices: Devices, scene: Scene, settings: Settings) -> tuple[Settings, tuple[str, ...]]:
-    """Return what is left of the settings if there is no OpenCL, and sentences for the user.
+def without_opencl(
+    devices: Devices, scene: Scene, settings: Settings
+) -> tuple[Scene, Settings, tuple[str, ...]]:
+    """Return the scene, what is left of the settings if there is no OpenCL, and sentences for the user.
 
-    Raises DeviceError if there is none and the bake needs rays, or OpenGL is older than 4.3.
+    Hemicubes then see the sun of a sky. Raises DeviceError if there is none and the bake needs rays, or
+    OpenGL is older than 4.3.
     """
     if devices.compute is not None:
-        return settings, ()
+        return scene, settings, ()
     error, graphics = devices.missing, devices.graphics
     needs = [text for name, text in _RAY_OUTPUTS.items() if name in settings.outputs]
+    scene = put_suns_into_world(scene)
     if shining_lights(scene):
         needs.insert(0, "the light of lamps")
     if settings.visibility == "rays":
@@ -39,4 +44,4 @@ def without_opencl(devices: Devices, scene: Scene, settings: Settings) -> tuple[
     if not graphics.computes:
         raise DeviceError(f"'{graphics.name}' has no OpenGL 4.3, so OpenCL is needed. {error}")
     note = f"Baked without OpenCL: small bright surfaces and bright sky give more noise. {error}"
-    return replace(settings, sample_emission=False, patch_groups=1), (note,)
+    return scene, replace(settings, sample_emission=False, patch_groups=1), (note,)

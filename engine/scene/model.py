@@ -122,6 +122,7 @@ class Light:
     falloff_power   strength is multiplied by the distance to the receiver, m, to this power
     falloff_smooth  and by d^2 / (smooth + d^2), m^2; neither of a sun
     light_group  name of the light group that it belongs to, see `Scene.light_groups`
+    of_world     True for the sun of a sky: a part of the surroundings, without a shadow mask
     """
 
     name: str
@@ -141,6 +142,7 @@ class Light:
     falloff_power: int = 0
     falloff_smooth: float = 0.0
     light_group: str = ""
+    of_world: bool = False
 
     def relative_to(self, point: np.ndarray) -> Light:
         """Return the light with a position relative to a point, (3,) float64, metres."""
@@ -172,5 +174,11 @@ class Scene:
 
 
 def shining_lights(scene: Scene) -> tuple[Light, ...]:
-    """Return the lamps of a scene that give light."""
-    return tuple(light for light in scene.lights if light.strength.any())
+    """Return the lamps of a scene that give light, those with a shadow mask first."""
+    shining = (light for light in scene.lights if light.strength.any())
+    return tuple(sorted(shining, key=lambda light: light.of_world))
+
+
+def masked_lights(scene: Scene) -> tuple[Light, ...]:
+    """Return the lamps that give light and have a shadow mask, in the order of `shining_lights`."""
+    return tuple(light for light in shining_lights(scene) if not light.of_world)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import bpy
 import numpy as np
@@ -167,11 +167,13 @@ class _SceneReading:
         """Read what only Cycles can evaluate of materials, then the world and the lamps' nodes."""
         moves = _moves(self._readings, self._places)
         self._materials = yield from self._table.finish(self._resolution, moves)
-        self._world = yield from read_world(self._watch, self._notes, self._cache)
-        self._lights = yield from self._lamps.finish(self._origin, self._watch)
+        world = yield from read_world(self._watch, self._notes, self._cache)
+        lamps = yield from self._lamps.finish(self._origin, self._watch)
         self._watch.depsgraph()
-        world = self._watch.context.scene.world
-        self._world_group = "" if world is None else world.lightgroup
+        datablock = self._watch.context.scene.world
+        self._world_group = "" if datablock is None else datablock.lightgroup
+        suns = (replace(sun, position=-self._origin, light_group=self._world_group) for sun in world.suns)
+        self._world, self._lights = world.radiance, (*lamps, *suns)
         self._light_groups = tuple(group.name for group in self._watch.context.view_layer.lightgroups)
         self._skipped: list[str] = []
         note_skipped(self._watch.context, self._skipped)

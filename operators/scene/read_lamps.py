@@ -38,5 +38,6 @@ def _read(watch: SceneWatch, scene: Scene) -> Slices[Scene]:
     for item in scene_items(watch.depsgraph(), watch.visible):
         if item.source.type == "LIGHT":
             lamps.add(item)
-    lights = yield from lamps.finish(scene.origin, watch)
+    suns = (light for light in scene.lights if light.of_world)
+    lights = (*(yield from lamps.finish(scene.origin, watch)), *suns)
     return (yield from without_faults(replace(scene, lights=lights), notes))

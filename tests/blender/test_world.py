@@ -132,3 +132,142 @@ def test_a_render_result_of_the_user_stays(small_pictures):
     before = {image.session_uid for image in bpy.data.images}
     read_scene()
     assert {image.session_uid for image in bpy.data.images} == before and len(before) == 2
+
+
+def sky_texture(tree, elevation, rotation, size):
+    """Return a Sky Texture with a sun disc, of a type that each version has."""
+    node = tree.nodes.new("ShaderNodeTexSky")
+    types = {item.identifier for item in node.bl_rna.properties["sky_type"].enum_items}
+    node.sky_type = "SINGLE_SCATTERING" if "SINGLE_SCATTERING" in types else "NISHITA"
+    node.sun_elevation, node.sun_rotation, node.sun_size = np.radians([elevation, rotation, size])
+    return node
+
+
+def skies_in_a_group(tree, background, *skies):
+    """Link Sky Textures, added up by a group, to a background; return them."""
+    import bpy
+
+    group = bpy.data.node_groups.new("Skies", "ShaderNodeTree")
+    group.interface.new_socket("Color", in_out="OUTPUT", socket_type="NodeSocketColor")
+    output = group.nodes.new("NodeGroupOutput")
+    nodes = [sky_texture(group, *sky) for sky in skies]
+    total = nodes[0].outputs[0]
+    for node in nodes[1:]:
+        add = group.nodes.new("ShaderNodeVectorMath")
+        group.links.new(total, add.inputs[0])
+        group.links.new(node.outputs[0], add.inputs[1])
+        total = add.outputs[0]
+    group.links.new(total, output.inputs[0])
+    user = tree.nodes.new("ShaderNodeGroup")
+    user.node_tree = group
+    tree.links.new(user.outputs[0], background.inputs["Color"])
+    return nodes
+
+
+def towards(elevation, rotation):
+    e, r = np.radians([elevation, rotation])
+    return [np.cos(e) * np.sin(r), np.cos(e) * np.cos(r), np.sin(e)]
+
+
+def counted_renders(monkeypatch):
+    """Return a list that gets an entry for each picture of a world."""
+    panorama = part("operators.scene.light.panorama")
+    pictures, render = [], panorama._render
+    monkeypatch.setattr(panorama, "_render", lambda *given: pictures.append(1) or render(*given))
+    return pictures
+
+
+def test_a_sun_disc_becomes_a_sun(small_pictures, monkeypatch):
+    """The strength of a background counts; the scene is far from the origin."""
+    import bpy
+
+    square().location = (300, -70, 20)
+    tree, background = world()
+    skies_in_a_group(tree, background, (37, 111, 0.13))
+    background.inputs["Strength"].default_value = 0.25
+    bpy.context.view_layer.lightgroups.add(name="Sky")
+    bpy.context.scene.world.lightgroup = "Sky"
+    groups, pictures = len(bpy.data.node_groups), counted_renders(monkeypatch)
+    read = read_scene()
+    assert not read.notes and (len(bpy.data.worlds), len(bpy.data.node_groups)) == (1, groups)
+    (sun,) = read.scene.lights
+    assert np.degrees(sun.half_angle) == pytest.approx(0.065, rel=1e-3)
+    assert sun.axes[2] == pytest.approx(towards(37, 111), abs=1e-4)
+    assert sun.of_world and sun.light_group == "Sky"
+    assert sun.position + read.scene.origin == pytest.approx(0, abs=1e-6)
+    assert 10 < sun.strength[2] < sun.strength[1] < sun.strength[0] < 60
+    assert read.scene.world.max() < 10
+
+    # The same nodes are not rendered again.
+    assert len(pictures) == 3
+    assert np.array_equal(read_scene().scene.lights[0].strength, sun.strength)
+    assert len(pictures) == 3
+
+
+def test_each_sun_disc_becomes_a_sun(monkeypatch):
+    """Pictures of discs of known radiance before a background that fades."""
+    import bpy
+
+    sky_sun = part("operators.scene.light.sky_sun")
+    tree, background = world()
+    skies = [(37, 111, 0.13), (20, -60, 30), (88, 5, 2)]
+    nodes = skies_in_a_group(tree, background, *skies)
+    radiance = np.float32([[100, 80, 60], [1, 2, 3], [4, 4, 4]])
+
+    def picture(_, zoom):
+        seen, _ = sky_sun._pixels(zoom)
+        shown = np.repeat(seen[..., 2:] + 2, 3, axis=2)
+        for (elevation, rotation, size), node, light in zip(skies, nodes, radiance, strict=True):
+            far = np.linalg.norm(seen - towards(elevation, rotation), axis=2)
+            shown[far < 2 * np.sin(np.radians(size) / 4)] += light * node.sun_disc
+        return shown.astype(np.float32)
+
+    monkeypatch.setattr(sky_sun, "render_zoom", picture)
+    suns = sky_sun.take_suns(bpy.context.scene.world, "World", [])
+    for sun, (elevation, rotation, size), light in zip(suns, skies, radiance, strict=True):
+        half = np.radians(size) / 2
+        assert sun.half_angle == pytest.approx(half, rel=1e-4)
+        assert sun.axes[2] == pytest.approx(towards(elevation, rotation), abs=0.02 * half)
+        assert sun.strength == pytest.approx(np.pi * np.sin(half) ** 2 * light, rel=0.03)
+
+
+def test_sun_discs_that_overlap_stay_in_the_image():
+    import bpy
+
+    sky_sun, notes = part("operators.scene.light.sky_sun"), []
+    tree, background = world()
+    nodes = skies_in_a_group(tree, background, (30, 0, 1), (30.5, 0, 0.5))
+    with sky_sun.copied_world(bpy.context.scene.world) as copy:
+        assert sky_sun.take_suns(copy, "W", notes) == []
+    assert "World 'W': sun discs overlap" in notes[0] and all(node.sun_disc for node in nodes)
+
+
+def test_changed_nodes_of_a_world_have_another_digest():
+    import bpy
+
+    digest = part("operators.scene.materials.evaluation_digest").world_digest
+    tree, background = world()
+    (node,) = skies_in_a_group(tree, background, (30, 0, 1))
+    first = digest(bpy.context.scene.world)
+    assert digest(bpy.context.scene.world) == first
+    node.sun_elevation += 0.01
+    second = digest(bpy.context.scene.world)
+    background.inputs["Strength"].default_value = 2
+    assert len({first, second, digest(bpy.context.scene.world)}) == 3
+
+
+def test_an_animated_world_is_read_in_the_current_frame(small_pictures):
+    import bpy
+
+    square()
+    tree, background = world()
+    color = tree.nodes.new("ShaderNodeTexChecker").outputs["Color"]
+    tree.links.new(color, background.inputs["Color"])
+    strength = background.inputs["Strength"]
+    for frame, value in ((1, 1.0), (5, 3.0)):
+        strength.default_value = value
+        strength.keyframe_insert("default_value", frame=frame)
+    bpy.context.scene.frame_set(5)
+    at_five = read_scene().scene.world.mean()
+    bpy.context.scene.frame_set(1)
+    assert at_five == pytest.approx(3 * read_scene().scene.world.mean(), rel=1e-3)

@@ -1,12 +1,15 @@
-"""The surroundings as Cycles shows them: an equirectangular picture of a world alone."""
+"""The surroundings as Cycles shows them: pictures of a world alone."""
 
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
 import numpy as np
+from mathutils import Quaternion, Vector
 
 from ...compat import set_panorama
 
@@ -14,11 +17,65 @@ from ...compat import set_panorama
 _ROWS = 512
 _SAMPLES = 16
 
+#: Width of a camera's sensor, mm, and the longest lens of Blender, mm.
+_SENSOR, _LONGEST = 36.0, 5000.0
+
+
+@dataclass(frozen=True)
+class Zoom:
+    """A square perspective view.
+
+    direction  (3,) float64, unit, along which it looks
+    field      field of view, rad, below pi
+    pixels     width
+    """
+
+    direction: np.ndarray
+    field: float
+    pixels: int
+
+    @property
+    def rotation(self) -> Quaternion:
+        """The rotation of its camera, which looks along its own -z."""
+        return (-Vector(self.direction)).to_track_quat("Z", "Y")
+
 
 def render_world(world: bpy.types.World) -> np.ndarray:
-    """Return a world's radiance as engine.Scene.world, (h, w, 3) float32; raises RuntimeError.
+    """Return a world's radiance as engine.Scene.world, (h, w, 3) float32; raises RuntimeError."""
+
+    def set_up(scene: bpy.types.Scene, camera: bpy.types.Object) -> None:
+        # The middle of an equirectangular map is the direction +x, its upper edge +z.
+        camera.rotation_euler = (np.pi / 2, 0, -np.pi / 2)
+        set_panorama(camera.data)
+        scene.render.resolution_x, scene.render.resolution_y = 2 * _ROWS, _ROWS
+
+    return _render(world, set_up)
+
+
+def render_zoom(world: bpy.types.World, zoom: Zoom) -> np.ndarray:
+    """Return a world's radiance in a view, (pixels, pixels, 3) float32, row 0 below; raises RuntimeError.
+
+    Each pixel is the mean of its square, without a filter.
+    """
+
+    def set_up(scene: bpy.types.Scene, camera: bpy.types.Object) -> None:
+        camera.rotation_euler = zoom.rotation.to_euler()
+        edge = float(np.tan(zoom.field / 2))
+        camera.data.lens = min(_SENSOR / (2 * edge), _LONGEST)
+        camera.data.sensor_width = 2 * edge * camera.data.lens
+        scene.render.resolution_x = scene.render.resolution_y = zoom.pixels
+        scene.cycles.pixel_filter_type = "BOX"
+
+    return _render(world, set_up)
+
+
+def _render(
+    world: bpy.types.World, set_up: Callable[[bpy.types.Scene, bpy.types.Object], None]
+) -> np.ndarray:
+    """Return a picture of a world, (h, w, 3) float32; raises RuntimeError.
 
     A scene of its own is rendered, so that nothing of the user's is touched.
+    set_up: sets the camera, and the size of the picture
     """
     images = {image.session_uid for image in bpy.data.images}
     scene = bpy.data.scenes.new("hemibake")
@@ -28,11 +85,8 @@ def render_world(world: bpy.types.World) -> np.ndarray:
         scene.world = world
         scene.collection.objects.link(camera)
         scene.camera = camera
-
-        # The middle of an equirectangular map is the direction +x, its upper edge +z.
-        camera.rotation_euler = (np.pi / 2, 0, -np.pi / 2)
-        set_panorama(camera_data)
         _set_up(scene)
+        set_up(scene, camera)
         with tempfile.TemporaryDirectory(prefix="hemibake-") as folder:
             path = Path(folder) / "world.exr"
             scene.render.filepath = str(path)
@@ -54,7 +108,7 @@ def _set_up(scene: bpy.types.Scene) -> None:
     scene.cycles.device, scene.cycles.samples = "CPU", _SAMPLES
     scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = False
     scene.cycles.sample_clamp_direct = scene.cycles.sample_clamp_indirect = 0
-    render.resolution_x, render.resolution_y, render.resolution_percentage = 2 * _ROWS, _ROWS, 100
+    render.resolution_percentage = 100
     render.film_transparent = False
     render.use_compositing = render.use_sequencer = False
     if hasattr(render.image_settings, "media_type"):

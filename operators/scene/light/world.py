@@ -1,4 +1,4 @@
-"""World nodes -> radiance of the surroundings."""
+"""World nodes -> radiance of the surroundings, and suns."""
 
 from __future__ import annotations
 
@@ -10,19 +10,22 @@ import numpy as np
 from ....engine.scene.color import srgb_to_linear
 from ....engine.scene.sky_maps import shrink_sky_in_slices
 from ...compat import node_input, node_tree
+from ..materials.evaluation_digest import world_digest
 from ..materials.materials import ShaderReader
 from ..materials.pixels import PixelCache, UnreadError, is_plain, is_srgb
 from ..materials.sockets import ComplexError, feeder
 from ..scene_watch import SceneWatch
 from ..slices import Slices, row_slices
+from .kept_worlds import ReadWorld, kept_worlds
 from .panorama import render_world
+from .sky_sun import copied_world, take_suns
 
 #: Largest map of the surroundings, rows.
 _ROWS = 1024
 
 
-def read_world(watch: SceneWatch, notes: list[str], cache: PixelCache) -> Slices[np.ndarray]:
-    """Return the radiance of the world, (3,) or equirectangular (h, w, 3) float32 as engine.Scene.world.
+def read_world(watch: SceneWatch, notes: list[str], cache: PixelCache) -> Slices[ReadWorld]:
+    """Return the radiance of the world and its suns.
 
     A constant colour and an equirectangular image are read as they are; anything else is rendered by
     Blender. Sentences about what could not be taken over are appended to `notes`.
@@ -36,7 +39,9 @@ def read_world(watch: SceneWatch, notes: list[str], cache: PixelCache) -> Slices
             continue
         except ComplexError:
             return (yield from _rendered(watch, notes))
-        return environment if isinstance(environment, np.ndarray) else (yield from environment.radiance())
+        if isinstance(environment, np.ndarray):
+            return ReadWorld(environment)
+        return ReadWorld((yield from environment.radiance()))
 
 
 def _read(world: bpy.types.World | None, notes: list[str], cache: PixelCache) -> np.ndarray | _Environment:
@@ -61,19 +66,29 @@ def _read(world: bpy.types.World | None, notes: list[str], cache: PixelCache) ->
     return np.maximum(emission.constant, 0).astype(np.float32)
 
 
-def _rendered(watch: SceneWatch, notes: list[str]) -> Slices[np.ndarray]:
-    """Return what Blender makes of a world, black if it cannot."""
+def _rendered(watch: SceneWatch, notes: list[str]) -> Slices[ReadWorld]:
+    """Return what Blender makes of a world, black if it cannot; an unchanged world is not rendered again."""
+    digest = world_digest(watch.context.scene.world)
+    kept = kept_worlds.get(digest)
+    if kept is not None:
+        notes += kept.notes
+        return kept
     yield f"Rendering world '{watch.context.scene.world.name}'"
     watch.depsgraph()
-    world = watch.context.scene.world
+    world, warnings = watch.context.scene.world, list[str]()
     try:
-        return np.maximum(render_world(world), 0)
+        with copied_world(world) as copy:
+            suns = take_suns(copy, world.name, warnings)
+            read = ReadWorld(np.maximum(render_world(copy), 0), tuple(suns), tuple(warnings))
     except RuntimeError as error:
         reason = str(error).strip().splitlines()[-1]
         notes.append(f"Blender could not render the world '{world.name}' ({reason}): it is baked black.")
-        return np.zeros(3, np.float32)
+        return ReadWorld(np.zeros(3, np.float32))
     finally:
         watch.accept()
+    kept_worlds.keep(digest, read)
+    notes += warnings
+    return read
 
 
 @dataclass(frozen=True)

@@ -68,6 +68,18 @@ def evaluation_digest(
     return digest.digest()
 
 
+def world_digest(world: bpy.types.World) -> bytes | None:
+    """Return a digest of the nodes of a world and its name, None if they may change without being seen."""
+    digest = hashlib.blake2b(repr(world.name).encode())
+    try:
+        if world.animation_data is not None:
+            raise UnknownError
+        _feed_tree(digest, world.node_tree)
+    except UnknownError:
+        return None
+    return digest.digest()
+
+
 def _feed(digest: hashlib.blake2b, values: Iterable[object]) -> None:
     """Feed arrays, numbers and names."""
     for value in values:

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..engine.settings import Settings, check_settings, kept_with_scene
+from ..engine.setting import Span
+from ..engine.settings import Settings, check_settings, descriptions, kept_with_scene
 from .denoise_library import denoise_library
 from .preferences import machine_settings
 from .properties import HemibakeSceneProperties
+from .scene.units import metres_per_unit
 from .setting_properties import setting_values
 from .user_files import cache_folder
 
 
 def read_settings(properties: HemibakeSceneProperties) -> Settings:
-    """Return the checked settings of a scene on this machine; raises SettingsError."""
-    settings = Settings(**setting_values(properties, kept_with_scene()), **_machine())
+    """Return the checked settings of a scene on this machine, lengths in its units; raises SettingsError."""
+    values = setting_values(properties, kept_with_scene())
+    scale = metres_per_unit(properties.id_data)
+    values |= {name: values[name] / scale for name in _lengths() if name in values}
+    settings = Settings(**values, **_machine())
     check_settings(settings)
     return settings
 
@@ -24,6 +29,12 @@ def machine_defaults() -> Settings:
     settings = Settings(**_machine())
     check_settings(settings)
     return settings
+
+
+def _lengths() -> list[str]:
+    """Return the names of settings in metres."""
+    known = descriptions().items()
+    return [name for name, one in known if isinstance(one.values, Span) and one.values.unit == "m"]
 
 
 def _machine() -> dict[str, Any]:

@@ -11,6 +11,7 @@ from ..engine.errors import SettingsError
 from ..engine.scene.model import Scene
 from .scene import SceneContext, visible_meshes
 from .scene.density import width_before, width_of
+from .scene.units import texels_per_unit
 from .translations import CONTEXT
 
 
@@ -84,7 +85,7 @@ def chosen_width(
     """Return the width of lightmaps for objects that may not be unwrapped yet; raises SettingsError."""
     if settings.size_mode == "SIZE":
         return settings.resolution
-    width = width_before(context, objects, settings.uv_layer, settings.texels_per_metre)
+    width = width_before(context, objects, settings.uv_layer, texels_per_unit(settings))
     return min(width, settings.largest_width)
 
 
@@ -95,7 +96,7 @@ def width_for(scene: Scene, settings: bpy.types.PropertyGroup, width: int, unwra
     """
     if settings.size_mode == "SIZE":
         return width
-    needed = width_of(scene, settings.texels_per_metre)
+    needed = width_of(scene, texels_per_unit(settings))
     return _within_limits(max(width, needed) if unwrapped else needed, settings)
 
 
@@ -113,6 +114,6 @@ def _plan(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None
     """Keep how wide lightmaps would be now, for the panel."""
     if settings.size_mode == "DENSITY" and context.scene is not None:
         where = SceneContext(context)
-        meshes, density = visible_meshes(where), settings.texels_per_metre
+        meshes, density = visible_meshes(where), texels_per_unit(settings)
         width = width_before(where, meshes, settings.uv_layer, density)
         settings.planned_width = min(width, settings.largest_width)

@@ -23,6 +23,7 @@ from .result.preview import refresh_preview
 from .result.shown_images import image_names
 from .run import ATTEMPTS, Bake, Run, Steps
 from .scene import SceneChangedError, read_lamps, read_scene, store_edits, visible_meshes
+from .scene.units import texels_per_unit
 from .scene.uvs.uv_modifier import has_uvs
 from .worker_owner import owner
 
@@ -142,7 +143,7 @@ class LiveRun(Run):
     def _chosen_settings(self) -> tuple:
         """Return what decides how the scene is baked; raises SettingsError."""
         chosen = self._context.scene.hemibake
-        width = chosen.size_mode, chosen.texels_per_metre, chosen.largest_width
+        width = chosen.size_mode, texels_per_unit(chosen), chosen.largest_width
         return replace(read_settings(chosen), centres=False), chosen.uv_layer, *width
 
     def _take(self, lightmap: Lightmap) -> None:

@@ -87,7 +87,8 @@ def _number(span: Span, default: float, labels: dict[str, Any]) -> Any:
     low = span.low if span.automatic is None else span.automatic
     limits = {"soft_min": -(-low // scale), "soft_max": min(span.high // scale, _LARGEST)}
     if unit == "m":
-        return FloatProperty(default=default, subtype="DISTANCE", **limits, **labels)
+        labels["name"] += " (m)"
+        return FloatProperty(default=default, **limits, **labels)
     if unit == "s":
         return FloatProperty(default=default, subtype="TIME_ABSOLUTE", **limits, **labels)
     if isinstance(default, float):

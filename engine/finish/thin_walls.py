@@ -46,8 +46,9 @@ def note_thin_walls(
     meshes = np.unique(parts.triangles.mesh[ways.wall[inside]])
 
     # The density that parts both sides, of each wall where it is thinnest.
-    density = float((_PARTING / np.maximum(ways.thickness[inside], 1e-6)).max())
-    now = 1 / float(_texel(parts, samples, inside).max())
+    units = 1 / scene.metres_per_unit
+    density = units * float((_PARTING / np.maximum(ways.thickness[inside], 1e-6)).max())
+    now = units / float(_texel(parts, samples, inside).max())
     sentence = (
         "{}: thinner than two texels of what they stand on, so light is wrong up to a texel beside them. "
         f"{_rounded(density)} texels per metre would part both sides, now there are {_rounded(now)}; "

@@ -59,16 +59,16 @@ def check_size(scene: Scene) -> None:
     farthest = int(reach.argmax())
     if reach[farthest] > LARGEST:
         raise SceneError(
-            f"Object '{meshes[farthest].name}' reaches {reach[farthest]:.3g} m from the middle of the scene; "
-            f"at most {LARGEST:.0e} m can be baked. Delete its far vertices, move it closer, or scale the "
-            "scene down."
+            f"Object '{meshes[farthest].name}' reaches {reach[farthest]:.3g} units from the middle of the "
+            f"scene; at most {LARGEST:.0e} units can be baked. Delete its far vertices, move it closer, or "
+            "scale the scene down."
         )
     size = (high.max(axis=0) - low.min(axis=0)).max()
     if size < np.float32(SMALLEST):
         largest = meshes[int((high - low).max(axis=1).argmax())].name
         raise SceneError(
-            f"The scene is only {size:.3g} m large, and object '{largest}' is its largest; at least "
-            f"{SMALLEST:.0e} m can be baked. Scale the scene up."
+            f"The scene is only {size:.3g} units large, and object '{largest}' is its largest; at least "
+            f"{SMALLEST:.0e} units can be baked. Scale the scene up."
         )
 
 
@@ -195,8 +195,8 @@ def check_light(light: Light) -> None:
         raise SceneError(f"Light '{light.name}' has a position or size that is NaN or infinite. Mend it.")
     if np.abs(light.position).max() > FARTHEST_LIGHT or max(light.radius, *light.size) > LARGEST:
         raise SceneError(
-            f"Light '{light.name}' is farther than {FARTHEST_LIGHT:.0e} m or larger than {LARGEST:.0e} m. "
-            "Move it closer, or make it smaller."
+            f"Light '{light.name}' is farther than {FARTHEST_LIGHT:.0e} units or larger than {LARGEST:.0e} "
+            "units. Move it closer, or make it smaller."
         )
     lengths = np.linalg.norm(light.axes, axis=1)[_AXES_NEEDED.get(light.kind, slice(0))]
     if (np.abs(lengths - 1) > _UNIT_TOLERANCE).any() or (np.asarray(light.stretch) <= 0).any():

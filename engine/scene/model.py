@@ -161,6 +161,7 @@ class Scene:
     light_groups  names of groups of light, each with a lightmap of its own as output "light_groups"; what
              names another one, or none, is in the group `light_groups.UNGROUPED`
     world_light_group  name of the group of the surroundings
+    metres_per_unit    for texts alone: coordinates and settings are in the scene's units of length
     """
 
     meshes: tuple[Mesh, ...]
@@ -171,6 +172,7 @@ class Scene:
     lights: tuple[Light, ...] = ()
     light_groups: tuple[str, ...] = ()
     world_light_group: str = ""
+    metres_per_unit: float = 1.0
 
 
 def shining_lights(scene: Scene) -> tuple[Light, ...]:

@@ -1,4 +1,4 @@
-"""How many texels a metre of surface gets, and how wide lightmaps have to be for it."""
+"""How many texels a unit of length gets on surfaces, and how wide lightmaps have to be for it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _NO_TRIANGLES = np.zeros((0, 3, 2), np.float32)
 def width_before(
     context: SceneContext, objects: Sequence[bpy.types.Object], uv_layer: str, density: float
 ) -> int:
-    """Return how wide the lightmaps of objects will have to be, texels, for `density` texels a metre.
+    """Return how wide the lightmaps of objects will have to be, texels, for `density` texels a unit.
 
     Charts that are there stay, so theirs is known; others are expected to fill a part of a lightmap.
     """
@@ -54,7 +54,7 @@ def width_before(
 
 
 def width_of(scene: Scene, density: float) -> int:
-    """Return how wide the lightmaps of a scene have to be, texels, for a mean of `density` texels a metre."""
+    """Return how wide the lightmaps of a scene have to be, texels, for a mean of `density` texels a unit."""
     widths = [0.0]
     for atlas in range(len(scene.atlases)):
         meshes = [mesh for mesh in scene.meshes if mesh.atlas == atlas and mesh.atlas != OCCLUDER]

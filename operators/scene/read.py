@@ -29,6 +29,7 @@ from .scene_context import SceneContext
 from .scene_objects import ItemReader, Reading
 from .scene_watch import SceneWatch
 from .slices import Slice, Slices
+from .units import metres_per_unit
 from .uvs.multi_user import multi_user_sources
 from .world_mesh import world_mesh
 
@@ -175,6 +176,7 @@ class _SceneReading:
         suns = (replace(sun, position=-self._origin, light_group=self._world_group) for sun in world.suns)
         self._world, self._lights = world.radiance, (*lamps, *suns)
         self._light_groups = tuple(group.name for group in self._watch.context.view_layer.lightgroups)
+        self._metres_per_unit = metres_per_unit(self._watch.context.scene)
         self._skipped: list[str] = []
         note_skipped(self._watch.context, self._skipped)
 
@@ -193,6 +195,7 @@ class _SceneReading:
             lights=self._lights,
             light_groups=self._light_groups,
             world_light_group=self._world_group,
+            metres_per_unit=self._metres_per_unit,
         )
         scene = yield from without_faults(scene, self._notes)
         entries = tuple(

@@ -58,12 +58,12 @@ def walled_floor(first, thickness=0.02, reflectance=0.0):
 
 @pytest.mark.parametrize("first", [0.813, 0.829, *map(long, (0.80, 0.807, 0.82, 0.836))])
 def test_a_thin_wall_on_one_floor_parts_light_from_dark(first):
-    """A wall of half a texel, wherever it stands on the texels."""
+    """A wall of half a texel, wherever it stands on the texels; a unit of length is half a metre."""
     hall, scene = walled_floor(first)
-    lightmap = drive(scene, SETTINGS)
+    lightmap = drive(replace(scene, metres_per_unit=0.5), SETTINGS)
     (told,) = [note for note in lightmap.report.warnings if "thinner than two texels" in note]
     assert (
-        told.objects == ("Wall",) and "100 texels per metre would part both sides, now there are 25" in told
+        told.objects == ("Wall",) and "200 texels per metre would part both sides, now there are 50" in told
     )
     foot = lamp_light(LAMP, line(first - 0.001)).mean()
     behind = first + 0.02

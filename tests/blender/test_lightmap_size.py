@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.blender.test_panels import draw
-from tests.blender.things import furnace, loop_uvs, part, report, square
+from tests.blender.things import furnace, loop_uvs, part, read_scene, report, square
 
 
 @pytest.fixture
@@ -37,6 +37,37 @@ def test_new_charts_get_at_least_the_density(settings, wanted):
     room = furnace()
     (width,) = bake().values()
     assert wanted <= density(room, width) < 2 * wanted and width % 16 == 0
+
+
+def set_units(system, scale):
+    """Set the unit system and the metres a unit of length."""
+    import bpy
+
+    units = bpy.context.scene.unit_settings
+    units.system, units.scale_length = system, scale
+
+
+@pytest.mark.parametrize(
+    ("system", "scale", "metres"), [("METRIC", 0.01, 0.01), ("IMPERIAL", 0.25, 0.25), ("NONE", 0.001, 1.0)]
+)
+def test_densities_are_in_metres_whatever_the_unit(settings, system, scale, metres):
+    settings.texels_per_metre = 11.0
+    set_units(system, scale)
+    room = furnace()
+    room.scale = [2 / metres] * 3
+    (width,) = bake().values()
+    assert 11 <= density(room, width) / 2 < 22
+
+
+@pytest.mark.parametrize(
+    ("system", "scale", "units"), [("METRIC", 0.001, 700.0), ("IMPERIAL", 2.0, 0.35), ("NONE", 0.1, 0.7)]
+)
+def test_lengths_reach_the_engine_in_units_of_the_scene(settings, system, scale, units):
+    settings.ao_distance = 0.7
+    set_units(system, scale)
+    assert part("operators.bake_settings").read_settings(settings).ao_distance == pytest.approx(units)
+    square()
+    assert read_scene().scene.metres_per_unit == pytest.approx(1.0 if system == "NONE" else scale)
 
 
 def test_charts_that_are_there_decide(settings):

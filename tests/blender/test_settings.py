@@ -100,7 +100,7 @@ def test_every_setting_for_people_is_a_property_with_name_and_tooltip():
     for name, description in part("engine.settings").descriptions().items():
         assert (name in properties) == (description.panel is not None)
         if name in properties:
-            assert properties[name].name.removesuffix(" (MiB)") == description.label
+            assert properties[name].name.removesuffix(" (MiB)").removesuffix(" (m)") == description.label
             assert properties[name].description.startswith(description.text)
 
 

@@ -20,7 +20,7 @@ ORDERS = {
     "operators/scene": [
         "__init__", "overlaps", "light_changes", "targets", "density", "read", "read_lamps", "read_stages",
         "fingerprints", "faults", "world_mesh", "places", "crowds", "place", "tiles", "scene_objects",
-        "light", "materials", "uvs", "scene_watch", "objects", "messages", "scene_context", "slices",
+        "light", "materials", "uvs", "scene_watch", "objects", "messages", "scene_context", "slices", "units",
     ],
 }  # fmt: skip
 

@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 
 from ....engine.unwrap.unwrapping import Square
+from ..units import texels_per_unit
 from .multi_user import instanced_objects, multi_user_sources
 from .object_lookup import ObjectLookup
 from .uv_targets import Target
@@ -57,9 +58,9 @@ def squares_of(
 
 
 def _pages_and_density(properties: bpy.types.PropertyGroup) -> tuple[int, float]:
-    """Return over how many lightmaps new UVs are spread, and the texels per metre wanted, 0 for any."""
+    """Return over how many lightmaps new UVs are spread, and the texels per unit wanted, 0 for any."""
     if properties.size_mode == "DENSITY":
-        return 1, properties.texels_per_metre
+        return 1, texels_per_unit(properties)
     return properties.lightmap_count, 0.0
 
 

@@ -26,11 +26,17 @@ def own_slots(obj: bpy.types.Object) -> list[Any]:
     ]
 
 
-def shown_materials(mesh: bpy.types.Mesh, obj: bpy.types.Object) -> list[bpy.types.Material | None]:
+def shown_materials(
+    mesh: bpy.types.Mesh, obj: bpy.types.Object, override: bpy.types.Material | None
+) -> list[bpy.types.Material | None]:
     """Return the material of each slot of an object's evaluated mesh: the object's own where the slot has it.
 
     While the object shows its lightmap, what the preview has put there does not count. One slot at least.
+
+    override: material of all slots, if the view layer has one
     """
+    if override is not None:
+        return [override] * max(len(mesh.materials), 1)
     materials = [material and material.original for material in mesh.materials]
     for index, slot in enumerate(own_slots(obj)):
         if slot.link == "OBJECT" and index < len(materials):

@@ -106,9 +106,9 @@ def _check_surroundings(context: SceneContext) -> Generator[None, None, list[Fin
     yield
     findings += check_unneeded(context.scene.objects)
     yield
-    findings += check_light(visible_objects(context), context.scene.world)
+    findings += check_light(visible_objects(context), context.world, context.material_override)
     yield
-    findings += check_images(visible_objects(context), context.scene.world)
+    findings += check_images(visible_objects(context), context.world, context.material_override)
     yield
     return findings
 

@@ -11,8 +11,11 @@ from ..compat import light_power, node_input, node_tree
 from ..scene.objects.visible import in_rendered_collections
 from .finding import ERROR, WARNING, Finding, found
 
+#: Objects with a surface.
+_SURFACES = {"MESH", "CURVE", "FONT", "SURFACE", "META"}
+
 #: Objects that make a difference to a bake.
-_SEEN = {"MESH", "CURVE", "FONT", "SURFACE", "META", "LIGHT"}
+_SEEN = {*_SURFACES, "LIGHT"}
 
 #: Shaders that may emit: their inputs of colour and strength.
 _EMITTERS = {
@@ -49,11 +52,15 @@ def check_hidden(context) -> list[Finding]:
     ]
 
 
-def check_images(objects: Sequence[bpy.types.Object], world: bpy.types.World | None) -> list[Finding]:
-    """Return objects whose materials use images that are not there."""
+def check_images(
+    objects: Sequence[bpy.types.Object],
+    world: bpy.types.World | None,
+    override: bpy.types.Material | None,
+) -> list[Finding]:
+    """Return objects whose materials, or the material that overrides them, use images that are not there."""
     users: dict[str, set[str]] = {}
     for obj in objects:
-        for material in _materials(obj):
+        for material in _materials(obj, override):
             for image in _images(node_tree(material)):
                 if is_missing(image):
                     users.setdefault(image.name, set()).add(obj.name)
@@ -74,9 +81,16 @@ def check_images(objects: Sequence[bpy.types.Object], world: bpy.types.World | N
     return findings
 
 
-def check_light(objects: Sequence[bpy.types.Object], world: bpy.types.World | None) -> list[Finding]:
-    """Return a finding if nothing emits light, as far as nodes tell without being evaluated."""
-    if _may_shine(world) or any(_is_source(obj) for obj in objects):
+def check_light(
+    objects: Sequence[bpy.types.Object],
+    world: bpy.types.World | None,
+    override: bpy.types.Material | None,
+) -> list[Finding]:
+    """Return a finding if nothing emits light, as far as nodes tell without being evaluated.
+
+    override: material of all surfaces, if the view layer has one
+    """
+    if _may_shine(world) or any(_is_source(obj, override) for obj in objects):
         return []
     text = "Nothing emits light: the lightmaps would be black. Add a light, an emissive material or a world."
     return [Finding(ERROR, text)]
@@ -92,13 +106,13 @@ def is_missing(image: bpy.types.Image) -> bool:
     return not os.path.isfile(path)
 
 
-def _is_source(obj: bpy.types.Object) -> bool:
+def _is_source(obj: bpy.types.Object, override: bpy.types.Material | None) -> bool:
     """Return whether an object may emit light."""
     if obj.hemibake.role == "IGNORED":
         return False
     if obj.type == "LIGHT":
         return light_power(obj.data) > 0 and any(obj.data.color)
-    return any(_may_shine(material) for material in _materials(obj))
+    return any(_may_shine(material) for material in _materials(obj, override))
 
 
 def _may_shine(owner: bpy.types.Material | bpy.types.World | None) -> bool:
@@ -122,8 +136,12 @@ def _not_black(socket: bpy.types.NodeSocket | None) -> bool:
     return socket.is_linked or (any(value[:3]) if hasattr(value, "__len__") else value > 0)
 
 
-def _materials(obj: bpy.types.Object) -> Iterator[bpy.types.Material]:
+def _materials(obj: bpy.types.Object, override: bpy.types.Material | None) -> Iterator[bpy.types.Material]:
     """Yield the materials of an object's slots, while it shows its lightmap those that it had before."""
+    if override is not None:
+        if obj.type in _SURFACES:
+            yield override
+        return
     own = getattr(obj.data, "materials", ())
     for index, slot in enumerate(obj.hemibake.slots or obj.material_slots):
         of_data = own[index] if index < len(own) else None

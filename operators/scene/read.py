@@ -171,7 +171,7 @@ class _SceneReading:
         world = yield from read_world(self._watch, self._notes, self._cache)
         lamps = yield from self._lamps.finish(self._origin, self._watch)
         self._watch.depsgraph()
-        datablock = self._watch.context.scene.world
+        datablock = self._watch.context.world
         self._world_group = "" if datablock is None else datablock.lightgroup
         suns = (replace(sun, position=-self._origin, light_group=self._world_group) for sun in world.suns)
         self._world, self._lights = world.radiance, (*lamps, *suns)
@@ -244,7 +244,7 @@ class _SceneReading:
 
     def _read_some(self) -> str | None:
         """Read items for the length of a slice, or up to one that is to be announced: return that."""
-        time = Slice()
+        time, override = Slice(), self._watch.context.material_override
         for item in scene_items(self._watch.depsgraph(), self._watch.visible, self._next):
             self._next = item.index
             uid = item.source.session_uid
@@ -254,7 +254,7 @@ class _SceneReading:
             if item.source.type == "LIGHT":
                 self._lamps.add(item)
             elif item.object.type == "MESH":
-                self._reader.add(item)
+                self._reader.add(item, override)
             if time.over:
                 self._next += 1
                 return None

@@ -36,6 +36,16 @@ class SceneContext:
             raise SceneError(f"The view layer '{self._view_layer}' is gone. Bake again.")
         return layer
 
+    @property
+    def world(self) -> bpy.types.World | None:
+        """The world of renders: the view layer's override, if it has one."""
+        return self.view_layer.world_override or self.scene.world
+
+    @property
+    def material_override(self) -> bpy.types.Material | None:
+        """The material that renders give to all surfaces of the view layer, if there is one."""
+        return self.view_layer.material_override
+
     def evaluated_depsgraph_get(self) -> bpy.types.Depsgraph:
         """Return the evaluated depsgraph, up to date."""
         layer = self.view_layer

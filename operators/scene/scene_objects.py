@@ -112,15 +112,17 @@ class ItemReader:
         """Return whether reading an item's mesh takes long."""
         return len(item.object.data.loops) > _LARGE
 
-    def add(self, item: SceneItem) -> None:
+    def add(self, item: SceneItem, override: bpy.types.Material | None) -> None:
         """Read an object or instance with faces; `finish_meshes` must follow sometime before `finish`.
+
+        override: material of all surfaces, if the view layer has one
 
         Raises UnreadError if an image has to be read first.
         """
         if item.source.hemibake.role == "IGNORED" or self._instancer_ignored(item):
             return
         atlas = item.source.hemibake.atlas if self._gets_lightmap(item) else None
-        materials = shown_materials(item.object.data, item.source)
+        materials = shown_materials(item.object.data, item.source, override)
         slots = tuple(self._table.index(material, atlas, item) for material in materials)
         layer = lightmap_layer(item.source, self._uv_layer)
         key = (item.object.data.as_pointer(), layer, slots, atlas is None)

@@ -43,10 +43,12 @@ class SceneWatch:
             }
         )
         self.visible, self.items = frozenset[int](), 0
+        self._overrides: tuple[int, ...] = ()
 
     def __enter__(self) -> Self:
         self.accept()
         self.visible, self.items = self._census()
+        self._overrides = self._find_overrides()
         self._handlers.begin()
         return self
 
@@ -60,6 +62,7 @@ class SceneWatch:
         depsgraph = self.context.evaluated_depsgraph_get()
         if self._doubtful:
             self._changed |= self._census() != (self.visible, self.items)
+            self._changed |= self._find_overrides() != self._overrides
             self._doubtful = False
         if self._changed and not self._tolerant:
             raise SceneChangedError
@@ -74,6 +77,11 @@ class SceneWatch:
         """Return which objects are shown, and how many objects and instances there are."""
         shown = frozenset(obj.session_uid for obj in visible_objects(self.context))
         return shown, len(self.context.view_layer.depsgraph.object_instances)
+
+    def _find_overrides(self) -> tuple[int, ...]:
+        """Return the session uids of the view layer's material override and of the world."""
+        chosen = self.context.material_override, self.context.world
+        return tuple(0 if item is None else item.session_uid for item in chosen)
 
     def _note_update(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         if scene.session_uid != self.context.scene_uid:

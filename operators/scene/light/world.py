@@ -33,7 +33,7 @@ def read_world(watch: SceneWatch, notes: list[str], cache: PixelCache) -> Slices
     while True:
         watch.depsgraph()
         try:
-            environment = _read(watch.context.scene.world, notes, cache)
+            environment = _read(watch.context.world, notes, cache)
         except UnreadError as unread:
             yield from unread.reading
             continue
@@ -68,14 +68,14 @@ def _read(world: bpy.types.World | None, notes: list[str], cache: PixelCache) ->
 
 def _rendered(watch: SceneWatch, notes: list[str]) -> Slices[ReadWorld]:
     """Return what Blender makes of a world, black if it cannot; an unchanged world is not rendered again."""
-    digest = world_digest(watch.context.scene.world)
+    digest = world_digest(watch.context.world)
     kept = kept_worlds.get(digest)
     if kept is not None:
         notes += kept.notes
         return kept
-    yield f"Rendering world '{watch.context.scene.world.name}'"
+    yield f"Rendering world '{watch.context.world.name}'"
     watch.depsgraph()
-    world, warnings = watch.context.scene.world, list[str]()
+    world, warnings = watch.context.world, list[str]()
     try:
         with copied_world(world) as copy:
             suns = take_suns(copy, world.name, warnings)

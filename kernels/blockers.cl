@@ -1,3 +1,8 @@
+#pragma once
+#include "rays.cl"
+#include "receiver.cl"
+#include "shaft.cl"
+
 // Triangles that may stand between a texel and a triangle that shines: those that reach into the shaft around both.
 
 #if PACKET == 8

@@ -1,3 +1,6 @@
+#include "texel_corners.cl"
+#include "texel_clip.cl"
+
 // Texels that a triangle touches without covering their centres: whose patch they show, and the middle of what
 // the triangle covers of them. WITHIN: see engine/patches/border_texels.py.
 

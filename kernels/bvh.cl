@@ -1,3 +1,5 @@
+#pragma once
+
 // Builds the hierarchy of kernels/rays.cl: clusters of triangles along a Morton curve, each merged with its
 // best neighbour if the choice is mutual (PLOC; Meister and Bittner 2018), until few are left, which are
 // split from the top down; then binary nodes are joined to nodes of WIDTH children with leaves of packets.

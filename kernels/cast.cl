@@ -1,3 +1,5 @@
+#include "rays.cl"
+
 // The nearest triangle along each ray, or the nearest that shows its back: number (-1 for none), and 1 for
 // its front; its distance.
 __kernel void cast(RAYS_ARGUMENTS, __global const float4 *origins, __global const float4 *directions,

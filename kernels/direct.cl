@@ -1,3 +1,12 @@
+#include "rays.cl"
+#include "receiver.cl"
+#include "emitters.cl"
+#include "light_tree.cl"
+#include "tilt.cl"
+#include "texel_starts.cl"
+#include "shaft.cl"
+#include "blockers.cl"
+
 // Direct light at every patch: samples of emitters, each with a shadow ray.
 
 // Early-out: after this many rays, or this fraction of an emitter's samples if that is more, an emitter that all

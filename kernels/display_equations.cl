@@ -1,3 +1,6 @@
+#include "footprint.cl"
+#include "links.cl"
+
 // Equations of the texels whose bilinear display is nearest to the light at points, and the same on both sides of
 // seams (engine/finish/display_equations.py).
 

@@ -1,3 +1,5 @@
+#include "texel_corners.cl"
+
 // Patches on the very edge of a chart, as engine/patches/edge_patches.py finds them on the host.
 
 #define ON_EDGE 0.02f  // nearer to an edge than this, texels, is on it

@@ -1,3 +1,5 @@
+#include "texel.cl"
+
 // Texels of lightmaps whose light or view is not the mean of their neighbours', so that they show more than their
 // centre (engine/finish/light_edges.py).
 

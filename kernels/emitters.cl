@@ -1,3 +1,7 @@
+#pragma once
+#include "receiver.cl"
+#include "modulation.cl"
+
 // Emitters of direct light: samples of lamps, emissive triangles and bright sky, and how much each may bring.
 
 // Kinds of emitters (engine/direct/emitters.py).

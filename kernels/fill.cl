@@ -1,3 +1,5 @@
+#include "texel.cl"
+
 // Fills unknown texels of images: rings that grow from charts (engine/finish/dilation.py), and a membrane over known
 // texels from coarse to fine (engine/finish/smooth_fill.py).
 

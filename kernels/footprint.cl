@@ -1,3 +1,5 @@
+#pragma once
+
 // What a bilinear look-up of a lightmap reads: the four texels around a point (engine/finish/bilinear.py).
 
 // A point this near to the centres of a row or column of texels, in texels, lies on them.

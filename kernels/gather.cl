@@ -1,3 +1,5 @@
+#include "identity.cl"
+
 // One iteration: what patches see, known as rows of patch numbers, becomes the light they gather. LIGHT_GROUPS: groups
 // of light that gather at once, 1 for all light together; those of a patch lie side by side, so that each number is
 // read once.

@@ -1,3 +1,9 @@
+#include "receiver.cl"
+#include "hemicube.cl"
+#include "tilt.cl"
+#include "identity.cl"
+#include "views.cl"
+
 // L1 of the light that patches gather from what they see, known as rows of patch numbers, with that of the
 // static light. The sum is along right, up and normal of each view, as its samples are, and turned in the end.
 

@@ -1,3 +1,5 @@
+#pragma once
+
 // Directions of hemicube texels, and the surroundings seen along them.
 
 // The direction of a texel of the stacked layout, along right, up and normal; any length.

@@ -1,3 +1,6 @@
+#pragma once
+#include "tilt.cl"
+
 // Which patch each sample of a patch's view meets: the patch's number plus 1 (0: none), with the highest
 // bit set for its back; or the surroundings.
 

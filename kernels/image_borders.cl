@@ -1,3 +1,5 @@
+#pragma once
+
 // How images go on beyond their borders: 0 again and again, 1 mirrored, 2 by their border, 3 by zeros
 // (EXTENSIONS in engine/scene/cutouts.py).
 

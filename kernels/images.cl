@@ -1,3 +1,5 @@
+#include "texel.cl"
+
 // Texels of one or three channels, in a row in memory, as an image, with 0 where nothing is known.
 __kernel void spread_channels(__global const float *narrow, const int channels, __global const uchar *known,
                               const uint number, __global float4 *images, const uint count)

@@ -1,3 +1,7 @@
+#include "rays.cl"
+#include "receiver.cl"
+#include "looks.cl"
+
 // A patch of whose first looks, all around, none meets a back is not inside of anything.
 #define FIRST 4
 

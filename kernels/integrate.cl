@@ -1,3 +1,5 @@
+#include "hemicube.cl"
+
 // Integration of hemicubes in three steps (paper, IV.C and Fig. 3). A texture array of
 // `layers` layers, each `rows` x `columns` hemicubes of 3n x n texels, becomes one value a hemicube.
 // rgb is radiance; a is 1 where the front of a surface or the surroundings are seen, and 2 where the

@@ -1,3 +1,5 @@
+#include "channels.cl"
+
 // Light of patches from that of the groups of patches around each: a plane fitted to it over the lightmap, by
 // least squares whose weights fall with the distance (local regression, Cleveland 1979).
 

@@ -1,3 +1,8 @@
+#pragma once
+#include "receiver.cl"
+#include "modulation.cl"
+#include "emitters.cl"
+
 // A tree over emitters (engine/direct/light_tree.py), and the way of a patch's samples down to emitters.
 
 #define TREE_STACK 32  // the tree is balanced: enough for 2^31 emitters

@@ -1,3 +1,5 @@
+#pragma once
+
 // Links of an unknown texel to those around it, by number:
 //
 //     6 7 8

@@ -1,3 +1,7 @@
+#include "rays.cl"
+#include "receiver.cl"
+#include "looks.cl"
+
 // A point is not inside of anything if more than this many of its looks meet something else than a back.
 #define OTHERS 3
 

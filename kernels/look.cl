@@ -1,3 +1,11 @@
+#include "rays.cl"
+#include "receiver.cl"
+#include "tilt.cl"
+#include "identity.cl"
+#include "views.cl"
+#include "open_sky.cl"
+#include "look_along.cl"
+
 // What patches see, found with rays along the samples of their views.
 
 // Which patches the patches of this launch see, a row of numbers each. One patch a group.

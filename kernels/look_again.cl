@@ -1,3 +1,9 @@
+#include "rays.cl"
+#include "receiver.cl"
+#include "identity.cl"
+#include "views.cl"
+#include "look_along.cl"
+
 // What patches see once something has moved: only samples that may meet something else are cast anew.
 
 // Which samples of a view lead into a ball, by their place on the unit square: those whose x, the squared sine of the

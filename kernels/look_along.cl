@@ -1,3 +1,10 @@
+#pragma once
+#include "rays.cl"
+#include "receiver.cl"
+#include "identity.cl"
+#include "views.cl"
+#include "texel_starts.cl"
+
 // What a patch sees along one direction, found with a ray.
 
 typedef struct {

@@ -1,3 +1,7 @@
+#pragma once
+#include "rays.cl"
+#include "receiver.cl"
+
 // A few rays around a receiver's normal, which follow the cosine.
 
 #define LOOKS 16

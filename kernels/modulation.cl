@@ -1,3 +1,5 @@
+#pragma once
+
 // What the nodes of a lamp make of its strength: a profile over directions and a falloff over distance.
 // engine/direct/modulation.py packs lamps, engine/scene/profile.py profiles.
 

@@ -1,3 +1,5 @@
+#include "receiver.cl"
+
 // Which patches may be lit otherwise once something has moved: those that receive light elsewhere than before, and those
 // that it may come, or have been, between and a light.
 

@@ -1,3 +1,8 @@
+#include "rays.cl"
+#include "receiver.cl"
+#include "emitters.cl"
+#include "opening.cl"
+
 // The fraction of each patch's hemisphere, weighted by the cosine, in which nothing is nearer than `reach`.
 __kernel void occlusion(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, const int budget, const float reach,
                         const uint seed, __global float4 *result, const int start, const int end)

@@ -1,3 +1,7 @@
+#pragma once
+#include "identity.cl"
+#include "views.cl"
+
 // The light of the sky that views see, with less noise than their samples leave: what the whole sky would bring is
 // known, so that samples only tell what part of it comes through (a ratio estimator; Heitz, Hill and McGuire,
 // "Combining Analytic Direct Illumination and Stochastic Shadows", 2018).

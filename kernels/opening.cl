@@ -1,3 +1,8 @@
+#pragma once
+#include "rays.cl"
+#include "receiver.cl"
+#include "texel_starts.cl"
+
 // Which part of a hemisphere is open: sums over rays of a patch.
 
 typedef struct {

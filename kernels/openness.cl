@@ -1,3 +1,9 @@
+#include "rays.cl"
+#include "receiver.cl"
+#include "looks.cl"
+#include "texel_starts.cl"
+#include "shaft.cl"
+
 // How open the surroundings of patches are, as far as a few texels: what light that others show cannot tell of a patch.
 
 #if PACKET == 8

@@ -1,3 +1,5 @@
+#include "rays.cl"
+
 // The fraction of light that comes through along each ray, up to the distance in its direction's w.
 __kernel void pass(RAYS_ARGUMENTS, __global const float4 *origins, __global const float4 *directions,
                    __global float *through, const int count)

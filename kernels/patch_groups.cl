@@ -1,3 +1,5 @@
+#include "receiver.cl"
+
 // Groups of neighbouring patches that are solved as one: in each square of texels, patches of one
 // material that lie in about one plane and send out about as much light follow the one nearest to the middle of
 // all these, whose light stands for their mean. Those inside of something stay apart: they are dark, and others are seen.

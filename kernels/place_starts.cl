@@ -1,3 +1,7 @@
+#include "rays.cl"
+#include "receiver.cl"
+#include "texel_starts.cl"
+
 // Points of a texel from which a lift is tried, in texels from its centre.
 __constant float2 TRIED[5] = {{0.0f, 0.0f}, {-0.4f, -0.4f}, {0.4f, -0.4f}, {-0.4f, 0.4f}, {0.4f, 0.4f}};
 

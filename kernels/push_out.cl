@@ -1,3 +1,7 @@
+#include "rays.cl"
+#include "receiver.cl"
+#include "looks.cl"
+
 // Points inside of something: what they see are backs, and fronts that are inside, too. Rays in the plane of the
 // surface look for the nearest back; of points that see nothing but backs the way out ends just outside of it.
 

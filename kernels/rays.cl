@@ -1,3 +1,6 @@
+#pragma once
+#include "image_borders.cl"
+
 // Rays through a bounding volume hierarchy of triangles: nodes of WIDTH boxes, leaves of packets of PACKET
 // triangles, RECORD floats each, at most STACK nodes to come back to (engine/visibility/rays/bvh.py). CUTOUTS is
 // defined for scenes with see-through surfaces.

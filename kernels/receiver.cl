@@ -1,3 +1,5 @@
+#pragma once
+
 // Where light is received: a patch, the start of its rays, directions around its normal.
 
 // A record (engine/visibility/rays/receivers.py), and what follows from it.

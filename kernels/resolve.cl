@@ -1,3 +1,6 @@
+#include "hemicube.cl"
+#include "identity.cl"
+
 // Identity hemicubes that were drawn into a texture array become rows of patch numbers.
 
 // Where texel (x, y) of a hemicube is in a texture array of `rows` x `columns` hemicubes of 3n x n a layer.

@@ -1,3 +1,5 @@
+#include "footprint.cl"
+
 // What both sides of seams show: light that differs may be parted by what stands there (engine/finish/parted_seams.py).
 
 // Marks: light of both sides differs, or is not known of both; one side at least reads what nobody sees.

@@ -1,3 +1,6 @@
+#pragma once
+#include "rays.cl"
+
 // Triangles that reach into a shaft, a convex space around rays to be cast (Haines and Wallace, "Shaft Culling for
 // Efficient Ray-Traced Radiosity", 1991). Where none do, nothing is in the way of these rays; a few are tested without a
 // descent. For processors: on a card the items of a warp would wait for the one with the widest shaft.

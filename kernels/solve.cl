@@ -1,3 +1,5 @@
+#include "channels.cl"
+
 // Sums over all patches and mixtures of iterates, for Anderson's acceleration (engine/solve/anderson.py).
 // COLUMNS is the number of iterates kept. The newest one is `newest` of the ring; those that are not
 // valid yet hold zeros.

@@ -1,3 +1,9 @@
+#include "receiver.cl"
+#include "tilt.cl"
+#include "identity.cl"
+#include "views.cl"
+#include "open_sky.cl"
+
 // The static light, which no bounce changes: that of the surroundings where kept samples meet them, and that of
 // the backs, which is known. One patch a group, of the rows of patches from `cached_from` on.
 

@@ -1,3 +1,5 @@
+#pragma once
+
 // Work items are texels of images: column, row, image.
 
 #define AT(x, y) (((size_t)get_global_id(2) * height + (y)) * width + (x))

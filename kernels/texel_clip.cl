@@ -1,3 +1,5 @@
+#pragma once
+
 // What a triangle covers of a texel: a polygon, and the areas of its fan of triangles around its first corner.
 
 #define MOST_CORNERS 7  // of a triangle that is clipped at four lines

@@ -1,3 +1,5 @@
+#pragma once
+
 // Corners of a triangle, texels, from a point, which float32 holds exactly.
 void corners_at(__global const float *uvs, const int triangle, const int resolution, const float2 point,
                 float2 *corners)

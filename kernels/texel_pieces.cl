@@ -1,3 +1,6 @@
+#include "texel_corners.cl"
+#include "texel_clip.cl"
+
 // What triangles cover of texels that they do not fill: conservative rasterisation of lightmap UVs, and points within
 // (engine/patches/texel_pieces.py). Positions are relative to a texel or row, so that large lightmaps stay exact.
 

@@ -1,3 +1,7 @@
+#pragma once
+#include "rays.cl"
+#include "receiver.cl"
+
 // Where rays of a texel start: at points of it that no face parts from its centre. What lies beyond such a face is
 // inside of something, or on the other side of a wall: it has other light, which nobody sees there.
 

@@ -1,3 +1,5 @@
+#include "image_borders.cl"
+
 // Means of textures over the texels of patches, and images averaged over squares of their pixels.
 
 // IEC 61966-2-1.

@@ -1,3 +1,5 @@
+#include "texel_corners.cl"
+
 // Patches that are farther from the centre of their texels, in texels, than rounding explains
 // (engine/finish/lightmap_points.py).
 __kernel void find_thin(__global const float *uvs, __global const int *triangles, __global const float *barycentrics,

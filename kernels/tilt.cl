@@ -1,3 +1,5 @@
+#pragma once
+
 // What light is to tilted normals: E(n')/pi = E(n)/pi + l1 . (n' - n), a vector l1 for each channel.
 
 // rgb of each axis of the world; adding to it is free unless DIRECTIONAL is defined.

@@ -1,3 +1,5 @@
+#include "bvh.cl"
+
 // The tree over clusters of triangles (engine/visibility/rays/treetop.py): ranges of clusters are split from the top down,
 // all of a level at a time, where the surface area heuristic finds it cheapest (binned; Wald 2007).
 //

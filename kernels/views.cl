@@ -1,3 +1,7 @@
+#pragma once
+#include "receiver.cl"
+#include "hemicube.cl"
+
 // The views of patches: where each looks from, and the directions and weights of its samples. COSINE: these are
 // distributed by the cosine and weigh the same; else they are the texels of a hemicube.
 

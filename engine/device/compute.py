@@ -18,7 +18,7 @@ from .program_cache import ProgramCache, build, device_digest
 from .record import Record
 from .shared_buffers import SharedBuffers
 from .slices import SliceSize
-from .source import kernel_source
+from .source import program_source
 from .staging import Staging
 from .starters import keep_starters_in_memory
 from .work_sizes import ON_PROCESSOR, KeptWorkSizes, WorkSizes
@@ -26,7 +26,7 @@ from .work_sizes import ON_PROCESSOR, KeptWorkSizes, WorkSizes
 #: Least size of arrays that travel through page-locked memory, bytes.
 _STAGED = 1 << 17
 
-#: Files of kernels/ and records, one after another.
+#: Records and main files of kernels/, one after another; files include what they need.
 Source = tuple[str | Record, ...]
 
 #: What a program is built of, and its options.
@@ -121,7 +121,7 @@ class Compute:
         return bool(self.device.platform.name == "Portable Computing Language")
 
     def kernels(self, source: str | Source, *names: str, options: Sequence[str] = ()) -> list[Kernel]:
-        """Build kernels/<source>, or several files and records one after another.
+        """Build kernels/<source>, or several records and main files one after another.
 
         Returns kernels in the names' order. Who asks for a kernel again gets the same one: making one takes
         a while.
@@ -166,7 +166,7 @@ class Compute:
         self._programs.stop()
 
     def _text(self, parts: Source) -> str:
-        return "\n".join(map(kernel_source, (*self._prelude, *parts)))
+        return program_source((*self._prelude, *parts))
 
     def slice_size(self, *work: object) -> SliceSize:
         """Return how many items a slice of some work has, as earlier work has shown that is called the same.

@@ -15,31 +15,46 @@ _ROOT = Path(__file__).resolve().parents[2]
 #: Folders whose files decide the bits of a bake.
 _PARTS = ("engine", "kernels", "shaders")
 
+#: First line of a file that a program includes once, and the line that includes a file.
+_GUARD, _INCLUDE = "#pragma once\n", re.compile(r'^#include "(.+)"$', flags=re.MULTILINE)
+
 
 def shader_source(name: str, features: Sequence[str] = ()) -> str:
     """Return the text of shaders/<name>, with the names of features defined after its first line.
 
-    The first line is the #version. A line `#include "other"` stands for the text of shaders/other.
+    The first line is the #version. A line `#include "other"` includes shaders/other.
     A fragment shader also gets shaders/<feature>.glsl where that exists.
     """
-    version, _, rest = _included(name).partition("\n")
+    version, _, rest = _included("shaders", name, set()).partition("\n")
     lines = [version, *(f"#define {feature.upper()}" for feature in features)]
     parts = [_ROOT / "shaders" / f"{feature}.glsl" for feature in features if name.endswith(".frag")]
     lines += [path.read_text(encoding="utf-8") for path in parts if path.exists()]
     return "\n".join([*lines, rest])
 
 
-def _included(name: str) -> str:
-    """Return the text of shaders/<name> with other files instead of #include lines."""
-    text = (_ROOT / "shaders" / name).read_text(encoding="utf-8")
-    return re.sub(r'^#include "(.+)"$', lambda found: _included(found[1]), text, flags=re.MULTILINE)
+def program_source(parts: Sequence[str | Record]) -> str:
+    """Return the text of an OpenCL program: declarations of records, and files of kernels/.
+
+    A line `#include "other.cl"` includes kernels/other.cl. Files with an include guard are included once.
+    """
+    once = set[str]()
+    return "\n".join(
+        part.declaration if isinstance(part, Record) else _included("kernels", part, once) for part in parts
+    )
 
 
-def kernel_source(part: str | Record) -> str:
-    """Return the text of kernels/<part>, or the declaration of a record's struct."""
-    if isinstance(part, Record):
-        return part.declaration
-    return (_ROOT / "kernels" / part).read_text(encoding="utf-8")
+def _included(folder: str, name: str, once: set[str]) -> str:
+    """Return the text of <folder>/<name> with the texts of other files in place of #include lines.
+
+    once: files of this text that begin with the include guard `#pragma once`. They are included only once.
+    """
+    if name in once:
+        return ""
+    text = (_ROOT / folder / name).read_text(encoding="utf-8")
+    if text.startswith(_GUARD):
+        once.add(name)
+        text = text.removeprefix(_GUARD)
+    return _INCLUDE.sub(lambda found: _included(folder, found[1], once), text)
 
 
 @cache

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.compute import Source
 from ..device.record import Record
 from ..patches.geometry import PatchGeometry
 from ..patches.subdivision import Subdivision
@@ -15,8 +14,8 @@ from ..scene.model import Light
 from ..scene.triangles import Triangles
 from ..segment_sums import segment_sums
 from ..short_rows import any_in_rows, largest_in_rows
-from ..visibility.rays.receivers import RECEIVER_SOURCE
-from .modulation import MODULATION_SOURCE, is_modulated
+from ..visibility.rays.receivers import RECEIVER
+from .modulation import MODULATION, is_modulated
 
 #: A triangle is sampled if its radiance is at least this multiple of the mean that surfaces emit.
 _BRIGHT = 10.0
@@ -63,8 +62,8 @@ EMITTER = Record(
     ("int", "light_group", "number of its light group; 0 where groups are not separated"),
 )
 
-#: What kernels on emitters are built from.
-EMITTER_SOURCE: Source = (*RECEIVER_SOURCE, *MODULATION_SOURCE, EMITTER, "emitters.cl")
+#: Records that kernels/emitters.cl needs.
+EMITTER_RECORDS: tuple[Record, ...] = (RECEIVER, MODULATION, EMITTER)
 
 #: The `cos_half_angle` of what shines in all directions.
 NO_CONE = -2.0

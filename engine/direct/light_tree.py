@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.compute import Source
 from ..device.record import Record
-from .emitters import EMITTER, EMITTER_SOURCE, POINT, SKY_MAP, SUN
+from .emitters import EMITTER, EMITTER_RECORDS, POINT, SKY_MAP, SUN
 
 #: An inner node: what all emitters below it send out. Along a unit vector w that is
 #: alike + directed * (normal . w + sqrt(w . M w)), M a symmetric matrix.
@@ -31,7 +30,7 @@ LIGHT_NODE = Record(
 )
 
 #: What kernels on the tree are built from.
-LIGHT_TREE_SOURCE: Source = (*EMITTER_SOURCE, LIGHT_NODE, "light_tree.cl")
+LIGHT_TREE_RECORDS: tuple[Record, ...] = (*EMITTER_RECORDS, LIGHT_NODE)
 
 
 #: The fields that bounds are made of.

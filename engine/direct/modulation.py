@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..device.compute import Source
 from ..device.record import Record
 from ..scene.model import Light
 
@@ -20,9 +19,6 @@ MODULATION = Record(
     ("int", "falloff_power", "of the distance, m"),
     ("float", "falloff_smooth", "m^2"),
 )
-
-#: What kernels on modulations are built from.
-MODULATION_SOURCE: Source = (MODULATION, "modulation.cl")
 
 
 def is_modulated(light: Light) -> bool:

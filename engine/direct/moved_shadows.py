@@ -9,7 +9,7 @@ from ..device.buffers import upload
 from ..device.record import Record
 from ..patches.moved import ball_around
 from ..visibility.rays.ray_scene import RayScene
-from ..visibility.rays.receivers import RECEIVER_SOURCE
+from ..visibility.rays.receivers import RECEIVER
 from .emitters import POINT, SKY_MAP, SUN
 
 #: Kinds of balls: around a light at hand, a direction to one, and everywhere.
@@ -41,7 +41,7 @@ def patches_in_moved_shadows(
     """
     compute, lights = rays.compute, _balls(emitters)
     codes = tuple(f"-D{name}={code}" for code, name in enumerate(("NEAR", "FAR", "EVERYWHERE")))
-    source = (*RECEIVER_SOURCE, LIGHT_BALL, "moved_shadows.cl")
+    source = (RECEIVER, LIGHT_BALL, "moved_shadows.cl")
     (mark,) = compute.kernels(source, "mark_moved_shadows", options=codes)
     marks = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, rays.count)
     compute.run(

@@ -26,12 +26,10 @@ from ..scene.model import Light
 from ..settings import MOST_LIGHTS, Settings
 from ..visibility.identity import directional_options
 from ..visibility.rays.ray_scene import RayScene
-from .emitters import EMITTER, EMITTER_SOURCE, BrightTriangles, lamp_records, sky_record, surface_records
-from .light_tree import LIGHT_NODE, LIGHT_TREE_SOURCE, build_light_tree
+from .emitters import EMITTER, EMITTER_RECORDS, BrightTriangles, lamp_records, sky_record, surface_records
+from .light_tree import LIGHT_NODE, LIGHT_TREE_RECORDS, build_light_tree
 from .modulation import pack_modulations
 from .sky import Sky, SkyDistribution
-
-_SOURCE = (*LIGHT_TREE_SOURCE, "tilt.cl", "texel_starts.cl", "shaft.cl", "blockers.cl", "direct.cl")
 
 
 class Casting(Protocol):
@@ -72,7 +70,7 @@ class ShadowRays:
         self._compute, self._rays, self._settings = compute, rays, settings
         self._count, self._triangles = receivers.count, len(parts.triangles.mesh).bit_length()
         options = directional_options(settings)
-        (self._direct,) = rays.kernels(_SOURCE, "direct", options=options)
+        (self._direct,) = rays.kernels((*LIGHT_TREE_RECORDS, "direct.cl"), "direct", options=options)
         self._receivers, self._mesh = receivers.receivers, parts.triangles.mesh
         self._l1 = zeros(compute, 48 * self._count) if settings.directional else None
 
@@ -152,8 +150,7 @@ class ShadowRays:
         """
         reach = np.float32(self._settings.ao_distance or np.inf)
         arguments = (np.int32(self._settings.ao_samples), reach, np.uint32(self._settings.seed))
-        files = (*EMITTER_SOURCE, "texel_starts.cl", "opening.cl", "occlusion.cl")
-        (occlusion,) = self._rays.kernels(files, "occlusion")
+        (occlusion,) = self._rays.kernels((*EMITTER_RECORDS, "occlusion.cl"), "occlusion")
         samples = self._settings.ao_samples
         result = yield from self._sliced(occlusion, samples, arguments, self._count)
         return download(self._compute, result, (self._count, 4))[:, 0].copy()

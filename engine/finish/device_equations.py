@@ -10,7 +10,6 @@ from ..device.compute import Compute
 from ..patches.seams import Seams
 from .lightmap_points import LightmapPoints
 
-_SOURCE = ("footprint.cl", "links.cl", "display_equations.cl")
 _NAMES = (
     "mark_points", "mark_seams", "unknown_texels", "number_texels", "find_points", "link_texels",
     "smooth_links", "seam_rows", "list_entries", "order_entries",
@@ -42,7 +41,7 @@ class DeviceEquations:
 
     def __init__(self, compute: Compute, centres: np.ndarray, beside: LightmapPoints, seams: Seams) -> None:
         self._compute, self.resolution, self.size = compute, centres.shape[1], centres.size
-        self._kernels = dict(zip(_NAMES, compute.kernels(_SOURCE, *_NAMES), strict=True))
+        self._kernels = dict(zip(_NAMES, compute.kernels("display_equations.cl", *_NAMES), strict=True))
         self.points, self.seams = len(beside), len(seams)
         self.centre = upload(compute, centres.view(np.uint8))
         self.positions = self._uploaded(beside.position, np.float32)

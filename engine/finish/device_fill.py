@@ -50,7 +50,7 @@ class DeviceFill:
         reach: int,
     ) -> None:
         self._compute, self._rings = compute, min(rings, reach)
-        self._kernels = dict(zip(_NAMES, compute.kernels(("texel.cl", "fill.cl"), *_NAMES), strict=True))
+        self._kernels = dict(zip(_NAMES, compute.kernels("fill.cl", *_NAMES), strict=True))
         shape = (len(inside), inside.shape[1], inside.shape[2])
         in_row, self._distance = (self._buffer(2, shape) for _ in range(2))
         seeds, self._surface = (upload(compute, mask.view(np.uint8)) for mask in (known, surface))

@@ -11,7 +11,6 @@ from ..device.buffers import download, upload, words_of, zeros
 from ..device.compute import Compute
 from .device_equations import DeviceEquations
 
-_SOURCE = ("footprint.cl", "links.cl", "display_fit.cl")
 _NAMES = (
     "sum_points", "spread_along_links", "spread_along_seams", "widen_ranges", "ranges_of_seams", "bound",
     "range_of_all", "differences", "begin_run", "curve", "advance", "turn", "add_up", "hold", "keep_texels",
@@ -36,7 +35,7 @@ class DeviceFit:
 
     def __init__(self, compute: Compute, equations: DeviceEquations, tight: bool = False) -> None:
         self._compute, self._equations, self._tight = compute, equations, np.int32(tight)
-        self._kernels = dict(zip(_NAMES, compute.kernels(_SOURCE, *_NAMES), strict=True))
+        self._kernels = dict(zip(_NAMES, compute.kernels("display_fit.cl", *_NAMES), strict=True))
         count = self._count = np.int32(equations.count)
         self._rows = (
             equations.neighbours, equations.factors, equations.linked, equations.starts, equations.read_by,

@@ -12,7 +12,7 @@ from ..device.compute import Compute
 from ..device.values import DeviceValues, Values, rows_on_device
 from .device_fill import DeviceFill
 
-_SOURCE = ("texel.cl", "images.cl")
+_SOURCE = "images.cl"
 
 #: No texel, in kernels/images.cl.
 NOWHERE = 0xFFFFFFFF

@@ -65,7 +65,7 @@ def find_edges(compute: Compute, entries: np.ndarray, known: PatchLight) -> tupl
     """
     options = [f"-D{name}={value}" for name, value in _OPTIONS.items()]
     names = "find_edges", "noise_of_blocks", "mark_edges"
-    find, tell_noise, mark = compute.kernels(("texel.cl", "edges.cl"), *names, options=options)
+    find, tell_noise, mark = compute.kernels("edges.cl", *names, options=options)
     atlases, side, _ = entries.shape
     blocks = -(-side // _BLOCK)
     sizes = 4 * entries.size, 4 * atlases * blocks**2, words_of(entries.size)

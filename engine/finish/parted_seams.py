@@ -62,7 +62,7 @@ def without_parted(
 
 def _compared(compute: Compute, seams: Seams, light: DeviceTexels, texels: np.ndarray) -> np.ndarray:
     """Return the marks of seams, (p,) uint8, from light and marks of texels, (atlases, r, r) uint8."""
-    (kernel,) = compute.kernels(("footprint.cl", "seam_sides.cl"), "compare_sides")
+    (kernel,) = compute.kernels("seam_sides.cl", "compare_sides")
     found = zeros(compute, words_of(len(seams)))
     sides = seams.texel.astype(np.float32), seams.atlas.astype(np.int32, copy=False)
     buffers = [*(upload(compute, array) for array in sides), light.buffer, upload(compute, texels)]

@@ -13,7 +13,7 @@ from ..device.kernel import Kernel
 from ..patches.geometry import PatchGeometry
 from ..short_rows import joined_rows, row_products, some_rows
 from ..visibility.rays.ray_scene import RayScene
-from ..visibility.rays.receivers import RECEIVER_SOURCE
+from ..visibility.rays.receivers import RECEIVER
 
 #: Two sides face apart if the cosine between their normals is less: those of a corner do not.
 _APART = -0.9
@@ -61,7 +61,7 @@ def ways_out(scene: RayScene, count: int, reach: float, normals: np.ndarray) -> 
     normals: (t, 3) float32, unit, of the triangles.
     """
     compute, rays = scene.compute, scene.rays
-    push, take = rays.kernels((*RECEIVER_SOURCE, "looks.cl", "push_out.cl"), "push_out", "take_ways")
+    push, take = rays.kernels((RECEIVER, "push_out.cl"), "push_out", "take_ways")
     found = [cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size * count) for size in (16, 4, 8)]
     marks, number = zeros(compute, words_of(count)), np.int32(count)
     inputs = scene.receivers, upload_once(compute, normals), np.float32(reach)

@@ -11,7 +11,6 @@ from ..runs import run_starts
 from .device_images import NOWHERE, DeviceTexels
 from .display_samples import DisplaySamples
 
-_SOURCE = ("footprint.cl", "texel_means.cl")
 _NAMES = (
     "list_samples", "look_at_texels", "mark_cut", "mark_beyond", "texel_means", "range_of_all", "fit_planes",
     "go_beyond", "begin_fit", "step_of_fit",
@@ -52,7 +51,7 @@ class TexelMeans:
         self, compute: Compute, samples: DisplaySamples, visible: np.ndarray, shape: tuple[int, ...]
     ) -> None:
         self._compute, self._resolution = compute, np.int32(shape[1])
-        self._kernels = dict(zip(_NAMES, compute.kernels(_SOURCE, *_NAMES), strict=True))
+        self._kernels = dict(zip(_NAMES, compute.kernels("texel_means.cl", *_NAMES), strict=True))
         keys = samples.keys(shape[1])
         starts = run_starts(keys)
         texels, self._count = keys[starts], len(starts)

@@ -23,8 +23,7 @@ class GatherKernels:
         self._compute, self._queue = compute, compute.queue
         options = (*identity_options(sampling.sample_bytes), f"-DLIGHT_GROUPS={groups}")
         options += ("-DEVEN",) if sampling.even else ()
-        files = ("hemicube.cl", "tilt.cl", "identity.cl", "gather.cl")
-        self._gather, self._take = compute.kernels(files, "gather", "take", options=options)
+        self._gather, self._take = compute.kernels("gather.cl", "gather", "take", options=options)
         multiplier = np.zeros(4, np.float32) if sampling.multiplier is None else sampling.multiplier
         self._multiplier = upload(compute, multiplier)
         self._quads = np.int32(sampling.samples // 4)

@@ -10,7 +10,7 @@ from ..patches.moved import ball_around, moved_triangles
 from ..patches.subdivision import Subdivision
 from ..visibility.rays.identity import MovedBuffers
 from ..visibility.rays.ray_scene import RayScene
-from ..visibility.rays.receivers import RECEIVER_SOURCE
+from ..visibility.rays.receivers import RECEIVER
 
 #: More triangles than a scene has, by this number, and looking anew is quicker.
 _MORE = 1 << 13
@@ -75,6 +75,6 @@ def _moved_views(rays: RayScene, before: cl.Buffer, marked: cl.Buffer | None) ->
     views = zeros(compute, -(-count // 4) * 4)
     if marked is not None:
         cl.enqueue_copy(compute.queue, views, marked)
-    (mark,) = compute.kernels((*RECEIVER_SOURCE, "moved_views.cl"), "mark_moved_views")
+    (mark,) = compute.kernels((RECEIVER, "moved_views.cl"), "mark_moved_views")
     compute.run(mark, count, before, rays.receivers, views, np.int32(count))
     return views

@@ -21,7 +21,7 @@ class HemicubeIntegrator:
         """sky: (h, w, 3) float32 radiance, equirectangular as `Scene.world`, seen where a is 2."""
         self._queue, self._tiles = compute.queue, tiles
         self._multiply, self._reduce_row, self._reduce_column = compute.kernels(
-            ("hemicube.cl", FRAME, "integrate.cl"), "multiply", "reduce_row", "reduce_column"
+            (FRAME, "integrate.cl"), "multiply", "reduce_row", "reduce_column"
         )
         flags = cl.mem_flags
         multiplier = multiplier_map(tiles.n)

@@ -63,9 +63,8 @@ class RemoteSweep:
 
     def __init__(self, compute: Compute, remote: RemoteGather, count: int) -> None:
         self._compute, self._remote, self._count = compute, remote, count
-        files = ("hemicube.cl", "tilt.cl", "identity.cl", "gather.cl")
         options = (*identity_options(4), "-DLIGHT_GROUPS=1")
-        (self._take,) = compute.kernels(files, "take", options=options)
+        (self._take,) = compute.kernels("gather.cl", "take", options=options)
         (self._join,) = compute.kernels("half_light.cl", "join")
         self._gathered = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count)
         self._views: list[cl.Buffer] = []

@@ -12,12 +12,9 @@ from ..device.compute import Compute
 from ..device.slices import sliced
 from ..settings import Settings
 from ..visibility.identity import Sampling, directional_options, identity_options
-from ..visibility.rays.receivers import RECEIVER_SOURCE
+from ..visibility.rays.receivers import RECEIVER
 from ..visibility.views.hemicube import rotation_salt
 from .kept_samples import Rows
-
-#: What such kernels need beside their own files.
-_SOURCE = (*RECEIVER_SOURCE, "hemicube.cl", "tilt.cl", "identity.cl", "views.cl")
 
 
 class RowKernel:
@@ -37,9 +34,9 @@ class RowKernel:
         settings: Settings,
         pattern: np.ndarray,
         name: str,
-        *files: str,
+        file: str,
     ) -> None:
-        """Build a kernel of files.
+        """Build a kernel of a file.
 
         receivers  records of the patches, see `RayScene.receivers`
         pattern    of samples that all weigh the same; others have their multipliers in its place
@@ -47,7 +44,7 @@ class RowKernel:
         self._compute, self._receivers = compute, receivers
         options = (*identity_options(sampling.sample_bytes), *directional_options(settings))
         options += ("-DCOSINE",) if sampling.even else ()
-        (self._kernel,) = compute.kernels((*_SOURCE, *files), name, options=options)
+        (self._kernel,) = compute.kernels((RECEIVER, file), name, options=options)
         self._samples = (
             upload(compute, pattern if sampling.multiplier is None else sampling.multiplier),
             np.int32(sampling.samples), np.int32(settings.hemicube),

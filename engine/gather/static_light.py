@@ -38,7 +38,7 @@ class StaticLight:
         self._compute, self._surroundings = compute, surroundings
         self._add = RowKernel(
             compute, sampling, receivers, settings, r2_sequence(sampling.samples),
-            "add_surroundings", "open_sky.cl", "static_light.cl",
+            "add_surroundings", "static_light.cl",
         )  # fmt: skip
         self.light = zeros(compute, 16 * count)
         self.l1 = zeros(compute, 48 * count) if settings.directional else None

@@ -22,7 +22,7 @@ OFFSETS = sorted(
 WITHIN = 0.499
 
 #: The program of border texels, patches on edges and edges that lie near: one is built faster than three.
-SOURCE = ("texel_corners.cl", "texel_clip.cl", "border_texels.cl", "edge_patches.cl", "edge_neighbours.cl")
+SOURCE = ("border_texels.cl", "edge_patches.cl", "edge_neighbours.cl")
 OPTIONS = (f"-DWITHIN={WITHIN}f",)
 
 

@@ -18,7 +18,6 @@ from ..short_rows import joined_rows, some_rows
 #: Least area of a piece, of a texel: what is smaller comes from rounding.
 _LEAST_PIECE = 1e-6
 
-_SOURCE = ("texel_corners.cl", "texel_clip.cl", "texel_pieces.cl")
 _NAMES = ("border_texels", "piece_areas", "points_in_texels", "list_points")
 
 #: Bytes of a triangle, a texel, barycentrics, a position and a weight.
@@ -84,7 +83,7 @@ class TexelClipper:
 
     def __init__(self, compute: Compute, triangles: Triangles, resolution: int) -> None:
         self.compute, self._triangles, self._resolution = compute, triangles, resolution
-        self._kernels = dict(zip(_NAMES, compute.kernels(_SOURCE, *_NAMES), strict=True))
+        self._kernels = dict(zip(_NAMES, compute.kernels("texel_pieces.cl", *_NAMES), strict=True))
         self._uvs = upload(compute, triangles.uvs.astype(np.float32, copy=False))
         self._listed: dict[int, tuple] = {}
 

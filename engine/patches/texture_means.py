@@ -19,8 +19,6 @@ from .textured import SAMPLES, TexturedPatches, averaged_size
 #: Bytes of an image that are shrunk at a time.
 _STRIP = 1 << 26
 
-_SOURCE = ("image_borders.cl", "texture_means.cl")
-
 
 class TextureMeans:
     """Multiplies values of patches by the means of textures over their texels.
@@ -34,7 +32,8 @@ class TextureMeans:
         self._points = upload_once(compute, geometry.triangle), upload_once(compute, geometry.barycentric)
         self._image: tuple[tuple, cl.Buffer] | None = None
         options = (f"-DSAMPLES={SAMPLES}",)
-        self._mean, self._shrink = compute.kernels(_SOURCE, "texture_mean", "shrink", options=options)
+        names = "texture_mean", "shrink"
+        self._mean, self._shrink = compute.kernels("texture_means.cl", *names, options=options)
 
     def multiply(self, values: Values, maps: Sequence[tuple[TexturedPatches, Texture]]) -> None:
         """Multiply values of patches, (n, 3) float32 in rows of three, by textures of their materials."""

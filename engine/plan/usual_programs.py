@@ -20,7 +20,7 @@ from ..visibility.samples import sample_bytes
 from ..visibility.views.viewpoints import FRAME
 
 #: Made by tools/usual_programs.py: parts and options of each program, in the order in which a bake asks for
-#: them. Parts are files of kernels/, and records by their struct's name.
+#: them. Parts are records by the names of their structs, and main files of kernels/.
 PROGRAMS = Path(__file__).resolve().parents[2] / "kernels" / "usual_programs.json"
 
 #: Records that kernels and host share, by the name of their struct.
@@ -29,8 +29,9 @@ _RECORDS = {
     for record in (BOX, CUTOUT, EMITTER, FRAME, LIGHT_NODE, LINK, MODULATION, RECEIVER, TEXEL_STEP)
 }
 
-#: Options of narrow samples and of see-through surfaces; the latter follows another one in what casts rays.
-_NARROW, _CUTOUTS, _BEFORE_CUTOUTS, _RAYS = "-DNARROW", "-DCUTOUTS", "-DSTACK", "rays.cl"
+#: Options of narrow samples and of see-through surfaces; the latter follows another one where rays are
+#: traced.
+_NARROW, _CUTOUTS, _BEFORE_CUTOUTS = "-DNARROW", "-DCUTOUTS", "-DSTACK"
 
 #: Texels of a lightmap that patches are on, about.
 _COVERED = 0.75
@@ -49,7 +50,7 @@ def _listed(narrow: bool, cutouts: bool) -> list[ProgramParts]:
     return [
         (
             tuple(_RECORDS.get(part, part) for part in parts),
-            _fitting(options, narrow, cutouts and _RAYS in parts),
+            _fitting(options, narrow, cutouts and CUTOUT.name in parts),
         )
         for parts, options in listed
     ]

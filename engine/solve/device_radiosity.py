@@ -58,7 +58,7 @@ class DeviceRadiosity:
         self.columns, self._pairs = columns, np.triu_indices(columns)
         names = ("products", "mix_iterates", "balance", "add_up")
         options = (f"-DCOLUMNS={columns}",)
-        kernels = compute.kernels(("channels.cl", "solve.cl"), *names, options=options)
+        kernels = compute.kernels("solve.cl", *names, options=options)
         self._products, self._mix, self._balance, self._add_up = kernels
         (self._send_out,) = compute.kernels("send_out.cl", "send_out")
         self._emission, self._reflectance = emission, float4_once(compute, reflectance)

@@ -9,7 +9,7 @@ from ..device.buffers import download, upload, upload_once
 from ..patches.subdivision import Subdivision
 from ..scene.color import channel_sum
 from ..visibility.rays.ray_scene import RayScene
-from ..visibility.rays.receivers import RECEIVER_SOURCE
+from ..visibility.rays.receivers import RECEIVER
 
 #: Light that is less or more than these parts of the mean counts as if it were that bright.
 _DARK, _BRIGHT = 0.05, 2.0
@@ -36,8 +36,8 @@ class Interpolation:
         """
         self.leader, self._opening = leader, opening
         self._compute, self._receivers = rays.compute, rays.receivers
-        files = (*RECEIVER_SOURCE, "channels.cl", "interpolate.cl")
-        self._interpolate, self._spread = self._compute.kernels(files, "interpolate", "spread")
+        source = RECEIVER, "interpolate.cl"
+        self._interpolate, self._spread = self._compute.kernels(source, "interpolate", "spread")
         patches = parts.patches
         numbers = group.astype(np.int32), leader.astype(np.int32)
         self._count = len(patches)

@@ -20,7 +20,7 @@ from ..device.values import colors_on_host
 from ..patches.subdivision import Subdivision
 from ..patches.surfaces import PatchSurfaces
 from ..visibility.rays.ray_scene import RayScene
-from ..visibility.rays.receivers import RECEIVER_SOURCE
+from ..visibility.rays.receivers import RECEIVER
 
 #: Squares of patches that a work group has along u and v, where the device allows that size.
 _SQUARES = 8
@@ -147,7 +147,7 @@ def leaders(
     width     of a square, texels
     """
     compute, patches = rays.compute, parts.patches
-    (group_patches,) = compute.kernels((*RECEIVER_SOURCE, "patch_groups.cl"), "group_patches")
+    (group_patches,) = compute.kernels((RECEIVER, "patch_groups.cl"), "group_patches")
     lookup, texels = upload_once(compute, parts.texel_to_patch), upload_once(compute, patches.texel)
     arrays = (parts.geometry.material, radiance, inside.view(np.uint8))
     materials, light, apart = (upload(compute, array) for array in arrays)

@@ -5,7 +5,7 @@ import numpy as np
 from engine.device import compute as module
 from engine.device.buffers import download, upload, zeros
 from engine.device.compute import Compute
-from engine.visibility.rays.receivers import RECEIVER_SOURCE
+from engine.visibility.rays.receivers import RECEIVER
 
 _PROBE = """
 __kernel void probe(__global const float2 *square, __global float2 *points)
@@ -17,13 +17,15 @@ __kernel void probe(__global const float2 *square, __global float2 *points)
 
 def test_points_of_the_square_lie_on_the_disk_by_area(compute: Compute, monkeypatch) -> None:
     """Also at whole quarters and eighths of a turn, several turns on, in the middle and on the rim."""
-    real = module.kernel_source
-    monkeypatch.setattr(module, "kernel_source", lambda part: _PROBE if part == "probe" else real(part))
+    real = module.program_source
+    monkeypatch.setattr(
+        module, "program_source", lambda parts: real(parts) + _PROBE * ("receiver.cl" in parts)
+    )
     random = np.random.default_rng(3)
     square = random.random((10_007, 2), np.float32)
     square[:800, 1] = np.arange(800) / 16
     square[::7, 0], square[::11, 0] = 0, 1
-    (probe,) = compute.kernels((*RECEIVER_SOURCE, "probe"), "probe")
+    (probe,) = compute.kernels((RECEIVER, "receiver.cl"), "probe")
     points = zeros(compute, 8 * len(square))
     probe(compute.queue, (len(square),), None, upload(compute, square), points)
     angle, radius = 2 * np.pi * square[:, 1].astype(float), np.sqrt(square[:, 0].astype(float))

@@ -4,10 +4,13 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from engine.device.source import kernel_source
-from engine.direct.emitters import EMITTER_SOURCE, BrightTriangles, lamp_records, surface_records
+from engine.device.source import program_source
+from engine.direct.emitters import EMITTER_RECORDS, BrightTriangles, lamp_records, surface_records
 from engine.scene.model import Light
 from engine.scene.triangles import Triangles
+
+#: The program to which each test adds a kernel.
+_SOURCE = program_source((*EMITTER_RECORDS, "emitters.cl"))
 
 #: Clips to a plane through the origin; what lies beyond the fifth corner has to stay as it is.
 CLIPPING = """
@@ -29,7 +32,7 @@ __kernel void clipped(__global const float4 *quads, __global const float4 *norma
 
 def clipped(compute, quads, normals):
     """Return how many corners are left of each quad, (n,), and which, (n, 8, 3), NaN for the others."""
-    source = "\n".join([*map(kernel_source, EMITTER_SOURCE), CLIPPING])
+    source = _SOURCE + CLIPPING
     kernel = cl.Kernel(cl.Program(compute.context, source).build(), "clipped")
     padded = [np.zeros((*array.shape[:-1], 4), np.float32) for array in (quads, normals)]
     for target, array in zip(padded, (quads, normals), strict=True):
@@ -74,7 +77,7 @@ def test_the_numbers_of_emissive_triangles_are_exact_however_many_there_are(comp
         result[i] = records[i].triangle;
     }"""
     kernel = cl.Kernel(
-        cl.Program(compute.context, "\n".join([*map(kernel_source, EMITTER_SOURCE), source])).build(),
+        cl.Program(compute.context, _SOURCE + source).build(),
         "numbers",
     )
     result = np.zeros(len(records), np.int32)
@@ -135,7 +138,7 @@ def sampled_directions(compute, corners, points):
 
     corners: (t, 3, 3) unit vectors; points: (m, 2) of the unit square
     """
-    source = "\n".join([*map(kernel_source, EMITTER_SOURCE), DIRECTIONS])
+    source = _SOURCE + DIRECTIONS
     kernel = cl.Kernel(cl.Program(compute.context, source).build(), "directions")
     padded = np.zeros((len(corners), 3, 4), np.float32)
     padded[..., :3] = corners

@@ -6,7 +6,7 @@ import pytest
 
 from engine.device.buffers import upload
 from engine.device.compute import Compute
-from engine.device.source import kernel_source
+from engine.device.source import program_source
 
 #: Of two numbers a, b, and a vector v of a, b and their difference.
 EXACT = {
@@ -55,7 +55,7 @@ def evaluated(compute, formulas, a, b):
         {{ const int i = get_global_id(0); if (i >= count) return;
         const float a = from[i], b = from[count + i]; const float3 v = (float3)(a, b, a - b);
         {stores} }}"""
-    program = cl.Program(compute.context, kernel_source("inlined.cl") + kernel).build()
+    program = cl.Program(compute.context, program_source(("inlined.cl",)) + kernel).build()
     values = np.empty((len(formulas), len(a)), np.float32)
     output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, values.nbytes)
     program.evaluate(

@@ -5,9 +5,9 @@ import pyopencl as cl
 import pytest
 
 from engine.device.compute import Compute
-from engine.device.source import kernel_source
+from engine.device.source import program_source
 from engine.direct.emitters import EMITTER, NO_CONE, POINT
-from engine.direct.light_tree import LIGHT_TREE_SOURCE, build_light_tree
+from engine.direct.light_tree import LIGHT_TREE_RECORDS, build_light_tree
 from engine.visibility.rays.receivers import RECEIVER
 
 #: Counts what patches look at, and how often emitters are chosen; the widths are summed up, too.
@@ -65,7 +65,8 @@ def device():
 
 @pytest.fixture(scope="module")
 def counting(device):
-    return cl.Program(device.context, "\n".join([*map(kernel_source, LIGHT_TREE_SOURCE), COUNTING])).build()
+    source = program_source((*LIGHT_TREE_RECORDS, "light_tree.cl")) + COUNTING
+    return cl.Program(device.context, source).build()
 
 
 def lamps(count, seed=0):

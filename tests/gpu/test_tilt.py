@@ -19,9 +19,9 @@ def tilts(compute, directions, normals, monkeypatch):
     """Return `tilt_of` of kernels/tilt.cl, (n, 3)."""
     from engine.device import compute as module
 
-    real = module.kernel_source
-    monkeypatch.setattr(module, "kernel_source", lambda part: _PROBE if part == "probe" else real(part))
-    (probe,) = compute.kernels(("tilt.cl", "probe"), "probe", options=("-DDIRECTIONAL",))
+    real = module.program_source
+    monkeypatch.setattr(module, "program_source", lambda parts: real(parts) + _PROBE * ("tilt.cl" in parts))
+    (probe,) = compute.kernels("tilt.cl", "probe", options=("-DDIRECTIONAL",))
     result = zeros(compute, 16 * len(directions))
     arrays = (upload_float4(compute, values.astype(np.float32)) for values in (directions, normals))
     probe(compute.queue, (len(directions),), None, *arrays, result)

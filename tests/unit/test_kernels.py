@@ -5,7 +5,13 @@ from pathlib import Path
 
 import pytest
 
+from engine.device.source import program_source
+from engine.direct.emitters import EMITTER
+
 KERNELS = sorted((Path(__file__).resolve().parents[2] / "kernels").glob("*.cl"))
+
+#: A line that includes a file.
+INCLUDE = re.compile(r'^#include "(.+)"$', flags=re.MULTILINE)
 
 #: An array in the memory of all, and an assignment to a part of one of its vectors, with the vector's index.
 ARRAY = re.compile(r"__global [^*(),;]*\*\s*(\w+)")
@@ -22,3 +28,23 @@ def test_parts_of_vectors_are_written_by_one_work_item(path: Path) -> None:
     shared = set(ARRAY.findall(text))
     written = [match.groups() for match in PART.finditer(text)]
     assert all(index.isidentifier() for array, index in written if array in shared)
+
+
+def test_a_program_has_each_included_file_once_and_before_its_user() -> None:
+    """Files are reached by several ways: rays.cl from direct.cl itself and from most of what it includes."""
+    text = program_source((EMITTER, "direct.cl", "occlusion.cl"))
+    assert text.count("typedef struct") > 3 and text.startswith(EMITTER.declaration)
+    for first, then in (
+        ("nearest_hit(", "is_crossed("),
+        ("} L1;", "void add_l1("),
+        ("point_of_texel(", "__kernel"),
+    ):
+        assert text.index(first) < text.index(then)
+    assert text.count("typedef struct {\n    float4 x, y, z;\n} L1;") == 1
+    assert "#include" not in text and "#pragma once" not in text
+
+
+def test_every_included_file_has_a_guard_and_is_there() -> None:
+    included = {name for path in KERNELS for name in INCLUDE.findall(path.read_text(encoding="utf-8"))}
+    guarded = {path.name for path in KERNELS if path.read_text(encoding="utf-8").startswith("#pragma once\n")}
+    assert included and included == guarded

@@ -46,9 +46,8 @@ class RasterIdentity:
         self.samples = len(multiplier)
         size = sample_bytes(parts.sources)
         self.row_bytes = size * self.samples
-        source = ("hemicube.cl", "tilt.cl", "identity.cl", FRAME, "resolve.cl")
         options = (*identity_options(size), *directional_options(settings))
-        (self._resolve,) = compute.kernels(source, "resolve", options=options)
+        (self._resolve,) = compute.kernels((FRAME, "resolve.cl"), "resolve", options=options)
         self._weights = upload(compute, multiplier)
 
     def find(self, first: int, last: int, seen: SeenBuffers) -> Generator[float, None, None]:

@@ -19,7 +19,7 @@ from ..samples import ray_count, sample_bytes
 from ..views.directions import r2_sequence
 from ..views.hemicube import multiplier_map, rotation_salt
 from .ray_scene import RayScene
-from .receivers import RECEIVER_SOURCE
+from .receivers import RECEIVER
 
 
 @dataclass(frozen=True)
@@ -80,8 +80,6 @@ class RayIdentity:
         self.batch = 1
         options = ("-DDITHERED", *identity_options(size), *directional_options(settings))
         options += () if hemicube else ("-DCOSINE",)
-        files = ("hemicube.cl", "tilt.cl", "identity.cl", "views.cl", "open_sky.cl")
-        self._source = (*RECEIVER_SOURCE, *files, "texel_starts.cl", "look_along.cl")
         self._rays, self._options = rays, options
         self._look, self._gather_rays = self._kernels("look.cl", "look", "gather_rays")
         triangles = sources.triangles
@@ -118,7 +116,7 @@ class RayIdentity:
 
     def _kernels(self, file: str, *names: str) -> list[Kernel]:
         """Return kernels of a file that look along the samples of views."""
-        return self._rays.kernels((*self._source, file), *names, options=self._options)
+        return self._rays.kernels((RECEIVER, file), *names, options=self._options)
 
     def _run(
         self, kernel: Kernel, first: int, last: int, outputs: tuple, more: tuple = ()

@@ -6,7 +6,7 @@ import numpy as np
 import pyopencl as cl
 
 from .ray_scene import RayScene
-from .receivers import RECEIVER_SOURCE
+from .receivers import RECEIVER
 
 
 def openness(rays: RayScene, reach: float) -> cl.Buffer:
@@ -15,8 +15,7 @@ def openness(rays: RayScene, reach: float) -> cl.Buffer:
     It is weighted by the cosine. reach: texels from which on nothing is near.
     """
     compute, count = rays.compute, rays.count
-    files = (*RECEIVER_SOURCE, "looks.cl", "texel_starts.cl", "shaft.cl", "openness.cl")
-    (kernel,) = rays.rays.kernels(files, "openness")
+    (kernel,) = rays.rays.kernels((RECEIVER, "openness.cl"), "openness")
     found = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 4 * count)
     rays.rays.run(kernel, count, rays.receivers, np.float32(reach), found, np.int32(count))
     return found

@@ -11,7 +11,7 @@ from ...device.compute import Compute
 from ...errors import DeviceError
 from ...patches.subdivision import Subdivision
 from .rays import Rays
-from .receivers import RECEIVER_SOURCE, pack_receivers
+from .receivers import RECEIVER, pack_receivers
 from .treetop import Treetop
 
 
@@ -59,7 +59,6 @@ class RayScene:
     def receivers(self) -> cl.Buffer:
         """The records of all patches, see `receivers.pack_receivers`; no ray starts beyond another face."""
         records = pack_receivers(self.compute, self._parts.patches, self._parts.geometry)
-        source = (*RECEIVER_SOURCE, "texel_starts.cl", "place_starts.cl")
-        (place,) = self.rays.kernels(source, "place_starts")
+        (place,) = self.rays.kernels((RECEIVER, "place_starts.cl"), "place_starts")
         self.rays.run(place, self.count, records, np.int32(self.count))
         return records

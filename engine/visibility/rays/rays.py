@@ -52,9 +52,8 @@ class Rays:
         self.arguments = (bvh.nodes, bvh.triangles, *(upload(compute, array) for array in arrays))
 
     def kernels(self, source: Source, *names: str, options: tuple[str, ...] = ()) -> list[Kernel]:
-        """Build kernels/rays.cl and more parts after it; return kernels in the names' order."""
-        parts = (CUTOUT, "image_borders.cl", "rays.cl", *source)
-        return self._compute.kernels(parts, *names, options=(*self._options, *options))
+        """Return kernels of a program whose main files include kernels/rays.cl, in the order of the names."""
+        return self._compute.kernels((CUTOUT, *source), *names, options=(*self._options, *options))
 
     def hierarchy_of(self, positions: np.ndarray) -> tuple[cl.Buffer, cl.Buffer] | None:
         """Return nodes and packets of other triangles, (k, 3, 3) float32, for the same kernels.

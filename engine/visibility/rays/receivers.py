@@ -8,7 +8,7 @@ import numpy as np
 import pyopencl as cl
 
 from ...device.buffers import upload, upload_once
-from ...device.compute import Compute, Source
+from ...device.compute import Compute
 from ...device.record import Record
 from ...patches.geometry import PatchGeometry, TexelSteps
 from ...patches.patch_list import PatchList
@@ -33,9 +33,6 @@ RECEIVER = Record(
     ("int", "rank", "along a Hilbert curve through texels (pack.cl), times 2; + 1 if a face crosses its own"),
 )
 
-#: What kernels on receivers are built from.
-RECEIVER_SOURCE: Source = (RECEIVER, "receiver.cl")
-
 #: What patches have in common on one triangle.
 TEXEL_STEP = Record(
     "TexelStep",
@@ -58,7 +55,7 @@ def pack_receivers(compute: Compute, patches: PatchList, geometry: PatchGeometry
     )
     heights = (OF_TEXEL, OF_DIAGONAL * triangles.diagonal, OF_COORDINATE)
     records = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, RECEIVER.dtype.itemsize * count)
-    (pack,) = compute.kernels((*RECEIVER_SOURCE, TEXEL_STEP, "pack.cl"), "pack")
+    (pack,) = compute.kernels((RECEIVER, TEXEL_STEP, "pack.cl"), "pack")
     origin = cl.cltypes.make_float4(*triangles.origin, 0)
     texels = upload_once(compute, patches.texel), np.int32(patches.resolution), np.int32(_points(patches))
     compute.run(pack, count, *inputs, *map(np.float32, heights), origin, *texels, records, np.int32(count))

@@ -15,7 +15,7 @@ WHEELS := out/wheels/.ready
 WHEELS_DASK := out/wheels_dask/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-4.2 test-4.5 test-5.1 test-5.2 test-long package package-dask test-package test-package-short test-gui test-export gui-picture fuzz-short fuzz verify bench bench-gpu lint setup locks clean
+.PHONY: help demo test test-fast test-4.2 test-4.5 test-5.1 test-5.2 test-long package package-dask test-package test-package-short test-gui test-export gui-picture fuzz-short fuzz verify bench bench-gpu lint setup locks clean
 
 help: ## list the targets
 	@grep -E '^[a-z0-9.-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9.-]+):.*## /\1\t/' | expand -t 20
@@ -30,6 +30,11 @@ PARALLEL := --numprocesses auto --maxprocesses 4 --dist loadfile
 test: lint ## lint, then all tests in Blender 5.0
 	.venv/bin/python -m pytest $(PARALLEL)
 
+test-fast: $(READY50) ## ruff, and the tests that need no device and no Blender
+	.venv/bin/ruff check .
+	.venv/bin/ruff format --check .
+	.venv/bin/python -m pytest tests/unit $(PARALLEL)
+
 test-4.2: $(READY42) ## the tests of Blender in 4.2
 test-4.5: $(READY45) ## the tests of Blender in 4.5
 test-5.1: $(READY51) ## the tests of Blender in 5.1; needs Python 3.13
@@ -37,7 +42,7 @@ test-5.2: $(READY52) ## the tests of Blender in 5.2; needs Python 3.13
 
 test-4.2 test-4.5 test-5.1 test-5.2: test-%:
 	@tools/system_packages.sh .venv-bpy$(subst .,,$*)/bin/python
-	.venv-bpy$(subst .,,$*)/bin/python -m pytest tests/blender $(PARALLEL)
+	.venv-bpy$(subst .,,$*)/bin/python -m pytest tests/blender -m "not long and not one_version" $(PARALLEL)
 
 test-long: setup ## the tests that take minutes
 	.venv/bin/python -m pytest -m long $(PARALLEL)

@@ -5,6 +5,8 @@ import pytest
 
 from tests.blender.things import CUBE, INWARD, bpy_link, material, mesh_object, part, pixels, report
 
+pytestmark = pytest.mark.one_version
+
 
 @pytest.fixture(autouse=True)
 def settings():

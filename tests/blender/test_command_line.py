@@ -75,6 +75,7 @@ def test_scene_is_baked_and_told_as_one_json_object(tmp_path):
     assert tuple(pixels(image).reshape(-1, 4).max(axis=0)) == pytest.approx((1, 2, 3, 1), rel=0.01)
 
 
+@pytest.mark.one_version
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -112,6 +113,7 @@ def test_error_is_one_json_object_and_exit_code_1(tmp_path, arguments, words):
     assert words in json.loads(line)["error"]
 
 
+@pytest.mark.one_version
 def test_outputs_that_are_asked_for_are_written(tmp_path):
     (tmp_path / "scene.obj").write_text(OBJ)
     out = tmp_path / "out"
@@ -126,6 +128,7 @@ def test_outputs_that_are_asked_for_are_written(tmp_path):
     assert len(facts["files"]) == 4
 
 
+@pytest.mark.one_version
 def test_all_devices_of_the_machine_share_a_bake(tmp_path):
     pytest.importorskip("distributed")
     (tmp_path / "scene.obj").write_text(OBJ)
@@ -157,6 +160,7 @@ def test_choice_is_taken_as_the_help_spells_it(option, capsys, monkeypatch):
             assert getattr(bpy.context.scene.hemibake, option) == choice
 
 
+@pytest.mark.one_version
 def test_setting_out_of_range_is_told(tmp_path):
     (tmp_path / "scene.obj").write_text(OBJ)
     done = command(tmp_path / "scene.obj", "--out", tmp_path, "--resolution", 0, "--json")
@@ -194,6 +198,7 @@ LONG = (
 )
 
 
+@pytest.mark.one_version
 @pytest.mark.skipif(sys.platform == "win32", reason="no signals")
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 @pytest.mark.parametrize("moment", ["Blender starts", "the scene is baked"])

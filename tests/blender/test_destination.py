@@ -132,6 +132,7 @@ def test_map_that_was_painted_over_is_not_overwritten(tmp_path):
     assert report()["files"] == [str(path.with_name("scene_Lightmap.001.exr"))]
 
 
+@pytest.mark.one_version
 def test_map_that_a_killed_bake_was_about_to_replace_is_replaced_by_the_next(tmp_path):
     """The manifest is there before the first map: it knows the old and the new one."""
     import bpy
@@ -149,6 +150,7 @@ def test_map_that_a_killed_bake_was_about_to_replace_is_replaced_by_the_next(tmp
     assert report()["files"] == [str(path)] and path.read_bytes() != old
 
 
+@pytest.mark.one_version
 @pytest.mark.parametrize("text", ["", "[1, 2]", '{"lightmaps": 3}', "\0\xff"])
 def test_manifest_that_cannot_be_read_owns_nothing_and_is_written_anew(tmp_path, text):
     manifest = part("operators.result.manifest")
@@ -185,6 +187,7 @@ def test_manifest_tells_what_each_map_shows(tmp_path):
         assert tile["offset"] == pytest.approx(list(other.hemibake.uv_offset))
 
 
+@pytest.mark.one_version
 def test_atlases_that_map_to_one_file_name_get_numbers(tmp_path):
     import bpy
 
@@ -245,6 +248,7 @@ def test_lightmap_that_cannot_be_written_is_packed_and_told(tmp_path):
     assert brightest(image) == pytest.approx(2, rel=0.01)
 
 
+@pytest.mark.one_version
 def test_files_come_back_if_one_of_them_cannot_be_replaced(tmp_path):
     files = part("operators.result.files")
     staging, out = tmp_path / "staging", tmp_path / "out"
@@ -261,6 +265,7 @@ def test_files_come_back_if_one_of_them_cannot_be_replaced(tmp_path):
     assert files_below(out) == {"first.exr": b"old", "third.exr": b"old"}
 
 
+@pytest.mark.one_version
 def test_lightmap_is_in_place_at_every_moment(tmp_path, monkeypatch):
     """A bake that is killed at any step of replacing a map leaves the old or the new one."""
     import bpy
@@ -303,6 +308,7 @@ with blender():
 """
 
 
+@pytest.mark.one_version
 def test_leftovers_of_a_killed_bake_are_swept_by_the_next_one(tmp_path):
     import bpy
 
@@ -337,6 +343,7 @@ def small_disk(tmp_path):
     subprocess.run(["umount", str(folder)], check=True)
 
 
+@pytest.mark.one_version
 def test_full_disk_is_told_as_such_and_the_old_lightmap_stays(small_disk):
     import bpy
 
@@ -352,6 +359,7 @@ def test_full_disk_is_told_as_such_and_the_old_lightmap_stays(small_disk):
     assert tuple(bpy.data.images["Lightmap"].size) == (128, 128)
 
 
+@pytest.mark.one_version
 def test_limit_of_file_sizes_is_told_as_such(tmp_path):
     """The limit is met at once, half-way, or by the last bytes."""
     import bpy

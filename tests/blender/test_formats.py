@@ -217,6 +217,7 @@ def test_range_is_that_of_the_brightest_lightmap_of_an_output(settings, tmp_path
     assert list(ranges) == [pytest.approx(2, rel=0.02)]
 
 
+@pytest.mark.one_version
 def test_manifest_lists_the_maps_of_each_object(settings, tmp_path):
     settings.file_format = "rgbm"
     settings.outputs = {"combined", "direct"}
@@ -250,6 +251,7 @@ def keys(value) -> set[str]:
     return set(value).union(*map(keys, [*inner, *(value[name] for name in value.keys() - named)]))
 
 
+@pytest.mark.one_version
 def test_every_key_of_manifests_is_documented(settings, tmp_path):
     """Of bakes with encoded and signed maps and with instances, of exports, and of pictures."""
     import bpy
@@ -272,6 +274,7 @@ def test_every_key_of_manifests_is_documented(settings, tmp_path):
 # What a format cannot hold.
 
 
+@pytest.mark.one_version
 @pytest.mark.parametrize(
     ("name", "values", "words"),
     [
@@ -333,6 +336,7 @@ def test_half_floats_that_are_clipped_are_told(settings):
 # Names.
 
 
+@pytest.mark.one_version
 def test_template_names_the_files(settings, tmp_path):
     import bpy
 
@@ -349,6 +353,7 @@ def test_template_names_the_files(settings, tmp_path):
     assert files_below(tmp_path / "lightmaps") == before
 
 
+@pytest.mark.one_version
 @pytest.mark.parametrize(
     ("template", "words"),
     [
@@ -376,6 +381,7 @@ def test_template_that_cannot_be_used_is_refused(settings, tmp_path, template, w
     assert snapshot() == before and not (tmp_path / "lightmaps").exists()
 
 
+@pytest.mark.one_version
 @pytest.mark.parametrize("ending", [".exr", ".png"])
 def test_template_never_replaces_files_of_others(settings, tmp_path, ending):
     import bpy
@@ -397,6 +403,7 @@ def test_template_never_replaces_files_of_others(settings, tmp_path, ending):
         bpy.ops.hemibake.bake()
 
 
+@pytest.mark.one_version
 def test_names_of_scenes_of_one_file_must_differ(settings, tmp_path):
     import bpy
 
@@ -415,6 +422,7 @@ def test_names_of_scenes_of_one_file_must_differ(settings, tmp_path):
     assert {"Lightmap.exr", "Night Lightmap.hdr"} < set(files_below(tmp_path / "lightmaps"))
 
 
+@pytest.mark.one_version
 def test_automatic_names_leave_files_of_others_in_every_format(settings, tmp_path):
     settings.file_format = "logluv"
     own = tmp_path / "lightmaps" / "house_Lightmap.png"
@@ -432,6 +440,7 @@ def test_automatic_names_leave_files_of_others_in_every_format(settings, tmp_pat
 # What fails, and what follows.
 
 
+@pytest.mark.one_version
 @pytest.mark.parametrize("name", ["hdr", "rgbm"])
 def test_write_error_of_the_last_file_leaves_all_old_ones(settings, tmp_path, monkeypatch, name):
     import bpy
@@ -493,6 +502,7 @@ def test_unsaved_file_packs_the_light_whatever_the_format():
     assert np.median(pixels(image)[..., :3]) == pytest.approx(5, rel=0.01)
 
 
+@pytest.mark.one_version
 def test_table_of_the_documentation_holds_for_openexr(monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / "tools"))
     import formats

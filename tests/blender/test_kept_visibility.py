@@ -4,6 +4,8 @@ import pytest
 
 from tests.blender.things import bpy_link, furnace, part, report
 
+pytestmark = pytest.mark.one_version
+
 
 @pytest.fixture
 def lit_room():

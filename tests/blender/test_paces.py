@@ -8,6 +8,8 @@ import pytest
 
 from tests.blender.things import furnace, part
 
+pytestmark = pytest.mark.one_version
+
 
 def paces_file():
     return part("operators.user_files")._paces_file()

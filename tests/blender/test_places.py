@@ -81,6 +81,7 @@ def test_objects_that_fill_the_square_each_are_placed_side_by_side():
         np.testing.assert_allclose(mesh.uvs[0], np.array(WHOLE[:3]) * place.scale + place.offset, atol=1e-6)
 
 
+@pytest.mark.one_version
 @pytest.mark.parametrize("count", [2, 3, 5, 50])
 def test_tiles_are_in_proportion_to_area_and_fill_the_atlas(count):
     resolution(512)
@@ -253,6 +254,7 @@ def test_network_on_a_mesh_with_eight_layers():
     assert_apart(read, texels=4)
 
 
+@pytest.mark.one_version
 @pytest.mark.parametrize("seed", range(5))
 def test_tiles_never_meet(seed):
     tiles = part("operators.scene.tiles")
@@ -269,6 +271,7 @@ def test_tiles_never_meet(seed):
     assert finished(tiles.pack_tiles(sizes, pages[:1])) is None
 
 
+@pytest.mark.one_version
 @pytest.mark.parametrize("seed", range(5))
 def test_largest_free_box_is_the_largest(seed):
     tiles = part("operators.scene.tiles")

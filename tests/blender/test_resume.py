@@ -5,6 +5,8 @@ import pytest
 
 from tests.blender.things import furnace, part, pixels, report
 
+pytestmark = pytest.mark.one_version
+
 
 @pytest.fixture
 def checkpoints():

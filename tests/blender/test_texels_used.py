@@ -6,6 +6,8 @@ from tests.blender.things import snapshot
 from tests.rows import long
 from tools.unwrapping import processor_time, seconds_to_cancel, unwrapping, used_texels
 
+pytestmark = pytest.mark.one_version
+
 
 def build(name):
     """Make a scene of tools/unwrapping.py and return its meshes."""

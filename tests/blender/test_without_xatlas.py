@@ -87,6 +87,7 @@ MESHES = [
 ]
 
 
+@pytest.mark.one_version
 @pytest.mark.parametrize("make", MESHES)
 def test_charts_lie_inside_do_not_overlap_and_give_every_face_its_share(make):
     obj = make()
@@ -98,6 +99,7 @@ def test_charts_lie_inside_do_not_overlap_and_give_every_face_its_share(make):
     assert ratio.min() > 0.2 * np.median(ratio) and (coverage(obj, RESOLUTION) > 0).mean() > 0.1
 
 
+@pytest.mark.one_version
 def test_meshes_share_an_atlas_by_their_size_in_the_world():
     made = [make() for make in MESHES]
     made[0].scale = (2, 2, 2)
@@ -108,6 +110,7 @@ def test_meshes_share_an_atlas_by_their_size_in_the_world():
     assert max(density) < 1.5 * min(density)
 
 
+@pytest.mark.one_version
 def test_charts_keep_two_empty_texels_between_them():
     obj = cube()
     unwrap()
@@ -166,6 +169,7 @@ def test_modifiers_that_make_faces_get_uvs_of_these(kind, settings):
     assert report()["objects"] == 2
 
 
+@pytest.mark.one_version
 def test_charts_that_do_not_fit_one_lightmap_go_to_several():
     import bpy
 

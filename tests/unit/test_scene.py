@@ -101,7 +101,7 @@ def test_an_object_that_reaches_too_far_is_named():
     nothing = triangle(
         name="Nothing", positions=empty, face=np.zeros(0, np.int32), subface=np.zeros(0, np.int32)
     )
-    with pytest.raises(SceneError, match="Object 'Far' reaches 1.01e[+]09 m.*[.] [A-Z]"):
+    with pytest.raises(SceneError, match="Object 'Far' reaches 1.01e[+]09 units.*[.] [A-Z]"):
         check_scene(scene(triangle(), nothing, far))
 
 
@@ -110,7 +110,7 @@ def test_a_scene_that_is_too_small_is_told_with_its_largest_object():
         triangle(name=name, positions=triangle().positions * np.float32(size))
         for name, size in (("A", 1e-11), ("B", 9e-10))
     )
-    with pytest.raises(SceneError, match="only 9e-10 m.*'B'.*[.] [A-Z]"):
+    with pytest.raises(SceneError, match="only 9e-10 units.*'B'.*[.] [A-Z]"):
         check_scene(scene(small, large))
 
 
@@ -118,7 +118,7 @@ def test_a_scene_that_is_too_small_is_told_with_its_largest_object():
     "values", [{"position": np.array([0, -2e15, 0])}, {"radius": 2e9}, {"size": np.array([1, 2e9])}]
 )
 def test_lights_beyond_what_float32_holds(values):
-    with pytest.raises(SceneError, match="Light 'Lamp' is farther than 1e[+]15 m or larger than 1e[+]09 m"):
+    with pytest.raises(SceneError, match="Light 'Lamp' is farther than 1e[+]15 units or larger than 1e[+]09 units"):
         check_scene(replace(scene(triangle()), lights=(lamp("point", **values),)))
 
 

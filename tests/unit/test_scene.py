@@ -118,7 +118,8 @@ def test_a_scene_that_is_too_small_is_told_with_its_largest_object():
     "values", [{"position": np.array([0, -2e15, 0])}, {"radius": 2e9}, {"size": np.array([1, 2e9])}]
 )
 def test_lights_beyond_what_float32_holds(values):
-    with pytest.raises(SceneError, match="Light 'Lamp' is farther than 1e[+]15 units or larger than 1e[+]09 units"):
+    limits = "farther than 1e[+]15 units or larger than 1e[+]09 units"
+    with pytest.raises(SceneError, match=f"Light 'Lamp' is {limits}"):
         check_scene(replace(scene(triangle()), lights=(lamp("point", **values),)))
 
 

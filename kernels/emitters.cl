@@ -261,7 +261,7 @@ Sample sample_sky(const Bright *sky, const float2 u)
     const float azimuth = 1.0f - 2.0f * (column + clamp(across, 0.0f, 1.0f)) / sky->width;
     const float below = -cospi((float)row / sky->height), above = -cospi((row + 1.0f) / sky->height);
     const float z = mix(below, above, u.y), sine = sqrt(fmax(1.0f - z * z, 0.0f));
-    const float3 colour = sky->pixels[pixel].xyz;
+    const float3 colour = sky->pixels[low].xyz;
     const Sample s = {(float3)(sine * cospi(azimuth), sine * sinpi(azimuth), z), INFINITY,
                       colour * (sky->total * M_1_PI_F / luminance(colour))};
     return s;

@@ -208,7 +208,7 @@ class ShadowRays:
         return (radiance, *lookups, np.int32(parts.patches.resolution))
 
     def _sky_arguments(self, sky: SkyDistribution) -> tuple:
-        """Return pixels, cumulative power and numbers of the pixels that shine, sizes and total luminance."""
-        (height, width), arrays = sky.pixels.shape[:2], (sky.pixels, sky.cumulative, sky.listed)
+        """Return radiance, cumulative power and numbers of the bright pixels, sizes and total luminance."""
+        (height, width), arrays = sky.size, (sky.pixels, sky.cumulative, sky.listed)
         buffers = (upload_once(self._compute, array) for array in arrays)
         return (*buffers, *map(np.int32, (width, height, len(sky.listed))), np.float32(sky.total))

@@ -21,14 +21,16 @@ _REST_SIZE = (256, 512)
 class SkyDistribution:
     """How the bright part of a sky is sampled, see `Bright` in kernels/emitters.cl.
 
-    pixels      (h, w, 4) float32, radiance
+    size        rows and columns of the map
     listed      (k,) int32, the pixels that shine; one at least
+    pixels      (k, 4) float32, their radiance
     cumulative  (k,) float32, luminance times solid angle of the pixels listed up to each, parts of the total
     total       of all of them
     """
 
-    pixels: np.ndarray
+    size: tuple[int, int]
     listed: np.ndarray
+    pixels: np.ndarray
     cumulative: np.ndarray
     total: float
 
@@ -47,16 +49,18 @@ class Sky:
     @cached_property
     def distribution(self) -> SkyDistribution:
         """How the bright part is sampled."""
-        pixels = np.zeros((1, 1, 4), np.float32)
-        if self.bright is not None:
-            pixels = np.concatenate([self.bright, np.zeros((*self.bright.shape[:2], 1), np.float32)], axis=2)
-        power = luminance(pixels[..., :3]) * solid_angles(*pixels.shape[:2])[:, None]
+        bright = np.zeros((1, 1, 3), np.float32) if self.bright is None else self.bright
+        height, width = bright.shape[:2]
+        power = luminance(bright) * solid_angles(height, width)[:, None]
         listed = np.flatnonzero(power)
         total = float(power.sum())
         cumulative = np.cumsum(power.ravel()[listed]) / max(total, 1e-30)
         if not len(listed):
             listed, cumulative = np.zeros(1, np.int64), np.ones(1)
-        return SkyDistribution(pixels, listed.astype(np.int32), cumulative.astype(np.float32), total)
+        pixels = np.zeros((len(listed), 4), np.float32)
+        pixels[:, :3] = bright.reshape(-1, 3)[listed]
+        numbers = listed.astype(np.int32), pixels, cumulative.astype(np.float32)
+        return SkyDistribution((height, width), *numbers, total)
 
 
 def split_sky(world: np.ndarray) -> Sky:

@@ -13,9 +13,8 @@ from mathutils import Quaternion, Vector
 
 from ...compat import set_panorama
 
-#: Rows of the picture, and samples of each pixel.
-_ROWS = 512
-_SAMPLES = 16
+#: Samples of each pixel of a view.
+_ZOOM_SAMPLES = 16
 
 #: Width of a camera's sensor, mm, and the longest lens of Blender, mm.
 _SENSOR, _LONGEST = 36.0, 5000.0
@@ -40,16 +39,49 @@ class Zoom:
         return (-Vector(self.direction)).to_track_quat("Z", "Y")
 
 
-def render_world(world: bpy.types.World) -> np.ndarray:
-    """Return a world's radiance as engine.Scene.world, (h, w, 3) float32; raises RuntimeError."""
+@dataclass(frozen=True)
+class Part:
+    """A part of an equirectangular map: rows, from below, and columns of pixels."""
+
+    rows: slice
+    columns: slice
+
+    @property
+    def pixels(self) -> int:
+        """Number of pixels."""
+        return (self.rows.stop - self.rows.start) * (self.columns.stop - self.columns.start)
+
+    def scaled(self, factor: int) -> Part:
+        """Return the same part of a map with more pixels along each axis."""
+        rows, columns = (slice(factor * axis.start, factor * axis.stop) for axis in (self.rows, self.columns))
+        return Part(rows, columns)
+
+
+def render_world(world: bpy.types.World, rows: int, samples: int, part: Part | None = None) -> np.ndarray:
+    """Return a world's radiance as engine.Scene.world, (rows, 2 rows, 3) float32; raises RuntimeError.
+
+    samples  of each pixel
+    part     which pixels to return, None for all
+    """
 
     def set_up(scene: bpy.types.Scene, camera: bpy.types.Object) -> None:
         # The middle of an equirectangular map is the direction +x, its upper edge +z.
         camera.rotation_euler = (np.pi / 2, 0, -np.pi / 2)
         set_panorama(camera.data)
-        scene.render.resolution_x, scene.render.resolution_y = 2 * _ROWS, _ROWS
+        render = scene.render
+        scene.cycles.samples = samples
+        render.resolution_x, render.resolution_y = 2 * rows, rows
+        if part is not None:
+            render.use_border = render.use_crop_to_border = True
+            render.border_min_x, render.border_max_x = _border(part.columns, 2 * rows)
+            render.border_min_y, render.border_max_y = _border(part.rows, rows)
 
     return _render(world, set_up)
+
+
+def _border(pixels: slice, size: int) -> tuple[float, float]:
+    """Return the fractions of an axis where pixels start and end; Blender rounds down to whole pixels."""
+    return (pixels.start + 0.25) / size, (pixels.stop + 0.25) / size
 
 
 def render_zoom(world: bpy.types.World, zoom: Zoom) -> np.ndarray:
@@ -64,6 +96,7 @@ def render_zoom(world: bpy.types.World, zoom: Zoom) -> np.ndarray:
         camera.data.lens = min(_SENSOR / (2 * edge), _LONGEST)
         camera.data.sensor_width = 2 * edge * camera.data.lens
         scene.render.resolution_x = scene.render.resolution_y = zoom.pixels
+        scene.cycles.samples = _ZOOM_SAMPLES
         scene.cycles.pixel_filter_type = "BOX"
 
     return _render(world, set_up)
@@ -105,7 +138,7 @@ def _render(
 def _set_up(scene: bpy.types.Scene) -> None:
     render = scene.render
     render.engine = "CYCLES"
-    scene.cycles.device, scene.cycles.samples = "CPU", _SAMPLES
+    scene.cycles.device = "CPU"
     scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = False
     scene.cycles.sample_clamp_direct = scene.cycles.sample_clamp_indirect = 0
     render.resolution_percentage = 100

@@ -17,11 +17,12 @@ from ..materials.sockets import ComplexError, feeder
 from ..scene_watch import SceneWatch
 from ..slices import Slices, row_slices
 from .kept_worlds import ReadWorld, kept_worlds
-from .panorama import render_world
+from .refined_panorama import render_refined
 from .sky_sun import copied_world, take_suns
 
-#: Largest map of the surroundings, rows.
-_ROWS = 1024
+#: Largest map of the surroundings, rows: images up to 8k are read at their own resolution. Such a map takes
+#: 400 MB, and a bake three times that.
+_ROWS = 4096
 
 
 def read_world(watch: SceneWatch, notes: list[str], cache: PixelCache) -> Slices[ReadWorld]:
@@ -79,7 +80,7 @@ def _rendered(watch: SceneWatch, notes: list[str]) -> Slices[ReadWorld]:
     try:
         with copied_world(world) as copy:
             suns = take_suns(copy, world.name, warnings)
-            read = ReadWorld(np.maximum(render_world(copy), 0), tuple(suns), tuple(warnings))
+            read = ReadWorld(np.maximum(render_refined(copy), 0), tuple(suns), tuple(warnings))
     except RuntimeError as error:
         reason = str(error).strip().splitlines()[-1]
         notes.append(f"Blender could not render the world '{world.name}' ({reason}): it is baked black.")

@@ -31,11 +31,15 @@ class ProfiledCompute(Compute):
         self.queue = cl.CommandQueue(self.context, properties=cl.command_queue_properties.PROFILING_ENABLE)
         self.events: list[tuple[str, cl.Event]] = []
         self.processor_seconds: dict[str, float] = defaultdict(float)
+        self._noted: dict[Kernel, _Noted] = {}
 
     def kernels(self, source: str | Sequence[str], *names: str, options: Sequence[str] = ()) -> list:
-        """Return kernels that note their events."""
+        """Return kernels that record their events: one object for each kernel, as sizes of slices need it."""
         made = super().kernels(source, *names, options=options)
-        return [_Noted(self, kernel, name) for kernel, name in zip(made, names, strict=True)]
+        return [
+            self._noted.setdefault(kernel, _Noted(self, kernel, name))
+            for kernel, name in zip(made, names, strict=True)
+        ]
 
     def seconds(self, name: str) -> float:
         """Return the time that all runs of a kernel took."""
@@ -56,7 +60,7 @@ class ProfiledCompute(Compute):
 class _Noted:
     def __init__(self, compute: ProfiledCompute, kernel: Kernel, name: str) -> None:
         self._compute, self._kernel, self._name = compute, kernel, name
-        self.group = kernel.group
+        self.group, self.preferred_items = kernel.group, kernel.preferred_items
 
     def __call__(self, *arguments: Any, **options: Any) -> cl.Event:
         began = time.process_time()

@@ -17,6 +17,7 @@ import numpy as np
 
 from engine.device.compute import Compute
 from engine.device.graphics import Graphics
+from engine.device.slice_limits import drawing_limits
 from engine.device.slices import SliceSize
 from engine.errors import DeviceError
 from engine.gather.glsl import GlslIntegrator
@@ -103,7 +104,7 @@ class Case:
         """Draw the batch once."""
         near = np.full(len(self.eye), 1e-5)
         views = matrices(self.frame, self.eye, near, self.graphics.reversed_depth)
-        for _ in raster.draw(views, SliceSize(self.tiles.capacity)):
+        for _ in raster.draw(views, SliceSize(drawing_limits(self.tiles.capacity))):
             pass
 
 

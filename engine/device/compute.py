@@ -17,6 +17,7 @@ from .kernel import ITEMS, Kernel, run_on
 from .program_cache import ProgramCache, build, device_digest
 from .record import Record
 from .shared_buffers import SharedBuffers
+from .slice_limits import slice_limits
 from .slices import SliceSize
 from .source import program_source
 from .staging import Staging
@@ -168,12 +169,16 @@ class Compute:
     def _text(self, parts: Source) -> str:
         return program_source((*self._prelude, *parts))
 
-    def slice_size(self, *work: object) -> SliceSize:
-        """Return how many items a slice of some work has, as earlier work has shown that is called the same.
+    def slice_size(self, kernel: Kernel, *work: object, items: int = 1) -> SliceSize:
+        """Return the controller of slice sizes of a kernel for some work, which earlier work has adapted.
 
-        Short first slices cost a card as long as large ones: it does thousands of items at a time.
+        work   what the time of an item depends on
+        items  work items that a kernel starts for each item of a slice
         """
-        return self._slice_sizes.setdefault(work, SliceSize())
+        key = (kernel, *work)
+        if key not in self._slice_sizes:
+            self._slice_sizes[key] = SliceSize(slice_limits(self.device, kernel.preferred_items, items))
+        return self._slice_sizes[key]
 
     def run(self, kernel: Kernel, items: int, *arguments: object, layers: int = 1) -> None:
         """Run a kernel for at least `items` work items of each layer; it has to ignore those beyond."""

@@ -16,13 +16,16 @@ class Kernel:
 
     Starting a kernel whose types are known takes a quarter of the host's time.
 
-    most_items  the most work items that a group of this kernel may have
+    most_items       the most work items that a group of this kernel may have
+    preferred_items  work items that the device runs in lockstep: the least efficient size of a group
     """
 
     def __init__(self, program: cl.Program, name: str, device: cl.Device) -> None:
         self._kernel, self._typed = cl.Kernel(program, name), False
         limit = cl.kernel_work_group_info.WORK_GROUP_SIZE
         self.most_items = int(self._kernel.get_work_group_info(limit, device))
+        preferred = cl.kernel_work_group_info.PREFERRED_WORK_GROUP_SIZE_MULTIPLE
+        self.preferred_items = int(self._kernel.get_work_group_info(preferred, device))
         self._sides = device.max_work_item_sizes
         self._groups: dict[tuple[int, ...], tuple[int, ...]] = {}
 

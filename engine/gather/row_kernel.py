@@ -62,6 +62,6 @@ class RowKernel:
                 *arguments, cl.LocalMemory(16 * group),
             )  # fmt: skip
 
-        size = self._compute.slice_size(self._kernel, int(self._samples[1]))
+        size = self._compute.slice_size(self._kernel, int(self._samples[1]), items=group)
         for end in sliced(queue, rows.first, rows.last, launch, size):
             yield (end - rows.first) / (rows.last - rows.first)

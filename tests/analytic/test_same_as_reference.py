@@ -9,6 +9,7 @@ from engine import Scene, Settings
 from engine.device.compute import Compute
 from engine.device.graphics import Graphics
 from engine.device.share import HostCopy
+from engine.device.slice_limits import drawing_limits
 from engine.device.slices import SliceSize
 from engine.gather.opencl import HemicubeIntegrator
 from engine.patches.patch_list import list_patches
@@ -81,7 +82,7 @@ def draw(room: Prepared, chosen: np.ndarray, radiance: np.ndarray) -> tuple[np.n
         frame, eye, near = (values[chosen] for values in (points.frame, points.eye, points.near))
         frames = points.frames[chosen]
         views = matrices(frame, eye, near, graphics.reversed_depth)
-        assert list(raster.draw(views, SliceSize(tiles.capacity))) == [len(chosen)]
+        assert list(raster.draw(views, SliceSize(drawing_limits(tiles.capacity)))) == [len(chosen)]
         copy = HostCopy(compute, target.texture)
         summed = HemicubeIntegrator(compute, tiles, np.zeros((1, 1, 3), np.float32)).integrate(
             copy.update(), frames

@@ -8,13 +8,13 @@ import pyopencl as cl
 import pytest
 
 from engine import DeviceError, Light, Lightmap, Scene, Settings, bake, finished, progress
-from engine.device import slices
 from engine.gather import static_light
 from engine.plan import choose, kept
 from engine.scene.model import OCCLUDER
 from engine.session import Session
 from engine.worker.worker import Worker
 from tests.analytic.scenes import nine_quad_room
+from tests.gpu.slice_sizes import fix_slice_size
 
 SETTINGS = Settings(
     resolution=67, hemicube=8, samples=132, iterations=5, tolerance=0, visibility="rays", light_samples=5,
@@ -228,9 +228,8 @@ def test_what_takes_more_than_its_budget_is_not_kept(session):
 def test_another_sky_is_summed_up_in_slices(session, monkeypatch):
     """What takes seconds in a large scene tells how far it is; the same sky is not summed up again."""
     finished(session.bake(ROOM, SETTINGS))
-    monkeypatch.setattr(slices, "_SLICE", 0)
+    fix_slice_size(monkeypatch, 256)
     monkeypatch.setattr(progress, "_STEP", 0)
-    session._devices.compute._slice_sizes.clear()
     scene, _ = RELIT["world"]
     for steps in (4, 0):
         told = [step.fraction for step in session.bake(scene, SETTINGS) if step.stage == "Bounce 1"]

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from engine import Changes, Light, Lightmap, Scene, SceneError, Session, Settings, finished
-from engine.device import slices, values
+from engine.device import values
 from engine.gather.cached import CachedSweep
 from engine.plan import stages
 from engine.scene.model import OCCLUDER
 from engine.visibility.rays.identity import RayIdentity
 from tests.analytic.scenes import material, nine_quad_room, quads, rectangle
+from tests.gpu.slice_sizes import fix_slice_size
 
 SETTINGS = Settings(
     resolution=41, hemicube=8, samples=64, visibility="rays", light_samples=5, texel_samples=1,
@@ -272,7 +273,7 @@ def test_visibility_that_edits_interrupt_is_found_only_once(session, other, monk
             yield done
 
     monkeypatch.setattr(RayIdentity, "find", counted)
-    monkeypatch.setattr(slices, "_SLICE", 0)
+    fix_slice_size(monkeypatch, 256)
     live, edits = session.live(ROOM, SETTINGS), 0
     for progress in live.settle():
         if progress.stage.startswith("Visibility") and progress.fraction > 0 and edits < 4:

@@ -7,7 +7,6 @@ import pyopencl as cl
 import pytest
 
 from engine import Changes, Scene, Session, Settings, finished
-from engine.device import slices
 from engine.device.compute import Compute
 from engine.device.devices import Devices
 from engine.gather.kept_samples import KeptSamples
@@ -22,6 +21,7 @@ from engine.visibility.rays.identity import RayIdentity
 from engine.visibility.rays.ray_scene import RayScene
 from tests.analytic.scenes import nine_quad_room
 from tests.gpu.graphics_card import GraphicsCard
+from tests.gpu.slice_sizes import fix_slice_size
 from tests.rows import long
 
 SETTINGS = Settings(
@@ -167,8 +167,7 @@ def test_edits_that_interrupt_the_search_leave_nothing_behind(lively, device, mo
 
     A fast card has found all after a few interruptions.
     """
-    monkeypatch.setattr(slices, "_SLICE", 0)
-    monkeypatch.setattr(slices, "_FIRST", 64)
+    fix_slice_size(monkeypatch, 64)
     random, session, interrupted = np.random.default_rng(7), lively(device), 0
     live = session.live(open_room(), SETTINGS)
     for step, progress in enumerate(live.settle()):

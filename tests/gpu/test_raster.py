@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from engine.device.graphics import Graphics
+from engine.device.slice_limits import drawing_limits
 from engine.device.slices import SliceSize
 from engine.gather.glsl import GlslIntegrator
 from engine.gather.opencl import CopiedIntegrator
@@ -35,9 +36,12 @@ def drawing(graphics, tiles, count, emission=0.0, eye=(0.5, 0.5, 0.5), nothing=(
     frame = frames(np.tile([0.0, 0.0, 1.0], (count, 1)), rotations(1, np.arange(count)))
     eyes = np.tile(np.array(eye) - triangles.origin, (count, 1))
     assert (
-        list(raster.draw(matrices(frame, eyes, np.full(count, 1e-4), graphics.reversed_depth), SliceSize(1)))[
-            -1
-        ]
+        list(
+            raster.draw(
+                matrices(frame, eyes, np.full(count, 1e-4), graphics.reversed_depth),
+                SliceSize(drawing_limits(1)),
+            )
+        )[-1]
         == count
     )
     return raster
@@ -86,7 +90,11 @@ def pictures(graphics, tiles, path=None, culling=True, **changes):
     normal = triangles.normals[chosen, 0].astype(np.float64)
     eyes = triangles.positions[chosen].mean(axis=1) + np.resize([1e-3, -0.5], (count, 1)) * normal
     frame = frames(normal, rotations(1, np.arange(count)))
-    list(raster.draw(matrices(frame, eyes, np.full(count, 1e-4), graphics.reversed_depth), SliceSize(2)))
+    list(
+        raster.draw(
+            matrices(frame, eyes, np.full(count, 1e-4), graphics.reversed_depth), SliceSize(drawing_limits(2))
+        )
+    )
     return target.texture.read(), raster.path
 
 
@@ -193,7 +201,8 @@ def test_half_floats_are_rounded_and_never_infinite(graphics):
     frame = frames(np.tile([0.0, 0.0, 1.0], (3, 1)), np.zeros(3))
     list(
         raster.draw(
-            matrices(frame, np.zeros((3, 3)), np.full(3, 1e-4), graphics.reversed_depth), SliceSize(1)
+            matrices(frame, np.zeros((3, 3)), np.full(3, 1e-4), graphics.reversed_depth),
+            SliceSize(drawing_limits(1)),
         )
     )
     integrator = GlslIntegrator(graphics, tiles, target.texture, raster.depth, SKY)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from engine import Lightmap, Settings, bake, finished
-from engine.device import slices
 from engine.errors import WorkerError
 from engine.gather import kept_samples
 from engine.plan import solve_job
@@ -17,6 +16,7 @@ from engine.worker.worker import Worker
 from tests.analytic.rooms import Atlas, block, scene_of
 from tests.analytic.rooms import lamp as lamp_at
 from tests.analytic.rooms import room as hall
+from tests.gpu.slice_sizes import fix_slice_size
 from tests.gpu.test_kept import ROOM, assert_same, coloured, lamp
 from tests.rows import long
 
@@ -71,7 +71,7 @@ def pieces(monkeypatch):
     On any device they are found in several slices, and written however little time these take.
     """
     monkeypatch.setattr(kept_samples, "_PIECE", 311 * 264)
-    monkeypatch.setattr(slices, "_SLICE", 0)
+    fix_slice_size(monkeypatch, 256)
     monkeypatch.setattr(writing_time, "_PART", 1000)
 
 

@@ -131,7 +131,7 @@ class RayIdentity:
                 *self._arguments, np.int32(start), *outputs, partial, *more,
             )  # fmt: skip
 
-        size = self._compute.slice_size(kernel, self.samples, self._size)
+        size = self._compute.slice_size(kernel, self.samples, self._size, items=group)
         for end in sliced(self._queue, first, last, launch, size):
             yield (end - first) / (last - first)
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...device.graphics import Graphics
 from ...device.raw_gl import DepthArray
+from ...device.slice_limits import drawing_limits
 from ...device.slices import SliceSize
 from ...patches.subdivision import Subdivision
 from ...settings import Settings
@@ -57,7 +58,7 @@ class Hemicubes:
             graphics, tiles, parts.triangles, parts.cutouts, parts.texel_to_patch, target,
             back_to_back=parts.back_to_back,
         )  # fmt: skip
-        self._slice = SliceSize(tiles.per_layer)
+        self._slice = SliceSize(drawing_limits(tiles.per_layer))
         self._reversed_depth = graphics.reversed_depth
         self._parts, self._settings = parts, settings
         self.count = len(parts.patches)

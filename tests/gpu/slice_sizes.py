@@ -1,0 +1,13 @@
+"""Slices of a fixed size, for tests of what happens between them."""
+
+import pytest
+
+from engine.device.compute import Compute
+from engine.device.slices import SliceLimits, SliceSize
+
+
+def fix_slice_size(monkeypatch: pytest.MonkeyPatch, count: int) -> None:
+    """Let kernels take `count` items in each slice; draw as many hemicubes as in the first one."""
+    limits = SliceLimits(count, count, count, 1.0)
+    monkeypatch.setattr(SliceSize, "_adapt", lambda self, done: None)
+    monkeypatch.setattr(Compute, "slice_size", lambda self, kernel, *work, items=1: SliceSize(limits))

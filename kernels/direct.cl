@@ -104,26 +104,17 @@ void finish_run(const Run *run, Sum *sum)
     sum->unshadowed += luminance(open);
 }
 
-// Adds the light so far to that of a light group, and starts anew.
-void add_to_group(Sum *sum, __global float4 *group)
-{
-    *group += (float4)(sum->light, sum->unshadowed);
-    sum->light = (float3)(0.0f);
-    sum->unshadowed = 0.0f;
-}
-
 // E/pi of emitters at each patch. Samples go to emitters by systematic resampling: in proportion to what
 // they may bring, so that many emitters cost little more than one. Neighbours begin at even distances, steps of
 // the golden ratio: together they give each emitter its share, a dim one, too. rgb of the result is the light; a its
-// luminance if nothing cast a shadow; of each patch as many as there are light groups, one for the emitters
-// of each. DIRECTIONAL: the L1 of all light, too, x, y and z of each patch. chosen: numbers of the patches, or null for all.
+// luminance if nothing cast a shadow. DIRECTIONAL: the L1 of all light, too, x, y and z of each patch. chosen: numbers of the patches, or null for all.
 __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const Emitter *emitters,
                      __global const LightNode *light_nodes, const int root, __global const Modulation *modulations,
                      __global const float *profiles, const int budget,
                      __global const float4 *radiance, __global const uint *texel_to_patch, __global const float2 *uvs,
                      const int resolution, __global const float4 *sky_pixels, __global const float *cumulative,
                      __global const int *listed, const int sky_width, const int sky_height, const int sky_count,
-                     const float sky_total, const uint seed, __global float4 *l1, const int light_groups,
+                     const float sky_total, const uint seed, __global float4 *l1,
                      __global const int *chosen, __global float4 *result, const int start, const int end)
 {
     const int item = start + get_global_id(0);
@@ -145,10 +136,6 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
     Run run = start_run(0, 0.0f);
     Blockers blockers = {UNKNOWN_BLOCKERS};
     int emitter = -1;
-    __global float4 *groups = result + (size_t)item * light_groups;
-    for (int i = 0; i < light_groups; ++i)
-        groups[i] = (float4)(0.0f);
-    int group = 0;
     int step;
     for (int index = 0; total > 0.0f; index += step) {
         if (index == budget || index + offset >= span.x) {
@@ -162,10 +149,6 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
                 emitter = next_emitter(&walk, &lights, &r, index == budget ? INFINITY : index + offset, &span);
                 if (index == budget && emitter < 0)
                     break;
-                if (emitter >= 0 && emitters[emitter].light_group != group) {
-                    add_to_group(&sum, groups + group);
-                    group = emitters[emitter].light_group;
-                }
                 run = start_run(index, span.y);
                 blockers.count = UNKNOWN_BLOCKERS;
                 if (emitter >= 0 && emitters[emitter].uniform) {
@@ -222,7 +205,7 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
             add_l1(&run.sum.l1, brought * visible, tilt);
         }
     }
-    add_to_group(&sum, groups + group);
+    result[item] = (float4)(sum.light, sum.unshadowed);
 #ifdef DIRECTIONAL
     l1[3 * (size_t)item] = sum.l1.x;
     l1[3 * (size_t)item + 1] = sum.l1.y;

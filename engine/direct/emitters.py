@@ -59,7 +59,6 @@ EMITTER = Record(
     ("int", "one_sided", "1 for a surface's triangle whose back does not shine"),
     ("int", "atlas", "of a surface's triangle"),
     ("int", "soft", "of a point: 1 for a disk that faces the receiver, 0 for a sphere"),
-    ("int", "light_group", "number of its light group; 0 where groups are not separated"),
 )
 
 #: Records that kernels/emitters.cl needs.

@@ -135,7 +135,7 @@ class DirectLighting:
         return light
 
     def gather_by_group(self) -> Generator[float, None, np.ndarray]:
-        """Return the same light by light groups, (groups, n, 3) float32; yield the fraction done."""
+        """Return the light of each light group, (groups, n, 3) float32; see `ShadowRays.sampled_by_group`."""
         groups = light_groups(self._scene)
         if not self._samples_any:
             return np.zeros((groups.count, self._ray_scene.count, 3), np.float32)

@@ -20,6 +20,7 @@ from ..device.buffers import (
 from ..device.kernel import Kernel
 from ..device.slices import sliced
 from ..patches.subdivision import Subdivision
+from ..progress import part_of
 from ..scene.color import luminance
 from ..scene.light_groups import LightGroups
 from ..scene.model import Light
@@ -109,28 +110,37 @@ class ShadowRays:
         items = self._count if chosen is None else len(chosen)
         if not items:
             return np.zeros((0, 3), np.float32), self._read_l1(0)
-        light = yield from self._all_light(self._records, 1, chosen)
+        light = yield from self._all_light(self._records, chosen)
         return download_colors_once(self._compute, light, items), self._read_l1(items)
 
     def sampled_by_group(self, groups: LightGroups) -> Generator[float, None, np.ndarray]:
-        """Return the same light by light groups, (groups, n, 3) float32; yield the fraction done."""
+        """Return the light of each light group, (groups, n, 3) float32; yield the fraction done.
+
+        Each group has samples of its own, as many as if there were no other light. So their sum differs from
+        `sampled` by noise.
+        """
         triangle = self._records[len(groups.lamps)]["triangle"]
         numbers = (*groups.lamps, groups.meshes[self._mesh[triangle]], groups.world)
-        numbered = [records.copy() for records in self._records]
-        for records, number in zip(numbered, numbers, strict=False):
-            records["light_group"] = number
-        light = yield from self._all_light(numbered, groups.count)
-        return download_colors(self._compute, light, self._count, groups.count)
+        light = np.zeros((groups.count, self._count, 3), np.float32)
+        for group in range(groups.count if self._count else 0):
+            mine = [
+                records[np.broadcast_to(number == group, len(records))]
+                for records, number in zip(self._records, numbers, strict=False)
+            ]
+            span = group / groups.count, (group + 1) / groups.count
+            found = yield from part_of(*span, self._all_light(mine))
+            light[group] = download_colors_once(self._compute, found, self._count)
+        return light
 
     def _all_light(
-        self, records: list[np.ndarray], groups: int, chosen: np.ndarray | None = None
+        self, records: list[np.ndarray], chosen: np.ndarray | None = None
     ) -> Generator[float, None, cl.Buffer]:
-        """Return the light of the records of each light, float4 of n patches and of groups; see `_light`."""
+        """Return the light of the records of each light, float4 of n patches; see `_light`."""
         shining = [emitters for emitters in records if len(emitters)]
         if not shining:
-            return zeros(self._compute, 16 * self._count * groups)
+            return zeros(self._compute, 16 * self._count)
         budget = self._settings.light_samples * min(len(shining), MOST_LIGHTS)
-        return (yield from self._light(EMITTER.joined(shining), budget, groups, chosen))
+        return (yield from self._light(EMITTER.joined(shining), budget, chosen))
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
         """Return how much of its light a lamp brings to each patch, (n,) float32; yield the fraction done.
@@ -156,9 +166,9 @@ class ShadowRays:
         return download(self._compute, result, (self._count, 4))[:, 0].copy()
 
     def _light(
-        self, emitters: np.ndarray, budget: int, groups: int = 1, chosen: np.ndarray | None = None
+        self, emitters: np.ndarray, budget: int, chosen: np.ndarray | None = None
     ) -> Generator[float, None, cl.Buffer]:
-        """Return light and unshadowed luminance of some emitters, float4 of n patches and of groups.
+        """Return light and unshadowed luminance of some emitters, float4 of n patches.
 
         chosen: as of `sampled`
         """
@@ -168,10 +178,10 @@ class ShadowRays:
         arguments = (
             upload(self._compute, emitters), upload(self._compute, nodes), np.int32(tree.root),
             *self._modulations, np.int32(budget),
-            *self._glow, *self._sky, np.uint32(self._settings.seed), self._l1, np.int32(groups),
+            *self._glow, *self._sky, np.uint32(self._settings.seed), self._l1,
             None if chosen is None else upload(self._compute, chosen),
         )  # fmt: skip
-        return (yield from self._sliced(self._direct, budget, arguments, items, groups))
+        return (yield from self._sliced(self._direct, budget, arguments, items))
 
     def _read_l1(self, items: int) -> np.ndarray:
         """Return the L1 of the light that was computed last, (items, 3, 3) float32; (0, 3, 3) without one."""
@@ -180,10 +190,10 @@ class ShadowRays:
         return download_colors(self._compute, self._l1, items, 3).transpose(1, 0, 2)
 
     def _sliced(
-        self, kernel: Kernel, samples: int, arguments: tuple, items: int, results: int = 1
+        self, kernel: Kernel, samples: int, arguments: tuple, items: int
     ) -> Generator[float, None, cl.Buffer]:
         """Run a kernel over items of so many samples, some at a time; return its results, float4 of each."""
-        result = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, 16 * items * results)
+        result = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, 16 * items)
 
         def launch(start: int, end: int) -> None:
             slice_ = np.int32(start), np.int32(end)

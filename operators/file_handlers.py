@@ -11,6 +11,7 @@ from .compat import FILE_EVENTS
 from .handlers import Handlers
 from .scene.light.kept_worlds import kept_worlds
 from .scene.materials.kept_evaluations import kept_evaluations
+from .scene.objects.instancing import forget_instances
 from .scene.uvs.uv_node_group import remove_unused_uvs
 from .worker_owner import owner
 
@@ -30,7 +31,21 @@ def _forget(*_: object) -> None:
     kept_worlds.clear()
 
 
-_handlers = Handlers({"load_post": _forget, **dict.fromkeys(FILE_EVENTS, _tidy)})
+_forget_instances = persistent(forget_instances)
 
-#: Have Blender call it from now on; have it called no more.
-bind, unbind = _handlers.begin, _handlers.end
+_CHANGES = ("depsgraph_update_post", "frame_change_post", "undo_post", "redo_post", "load_post")
+
+_file_handlers = Handlers({"load_post": _forget, **dict.fromkeys(FILE_EVENTS, _tidy)})
+_change_handlers = Handlers(dict.fromkeys(_CHANGES, _forget_instances))
+
+
+def bind() -> None:
+    """Have Blender call the functions from now on."""
+    _file_handlers.begin()
+    _change_handlers.begin()
+
+
+def unbind() -> None:
+    """Have Blender call the functions no more."""
+    _change_handlers.end()
+    _file_handlers.end()

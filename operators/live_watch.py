@@ -12,6 +12,7 @@ from .result.images import MARK as LIGHTMAP
 from .result.preview import is_previewed, set_preview_aside
 from .result.preview_material import MARK as PREVIEW
 from .scene import SceneContext
+from .scene.objects.render_depsgraph import reads_render
 
 #: What decides how objects look.
 _LOOKS = (bpy.types.Material, bpy.types.Image, bpy.types.Texture)
@@ -74,7 +75,7 @@ class LiveWatch:
         self.materials: set[int] = set()
 
     def _note_update(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-        if scene.session_uid != self._context.scene_uid:
+        if scene.session_uid != self._context.scene_uid or reads_render():
             return
         for update in depsgraph.updates:
             if _is_lamp(update.id):

@@ -6,6 +6,7 @@ import bpy
 
 from .result.moved_charts import note_moved_charts
 from .result.preview import hide_preview, previewed, show_preview
+from .scene import SceneContext
 from .viewports import show_materials, show_solid_again
 
 
@@ -27,8 +28,8 @@ class HEMIBAKE_OT_preview(bpy.types.Operator):
         if not count:
             self.report({"ERROR"}, " ".join(notes) or "No object has a lightmap to show. Bake first.")
             return {"CANCELLED"}
-        depsgraph, uv_layer = context.evaluated_depsgraph_get(), context.scene.hemibake.uv_layer
-        for note in (*notes, *note_moved_charts(previewed(context.scene), depsgraph, uv_layer)):
+        where, uv_layer = SceneContext(context), context.scene.hemibake.uv_layer
+        for note in (*notes, *note_moved_charts(list(previewed(context.scene)), where, uv_layer)):
             self.report({"WARNING"}, note)
         show_materials(context)
         self.report({"INFO"}, f"{count} objects show their lightmaps")

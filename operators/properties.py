@@ -101,7 +101,7 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
         description="Which objects are baked",
         translation_context=CONTEXT,
         items=[
-            ("ALL", "All", "Every object with a lightmap that viewport and renders show"),
+            ("ALL", "All", "Every object with a lightmap that renders show"),
             (
                 "SELECTED",
                 "Selected",
@@ -114,6 +114,15 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
                 "or whose light can have changed by more than the tolerance: quick bakes, of the scene "
                 "of the last bake and of now, tell. All others keep the texels of their lightmaps",
             ),
+        ],
+    )
+    meshes: EnumProperty(
+        name="Meshes",
+        description="Which meshes are baked. The objects are always those that renders show",
+        translation_context=CONTEXT,
+        items=[
+            ("RENDER", "Render", "Modifiers, particles and subdivision as in renders"),
+            ("VIEWPORT", "Viewport", "Meshes as in the viewport; of objects hidden there as in renders"),
         ],
     )
     directory: StringProperty(

@@ -9,7 +9,7 @@ from ..operators.chart_settings import CHART_PROPERTIES
 from .sidebar import SubPanel, split_properties
 
 #: Settings of the add-on that the engine does not know.
-_OWN = ("uv_layer", "padding", "mip_level")
+_OWN = ("meshes", "uv_layer", "padding", "mip_level")
 
 #: Headings of the groups that follow the settings without one.
 _GROUPS = (("memory", "Memory"), ("paper", "Method Paper"))

@@ -14,7 +14,9 @@ from ..lookup import find_all
 from ..result.instance_places import baked_instances
 from ..result.moved_charts import has_moved_charts
 from ..scene import SceneContext
+from ..scene.objects.evaluation import Evaluation, evaluate
 from ..scene.objects.meshes import read_array, read_positions, read_topology, read_uvs
+from ..scene.objects.render_differences import uses_render
 from ..scene.objects.render_settings import differs_in_renders
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from ..scene.uvs.multi_user import multi_user_sources
@@ -92,14 +94,22 @@ def read_meshes(
     uv_layer = context.scene.hemibake.uv_layer
     several = multi_user_sources(uv_layer)
     instanced = {name for _, name, _ in baked_instances(context.scene)}
+    if uses_render(context):
+        # All at once: each evaluation as in a render takes long.
+        waiting_objects = find_all(bpy.data.objects, waiting)
+        found = evaluate(
+            context, lambda each: [_read(obj, each, uv_layer, several, instanced) for obj in waiting_objects]
+        )
+        yield
+        return [mesh for mesh in found if mesh is not None]
     meshes: list[CheckedMesh] = []
     while waiting:
-        depsgraph, limit = context.evaluated_depsgraph_get(), time.perf_counter() + _SLICE
+        evaluation = Evaluation(context.evaluated_depsgraph_get())
+        limit = time.perf_counter() + _SLICE
         present = find_all(bpy.data.objects, waiting)
         done = 0
         for obj in present:
-            is_lit = obj.hemibake.image is not None or obj.name in instanced
-            mesh = _read(obj, depsgraph, uv_layer, several, is_lit)
+            mesh = _read(obj, evaluation, uv_layer, several, instanced)
             meshes += [mesh] if mesh is not None else []
             done += 1
             if time.perf_counter() > limit:
@@ -110,14 +120,15 @@ def read_meshes(
 
 
 def _read(
-    obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph, uv_layer: str, several: set[int], is_lit: bool
+    obj: bpy.types.Object, evaluation: Evaluation, uv_layer: str, several: set[int], instanced: set[str]
 ) -> CheckedMesh | None:
     """Return an object's mesh; None without faces.
 
-    is_lit: whether it, or an instance of it, has a lightmap
+    instanced: names of the objects whose instances have a lightmap
     """
+    is_lit = obj.hemibake.image is not None or obj.name in instanced
     layer, keeper = lightmap_layer(obj, uv_layer), uv_modifier(obj, uv_layer)
-    with evaluated_mesh(obj, depsgraph) as mesh:
+    with evaluated_mesh(obj, evaluation) as mesh:
         if mesh is None or not len(mesh.polygons):
             return None
         mesh.calc_loop_triangles()

@@ -19,6 +19,7 @@ OWN: dict[str, tuple[Callable[[str], Any], str, str]] = {
     "lightmap_count": (int, "N", "lightmaps that new lightmap UVs are spread over"),
     "padding": (int, "TEXELS", "between charts of new lightmap UVs"),
     "mip_level": (int, "N", "coarsest mip level at which charts keep the padding"),
+    "meshes": (str.upper, "CHOICE", "render or viewport: which meshes are baked"),
     "uv_layer": (str, "NAME", "name of the lightmap UV layer"),
     "file_name": (str, "TEMPLATE", "name of the files, such as {file}_{lightmap}_{output}"),
     "file_format": (str.lower, "FORMAT", "exr, hdr, png, rgbm, rgbd or logluv"),

@@ -28,6 +28,7 @@ from ..result.lightmap_files import LightmapFile
 from ..result.manifest import NAME, is_ours, read_manifest, write_manifest
 from ..result.moved_charts import note_moved_charts
 from ..result.preview import hide_preview, previewed, show_preview
+from ..scene import SceneContext
 from .encoded import EncodedLightmap, encode
 from .exporter import write_gltf
 from .hooks import LightmapHooks
@@ -75,8 +76,7 @@ def _export(context: bpy.types.Context, path: Path, kind: str, use_files: bool) 
     usable = [image for image in surfaces.images if image.size[0]]
     notes = [_missing(image, surfaces) for image in missing]
     lit = dict.fromkeys(surface.source for surface in surfaces.all if surface.place is not None)
-    depsgraph, uv_layer = context.evaluated_depsgraph_get(), context.scene.hemibake.uv_layer
-    notes += note_moved_charts(lit, depsgraph, uv_layer)
+    notes += note_moved_charts(lit, SceneContext(context), context.scene.hemibake.uv_layer)
     if not usable:
         raise EngineError("\n".join(notes) or _NOTHING_BAKED)
     changes = Changes()

@@ -12,6 +12,7 @@ from ...engine.naming import naming
 from ...engine.settings import Settings
 from ..lookup import find_all
 from ..scene import ReadScene, SceneContext
+from ..scene.objects.evaluation import Evaluation, evaluate
 from ..scene.uvs.lightmap_layer import layer_triangles
 from ..scene.uvs.uv_faults import covered_texels, is_finite, is_inside
 from ..scene.uvs.uv_targets import evaluated_mesh
@@ -83,13 +84,12 @@ class KeptTexels:
 
     def _kept(self, atlas: int, others: Sequence[bpy.types.Object]) -> np.ndarray:
         """Return which texels of an atlas are kept, (h, w) bool: those of others and their margins."""
-        resolution, depsgraph = self._settings.resolution, self._context.evaluated_depsgraph_get()
+        resolution = self._settings.resolution
         owner = np.full((resolution, resolution), _NOBODY, np.uint8)
         for mesh in self._read.scene.meshes:
             if mesh.atlas == atlas:
                 _claim(owner, mesh.uvs, _BAKED)
-        for obj in others:
-            uvs = _lightmap_uvs(obj, depsgraph)
+        for uvs in evaluate(self._context, lambda each: [_lightmap_uvs(obj, each) for obj in others]):
             if uvs is not None:
                 _claim(owner, uvs, _KEPT)
 
@@ -99,10 +99,10 @@ class KeptTexels:
         return owner == _KEPT
 
 
-def _lightmap_uvs(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> np.ndarray | None:
+def _lightmap_uvs(obj: bpy.types.Object, evaluation: Evaluation) -> np.ndarray | None:
     """Return the UVs of an object's triangles in its lightmap, (t, 3, 2); None without usable ones."""
     known = obj.hemibake
-    with evaluated_mesh(obj, depsgraph) as mesh:
+    with evaluated_mesh(obj, evaluation) as mesh:
         shown = mesh if mesh is not None else obj.data
         if known.uv_layer not in shown.uv_layers:
             return None

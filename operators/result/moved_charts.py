@@ -7,6 +7,8 @@ from collections.abc import Iterable
 import bpy
 
 from ...engine.naming import naming
+from ..scene import SceneContext
+from ..scene.objects.evaluation import Evaluation, evaluate
 from ..scene.objects.meshes import read_uvs
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from ..scene.uvs.uv_digest import digest_of
@@ -37,13 +39,26 @@ def has_moved_charts(obj: bpy.types.Object, mesh: bpy.types.Mesh, uv_layer: str)
     return digest_of(read_uvs(mesh.uv_layers[layer])) != known.baked_uvs
 
 
-def note_moved_charts(
-    objects: Iterable[bpy.types.Object], depsgraph: bpy.types.Depsgraph, uv_layer: str
-) -> list[str]:
-    """Return a sentence that names the objects with other lightmap UVs than were baked; none without any."""
-    names = []
+def note_moved_charts(objects: Iterable[bpy.types.Object], context: SceneContext, uv_layer: str) -> list[str]:
+    """Return a sentence that names the objects with other lightmap UVs than were baked; none without any.
+
+    uv_layer: that of the scene
+    """
+    shown = Evaluation(context.evaluated_depsgraph_get())
+    moved = _moved(objects, shown, uv_layer)
+    if moved:
+        # The viewport may have other faces than were baked.
+        moved = evaluate(context, lambda evaluation: _moved(moved, evaluation, uv_layer))
+    return [naming(MOVED_CHARTS, [obj.name for obj in moved])] if moved else []
+
+
+def _moved(
+    objects: Iterable[bpy.types.Object], evaluation: Evaluation, uv_layer: str
+) -> list[bpy.types.Object]:
+    """Return the objects whose meshes in an evaluation have other lightmap UVs than were baked."""
+    moved = []
     for obj in objects:
-        with evaluated_mesh(obj, depsgraph) as mesh:
+        with evaluated_mesh(obj, evaluation) as mesh:
             if mesh is not None and has_moved_charts(obj, mesh, uv_layer):
-                names.append(obj.name)
-    return [naming(MOVED_CHARTS, names)] if names else []
+                moved.append(obj)
+    return moved

@@ -1,6 +1,6 @@
 """Blender scene -> engine.Scene."""
 
-from .objects.visible import visible_meshes
+from .objects.instancing import visible_meshes
 from .read import ReadScene, read_scene, store_edits
 from .read_lamps import read_lamps
 from .scene_context import SceneContext

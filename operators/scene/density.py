@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 
 from ...engine.scene.model import OCCLUDER, Scene
+from .objects.evaluation import Evaluation
 from .objects.meshes import read_array
 from .scene_context import SceneContext
 from .uvs.lightmap_layer import layer_triangles, lightmap_layer
@@ -31,16 +32,17 @@ def width_before(
 ) -> int:
     """Return how wide the lightmaps of objects will have to be, texels, for `density` texels a unit.
 
-    Charts that are there stay, so theirs is known; others are expected to fill a part of a lightmap.
+    Charts that are there stay, so theirs is known; others are expected to fill a part of a lightmap. The
+    meshes are the viewport's, of hidden objects those without modifiers: the result is a first guess.
     """
-    several, depsgraph = multi_user_sources(uv_layer), context.evaluated_depsgraph_get()
+    several = multi_user_sources(uv_layer)
+    evaluation = Evaluation(context.evaluated_depsgraph_get())
     surface: dict[tuple[str, bool], float] = {}
     covered: dict[tuple[str, bool], float] = {}
     for obj in objects:
         layer = lightmap_layer(obj, uv_layer)
-        with evaluated_mesh(obj, depsgraph) as mesh:
-            if mesh is None:
-                continue
+        with evaluated_mesh(obj, evaluation) as evaluated:
+            mesh = evaluated or obj.data
             packed = layer in mesh.uv_layers and uv_source(obj, uv_layer) not in several
             key, flat = (
                 (obj.hemibake.atlas, packed),

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...engine.errors import SceneError
 from ...engine.naming import first_line, naming
-from ...engine.progress import Progress
+from ...engine.progress import Progress, finished
 from ...engine.scene.model import OCCLUDER, Mesh, Scene
 from .faults import without_faults
 from .fingerprints import combined, find_fingerprints, in_the_world
@@ -20,7 +20,9 @@ from .materials.material_table import MaterialTable
 from .materials.pixels import PixelCache, UnreadError
 from .materials.shader_bake import Move
 from .messages import Troubles
-from .objects.items import scene_items
+from .objects.evaluation import Evaluation
+from .objects.items import SceneItem, scene_items
+from .objects.render_differences import uses_render
 from .objects.skipped import note_skipped
 from .place import Place, takes_textures
 from .places import choose_places
@@ -146,15 +148,16 @@ class _SceneReading:
         self._next = 0
 
     def objects(self) -> Slices[None]:
-        """Read all that the depsgraph shows, from one event to the next where the last one has ended."""
-        while self._next < self._watch.items:
-            try:
-                announcement = self._read_some()
-            except UnreadError as unread:
-                yield from unread.reading
-                continue
+        """Read all that a render shows.
+
+        From the viewport's depsgraph it is read in slices, from that of renders in one piece.
+        """
+        if uses_render(self._watch.context):
+            yield "Reading render meshes"
+            self._watch.evaluate(self._read_all)
             yield from self._reader.finish_meshes()
-            yield self._next / self._watch.items if announcement is None else announcement
+        else:
+            yield from self._read_viewport()
         self._readings, self._origin = yield from self._reader.finish()
         self._atlases, self._places = yield from choose_places(
             self._readings, self._several, self._resolution, self._troubles
@@ -163,6 +166,17 @@ class _SceneReading:
         if not any(self._places):
             seen = {reading.name for reading in self._readings} - self._troubles.names
             raise SceneError(_nothing_left(seen, self._notes))
+
+    def _read_viewport(self) -> Slices[None]:
+        """Read the objects and instances, from one event to the next where the last one has ended."""
+        while self._next < self._watch.items:
+            try:
+                announcement = self._read_some()
+            except UnreadError as unread:
+                yield from unread.reading
+                continue
+            yield from self._reader.finish_meshes()
+            yield self._next / self._watch.items if announcement is None else announcement
 
     def looks(self) -> Slices[None]:
         """Read what only Cycles can evaluate of materials, then the world and the lamps' nodes."""
@@ -251,15 +265,30 @@ class _SceneReading:
             if item.object.type == "MESH" and self._reader.is_large(item) and uid not in self._announced:
                 self._announced.add(uid)
                 return f"Reading object '{item.source.name}'"
-            if item.source.type == "LIGHT":
-                self._lamps.add(item)
-            elif item.object.type == "MESH":
-                self._reader.add(item, override)
+            self._read_item(item, override)
             if time.over:
                 self._next += 1
                 return None
         self._next = self._watch.items
         return None
+
+    def _read_all(self, evaluation: Evaluation) -> None:
+        """Read the objects and instances in one piece, with the images that this takes."""
+        override = self._watch.context.material_override
+        for item in evaluation.items(self._watch.visible):
+            while True:
+                try:
+                    self._read_item(item, override)
+                    break
+                except UnreadError as unread:
+                    finished(unread.reading)
+
+    def _read_item(self, item: SceneItem, override: bpy.types.Material | None) -> None:
+        """Read an object or instance; raises UnreadError if an image has to be read first."""
+        if item.source.type == "LIGHT":
+            self._lamps.add(item)
+        elif item.object.type == "MESH":
+            self._reader.add(item, override)
 
 
 def _entry(reading: Reading, place: Place | None) -> Entry | None:

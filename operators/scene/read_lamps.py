@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Set
 from dataclasses import replace
 
 from ...engine.progress import Progress, retold
 from ...engine.scene.model import Scene
 from .faults import without_faults
 from .light.lights import Lamps
-from .objects.items import scene_items
+from .objects.evaluation import Evaluation
 from .scene_context import SceneContext
 from .scene_watch import SceneWatch
 from .slices import Slices
@@ -35,9 +35,14 @@ def _progress(said: float | str | None) -> Progress:
 def _read(watch: SceneWatch, scene: Scene) -> Slices[Scene]:
     notes: list[str] = []
     lamps = Lamps(notes)
-    for item in scene_items(watch.depsgraph(), watch.visible):
-        if item.source.type == "LIGHT":
-            lamps.add(item)
+    watch.evaluate(lambda evaluation: _add_lamps(evaluation, watch.visible, lamps))
     suns = (light for light in scene.lights if light.of_world)
     lights = (*(yield from lamps.finish(scene.origin, watch)), *suns)
     return (yield from without_faults(replace(scene, lights=lights), notes))
+
+
+def _add_lamps(evaluation: Evaluation, visible: Set[int], lamps: Lamps) -> None:
+    """Add the lamps of an evaluation; visible: session uids of the objects that renders show."""
+    for item in evaluation.items(visible):
+        if item.source.type == "LIGHT":
+            lamps.add(item)

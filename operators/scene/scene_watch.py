@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import TracebackType
-from typing import Self
+from typing import Self, TypeVar
 
 import bpy
 
 from ..handlers import Handlers
+from .objects.evaluation import Evaluation, evaluate
+from .objects.render_depsgraph import reads_render
 from .objects.visible import visible_objects
 from .scene_context import SceneContext
+
+Made = TypeVar("Made")
 
 #: Changes of their members and settings only: what is shown tells whether that matters.
 _HOLDERS = (bpy.types.Scene, bpy.types.Collection)
@@ -68,6 +73,14 @@ class SceneWatch:
             raise SceneChangedError
         return depsgraph
 
+    def evaluate(self, job: Callable[[Evaluation], Made]) -> Made:
+        """Call a function with the evaluated objects that a bake reads, see `evaluate`; return its result.
+
+        Raises SceneChangedError if the scene is not as it was.
+        """
+        self.depsgraph()
+        return evaluate(self.context, job)
+
     def accept(self) -> None:
         """Take the scene as it is after changes of Hemibake's own."""
         self.context.evaluated_depsgraph_get()
@@ -84,7 +97,7 @@ class SceneWatch:
         return tuple(0 if item is None else item.session_uid for item in chosen)
 
     def _note_update(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-        if scene.session_uid != self.context.scene_uid:
+        if scene.session_uid != self.context.scene_uid or reads_render():
             return
         for update in depsgraph.updates:
             moved = update.is_updated_geometry or update.is_updated_transform

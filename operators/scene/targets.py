@@ -16,7 +16,7 @@ from ...engine.errors import SceneError
 from ...engine.scene.model import OCCLUDER
 from ..lookup import find
 from .fingerprints import own_part
-from .objects.visible import visible_meshes
+from .objects.instancing import instance_pairs, visible_meshes
 from .place import Place
 from .read import Entry, ReadScene
 from .scene_context import SceneContext
@@ -42,11 +42,7 @@ def target_uids(context: SceneContext, target: str) -> set[int]:
         return meshes
     layer = context.view_layer
     selected = {obj.session_uid for obj in layer.objects if obj.select_get(view_layer=layer)}
-    shown = {
-        instance.object.original.session_uid
-        for instance in context.evaluated_depsgraph_get().object_instances
-        if instance.is_instance and instance.parent.original.session_uid in selected
-    }
+    shown = {source for instancer, source in instance_pairs(context) if instancer in selected}
     if not meshes & (selected | shown):
         raise SceneError(NOTHING_SELECTED)
     return meshes & (selected | shown)

@@ -15,7 +15,8 @@ from ....engine.scene.model import Material
 from ....engine.scene.texture import Texture
 from ...compat import node_tree
 from ...lookup import find
-from ..objects.items import ItemKey, SceneItem, scene_items
+from ..objects.evaluation import Evaluation
+from ..objects.items import ItemKey, SceneItem
 from ..objects.meshes import LIGHTMAP_UVS
 from ..scene_watch import SceneWatch
 from ..slices import Slices
@@ -217,18 +218,14 @@ class MaterialTable:
 
         That is those with lightmap UVs, if there are any, else all of them with some UVs.
         """
-        depsgraph, unevaluated = self._watch.depsgraph(), self._complex[index]
+        self._watch.depsgraph()
+        unevaluated = self._complex[index]
         material = find(bpy.data.materials, unevaluated.uid)
         frozen = FrozenMaterial(material, unevaluated.values) if unevaluated.values else None
         worn = material if frozen is None else frozen.material
         shapes: list[Shape] = []
         try:
-            for item in scene_items(depsgraph, self._watch.visible):
-                slots = self._wearers.get(item.key, ())
-                if index in slots:
-                    wearing = [worn if slot == index else None for slot in slots]
-                    layer = lightmap_layer(item.source, self._uv_layer)
-                    shapes.append(copy_shape(item.object, layer, item.matrix, depsgraph, wearing))
+            self._watch.evaluate(lambda evaluation: self._copy_wearers(index, worn, evaluation, shapes))
             mapped = [
                 shape
                 for shape in shapes
@@ -244,6 +241,17 @@ class MaterialTable:
             if frozen is not None:
                 frozen.remove()
             self._watch.accept()
+
+    def _copy_wearers(
+        self, index: int, worn: bpy.types.Material, evaluation: Evaluation, shapes: list[Shape]
+    ) -> None:
+        """Append copies of all items that wear a material, with `worn` in its slots."""
+        for item in evaluation.items(self._watch.visible):
+            slots = self._wearers.get(item.key, ())
+            if index in slots:
+                wearing = [worn if slot == index else None for slot in slots]
+                layer, depsgraph = lightmap_layer(item.source, self._uv_layer), evaluation.depsgraph_of(item)
+                shapes.append(copy_shape(item.object, layer, item.matrix, depsgraph, wearing))
 
     def _maps(self, name: str, pixels: dict[str, np.ndarray]) -> dict:
         """Return the texture fields of a material."""

@@ -18,6 +18,11 @@ _LEVELS = {
 }
 
 
+def level_settings(modifier: bpy.types.Modifier) -> tuple[str, str] | None:
+    """Return the names of a modifier's settings of detail for the viewport and for renders, if any."""
+    return _LEVELS.get(modifier.type)
+
+
 def differs_in_renders(obj: bpy.types.Object) -> bool:
     """Return whether renders use other settings of an object's modifiers than the viewport."""
     return any(True for _ in _differences(obj))

@@ -16,6 +16,7 @@ from ...changes import Changes
 from ...chart_settings import read_cutting
 from ...lookup import find_all
 from ..messages import WITHOUT_XATLAS, XATLAS_FAILED, Troubles, no_room
+from ..objects.evaluation import Evaluation, evaluate
 from ..scene_context import SceneContext
 from .atlas_members import AtlasMembers
 from .object_lookup import MeshChangedError, ObjectLookup
@@ -26,7 +27,7 @@ from .uv_modifier import drop_uv_modifier, fits, uv_modifier
 from .uv_node_group import NAME, remove_unused_uvs
 from .uv_page import Page
 from .uv_squares import mip_width, squares_of
-from .uv_targets import Target, evaluated_mesh, evaluated_targets, users_of_meshes
+from .uv_targets import Target, evaluated_mesh, evaluated_targets, may_lack_uvs, users_of_meshes
 
 #: Unwrappings of meshes that change meanwhile, before it is done in one piece.
 _ATTEMPTS = 3
@@ -162,23 +163,34 @@ class _Unwrapping:
         for obj in objects:
             obj.update_from_editmode()
         kept = [(obj, modifier) for obj in objects if (modifier := uv_modifier(obj, self._uv_layer))]
-        depsgraph = self._context.evaluated_depsgraph_get()
-        outdated = [
-            obj
-            for obj, modifier in kept
-            if obj.is_editable and (self._anew is not Anew.NONE or _outdated(obj, modifier, depsgraph))
-        ]
-        for obj in outdated:
+        for obj in self._outdated([pair for pair in kept if pair[0].is_editable]):
             drop_uv_modifier(obj, self._uv_layer, changes)
         self._objects.look_up()
         return objects
 
+    def _outdated(
+        self, kept: Sequence[tuple[bpy.types.Object, bpy.types.Modifier]]
+    ) -> list[bpy.types.Object]:
+        """Return the objects whose UV modifier has to be made again."""
+        if self._anew is not Anew.NONE or not kept:
+            return [obj for obj, _ in kept]
+        return evaluate(
+            self._context,
+            lambda evaluation: [obj for obj, modifier in kept if _outdated(obj, modifier, evaluation)],
+        )
+
     def _evaluated_targets(self, objects: Sequence[bpy.types.Object], own: Sequence[Target]) -> list[Target]:
         """Return what modifiers make such that it needs UVs of its own."""
         made = {self._objects[uid].data.session_uid for target in own for uid in target.uids}
-        rest = [obj for obj in objects if obj.session_uid not in self._left]
-        depsgraph = self._context.evaluated_depsgraph_get()
-        return evaluated_targets(rest, self._uv_layer, made, depsgraph, self._leave)
+        rest = [
+            obj for obj in objects if obj.session_uid not in self._left and may_lack_uvs(obj, self._uv_layer)
+        ]
+        if not rest:
+            return []
+        return evaluate(
+            self._context,
+            lambda evaluation: evaluated_targets(rest, self._uv_layer, made, evaluation, self._leave),
+        )
 
     def _leave(self, obj: bpy.types.Object, trouble: str) -> None:
         """Let an object go without lightmap UVs."""
@@ -249,9 +261,9 @@ class _Unwrapping:
         self._made.notes += self._troubles.tell()
 
 
-def _outdated(obj: bpy.types.Object, modifier: bpy.types.Modifier, depsgraph: bpy.types.Depsgraph) -> bool:
+def _outdated(obj: bpy.types.Object, modifier: bpy.types.Modifier, evaluation: Evaluation) -> bool:
     """Return whether what an object's modifiers make has changed since its UVs were made."""
-    with evaluated_mesh(obj, depsgraph) as mesh:
+    with evaluated_mesh(obj, evaluation) as mesh:
         return mesh is not None and not fits(modifier, mesh)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from ....engine.scene.degenerate import is_degenerate
 from ....engine.unwrap.polygon_mesh import Charts, PolygonMesh
 from ..messages import LINKED, MANY_LAYERS, attribute_in_the_way
+from ..objects.evaluation import Evaluation
 from ..objects.extent import trouble_with
 from ..objects.meshes import read_array, read_corner_vertices, read_corners
 from .lightmap_layer import lightmap_layer
@@ -46,9 +47,9 @@ class Target:
 
 
 @contextmanager
-def evaluated_mesh(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Iterator[bpy.types.Mesh | None]:
-    """Give the mesh that an object's modifiers make; None if the depsgraph does not have the object."""
-    evaluated = obj.evaluated_get(depsgraph)
+def evaluated_mesh(obj: bpy.types.Object, evaluation: Evaluation) -> Iterator[bpy.types.Mesh | None]:
+    """Give the mesh that an object's modifiers make; None if the evaluation does not have the object."""
+    evaluated = evaluation.evaluated(obj)
     if not evaluated.is_evaluated:
         yield None
     elif obj.data.is_editmode:
@@ -91,10 +92,12 @@ def evaluated_targets(
     objects: Sequence[bpy.types.Object],
     uv_layer: str,
     made: set[int],
-    depsgraph: bpy.types.Depsgraph,
+    evaluation: Evaluation,
     leave: Leave,
 ) -> list[Target]:
     """Return the meshes that modifiers make such that the layer is missing or of no use.
+
+    objects: see `may_lack_uvs`
 
     made: session uids of the meshes whose layer has just been made. A layer of the user's that is of no
     use before any modifier stays as it is.
@@ -103,9 +106,7 @@ def evaluated_targets(
     meshes: dict[tuple[int, str, str, str], PolygonMesh | None] = {}
     for obj in objects:
         layer = lightmap_layer(obj, uv_layer)
-        if not obj.modifiers and layer in obj.data.uv_layers:
-            continue
-        with evaluated_mesh(obj, depsgraph) as mesh:
+        with evaluated_mesh(obj, evaluation) as mesh:
             if mesh is None or not _lacks_uvs(obj, mesh, layer, made):
                 continue
             if not obj.is_editable:
@@ -120,6 +121,11 @@ def evaluated_targets(
         for key, mesh in meshes.items()
         if mesh is not None
     ]
+
+
+def may_lack_uvs(obj: bpy.types.Object, uv_layer: str) -> bool:
+    """Return True if what an object's modifiers make may lack the layer."""
+    return len(obj.modifiers) > 0 or lightmap_layer(obj, uv_layer) not in obj.data.uv_layers
 
 
 def _uids(objects: Sequence[bpy.types.Object]) -> tuple[int, ...]:

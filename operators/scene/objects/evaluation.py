@@ -1,0 +1,76 @@
+"""Evaluated objects that a bake reads: those of renders, or of the viewport where both are equal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Set
+from dataclasses import dataclass
+from itertools import chain
+from typing import TypeVar
+
+import bpy
+
+from ..scene_context import SceneContext
+from .items import SceneItem, scene_items
+from .render_depsgraph import in_render
+from .render_differences import hidden_in_viewport, uses_render
+
+Made = TypeVar("Made")
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Evaluated objects and instances, valid in the function that gets them.
+
+    depsgraph  of the objects that only renders show, and of all others if `viewport` is None
+    viewport   of the other objects
+    hidden     session uids of the objects that only renders show
+    """
+
+    depsgraph: bpy.types.Depsgraph
+    viewport: bpy.types.Depsgraph | None = None
+    hidden: Set[int] = frozenset()
+
+    @property
+    def depsgraphs(self) -> tuple[bpy.types.Depsgraph, ...]:
+        """All depsgraphs."""
+        return (self.depsgraph,) if self.viewport is None else (self.viewport, self.depsgraph)
+
+    def evaluated(self, obj: bpy.types.Object) -> bpy.types.Object:
+        """Return an object with its modifiers applied; `is_evaluated` is False if it is not there."""
+        return obj.evaluated_get(self._of(obj))
+
+    def items(self, visible: Set[int]) -> Iterator[SceneItem]:
+        """Yield the objects and instances; visible: session uids of the objects that renders show."""
+        if self.viewport is None:
+            return scene_items(self.depsgraph, visible)
+        return chain(
+            scene_items(self.viewport, visible - self.hidden), scene_items(self.depsgraph, self.hidden)
+        )
+
+    def depsgraph_of(self, item: SceneItem) -> bpy.types.Depsgraph:
+        """Return the depsgraph that an item comes from."""
+        return self._of(item.source if item.instancer is None else item.instancer)
+
+    def _of(self, obj: bpy.types.Object) -> bpy.types.Depsgraph:
+        if self.viewport is None or obj.session_uid in self.hidden:
+            return self.depsgraph
+        return self.viewport
+
+
+def evaluate(context: SceneContext, job: Callable[[Evaluation], Made]) -> Made:
+    """Call a function with the evaluated objects that a bake reads, and return its result.
+
+    The function must not keep any of them, nor call Cycles. Raises SceneError if Blender does not evaluate
+    the scene as a render does.
+    """
+    if not uses_render(context):
+        return job(Evaluation(context.evaluated_depsgraph_get()))
+    return in_render(lambda depsgraph: job(_chosen(context, depsgraph)), context.scene, context.view_layer)
+
+
+def _chosen(context: SceneContext, depsgraph: bpy.types.Depsgraph) -> Evaluation:
+    """Return what the setting Meshes demands, given the depsgraph of a render."""
+    if context.scene.hemibake.meshes == "RENDER":
+        return Evaluation(depsgraph)
+    hidden = frozenset(obj.session_uid for obj in hidden_in_viewport(context))
+    return Evaluation(depsgraph, context.view_layer.depsgraph, hidden)

@@ -1,0 +1,66 @@
+"""Objects that instances show, and the mesh objects that are to be baked."""
+
+from __future__ import annotations
+
+import bpy
+
+from ...lookup import find_all
+from ..scene_context import SceneContext
+from .evaluation import Evaluation, evaluate
+from .render_depsgraph import reads_render
+from .render_differences import is_instancer, uses_render
+from .visible import visible_objects
+
+#: Session uids of instancers and of the objects that their instances show, in the order of the depsgraph.
+Pairs = tuple[tuple[int, int], ...]
+
+#: The pairs of a scene and view layer, where the depsgraph of renders has to be read for them, which takes
+#: long. `forget_instances` clears it at every change of a scene.
+_known: dict[tuple[int, str, str], Pairs] = {}
+
+
+def visible_meshes(context: SceneContext) -> list[bpy.types.Object]:
+    """Return the mesh objects that are to be baked: visible ones, and those that instances show."""
+    visible = visible_objects(context)
+    instancers = {obj.session_uid for obj in visible if obj.hemibake.role == "BAKED"}
+    shown = dict.fromkeys(source for instancer, source in instance_pairs(context) if instancer in instancers)
+    instanced = [obj for obj in find_all(bpy.data.objects, shown) if not obj.hide_render] if shown else []
+    return [obj for obj in dict.fromkeys([*visible, *instanced]) if _is_baked(obj)]
+
+
+def instance_pairs(context: SceneContext) -> Pairs:
+    """Return which objects the instances of which other objects show, as session uids.
+
+    An instance of geometry that its instancer makes itself is none.
+    """
+    if not any(is_instancer(obj) for obj in bpy.data.objects):
+        return ()
+    context.evaluated_depsgraph_get()
+    if not uses_render(context):
+        return evaluate(context, _pairs)
+    key = (context.scene.session_uid, context.view_layer.name, context.scene.hemibake.meshes)
+    if key not in _known:
+        _known[key] = evaluate(context, _pairs)
+    return _known[key]
+
+
+def forget_instances(*_: object) -> None:
+    """Forget all pairs after a change of a scene."""
+    if not reads_render():
+        _known.clear()
+
+
+def _pairs(evaluation: Evaluation) -> Pairs:
+    """Return the pairs of an evaluation."""
+    return tuple(
+        dict.fromkeys(
+            (instance.parent.original.session_uid, instance.object.original.session_uid)
+            for depsgraph in evaluation.depsgraphs
+            for instance in depsgraph.object_instances
+            if instance.is_instance and instance.object.original != instance.parent.original
+        )
+    )
+
+
+def _is_baked(obj: bpy.types.Object) -> bool:
+    return obj.type == "MESH" and obj.hemibake.role == "BAKED"

@@ -1,0 +1,138 @@
+"""Differences between what the viewport and what renders show of a scene.
+
+The tests read settings only, so they are fast. They may report a difference where the results are equal, but
+never miss one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bpy
+
+from ..scene_context import SceneContext
+from .render_settings import level_settings
+from .visible import visible_objects
+
+#: Settings of data for the viewport and for renders, by type of object; 0 in renders is the viewport's.
+_RESOLUTIONS = {
+    "CURVE": (("resolution_u", "render_resolution_u"), ("resolution_v", "render_resolution_v")),
+    "FONT": (("resolution_u", "render_resolution_u"),),
+    "SURFACE": (("resolution_u", "render_resolution_u"), ("resolution_v", "render_resolution_v")),
+    "META": (("resolution", "render_resolution"),),
+}
+
+#: Modes in which the viewport leaves modifiers out.
+_EDITED = {"EDIT", "SCULPT"}
+
+
+def uses_render(context: SceneContext) -> bool:
+    """Return True if a bake has to read the depsgraph of renders.
+
+    Otherwise the viewport's has the same objects and, as far as the setting Meshes demands it, the same
+    meshes.
+    """
+    if hidden_in_viewport(context):
+        return True
+    if context.scene.hemibake.meshes == "VIEWPORT":
+        return False
+    return _instances_differ() or any(Geometry(context.scene).differing(bpy.data.objects))
+
+
+def hidden_in_viewport(context: SceneContext) -> list[bpy.types.Object]:
+    """Return the objects that renders show and the viewport hides."""
+    layer = context.view_layer
+    return [obj for obj in visible_objects(context) if not obj.visible_get(view_layer=layer)]
+
+
+class Geometry:
+    """Tests whether objects have other geometry in renders than in the viewport, as a scene sets it."""
+
+    def __init__(self, scene: bpy.types.Scene) -> None:
+        self._render = scene.render
+        self._known: dict[int, bool] = {}
+
+    def differing(self, objects: Iterator[bpy.types.Object]) -> Iterator[bpy.types.Object]:
+        """Yield the objects whose own settings differ; others may still depend on these."""
+        return (obj for obj in objects if self.differs(obj))
+
+    def differs(self, obj: bpy.types.Object) -> bool:
+        """Return True if settings of an object differ."""
+        if obj.type in _RESOLUTIONS and _resolution_differs(obj):
+            return True
+        if not len(obj.modifiers) and not len(obj.particle_systems):
+            return False
+        return any(self._modifier_differs(modifier) for modifier in obj.modifiers) or any(
+            self._particles_differ(system.settings) for system in obj.particle_systems
+        )
+
+    def _modifier_differs(self, modifier: bpy.types.Modifier) -> bool:
+        if modifier.show_viewport != modifier.show_render:
+            return True
+        if not modifier.show_render:
+            return False
+        if modifier.id_data.mode in _EDITED and not (
+            modifier.show_in_editmode and modifier.type != "MULTIRES"
+        ):
+            return True
+        names = level_settings(modifier)
+        if names is not None:
+            shown, rendered = (getattr(modifier, name) for name in names)
+            if modifier.type in ("SUBSURF", "MULTIRES") and self._render.use_simplify:
+                shown = min(shown, self._render.simplify_subdivision)
+                rendered = min(rendered, self._render.simplify_subdivision_render)
+            return shown != rendered
+        return modifier.type == "NODES" and self._asks_for_viewport(modifier.node_group)
+
+    def _particles_differ(self, settings: bpy.types.ParticleSettings) -> bool:
+        """Return True if renders have more or other particles, or hair of finer steps."""
+        if settings.display_percentage != 100:
+            return True
+        strands = settings.type == "HAIR" or settings.render_type == "PATH"
+        if strands and settings.display_step != settings.render_step:
+            return True
+        if settings.display_method != "RENDER" or settings.child_type != "NONE":
+            return True
+        return self._render.use_simplify
+
+    def _asks_for_viewport(self, group: bpy.types.NodeTree | None) -> bool:
+        """Return True if a node of a group, or of the groups in it, is Is Viewport."""
+        if group is None:
+            return False
+        key = group.session_uid
+        if key not in self._known:
+            self._known[key] = False
+            self._known[key] = any(
+                node.bl_idname == "GeometryNodeIsViewport"
+                or self._asks_for_viewport(getattr(node, "node_tree", None))
+                for node in group.nodes
+            )
+        return self._known[key]
+
+
+def _resolution_differs(obj: bpy.types.Object) -> bool:
+    pairs = ((getattr(obj.data, name, 0) for name in names) for names in _RESOLUTIONS[obj.type])
+    return any(rendered not in (0, shown) for shown, rendered in pairs)
+
+
+def _instances_differ() -> bool:
+    """Return True if instances may differ: objects in instanced collections have settings of their own."""
+    instancers = [obj for obj in bpy.data.objects if is_instancer(obj)]
+    if not instancers:
+        return False
+    if any(obj.hide_render or _shows_itself_otherwise(obj) for obj in instancers):
+        return True
+    return any(obj.hide_viewport and not obj.hide_render for obj in bpy.data.objects) or any(
+        collection.hide_viewport != collection.hide_render for collection in bpy.data.collections
+    )
+
+
+def is_instancer(obj: bpy.types.Object) -> bool:
+    """Return True if an object may make instances."""
+    if obj.instance_type != "NONE" or len(obj.particle_systems):
+        return True
+    return any(modifier.type == "NODES" for modifier in obj.modifiers)
+
+
+def _shows_itself_otherwise(obj: bpy.types.Object) -> bool:
+    return obj.show_instancer_for_render != obj.show_instancer_for_viewport

@@ -12,6 +12,7 @@ import bpy
 
 from ..engine.errors import EngineError, WorkerError
 from ..engine.lightmap import Lightmap
+from .check.finding import INFO, Finding
 from .console import Console
 from .last_bake import last_failure, summary
 from .log import log
@@ -73,6 +74,8 @@ class HEMIBAKE_OT_bake(ModalBake, bpy.types.Operator):
         try:
             report = run.finish(run.drain(Console().show))
             run.show_preview_anew()
+            if bpy.app.background:
+                tell_findings(self, run.findings, report["warnings"])
             tell_report(self, report, run.failure)
             if not bpy.app.background:
                 push_undo()
@@ -117,6 +120,16 @@ def refuse(operator: bpy.types.Operator, error: EngineError | KeyboardInterrupt,
         print(text, file=sys.stderr)  # noqa: T201
         text = f"{first} (They are in the system console.)"
     tell(operator, kind, text)
+
+
+def tell_findings(operator: bpy.types.Operator, findings: Sequence[Finding], warnings: Sequence[str]) -> None:
+    """Report what the check has found, but for what is among the warnings: a shell has no Check panel.
+
+    An error of the check is reported as a warning, since the bake has been done.
+    """
+    for finding in findings:
+        if finding.text not in warnings:
+            tell(operator, "INFO" if finding.severity == INFO else "WARNING", f"Check: {finding.text}")
 
 
 def tell_report(operator: bpy.types.Operator, report: dict, failure: str | None) -> None:

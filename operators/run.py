@@ -23,7 +23,8 @@ from .bake_report import bake_report
 from .bake_settings import read_settings
 from .changed_light import ChangedLight, find_changed_light, forget_light, remember_light
 from .changes import Changes
-from .checks import IdleCheck, forget_moved_charts
+from .check import Finding
+from .checks import IdleCheck, forget_moved_charts, last_check
 from .file_format import chosen_format
 from .handlers import Handlers
 from .lightmap_size import chosen_width, width_for
@@ -61,6 +62,7 @@ class Run:
     bake        the engine's, or that of a worker
     watched     False shows no intermediate lightmaps: nobody sees them before the bake is done
     made_uvs    called when lightmap UVs have been made: an undo step must follow before anything else happens
+    findings    what the check of the scene has found, once it is done
     failure     why the lightmaps could not be written, None if they were
     uvs_undone  True once an undo has taken the lightmap UVs of all objects that are baked: it is for nothing
     """
@@ -79,6 +81,7 @@ class Run:
         self._check: IdleCheck | None = None
         self._unwraps = False
         self._changed: ChangedLight | None = None
+        self.findings: tuple[Finding, ...] = ()
         self.failure: str | None = None
         self.uvs_undone = False
         self._start = time.perf_counter()
@@ -232,6 +235,8 @@ class Run:
         """Do what is left of the check."""
         while self._check.step():
             yield self._stages.progress(0.0)
+        checked = last_check(self._context.scene)
+        self.findings = () if checked is None else checked.findings
 
     def _showing(self, work: Bake) -> Bake:
         """Do a bake's work and show its intermediate lightmaps."""

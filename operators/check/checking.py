@@ -27,7 +27,7 @@ from .faces import (
 )
 from .finding import ERROR, INFO, WARNING, Checked, Finding
 from .meshes import CheckedMesh, read_meshes
-from .surroundings import check_hidden, check_images, check_light
+from .surroundings import check_differences, check_images, check_light
 from .uvs import (
     ChartsOf,
     check_kept,
@@ -100,7 +100,7 @@ def check_scene(context: SceneContext) -> Generator[None, None, Checked]:
 
 def _check_surroundings(context: SceneContext) -> Generator[None, None, list[Finding]]:
     """Return findings about what is hidden, missing or dark, and about settings."""
-    findings = [*check_hidden(context)]
+    findings = [*check_differences(context)]
     if not context.scene.hemibake.uv_layer:
         findings.append(Finding(ERROR, "The lightmap UV layer has no name. Choose one under Advanced."))
     yield

@@ -16,8 +16,7 @@ from ..result.moved_charts import has_moved_charts
 from ..scene import SceneContext
 from ..scene.objects.evaluation import Evaluation, evaluate
 from ..scene.objects.meshes import read_array, read_positions, read_topology, read_uvs
-from ..scene.objects.render_differences import uses_render
-from ..scene.objects.render_settings import differs_in_renders
+from ..scene.objects.render_differences import Geometry, uses_render
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from ..scene.uvs.multi_user import multi_user_sources
 from ..scene.uvs.uv_modifier import fits, uv_modifier, uv_source
@@ -35,7 +34,7 @@ class CheckedMesh:
     editable   whether it can get lightmap UVs: it is none of another file
     copies     whether modifiers make other faces than the mesh has, and no modifier keeps UVs of these
     outdated   whether a modifier keeps UVs, but of other faces than there are by now
-    unlike     whether a modifier keeps UVs that fit, but renders make other faces than the viewport
+    unlike     whether a modifier keeps UVs that fit, but renders and viewport may have other faces
     moved      whether its lightmap was baked with other lightmap UVs
     matrix     (4, 4) float64, object space to world space
     scale      its scale in lightmaps
@@ -94,12 +93,15 @@ def read_meshes(
     uv_layer = context.scene.hemibake.uv_layer
     several = multi_user_sources(uv_layer)
     instanced = {name for _, name, _ in baked_instances(context.scene)}
+    geometry = Geometry(context.scene)
+
+    def read(obj: bpy.types.Object, evaluation: Evaluation) -> CheckedMesh | None:
+        return _read(obj, evaluation, uv_layer, several, instanced, geometry)
+
     if uses_render(context):
-        # All at once: each evaluation as in a render takes long.
-        waiting_objects = find_all(bpy.data.objects, waiting)
-        found = evaluate(
-            context, lambda each: [_read(obj, each, uv_layer, several, instanced) for obj in waiting_objects]
-        )
+        # All at once, since each evaluation as in a render takes long.
+        present = find_all(bpy.data.objects, waiting)
+        found = evaluate(context, lambda evaluation: [read(obj, evaluation) for obj in present])
         yield
         return [mesh for mesh in found if mesh is not None]
     meshes: list[CheckedMesh] = []
@@ -109,7 +111,7 @@ def read_meshes(
         present = find_all(bpy.data.objects, waiting)
         done = 0
         for obj in present:
-            mesh = _read(obj, evaluation, uv_layer, several, instanced)
+            mesh = read(obj, evaluation)
             meshes += [mesh] if mesh is not None else []
             done += 1
             if time.perf_counter() > limit:
@@ -120,7 +122,12 @@ def read_meshes(
 
 
 def _read(
-    obj: bpy.types.Object, evaluation: Evaluation, uv_layer: str, several: set[int], instanced: set[str]
+    obj: bpy.types.Object,
+    evaluation: Evaluation,
+    uv_layer: str,
+    several: set[int],
+    instanced: set[str],
+    geometry: Geometry,
 ) -> CheckedMesh | None:
     """Return an object's mesh; None without faces.
 
@@ -144,7 +151,7 @@ def _read(
             editable=bool(obj.is_editable),
             copies=changed and not obj.data.is_editmode and keeper is None,
             outdated=outdated,
-            unlike=keeper is not None and not outdated and differs_in_renders(obj),
+            unlike=keeper is not None and not outdated and geometry.differs(obj),
             moved=is_lit and has_moved_charts(obj, mesh, uv_layer),
             matrix=np.array(obj.matrix_world, np.float64),
             scale=obj.hemibake.lightmap_scale,

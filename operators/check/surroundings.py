@@ -8,8 +8,10 @@ from collections.abc import Iterator, Sequence
 import bpy
 
 from ..compat import light_power, node_input, node_tree
-from ..scene.objects.visible import in_rendered_collections
-from .finding import ERROR, WARNING, Finding, found
+from ..scene import SceneContext
+from ..scene.objects.render_differences import Geometry
+from ..scene.objects.visible import visible_objects
+from .finding import ERROR, INFO, WARNING, Finding, found
 
 #: Objects with a surface.
 _SURFACES = {"MESH", "CURVE", "FONT", "SURFACE", "META"}
@@ -25,31 +27,41 @@ _EMITTERS = {
 }
 
 
-def check_hidden(context) -> list[Finding]:
-    """Return objects that either the viewport or renders hide: these are not baked."""
+def check_differences(context: SceneContext) -> list[Finding]:
+    """Return objects, or meshes of objects, that differ between the viewport and renders."""
     layer = context.view_layer
-    rendered = in_rendered_collections(context)
-    only_rendered, only_shown = [], []
-    for obj in layer.objects:
-        if obj.type not in _SEEN or obj.hemibake.role == "IGNORED":
-            continue
-        in_render = not obj.hide_render and obj.session_uid in rendered
-        in_viewport = obj.visible_get(view_layer=layer)
-        if in_viewport != in_render:
-            (only_shown if in_viewport else only_rendered).append(obj.name)
+    rendered = {obj.session_uid for obj in visible_objects(context)}
+    objects = [obj for obj in layer.objects if obj.type in _SEEN and obj.hemibake.role != "IGNORED"]
+    unrendered = [obj for obj in objects if obj.session_uid not in rendered]
+    baked = [obj for obj in objects if obj.session_uid in rendered]
+    differing = list(Geometry(context.scene).differing(baked))
     return [
         *found(
             WARNING,
             "Renders hide what the viewport shows: {} is not baked. Enable it in renders, or ignore it.",
-            only_shown,
+            [obj.name for obj in unrendered if obj.visible_get(view_layer=layer)],
         ),
         *found(
-            WARNING,
-            "The viewport hides what renders show: {} is not baked. Show it in the viewport, or disable it "
-            "in renders.",
-            only_rendered,
+            INFO,
+            "The viewport hides what renders show: {} is baked. Disable it in renders to leave it out.",
+            [obj.name for obj in baked if not obj.visible_get(view_layer=layer)],
         ),
+        *_check_geometry([obj.name for obj in differing], context.scene.hemibake.meshes == "RENDER"),
     ]
+
+
+def _check_geometry(differing: list[str], as_rendered: bool) -> list[Finding]:
+    """Return a finding about objects whose geometry has other settings for renders."""
+    if as_rendered:
+        sentence = (
+            "Renders use other modifiers, levels or particles than the viewport: {}. Renders' are baked."
+        )
+        return found(INFO, sentence, differing)
+    sentence = (
+        "Renders use other modifiers, levels or particles than the viewport: {}. The viewport's are baked. "
+        "Set Meshes to Render under Advanced, or use the same settings."
+    )
+    return found(WARNING, sentence, differing)
 
 
 def check_images(

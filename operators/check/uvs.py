@@ -86,8 +86,8 @@ def check_kept(meshes: Sequence[CheckedMesh]) -> list[Finding]:
         ),
         *found(
             WARNING,
-            "Renders use other settings of the modifiers of {} than the viewport, whose faces have the "
-            "lightmap UVs: renders may show no lightmap. Use the same ones.",
+            "Renders use other settings of the modifiers of {} than the viewport, and only faces that are "
+            "baked have lightmap UVs: the others may show no lightmap. Use the same settings.",
             [mesh.name for mesh in meshes if mesh.unlike and mesh.editable],
             "show_as_rendered",
         ),

@@ -331,7 +331,29 @@ def test_objects_hidden_from_one_of_viewport_and_renders_are_told():
     ignored = square("Ignored")
     ignored.hide_render, ignored.hemibake.role = True, "IGNORED"
     assert finding("Renders hide").objects == ("Only shown",)
-    assert finding("viewport hides").objects == ("By eye", "Only rendered")
+    hidden = finding("viewport hides")
+    assert (hidden.severity, hidden.objects) == ("INFO", ("By eye", "Only rendered"))
+
+
+def test_objects_with_other_geometry_in_renders_are_told():
+    import bpy
+
+    square("Same").modifiers.new("Subdivision", "SUBSURF").render_levels = 1
+    square("Finer").modifiers.new("Subdivision", "SUBSURF").render_levels = 2
+    told = finding("Renders use other modifiers")
+    assert (told.severity, told.objects) == ("INFO", ("Finer",))
+    bpy.context.scene.hemibake.meshes = "VIEWPORT"
+    told = finding("Renders use other modifiers")
+    assert (told.severity, told.objects) == ("WARNING", ("Finer",))
+
+
+def test_bakes_without_a_window_print_what_the_check_finds(capfd):
+    import bpy
+
+    square("Floor", surface=material("Glow", emission=1.0))
+    square("Cutter").hide_render = True
+    bpy.ops.hemibake.bake()
+    assert "Check: Renders hide what the viewport shows: 'Cutter'" in "".join(capfd.readouterr())
 
 
 def image_material(name, path):

@@ -96,22 +96,6 @@ def test_loose_vertices_far_away_do_no_harm():
     assert read.notes == () and np.abs(read.scene.meshes[0].positions).max() <= 1
 
 
-def test_hidden_objects_are_not_baked():
-    import bpy
-
-    square("Shown")
-    square("Hidden in viewport").hide_viewport = True
-    square("Hidden in renders").hide_render = True
-    square("Hidden by eye").hide_set(True)
-    collection = bpy.data.collections.new("Unrendered")
-    bpy.context.scene.collection.children.link(collection)
-    inside = square("In a collection hidden in renders")
-    bpy.context.scene.collection.objects.unlink(inside)
-    collection.objects.link(inside)
-    collection.hide_render = True
-    assert [mesh.name for mesh in read_scene().scene.meshes] == ["Shown"]
-
-
 def test_users_of_one_mesh_get_places_of_their_own():
     import bpy
 

@@ -23,11 +23,6 @@ def level_settings(modifier: bpy.types.Modifier) -> tuple[str, str] | None:
     return _LEVELS.get(modifier.type)
 
 
-def differs_in_renders(obj: bpy.types.Object) -> bool:
-    """Return whether renders use other settings of an object's modifiers than the viewport."""
-    return any(True for _ in _differences(obj))
-
-
 def show_as_rendered(obj: bpy.types.Object, changes: Changes) -> None:
     """Let the viewport use the settings that renders use of an object's modifiers."""
     for modifier, shown, rendered in list(_differences(obj)):

@@ -1,0 +1,322 @@
+"""Meshes and objects are those of renders, whatever the viewport shows."""
+
+import numpy as np
+import pytest
+
+from tests.blender.things import (
+    CUBE,
+    INWARD,
+    bpy_link,
+    finished,
+    furnace,
+    geometry_nodes,
+    mesh_object,
+    part,
+    read_scene,
+    snapshot,
+    square,
+    unwrap_missing,
+)
+
+
+@pytest.fixture
+def settings():
+    import bpy
+
+    return bpy.context.scene.hemibake
+
+
+def context():
+    import bpy
+
+    return part("operators.scene").SceneContext(bpy.context)
+
+
+def uses_render() -> bool:
+    return part("operators.scene.objects.render_differences").uses_render(context())
+
+
+def triangles() -> dict[str, int]:
+    """Return the number of triangles of each mesh that is read, by its name."""
+    return {mesh.name: len(mesh.positions) for mesh in read_scene().scene.meshes}
+
+
+def names() -> list[str]:
+    return sorted(triangles())
+
+
+def subdivided(name="Ball", levels=1, render_levels=3, kind="SUBSURF"):
+    obj = square(name)
+    modifier = obj.modifiers.new("Subdivision", kind)
+    modifier.levels, modifier.render_levels = levels, render_levels
+    return obj, modifier
+
+
+def is_viewport(obj):
+    """Let Geometry Nodes make a mesh of one triangle less in the viewport: none of a quad."""
+    tree, (start, end, asks, switch) = geometry_nodes(obj, "GeometryNodeIsViewport", "GeometryNodeSwitch")
+    switch.input_type = "GEOMETRY"
+    tree.links.new(asks.outputs[0], switch.inputs["Switch"])
+    tree.links.new(start.outputs[0], switch.inputs["False"])
+    tree.links.new(switch.outputs[0], end.inputs[0])
+
+
+def test_levels_of_renders_are_read():
+    subdivided()
+    assert uses_render() and triangles() == {"Ball": 128}
+
+
+def test_viewport_meshes_are_read_where_they_are_chosen(settings):
+    subdivided()
+    settings.meshes = "VIEWPORT"
+    assert not uses_render() and triangles() == {"Ball": 8}
+
+
+def test_viewport_meshes_of_objects_hidden_there_are_those_of_renders(settings):
+    subdivided("Shown")
+    subdivided("Hidden")[0].hide_viewport = True
+    settings.meshes = "VIEWPORT"
+    assert triangles() == {"Shown": 8, "Hidden": 128}
+
+
+def test_modifiers_that_only_renders_show_are_read():
+    _, modifier = subdivided(render_levels=1)
+    assert not uses_render()
+    modifier.show_viewport = False
+    assert uses_render() and triangles() == {"Ball": 8}
+    modifier.show_viewport, modifier.show_render = True, False
+    assert uses_render() and triangles() == {"Ball": 2}
+
+
+def test_simplify_of_renders_limits_levels():
+    import bpy
+
+    subdivided(render_levels=1)
+    render = bpy.context.scene.render
+    render.use_simplify, render.simplify_subdivision, render.simplify_subdivision_render = True, 0, 3
+    assert uses_render() and triangles() == {"Ball": 8}
+    render.simplify_subdivision_render = 0
+    assert not uses_render() and triangles() == {"Ball": 2}
+
+
+def test_multires_has_the_levels_of_renders():
+    import bpy
+
+    obj = square("Sculpted")
+    modifier = obj.modifiers.new("Multires", "MULTIRES")
+    bpy.context.view_layer.objects.active = obj
+    for _ in range(2):
+        bpy.ops.object.multires_subdivide(modifier="Multires", mode="SIMPLE")
+    modifier.levels, modifier.render_levels = 0, 2
+    assert uses_render() and triangles() == {"Sculpted": 32}
+
+
+def test_nodes_that_ask_for_the_viewport_are_answered_as_in_renders():
+    import bpy
+
+    first = square("First")
+    is_viewport(first)
+    inner = first.modifiers[0].node_group
+    second = square("Second")
+    tree, (start, end, group) = geometry_nodes(second, "GeometryNodeGroup")
+    group.node_tree = inner
+    tree.links.new(start.outputs[0], group.inputs[0])
+    tree.links.new(group.outputs[0], end.inputs[0])
+    assert triangles() == {"First": 2, "Second": 2}
+    bpy.data.objects.remove(first)
+    assert uses_render()
+
+
+def test_objects_hidden_in_the_viewport_are_read():
+    import bpy
+
+    square("Shown")
+    square("By eye").hide_set(True)
+    square("In viewports").hide_viewport = True
+    square("In renders").hide_render = True
+    for name, setting in (("Unrendered", "hide_render"), ("Unseen", "hide_viewport")):
+        collection = bpy.data.collections.new(name)
+        bpy.context.scene.collection.children.link(collection)
+        inside = square(f"In {name}")
+        bpy.context.scene.collection.objects.unlink(inside)
+        collection.objects.link(inside)
+        setattr(collection, setting, True)
+    excluded = bpy.data.collections.new("Excluded")
+    bpy.context.scene.collection.children.link(excluded)
+    excluded.objects.link(bpy.data.objects.new("In Excluded", bpy.data.objects["Shown"].data.copy()))
+    bpy.context.view_layer.layer_collection.children["Excluded"].exclude = True
+    ignored = square("Ignored")
+    ignored.hemibake.role = "IGNORED"
+    assert names() == ["By eye", "In Unseen", "In viewports", "Shown"]
+    assert len(read_scene().objects) == 4
+
+
+def test_lamps_hidden_in_the_viewport_shine():
+    import bpy
+
+    square()
+    for name, hide in (("Eye", "hide_set"), ("Viewport", "hide_viewport"), ("Render", "hide_render")):
+        lamp = bpy_link(bpy.data.objects.new(name, bpy.data.lights.new(name, "POINT")))
+        lamp.location = (2, 3, 5)
+        lamp.hide_set(True) if hide == "hide_set" else setattr(lamp, hide, True)
+    read = read_scene()
+    lamps = sorted((light.name, *np.round(light.position + read.scene.origin)) for light in read.scene.lights)
+    assert lamps == [("Eye", 2, 3, 5), ("Viewport", 2, 3, 5)]
+    again = finished(part("operators.scene").read_lamps(context(), read.scene))
+    assert [light.name for light in again.lights] == [light.name for light in read.scene.lights]
+
+
+def test_instances_are_those_of_renders():
+    import bpy
+
+    square("Floor")
+    collection = bpy.data.collections.new("Tree")
+    for name, setting in (("Trunk", None), ("Leaves", "hide_viewport"), ("Proxy", "hide_render")):
+        child = bpy.data.objects.new(name, bpy.data.objects["Floor"].data.copy())
+        collection.objects.link(child)
+        if setting is not None:
+            setattr(child, setting, True)
+    empty = bpy_link(bpy.data.objects.new("Empty", None))
+    empty.instance_type, empty.instance_collection, empty.location = "COLLECTION", collection, (0, 0, 7)
+    bpy.context.view_layer.update()
+    meshes = [obj.name for obj in part("operators.scene").visible_meshes(context())]
+    assert sorted(meshes) == ["Floor", "Leaves", "Trunk"]
+    read = read_scene()
+    assert sorted(entry[1] for entry in read.instances) == ["Leaves", "Trunk"]
+    empty.hide_set(True)
+    assert sorted(entry[1] for entry in read_scene().instances) == ["Leaves", "Trunk"]
+    empty.hide_render = True
+    assert read_scene().instances == ()
+
+
+def test_known_instances_are_forgotten_with_each_change():
+    import bpy
+
+    source = square("Source")
+    source.hide_set(True)
+    group = bpy.data.collections.new("Group")
+    group.objects.link(bpy.data.objects.new("First", source.data))
+    empty = bpy_link(bpy.data.objects.new("Empty", None))
+    empty.instance_type, empty.instance_collection = "COLLECTION", group
+    pairs = part("operators.scene.objects.instancing").instance_pairs
+    assert len(pairs(context())) == 1
+    group.objects.link(bpy.data.objects.new("Second", source.data))
+    assert len(pairs(context())) == 2
+
+
+def test_particles_have_the_amount_of_renders():
+    import bpy
+
+    child, ground = square("Child"), square("Ground")
+    child.hide_render = True
+    child.hide_viewport = True
+    ground.modifiers.new("Grass", "PARTICLE_SYSTEM")
+    settings = ground.particle_systems[0].settings
+    settings.type, settings.count, settings.render_type = "HAIR", 7, "OBJECT"
+    settings.instance_object, settings.display_percentage = child, 10
+    child.hide_render = False
+    bpy.context.view_layer.update()
+    read = read_scene()
+    assert len(read.instances) == 7 and {entry[1] for entry in read.instances} == {"Child"}
+
+
+def test_an_object_in_edit_mode_is_read_as_it_is_edited():
+    import bmesh
+    import bpy
+
+    subdivided("Other")
+    obj = mesh_object("Edited", CUBE, INWARD)
+    bpy.context.view_layer.objects.active = obj
+    bpy.ops.object.mode_set(mode="EDIT")
+    edited = bmesh.from_edit_mesh(obj.data)
+    bmesh.ops.delete(edited, geom=list(edited.faces)[:2], context="FACES_ONLY")
+    bmesh.update_edit_mesh(obj.data)
+    assert uses_render() and triangles() == {"Edited": 8, "Other": 128}
+    assert bpy.context.mode == "EDIT_MESH"
+
+
+def test_equal_scenes_are_read_from_the_viewport():
+    import bpy
+
+    subdivided(render_levels=1)
+    carrier = square("Hidden everywhere")
+    carrier.hide_viewport = carrier.hide_render = True
+    square("Cutter").hide_render = True
+    bpy.context.view_layer.update()
+    assert not uses_render()
+
+
+def test_both_depsgraphs_give_the_same_bits(monkeypatch):
+    import bpy
+
+    furnace()
+    obj, _ = subdivided(render_levels=1)
+    obj.location = (3, -7, 0.3)
+    lamp = bpy_link(bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "AREA")))
+    lamp.location = (1, 2, 3)
+    shown = read_scene()
+    monkeypatch.setattr(part("operators.scene.read"), "uses_render", lambda _: True)
+    monkeypatch.setattr(part("operators.scene.objects.evaluation"), "uses_render", lambda _: True)
+    rendered = read_scene()
+    for one, other in zip(shown.scene.meshes, rendered.scene.meshes, strict=True):
+        assert one.name == other.name
+        for field in ("positions", "normals", "uvs", "face", "subface", "material"):
+            left, right = getattr(one, field), getattr(other, field)
+            assert (left is None) == (right is None) and (left is None or np.array_equal(left, right))
+    assert shown.fingerprints == rendered.fingerprints
+
+
+def test_nothing_of_the_file_changes():
+    import bpy
+
+    obj, _ = subdivided()
+    obj.select_set(True)
+    bpy.context.view_layer.objects.active = obj
+    before = snapshot()
+    objects, engine = set(bpy.data.objects), bpy.context.scene.render.engine
+    read_scene()
+    assert snapshot() == before and set(bpy.data.objects) == objects
+    assert bpy.context.scene.render.engine == engine and not hasattr(bpy.types, "HEMIBAKE_READ")
+
+
+def test_errors_of_the_function_arrive_and_nothing_is_left():
+    import bpy
+
+    subdivided()
+    before = snapshot()
+    evaluate = part("operators.scene.objects.evaluation").evaluate
+
+    def fail(evaluation):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        evaluate(context(), fail)
+    assert snapshot() == before and len(bpy.data.objects) == 1
+    assert not part("operators.scene.objects.render_depsgraph").reads_render()
+
+
+def test_updates_of_the_reader_are_no_changes():
+    subdivided()
+    watch = part("operators.scene.scene_watch").SceneWatch(context())
+    with watch:
+        for _ in range(3):
+            watch.evaluate(lambda evaluation: None)
+        watch.depsgraph()
+
+
+def test_a_scene_that_renders_show_empty_is_told():
+    square().hide_render = True
+    with pytest.raises(Exception, match="no mesh with faces"):
+        read_scene()
+
+
+def test_uvs_are_made_for_the_faces_of_renders():
+    obj = mesh_object("Row", CUBE, INWARD)
+    array = obj.modifiers.new("Array", "ARRAY")
+    array.count, array.show_viewport = 3, False
+    changes = part("operators.changes").Changes()
+    unwrap_missing([obj], 64, changes)
+    read = read_scene()
+    assert len(read.objects) == 1 and len(read.scene.meshes[0].uvs) == 36
+    assert not read.notes or all("no lightmap" not in note for note in read.notes)
+    assert unwrap_missing([obj], 64, changes).objects == []

@@ -37,8 +37,7 @@ def check_scene(scene: Scene) -> None:
     """Raise a SceneError that names the object if the scene cannot be baked."""
     if not any(len(mesh.positions) for mesh in scene.meshes):
         raise SceneError(
-            "The scene has no mesh with faces to bake. Add a mesh object, or make one visible "
-            "in the viewport and in renders."
+            "The scene has no mesh with faces to bake. Add a mesh object, or enable one in renders."
         )
     for mesh in scene.meshes:
         check_mesh(mesh)

@@ -326,7 +326,4 @@ def _nothing_left(seen: set[str], notes: Sequence[str]) -> str:
         return "\n".join([naming(sentence, sorted(seen)), *details])
     if notes:
         return "\n".join([f"Nothing is left to bake. {reasons}", *details])
-    return (
-        "The scene has no mesh with faces to bake. Add a mesh object, or make one visible "
-        "in the viewport and in renders."
-    )
+    return "The scene has no mesh with faces to bake. Add a mesh object, or enable one in renders."

@@ -609,3 +609,30 @@ def test_other_settings_start_it_anew(operator, context, window):  # noqa: F811
     assert settle(operator, context).sum() == pytest.approx(4 * shown.sum(), rel=0.02)
     operator.invoke(context, None)
     assert drive(operator, context) == {"FINISHED"} and window.is_as_before()
+
+
+def test_render_meshes_are_read_once_while_nothing_changes(operator, context, window, monkeypatch):  # noqa: F811
+    """Reading them links an object and changes the engine: Live must not follow these changes."""
+    import bpy
+
+    lit_room()
+    box = mesh_object("Box", np.array(CUBE) * 0.3 + 0.1, [face[::-1] for face in INWARD])
+    box.hemibake.role = "OCCLUDER"
+    box.modifiers.new("Subdivision", "SUBSURF").render_levels = 2
+    box.hide_set(True)
+    start(operator, context)
+    settle(operator, context)
+    reads, live_run = [], part("operators.live_run")
+    read = live_run.read_scene
+    monkeypatch.setattr(
+        live_run, "read_scene", lambda *args, **named: reads.append(1) or read(*args, **named)
+    )
+    for _ in range(9):
+        bpy.context.view_layer.update()
+        operator.modal(context, TIMER)
+    assert not reads
+    lit = settle(operator, context).copy()
+    box.location.x = 0.2
+    assert not np.allclose(settle(operator, context), lit, atol=0.01) and 1 <= len(reads) <= 2
+    operator.invoke(context, None)
+    assert drive(operator, context) == {"FINISHED"} and window.is_as_before()

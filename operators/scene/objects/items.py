@@ -43,9 +43,9 @@ class SceneItem:
 
 
 def scene_items(depsgraph: bpy.types.Depsgraph, visible: Set[int], start: int = 0) -> Iterator[SceneItem]:
-    """Yield what both the viewport and renders show of a view layer, instances included.
+    """Yield the objects and instances of a depsgraph that renders show.
 
-    visible  session uids of the objects that are shown
+    visible  session uids of the objects that renders show
     start    index of the first one
     """
     for index, instance in enumerate(islice(depsgraph.object_instances, start, None), start):

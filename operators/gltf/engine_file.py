@@ -33,6 +33,7 @@ from .encoded import EncodedLightmap, encode
 from .exporter import write_gltf
 from .hooks import LightmapHooks
 from .materials import LitMaterials
+from .mesh_differences import note_other_meshes
 from .surfaces import Surface, Surfaces
 
 _NOTHING_BAKED = "No object that is shown has a lightmap, so there is nothing to export. Bake first."
@@ -76,7 +77,9 @@ def _export(context: bpy.types.Context, path: Path, kind: str, use_files: bool) 
     usable = [image for image in surfaces.images if image.size[0]]
     notes = [_missing(image, surfaces) for image in missing]
     lit = dict.fromkeys(surface.source for surface in surfaces.all if surface.place is not None)
-    notes += note_moved_charts(lit, SceneContext(context), context.scene.hemibake.uv_layer)
+    where, uv_layer = SceneContext(context), context.scene.hemibake.uv_layer
+    notes += note_moved_charts(lit, where, uv_layer)
+    notes += note_other_meshes(where, surfaces.all, uv_layer)
     if not usable:
         raise EngineError("\n".join(notes) or _NOTHING_BAKED)
     changes = Changes()

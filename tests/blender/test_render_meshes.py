@@ -320,3 +320,81 @@ def test_uvs_are_made_for_the_faces_of_renders():
     assert len(read.objects) == 1 and len(read.scene.meshes[0].uvs) == 36
     assert not read.notes or all("no lightmap" not in note for note in read.notes)
     assert unwrap_missing([obj], 64, changes).objects == []
+
+
+def row():
+    """Return an object that modifiers give other faces in renders: three cubes, subdivided there alone."""
+    obj = mesh_object("Row", CUBE, INWARD)
+    array = obj.modifiers.new("Array", "ARRAY")
+    array.count, array.relative_offset_displace = 3, (1.5, 0, 0)
+    subdivision = obj.modifiers.new("Subdivision", "SUBSURF")
+    subdivision.subdivision_type, subdivision.levels, subdivision.render_levels = "SIMPLE", 0, 2
+    return obj, subdivision
+
+
+def mesh_uvs(obj, evaluation):
+    """Return the triangles of an object's mesh and their lightmap UVs, (t, 3, 3) and (t, 3, 2)."""
+    mesh = part("operators.scene.uvs.uv_projection").read_uv_mesh(evaluation.evaluated(obj).data, "Lightmap")
+    return mesh.points, None if mesh.uvs is None else mesh.uvs[mesh.triangles]
+
+
+def test_the_viewport_has_uvs_of_its_own_faces():
+    import bpy
+
+    obj, subdivision = row()
+    changes = part("operators.changes").Changes()
+    unwrap_missing([obj], 64, changes)
+    evaluation = part("operators.scene.objects.evaluation")
+    shown, shown_uvs = mesh_uvs(obj, evaluation.Evaluation(bpy.context.evaluated_depsgraph_get()))
+    baked, baked_uvs = evaluation.evaluate(context(), lambda each: mesh_uvs(obj, each))
+    assert len(shown) == 36 and len(baked) == 576
+    area = lambda uvs: np.abs(np.cross(uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0])).sum()  # noqa: E731
+    assert area(shown_uvs) == pytest.approx(area(baked_uvs), rel=1e-4)
+    for point, uv in zip(shown.reshape(-1, 3), shown_uvs.reshape(-1, 2), strict=True):
+        same = np.abs(baked - point).max(axis=2) < 1e-5
+        assert np.linalg.norm(baked_uvs[same] - uv, axis=1).min() < 1e-5
+
+    # Nothing is made again while nothing changes; equal settings need one set of UVs.
+    group = obj.modifiers[-1].node_group
+    nodes = len(group.nodes)
+    unwrap_missing([obj], 64, changes)
+    assert obj.modifiers[-1].node_group == group and len(group.nodes) == nodes
+    subdivision.levels = 1
+    unwrap_missing([obj], 64, changes)
+    assert len(mesh_uvs(obj, evaluation.Evaluation(bpy.context.evaluated_depsgraph_get()))[1]) == 144
+    changes.take_back()
+    assert len(obj.modifiers) == 2 and len(bpy.data.objects) == 1 and not bpy.data.node_groups
+
+
+def test_uvs_for_the_viewport_go_once_its_faces_are_those_of_renders():
+    import bpy
+
+    obj, subdivision = row()
+    changes = part("operators.changes").Changes()
+    unwrap_missing([obj], 64, changes)
+    carriers, group = len(bpy.data.objects), obj.modifiers[-1].node_group
+    subdivision.levels = 2
+    unwrap_missing([obj], 64, changes)
+    assert obj.modifiers[-1].node_group == group and len(bpy.data.objects) == carriers - 1
+    assert not uses_render()
+
+
+def test_projection_stays_within_the_chart_of_a_face():
+    """Two sides of a thin wall have charts of their own."""
+    projection = part("operators.scene.uvs.uv_projection")
+    corners = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], np.float32)
+    back = corners[::-1] - np.float32([0, 0, 0.001])
+    uvs = np.float32([(0.1, 0.1), (0.4, 0.1), (0.4, 0.4), (0.1, 0.4)])
+    loops = np.arange(8, dtype=np.int32)
+    wall = projection.UvMesh(
+        np.concatenate([corners, back]), loops, loops[::4],
+        np.int32([(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)]), np.int32([0, 0, 1, 1]), np.concatenate([uvs, uvs[::-1] + 0.5]),
+    )  # fmt: skip
+    coarse = projection.UvMesh(
+        np.concatenate([corners[:3] * 0.5, back[:3] * 0.5]), loops[:6], loops[:6:3], loops[:6].reshape(2, 3),
+        np.int32([0, 1]), None,
+    )  # fmt: skip
+    got = projection.UvProjection(wall).corner_uvs(coarse)
+    np.testing.assert_allclose(got[:3], [(0.1, 0.1), (0.25, 0.1), (0.25, 0.25)], atol=1e-5)
+    assert (got[3:] > 0.5).all()
+    assert projection.UvProjection(wall).largest_error(wall) < 1e-5

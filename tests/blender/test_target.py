@@ -154,7 +154,7 @@ def test_another_resolution_is_refused_and_names_who_is_in_the_way(pair, setting
 
 def test_a_bake_of_all_keeps_nothing_of_hidden_objects_and_may_have_another_size(pair, settings):
     bake()
-    pair[1].hide_set(True)
+    pair[1].hide_render = True
     settings.resolution = 31
     bake()
     assert light().shape[0] == 31 and not light()[5:25, 19:28].any()

@@ -22,6 +22,9 @@ _RESOLUTIONS = {
     "META": (("resolution", "render_resolution"),),
 }
 
+#: Custom property of the node groups that keep lightmap UVs: these give both meshes the same light.
+UV_GROUP = "hemibake_uv_layer"
+
 #: Modes in which the viewport leaves modifiers out.
 _EDITED = {"EDIT", "SCULPT"}
 
@@ -97,7 +100,7 @@ class Geometry:
 
     def _asks_for_viewport(self, group: bpy.types.NodeTree | None) -> bool:
         """Return True if a node of a group, or of the groups in it, is Is Viewport."""
-        if group is None:
+        if group is None or UV_GROUP in group:
             return False
         key = group.session_uid
         if key not in self._known:

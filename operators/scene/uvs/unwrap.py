@@ -28,6 +28,7 @@ from .uv_node_group import NAME, remove_unused_uvs
 from .uv_page import Page
 from .uv_squares import mip_width, squares_of
 from .uv_targets import Target, evaluated_mesh, evaluated_targets, may_lack_uvs, users_of_meshes
+from .viewport_uvs import project_for_viewport
 
 #: Unwrappings of meshes that change meanwhile, before it is done in one piece.
 _ATTEMPTS = 3
@@ -151,6 +152,7 @@ class _Unwrapping:
             raise SceneError(" ".join(self._troubles.tell()))
         self._changes.add(trial.take_back)
         self._packings.keep(pages, self._changes)
+        project_for_viewport(self._context, find_all(bpy.data.objects, uids), self._uv_layer, self._changes)
         self._made.notes += self._members.leave_to_them(pages, self._changes)
         self._finish(pages)
         return self._made

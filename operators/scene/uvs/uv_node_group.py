@@ -4,8 +4,11 @@
         -> Object Info -> Sample Index, of the position at each corner's index
         -> Store Named Attribute: 2D vector, corner domain, the lightmap UV layer
 
-The group alone uses the carrier, and the carrier alone its mesh: once no modifier has the group, all three
-are without users.
+Where the viewport has other faces than renders, which are baked, the node Is Viewport switches to a second
+carrier with UVs of the viewport's corners.
+
+The group alone uses the carriers, and each carrier alone its mesh: once no modifier has the group, all of
+them are without users.
 """
 
 from __future__ import annotations
@@ -15,12 +18,19 @@ import numpy as np
 
 from ...changes import Changes
 from ...lookup import find
+from ..objects.render_differences import UV_GROUP
 
 #: Name of the modifier, of the node that names the carrier, and part of the datablocks' names.
 NAME = "Lightmap UVs"
 
 #: Custom properties of a node group: the UV layer that it stores, and the topology that this is meant for.
-_LAYER, _TOPOLOGY = "hemibake_uv_layer", "hemibake_topology"
+_LAYER, _TOPOLOGY = UV_GROUP, "hemibake_topology"
+
+#: Custom property of a node group: the digest of the UVs that it keeps for the viewport.
+_VIEWPORT = "hemibake_viewport"
+
+#: Names of the nodes that these take, Object Info first.
+_VIEWPORT_NODES = tuple(f"{NAME} {part}" for part in ("of viewport", "is viewport", "switch", "count"))
 
 #: Custom property of a carrier.
 _CARRIER = "hemibake_uvs"
@@ -43,6 +53,70 @@ def new_uv_group(
     changes.add(lambda uid=group.session_uid: _remove(bpy.data.node_groups, uid))
     group[_LAYER], group[_TOPOLOGY] = uv_layer, topology
     return group
+
+
+def keep_viewport_uvs(group: bpy.types.NodeTree, uvs: np.ndarray, digest: str) -> None:
+    """Let a node group without UVs for the viewport keep some, (l, 2), told from others by a digest."""
+    points = bpy.data.meshes.new(f"{group.name} in viewport")
+    points.vertices.add(len(uvs))
+    points.vertices.foreach_set("co", np.c_[uvs, np.zeros(len(uvs))].astype(np.float32).reshape(-1))
+    kinds = ("GeometryNodeObjectInfo", "GeometryNodeIsViewport", "GeometryNodeSwitch")
+    shown, asks, switch, count = (
+        group.nodes.new(kind) for kind in (*kinds, "GeometryNodeAttributeDomainSize")
+    )
+    for node, name in zip((shown, asks, switch, count), _VIEWPORT_NODES, strict=True):
+        node.name = name
+    switch.input_type, count.component = "GEOMETRY", "MESH"
+    shown.inputs["Object"].default_value = _new_carrier(points)
+    sample, same = _one(group, "GeometryNodeSampleIndex"), _one(group, "FunctionNodeCompare")
+    rendered = sample.inputs["Geometry"].links[0].from_socket
+    group.links.new(asks.outputs[0], switch.inputs["Switch"])
+    group.links.new(rendered, switch.inputs["False"])
+    group.links.new(shown.outputs["Geometry"], switch.inputs["True"])
+    group.links.new(switch.outputs[0], sample.inputs["Geometry"])
+    group.links.new(switch.outputs[0], count.inputs[0])
+    group.links.new(count.outputs["Point Count"], _expected(same)[1])
+    group[_VIEWPORT] = digest
+
+
+def kept_viewport_uvs(group: bpy.types.NodeTree) -> tuple[np.ndarray | None, str]:
+    """Return the UVs that a node group keeps for the viewport, (l, 2), and their digest.
+
+    None and "" without any.
+    """
+    node = group.nodes.get(_VIEWPORT_NODES[0])
+    carrier = node and node.inputs["Object"].default_value
+    if carrier is None:
+        return None, ""
+    places = np.empty(len(carrier.data.vertices) * 3, np.float32)
+    carrier.data.vertices.foreach_get("co", places)
+    return places.reshape(-1, 3)[:, :2], group[_VIEWPORT]
+
+
+def drop_viewport_uvs(group: bpy.types.NodeTree) -> None:
+    """Remove what a node group keeps for the viewport, if there is any."""
+    if _VIEWPORT not in group:
+        return
+    nodes = [group.nodes[name] for name in _VIEWPORT_NODES]
+    carrier, rendered = nodes[0].inputs["Object"].default_value, nodes[2].inputs["False"].links[0].from_socket
+    group.links.new(rendered, _one(group, "GeometryNodeSampleIndex").inputs["Geometry"])
+    for node in nodes:
+        group.nodes.remove(node)
+    if carrier is not None:
+        points = carrier.data
+        bpy.data.objects.remove(carrier)
+        bpy.data.meshes.remove(points)
+    del group[_VIEWPORT]
+
+
+def _one(group: bpy.types.NodeTree, kind: str) -> bpy.types.Node:
+    """Return the only node of a kind."""
+    return next(node for node in group.nodes if node.bl_idname == kind)
+
+
+def _expected(same: bpy.types.Node) -> list[bpy.types.NodeSocket]:
+    """Return the two numbers that a node compares."""
+    return [socket for socket in same.inputs if socket.type == "INT" and socket.enabled]
 
 
 def is_uv_group(group: bpy.types.NodeTree | None) -> bool:
@@ -120,7 +194,7 @@ def _new_group(carrier: bpy.types.Object, corners: int, uv_layer: str) -> bpy.ty
     # A mesh of another size keeps what it has.
     size, same = group.nodes.new("GeometryNodeAttributeDomainSize"), group.nodes.new("FunctionNodeCompare")
     same.data_type, same.operation = "INT", "EQUAL"
-    expected = [socket for socket in same.inputs if socket.type == "INT" and socket.enabled]
+    expected = _expected(same)
     expected[1].default_value = corners
     group.links.new(parts.outputs["Mesh"], size.inputs["Geometry"])
     group.links.new(size.outputs["Face Corner Count"], expected[0])

@@ -1,0 +1,55 @@
+"""Objects whose exported meshes, which are the viewport's, have other light than renders."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...engine.naming import naming
+from ..scene import SceneContext
+from ..scene.objects.render_differences import uses_render
+from ..scene.uvs.uv_projection import UvMesh, UvProjection
+from ..scene.uvs.viewport_uvs import read_pairs
+from .surfaces import Surface
+
+_OFF = (
+    "Exported as in the viewport, whose mesh differs from that of renders, which was baked: {}. Its light is "
+    "off by more than a texel. Use the same modifier settings for viewport and renders, and bake again."
+)
+
+
+def note_other_meshes(context: SceneContext, surfaces: Sequence[Surface], uv_layer: str) -> list[str]:
+    """Return a sentence that names objects whose lightmap UVs are off by more than a texel; none without any.
+
+    UVs of the viewport's mesh are compared with those of the nearest points of the mesh that was baked.
+    """
+    if context.scene.hemibake.meshes == "VIEWPORT" or not uses_render(context):
+        return []
+    width: dict[int, float] = {}
+    objects = {}
+    for surface in surfaces:
+        if surface.place is not None:
+            uid, texels = surface.source.session_uid, surface.place.scale * surface.place.image.size[0]
+            objects[uid], width[uid] = surface.source, max(width.get(uid, 0.0), texels)
+    names = [
+        objects[uid].name
+        for uid, (baked, shown) in read_pairs(context, list(objects.values()), uv_layer).items()
+        if not _is_same(baked, shown) and _error(baked, shown) * width[uid] > 1
+    ]
+    return [naming(_OFF, names)] if names else []
+
+
+def _is_same(baked: UvMesh, shown: UvMesh) -> bool:
+    """Return True if two meshes of an object are equal."""
+    return (
+        baked.has_faces_of(shown)
+        and np.array_equal(baked.positions, shown.positions)
+        and shown.uvs is not None
+        and np.array_equal(baked.uvs, shown.uvs)
+    )
+
+
+def _error(baked: UvMesh, shown: UvMesh) -> float:
+    """Return how far the UVs of a shown mesh are off, in UV units."""
+    return np.inf if shown.uvs is None else UvProjection(baked).largest_error(shown)

@@ -1,0 +1,104 @@
+"""Lightmap UVs of what modifiers make in the viewport, where renders, which are baked, have other faces."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+
+import bpy
+import numpy as np
+
+from ...changes import Changes
+from ...lookup import find
+from ..objects.evaluation import Evaluation, evaluate
+from ..objects.render_differences import uses_render
+from ..scene_context import SceneContext
+from .lightmap_layer import lightmap_layer
+from .uv_modifier import uv_modifier
+from .uv_node_group import drop_viewport_uvs, keep_viewport_uvs, kept_viewport_uvs
+from .uv_projection import UvMesh, UvProjection, read_uv_mesh
+from .uv_targets import evaluated_mesh
+
+#: The mesh that is baked and the viewport's, of one object.
+Pair = tuple[UvMesh, UvMesh]
+
+
+def project_for_viewport(
+    context: SceneContext, objects: Sequence[bpy.types.Object], uv_layer: str, changes: Changes
+) -> None:
+    """Let the UV modifiers of objects keep UVs for the viewport, too, where its faces are others.
+
+    They are projected from the mesh of renders, and projected again once one of the meshes has changed.
+    """
+    users = _users(objects, uv_layer)
+    if not users:
+        return
+    pairs: dict[int, Pair] = {}
+    if uses_render(context) and context.scene.hemibake.meshes == "RENDER":
+        pairs = read_pairs(context, list(users.values()), uv_layer)
+    for uid, obj in users.items():
+        group, pair = find(bpy.data.node_groups, uid), pairs.get(obj.session_uid)
+        digest = "" if pair is None or pair[0].has_faces_of(pair[1]) else _digest(pair)
+        if digest != kept_viewport_uvs(group)[1]:
+            _restore_later(uid, *kept_viewport_uvs(group), changes)
+            _store(group, UvProjection(pair[0]).corner_uvs(pair[1]) if digest else None, digest)
+
+
+def read_pairs(context: SceneContext, objects: Sequence[bpy.types.Object], uv_layer: str) -> dict[int, Pair]:
+    """Return the mesh of renders and that of the viewport of objects that have UVs, by session uid.
+
+    Objects without faces in one of them are left out, and those in modes that leave modifiers out.
+    """
+    present = [obj for obj in objects if obj.mode == "OBJECT"]
+    shown = _read(Evaluation(context.evaluated_depsgraph_get()), present, uv_layer)
+    baked = evaluate(context, lambda evaluation: _read(evaluation, present, uv_layer))
+    return {uid: (baked[uid], shown[uid]) for uid in baked if uid in shown and baked[uid].uvs is not None}
+
+
+def _read(evaluation: Evaluation, objects: Sequence[bpy.types.Object], uv_layer: str) -> dict[int, UvMesh]:
+    """Return the meshes of objects that have faces, by session uid."""
+    meshes = {}
+    for obj in objects:
+        layer = obj.hemibake.uv_layer or lightmap_layer(obj, uv_layer)
+        with evaluated_mesh(obj, evaluation) as mesh:
+            if mesh is not None and len(mesh.polygons):
+                meshes[obj.session_uid] = read_uv_mesh(mesh, layer)
+    return meshes
+
+
+def _users(objects: Sequence[bpy.types.Object], uv_layer: str) -> dict[int, bpy.types.Object]:
+    """Return an object for each editable node group of UV modifiers, by the group's session uid."""
+    users: dict[int, bpy.types.Object] = {}
+    for obj in objects:
+        modifier = uv_modifier(obj, uv_layer)
+        if modifier is not None and modifier.node_group.is_editable:
+            users.setdefault(modifier.node_group.session_uid, obj)
+    return users
+
+
+def _digest(pair: Pair) -> str:
+    """Return what tells two meshes and the UVs of the first from others."""
+    digest = hashlib.sha256()
+    for mesh in pair:
+        for array in (mesh.positions, mesh.corners, mesh.starts):
+            digest.update(array.tobytes())
+    digest.update(pair[0].uvs.tobytes())
+    return digest.hexdigest()
+
+
+def _restore_later(uid: int, uvs: np.ndarray | None, digest: str, changes: Changes) -> None:
+    """Remember which UVs a node group has for the viewport."""
+
+    def restore() -> None:
+        group = find(bpy.data.node_groups, uid)
+        if group is not None:
+            _store(group, uvs, digest)
+
+    changes.add(restore)
+
+
+def _store(group: bpy.types.NodeTree, uvs: np.ndarray | None, digest: str) -> None:
+    """Let a node group keep UVs for the viewport, (l, 2); None for none."""
+    drop_viewport_uvs(group)
+    if uvs is not None:
+        keep_viewport_uvs(group, uvs, digest)

@@ -81,7 +81,7 @@ def check_scene(context: SceneContext) -> Generator[None, None, Checked]:
     # All others lie in the atlases, too, but only what is baked needs usable charts.
     baked = [mesh for mesh in meshes if mesh.uid in targets]
     findings += check_missing(baked)
-    findings += check_kept(baked)
+    findings += check_kept(baked, context.scene.hemibake.meshes == "RENDER")
     findings += check_moved(meshes)
     charts = yield from find_charts(meshes, settings.resolution)
     charts = [one for one in charts if one.mesh.uid in targets]

@@ -66,8 +66,16 @@ def check_missing(meshes: Sequence[CheckedMesh]) -> list[Finding]:
     ]
 
 
-def check_kept(meshes: Sequence[CheckedMesh]) -> list[Finding]:
-    """Return meshes that modifiers make, whose UVs another modifier keeps, but not as they should be."""
+def check_kept(meshes: Sequence[CheckedMesh], as_rendered: bool) -> list[Finding]:
+    """Return meshes that modifiers make, whose UVs another modifier keeps, but not as they should be.
+
+    as_rendered: True if the meshes of renders are baked
+    """
+    effect = (
+        "The viewport's lightmap UVs are projected from the faces of renders, so its light may be off."
+        if as_rendered
+        else "Only the viewport's faces have lightmap UVs: renders may show no lightmap."
+    )
     outdated = [mesh for mesh in meshes if mesh.outdated]
     return [
         *found(
@@ -86,8 +94,8 @@ def check_kept(meshes: Sequence[CheckedMesh]) -> list[Finding]:
         ),
         *found(
             WARNING,
-            "Renders use other settings of the modifiers of {} than the viewport, and only faces that are "
-            "baked have lightmap UVs: the others may show no lightmap. Use the same settings.",
+            f"Renders use other settings of the modifiers of {{}} than the viewport. {effect} Use the same "
+            "settings.",
             [mesh.name for mesh in meshes if mesh.unlike and mesh.editable],
             "show_as_rendered",
         ),

@@ -379,6 +379,29 @@ def test_uvs_for_the_viewport_go_once_its_faces_are_those_of_renders():
     assert not uses_render()
 
 
+def test_export_names_objects_whose_light_is_off(settings):
+    """Simple subdivision keeps the shape, which UVs of coarse faces follow."""
+    import bpy
+
+    settings.resolution, settings.hemicube, settings.iterations = 47, "8", 1
+    furnace()
+    row()[0].location = (0.4, 0.4, 0.1)
+    proxy = square("Proxy")
+    proxy.location = (0, 0, 5)
+    tree, (start, end, move) = geometry_nodes(proxy, "GeometryNodeTransform")
+    tree.links.new(start.outputs[0], move.inputs[0])
+    tree.links.new(move.outputs[0], end.inputs[0])
+    move.inputs["Scale"].default_value = (0.1, 0.1, 0.1)
+    proxy.modifiers[0].show_render = False
+    bpy.ops.hemibake.bake()
+    surfaces = part("operators.gltf.surfaces").Surfaces(bpy.context).all
+    note = part("operators.gltf.mesh_differences").note_other_meshes
+    (said,) = note(context(), surfaces, "Lightmap")
+    assert "'Proxy'" in said and "'Row'" not in said and "'Furnace'" not in said
+    proxy.modifiers[0].show_viewport = False
+    assert note(context(), surfaces, "Lightmap") == []
+
+
 def test_projection_stays_within_the_chart_of_a_face():
     """Two sides of a thin wall have charts of their own."""
     projection = part("operators.scene.uvs.uv_projection")
@@ -388,7 +411,8 @@ def test_projection_stays_within_the_chart_of_a_face():
     loops = np.arange(8, dtype=np.int32)
     wall = projection.UvMesh(
         np.concatenate([corners, back]), loops, loops[::4],
-        np.int32([(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)]), np.int32([0, 0, 1, 1]), np.concatenate([uvs, uvs[::-1] + 0.5]),
+        np.int32([(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)]), np.int32([0, 0, 1, 1]),
+        np.concatenate([uvs, uvs[::-1] + 0.5]),
     )  # fmt: skip
     coarse = projection.UvMesh(
         np.concatenate([corners[:3] * 0.5, back[:3] * 0.5]), loops[:6], loops[:6:3], loops[:6].reshape(2, 3),

@@ -7,6 +7,7 @@ from tests.blender.things import (
     CUBE,
     INWARD,
     bpy_link,
+    cross,
     finished,
     furnace,
     geometry_nodes,
@@ -348,7 +349,7 @@ def test_the_viewport_has_uvs_of_its_own_faces():
     shown, shown_uvs = mesh_uvs(obj, evaluation.Evaluation(bpy.context.evaluated_depsgraph_get()))
     baked, baked_uvs = evaluation.evaluate(context(), lambda each: mesh_uvs(obj, each))
     assert len(shown) == 36 and len(baked) == 576
-    area = lambda uvs: np.abs(np.cross(uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0])).sum()  # noqa: E731
+    area = lambda uvs: np.abs(cross(uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0])).sum()  # noqa: E731
     assert area(shown_uvs) == pytest.approx(area(baked_uvs), rel=1e-4)
     for point, uv in zip(shown.reshape(-1, 3), shown_uvs.reshape(-1, 2), strict=True):
         same = np.abs(baked - point).max(axis=2) < 1e-5

@@ -63,11 +63,7 @@ class Geometry:
         """Return True if settings of an object differ."""
         if obj.type in _RESOLUTIONS and _resolution_differs(obj):
             return True
-        if not len(obj.modifiers) and not len(obj.particle_systems):
-            return False
-        return any(self._modifier_differs(modifier) for modifier in obj.modifiers) or any(
-            self._particles_differ(system.settings) for system in obj.particle_systems
-        )
+        return any(self._modifier_differs(modifier) for modifier in obj.modifiers)
 
     def _modifier_differs(self, modifier: bpy.types.Modifier) -> bool:
         if modifier.show_viewport != modifier.show_render:
@@ -85,6 +81,8 @@ class Geometry:
                 shown = min(shown, self._render.simplify_subdivision)
                 rendered = min(rendered, self._render.simplify_subdivision_render)
             return shown != rendered
+        if modifier.type == "PARTICLE_SYSTEM":
+            return self._particles_differ(modifier.particle_system.settings)
         return modifier.type == "NODES" and self._asks_for_viewport(modifier.node_group)
 
     def _particles_differ(self, settings: bpy.types.ParticleSettings) -> bool:
@@ -132,9 +130,9 @@ def _instances_differ() -> bool:
 
 def is_instancer(obj: bpy.types.Object) -> bool:
     """Return True if an object may make instances."""
-    if obj.instance_type != "NONE" or len(obj.particle_systems):
+    if obj.instance_type != "NONE":
         return True
-    return any(modifier.type == "NODES" for modifier in obj.modifiers)
+    return any(modifier.type in ("NODES", "PARTICLE_SYSTEM") for modifier in obj.modifiers)
 
 
 def _shows_itself_otherwise(obj: bpy.types.Object) -> bool:

@@ -24,8 +24,10 @@ demo: $(READY50) ## bake a Cornell box headless; pictures and lightmap in out/de
 	@tools/system_packages.sh .venv/bin/python
 	.venv/bin/python tools/demo.py --out out/demo
 
-# Test files are spread over processes, each with a Blender of its own, of half a gigabyte.
-PARALLEL := --numprocesses auto --maxprocesses 4 --dist loadfile
+# Test files are spread over processes, each with a Blender of its own, of half a gigabyte. There is one more than
+# there are cores, since processes also wait for workers and files: tests of Blender keep a core busy for about 60 %.
+PROCESSES := $(shell cores=$$(nproc); echo $$((cores < 3 ? cores + 1 : 4)))
+PARALLEL := --numprocesses $(PROCESSES) --dist loadfile
 
 test: lint ## lint, then all tests in Blender 5.0
 	.venv/bin/python -m pytest $(PARALLEL)

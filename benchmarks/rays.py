@@ -17,7 +17,8 @@ import pyopencl as cl
 
 from engine.device.buffers import upload
 from engine.device.compute import Compute
-from engine.scene.cutouts import Cutouts
+from engine.scene.cutouts import read_cutouts
+from engine.scene.model import Material, Scene
 from engine.scene.triangles import Triangles
 from engine.visibility.rays.rays import Rays
 
@@ -96,8 +97,7 @@ def _rays(compute: Compute, positions: np.ndarray) -> tuple[float, Rays]:
     count = len(positions)
     zeros = np.zeros(count, np.int32)
     triangles = Triangles(positions, positions, positions[..., :2], zeros, zeros, zeros)
-    maps, constants = np.zeros((1, 4), np.int32), np.array([[1, -1]], np.float32)
-    solid = Cutouts(np.ones(1, np.float32), maps, constants, np.zeros(1, bool), positions[..., :2])
+    solid = read_cutouts(Scene((), (Material("Solid", np.ones(3), np.zeros(3)),)))
     began = time.perf_counter()
     rays = Rays(compute, triangles, solid)
     compute.queue.finish()

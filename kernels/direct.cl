@@ -29,19 +29,27 @@
 #define GOLDEN 2654435769u
 #define NEIGHBOURS 64
 
+// The transmittance of surfaces that counts for an emitter's light. Surfaces and the sky are gathered as well: both
+// parts of their light come through alike.
+int kind_of_rays(__global const Emitter *e)
+{
+    return e->kind == SKY_MAP || (e->kind == TRIANGLE && e->triangle >= 0) ? BOUNCE : SHADOW;
+}
+
 // The fraction of a sample's light that reaches a point, on its way from a little above the surface to a
 // little before the light: that may be a surface, too.
-float seen(const Rays *rays, const Blockers *blockers, const Receiver *r, const float3 p, const Sample *s)
+Fraction seen(const Rays *rays, const Blockers *blockers, const Receiver *r, const float3 p, const Sample *s,
+              const int kind)
 {
     const float3 start = start_of(r, p, s->direction);
     const bool far = s->distance == INFINITY;
     const float3 way = far ? s->direction : s->distance * s->direction - start;
     const float distance = far ? INFINITY : 0.9998f;
-#ifndef CUTOUTS
+#ifndef TRANSMISSION
     if (blockers->count != UNKNOWN_BLOCKERS)
         return passes(blockers, p + start, way, distance);
 #endif
-    return transmittance(rays, p + start, way, distance);
+    return transmittance(rays, kind, p + start, way, distance);
 }
 
 typedef struct {
@@ -55,10 +63,16 @@ typedef struct {
 typedef struct {
     int first, rounds;     // number of its first sample; how often its samples are drawn
     float expected;        // samples of a round
-    float tried, through;  // shadow rays, and their sum of the parts of light that arrive
-    float least, most;     // of these parts
-    float shadowed, unshadowed;
+    float tried;           // shadow rays
+    Fraction through;      // their sum of the parts of light that arrive
+    Fraction least, most;  // of these parts
+    Fraction shadowed;
+    float unshadowed;
+#ifdef TINTED
+    L1 tilted;             // of the samples, times what is shadowed of each
+#else
     float3 tilted;         // `tilt_of` the samples, times what is shadowed of each
+#endif
     float3 open;           // its whole light, mean over the texel
     Sum sum;               // of an emitter of other radiances
 } Run;
@@ -80,11 +94,23 @@ float3 open_over_texel(const Rays *rays, __global const Emitter *e, const Receiv
 
 Run start_run(const int first, const float expected)
 {
-    const Run run = {.first = first, .rounds = 1, .expected = expected, .least = 1.0f};
+    const Run run = {.first = first, .rounds = 1, .expected = expected, .least = (Fraction)(1.0f)};
     return run;
 }
 
-bool is_even(const Run *run) { return run->most - run->least < SAME; }
+// Adds the L1 of a run, of an emitter of this light by the luminance of its samples.
+void add_tilted(L1 *l1, const float3 light, const Run *run)
+{
+#ifdef TINTED
+    l1->x.xyz += light * run->tilted.x.xyz;
+    l1->y.xyz += light * run->tilted.y.xyz;
+    l1->z.xyz += light * run->tilted.z.xyz;
+#else
+    add_l1(l1, light, run->tilted);
+#endif
+}
+
+bool is_even(const Run *run) { return largest(run->most - run->least) < SAME; }
 
 void finish_run(const Run *run, Sum *sum)
 {
@@ -100,7 +126,7 @@ void finish_run(const Run *run, Sum *sum)
         return;
     const float3 open = run->open / fmin(run->expected, 1.0f);
     sum->light += open * (run->shadowed / run->unshadowed);
-    add_l1(&sum->l1, open / run->unshadowed, run->tilted);
+    add_tilted(&sum->l1, open / run->unshadowed, run);
     sum->unshadowed += luminance(open);
 }
 
@@ -167,7 +193,8 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
 #ifndef DIRECTIONAL
         // Nothing is in the way of its light, which is known.
         if (blockers.count == 0) {
-            run.shadowed = run.unshadowed = 1.0f;
+            run.shadowed = (Fraction)(1.0f);
+            run.unshadowed = 1.0f;
             continue;
         }
 #endif
@@ -184,11 +211,12 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
         if (!(cosine > 0.0f && over > 0.0f && luminance(s.light) > 0.0f))
             continue;
         const float3 brought = s.light * (cosine / span.y);
-        float visible = 1.0f;
+        Fraction visible = (Fraction)(1.0f);
         if (spared) {
             visible = run.through / run.tried;
         } else if (e->casts_shadow) {
-            visible = blockers.count == 0 ? 1.0f : seen(&rays, &blockers, &r, p, &s);
+            if (blockers.count != 0)
+                visible = seen(&rays, &blockers, &r, p, &s, kind_of_rays(e));
             run.through += visible;
             run.tried += 1.0f;
             run.least = fmin(run.least, visible);
@@ -198,7 +226,11 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
         if (e->uniform) {
             run.unshadowed += luminance(brought);
             run.shadowed += luminance(brought) * visible;
+#ifdef TINTED
+            add_l1(&run.tilted, luminance(brought) * visible, tilt);
+#else
             run.tilted += luminance(brought) * visible * tilt;
+#endif
         } else {
             run.sum.unshadowed += luminance(brought);
             run.sum.light += brought * visible;

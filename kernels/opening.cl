@@ -16,7 +16,7 @@ void look_out(Opening *opening, const Rays *rays, const Receiver *r, const float
     if (dot(direction, r->geometric) <= 0.0f)
         return;
     const float3 p = start_in_texel(rays, r, place);
-    opening->open += transmittance(rays, p + start_of(r, p, direction), direction, reach);
+    opening->open += grey_of(transmittance(rays, BOUNCE, p + start_of(r, p, direction), direction, reach));
     opening->all += 1.0f;
 }
 

@@ -37,11 +37,11 @@ void find_near(const Rays *rays, const Receiver *r, const float reach, Blockers 
 // The fraction of a ray that comes through what is near.
 float let_through(const Rays *rays, const Blockers *near, const float3 origin, const float3 direction, const float reach)
 {
-#ifndef CUTOUTS
+#ifndef TRANSMISSION
     if (near->count != UNKNOWN_BLOCKERS)
         return passes(near, origin, direction, reach);
 #endif
-    return transmittance(rays, origin, direction, reach);
+    return grey_of(transmittance(rays, BOUNCE, origin, direction, reach));
 }
 
 // The fraction of each patch's hemisphere, weighted by the cosine, in which nothing is nearer than `reach` texels.

@@ -2,8 +2,8 @@
 #include "image_borders.cl"
 
 // Rays through a bounding volume hierarchy of triangles: nodes of WIDTH boxes, leaves of packets of PACKET
-// triangles, RECORD floats each, at most STACK nodes to come back to (engine/visibility/rays/bvh.py). CUTOUTS is
-// defined for scenes with see-through surfaces.
+// triangles, RECORD floats each, at most STACK nodes to come back to (engine/visibility/rays/bvh.py). TRANSMISSION is
+// defined for scenes with see-through surfaces, TINTED if these change the color of light.
 
 #define JOIN_(a, b) a##b
 #define JOIN(a, b) JOIN_(a, b)
@@ -73,19 +73,19 @@ typedef struct {
 typedef struct {
     __global const Node *nodes;
     __global const PART *triangles;   // packets of first corner, two edges, number
-#ifdef CUTOUTS
-    __global const ushort *alpha;      // engine/scene/cutouts.py
-    __global const Cutout *cutouts;    // of each material
-    __global const float2 *alpha_uvs;  // of each corner of each triangle on its alpha map
-    __global const int *materials;     // of each triangle
+#ifdef TRANSMISSION
+    __global const ushort *pixels;          // values of all maps (engine/scene/cutouts.py)
+    __global const Transmittance *surfaces; // four of each material
+    __global const float2 *map_uvs;         // of each corner of each triangle on its maps, layer by layer
+    __global const int *materials;          // of each triangle
 #endif
 } Rays;
 
-#ifdef CUTOUTS
+#ifdef TRANSMISSION
 #define RAYS_ARGUMENTS __global const Node *nodes, __global const PART *triangles, \
-    __global const ushort *alpha, __global const Cutout *cutouts, __global const float2 *alpha_uvs, \
+    __global const ushort *pixels, __global const Transmittance *surfaces, __global const float2 *map_uvs, \
     __global const int *materials
-#define RAYS {nodes, triangles, alpha, cutouts, alpha_uvs, materials}
+#define RAYS {nodes, triangles, pixels, surfaces, map_uvs, materials}
 #else
 #define RAYS_ARGUMENTS __global const Node *nodes, __global const PART *triangles
 #define RAYS {nodes, triangles}
@@ -98,41 +98,74 @@ typedef struct {
     bool front;
 } Hit;
 
-#ifdef CUTOUTS
-float alpha_pixel(const Rays *rays, const int x, const int y, __global const Cutout *map)
+// Transmittance of surfaces: for shadow rays to lights, and for all other rays; plus BACK_SIDE of their backs.
+#define SHADOW 0
+#define BOUNCE 1
+#define BACK_SIDE 2
+
+// A fraction of light: of each channel if surfaces change its color.
+#ifdef TINTED
+typedef float3 Fraction;
+float largest(const Fraction f) { return fmax(f.x, fmax(f.y, f.z)); }
+float smallest(const Fraction f) { return fmin(f.x, fmin(f.y, f.z)); }
+float grey_of(const Fraction f) { return dot(f, (float3)(0.2126f, 0.7152f, 0.0722f)); }
+#else
+typedef float Fraction;
+float largest(const Fraction f) { return f; }
+float smallest(const Fraction f) { return f; }
+float grey_of(const Fraction f) { return f; }
+#endif
+
+#ifdef TRANSMISSION
+Fraction map_pixel(const Rays *rays, const int x, const int y, __global const Transmittance *map)
 {
     if (map->extension == 3 && (x < 0 || y < 0 || x >= map->width || y >= map->height))
-        return 0.0f;
+        return (Fraction)(0.0f);
     const int row = wrapped(y, map->height, map->extension), column = wrapped(x, map->width, map->extension);
-    return rays->alpha[map->first + row * map->width + column] / 65535.0f;
+    const int pixel = row * map->width + column;
+#ifdef TINTED
+    __global const ushort *values = rays->pixels + map->first + map->channels * pixel;
+    const int second = map->channels > 1 ? 1 : 0, third = map->channels > 1 ? 2 : 0;
+    return (float3)(values[0], values[second], values[third]) / 65535.0f;
+#else
+    return rays->pixels[map->first + pixel] / 65535.0f;
+#endif
 }
 
-float map_alpha(const Rays *rays, const float2 uv, __global const Cutout *map)
+Fraction map_value(const Rays *rays, const float2 uv, __global const Transmittance *map)
 {
-    if (map->width == 0)
-        return 1.0f;
     const float2 pixel = near_image(uv, map->extension) * (float2)(map->width, map->height);
     if (map->nearest)
-        return alpha_pixel(rays, (int)floor(pixel.x), (int)floor(pixel.y), map);
+        return map_pixel(rays, (int)floor(pixel.x), (int)floor(pixel.y), map);
     const float2 low = floor(pixel - 0.5f), f = pixel - 0.5f - low;
     const int x = (int)low.x, y = (int)low.y;
-    return mix(mix(alpha_pixel(rays, x, y, map), alpha_pixel(rays, x + 1, y, map), f.x),
-               mix(alpha_pixel(rays, x, y + 1, map), alpha_pixel(rays, x + 1, y + 1, map), f.x), f.y);
+    return mix(mix(map_pixel(rays, x, y, map), map_pixel(rays, x + 1, y, map), f.x),
+               mix(map_pixel(rays, x, y + 1, map), map_pixel(rays, x + 1, y + 1, map), f.x), f.y);
 }
 
-// The fraction of light that a surface stops at a hit.
-float opacity(const Rays *rays, const Hit *hit)
+#ifdef TINTED
+#define OF_CHANNELS(values) vload3(0, values)
+#else
+#define OF_CHANNELS(values) (values)[0]
+#endif
+
+// The fraction of light that a surface stops at a point of a triangle; weights: of its second and third corner.
+// kind: SHADOW or BOUNCE
+Fraction opacity(const Rays *rays, const int triangle, const float2 w, const bool front, const int kind)
 {
-    __global const Cutout *cutout = rays->cutouts + rays->materials[hit->triangle];
-    if (cutout->culled && !hit->front)
-        return 0.0f;
-    const float2 w = hit->weights;
-    __global const float2 *corner = rays->alpha_uvs + 3 * hit->triangle;
-    const float2 uv = corner[0] * (1.0f - w.x - w.y) + corner[1] * w.x + corner[2] * w.y;
-    const float alpha = cutout->alpha * map_alpha(rays, uv, cutout);
-    if (cutout->threshold >= 0.0f)
-        return alpha < cutout->threshold ? 0.0f : 1.0f;
-    return min(alpha, 1.0f);
+    __global const Transmittance *surface =
+        rays->surfaces + 4 * rays->materials[triangle] + (front ? kind : BACK_SIDE + kind);
+    Fraction stopped = OF_CHANNELS(surface->base);
+    if (surface->width > 0) {
+        __global const float2 *corner = rays->map_uvs + surface->first_corner + 3 * triangle;
+        const float2 uv = corner[0] * (1.0f - w.x - w.y) + corner[1] * w.x + corner[2] * w.y;
+        stopped += OF_CHANNELS(surface->factor) * map_value(rays, uv, surface);
+    }
+    if (surface->threshold >= 0.0f) {
+        const Fraction limit = (Fraction)(surface->threshold);
+        return select((Fraction)(1.0f), (Fraction)(0.0f), stopped < limit);
+    }
+    return clamp(stopped, 0.0f, 1.0f);
 }
 
 // What is more transparent than this is passed. DITHERED: partial opacity stops that fraction of the rays,
@@ -166,8 +199,11 @@ typedef struct {
     float3 origin, direction, inverse;
     int sought;
     float reach;    // what is farther does not count, in lengths of the direction
-    float through;  // fraction of light that has come so far
+    Fraction through;  // fraction of light that has come so far
     Hit nearest;
+#ifdef TRANSMISSION
+    int kind;       // SHADOW or BOUNCE
+#endif
 } Search;
 
 // The distances `axis_in` and `axis_out` between which a ray is in the slabs of boxes (Kay and Kajiya 1986). A card
@@ -240,7 +276,7 @@ PART_OF_DESCENT void meet_packet(__global const PART *packet, const Search *sear
 }
 
 // What is met in a packet counts; false if nothing more can.
-#if PACKET == 8 && !defined(CUTOUTS)
+#if PACKET == 8 && !defined(TRANSMISSION)
 // The nearest of all lanes, at a time.
 PART_OF_DESCENT bool take_packet(const Rays *rays, __global const PART *packet, const Meeting *meeting, Search *search)
 {
@@ -275,16 +311,18 @@ PART_OF_DESCENT bool take_packet(const Rays *rays, __global const PART *packet, 
             continue;
         const Hit hit = {distance, (float2)(LANE(meeting->u, lane), LANE(meeting->v, lane)),
                          ((__global const int *)packet)[9 * PACKET + lane], front};
-#ifdef CUTOUTS
-        const float stopped = opacity(rays, &hit), least = least_opacity(&hit);
+#ifdef TRANSMISSION
+        const Fraction stopped = opacity(rays, hit.triangle, hit.weights, front, search->kind);
+        const float least = least_opacity(&hit);
 #else
-        const float stopped = 1.0f, least = 0.5f;
+        const Fraction stopped = 1.0f;
+        const float least = 0.5f;
 #endif
         if (search->sought == ALL) {
             search->through *= 1.0f - stopped;
-            if (search->through < 1e-4f)
+            if (largest(search->through) < 1e-4f)
                 return false;
-        } else if (stopped >= least) {
+        } else if (smallest(stopped) >= least) {
             search->nearest = hit;
             search->reach = distance;
         }
@@ -392,7 +430,7 @@ PART_OF_DESCENT void descend(const Rays *rays, Search *search)
                 return;
         }
         if (!take_leaf(rays, ~node, search)) {
-            search->through = 0.0f;
+            search->through = (Fraction)(0.0f);
             return;
         }
         if (!go_back(stack, begins, &depth, search->reach, &node))
@@ -400,17 +438,24 @@ PART_OF_DESCENT void descend(const Rays *rays, Search *search)
     }
 }
 
-PART_OF_DESCENT Search search_for(const int sought, const float3 origin, const float3 direction, const float reach)
+PART_OF_DESCENT Search search_for(const int sought, const int kind, const float3 origin, const float3 direction,
+                                  const float reach)
 {
-    const Search search = {origin, direction, clamp(1.0f / direction, -1e30f, 1e30f), sought, reach, 1.0f,
-                           {INFINITY, (float2)(0.0f), -1, false}};
+    const Search search = {origin, direction, clamp(1.0f / direction, -1e30f, 1e30f), sought, reach, (Fraction)(1.0f),
+                           {INFINITY, (float2)(0.0f), -1, false},
+#ifdef TRANSMISSION
+                           kind
+#endif
+    };
     return search;
 }
 
 // The fraction of light that comes through along a ray up to a distance: 1 if nothing is in its way.
-DESCENT float transmittance(const Rays *rays, const float3 origin, const float3 direction, const float distance)
+// kind: SHADOW or BOUNCE, the transmittance of surfaces that counts
+DESCENT Fraction transmittance(const Rays *rays, const int kind, const float3 origin, const float3 direction,
+                               const float distance)
 {
-    Search search = search_for(ALL, origin, direction, distance);
+    Search search = search_for(ALL, kind, origin, direction, distance);
     descend(rays, &search);
     return search.through;
 }
@@ -418,15 +463,15 @@ DESCENT float transmittance(const Rays *rays, const float3 origin, const float3 
 // Whether a ray meets any triangle, holes and backs included.
 DESCENT bool meets_anything(const Rays *rays, const float3 origin, const float3 direction)
 {
-    Search search = search_for(ANYTHING, origin, direction, INFINITY);
+    Search search = search_for(ANYTHING, BOUNCE, origin, direction, INFINITY);
     descend(rays, &search);
-    return search.through == 0.0f;
+    return largest(search.through) == 0.0f;
 }
 
 // The nearest surface along a ray, or the nearest back; holes are passed.
 DESCENT Hit nearest_hit(const Rays *rays, const float3 origin, const float3 direction, const bool backs)
 {
-    Search search = search_for(backs ? NEAREST_BACK : NEAREST, origin, direction, FARTHEST);
+    Search search = search_for(backs ? NEAREST_BACK : NEAREST, BOUNCE, origin, direction, FARTHEST);
     descend(rays, &search);
     return search.nearest;
 }

@@ -115,7 +115,7 @@ PART_OF_DESCENT void find_within(const Rays *rays, const Shaft *shaft, Blockers 
 // Whether nothing is in the way of a ray that a shaft holds, up to a distance.
 bool passes(const Blockers *blockers, const float3 origin, const float3 direction, const float distance)
 {
-    const Search search = search_for(ALL, origin, direction, distance);
+    const Search search = search_for(ALL, BOUNCE, origin, direction, distance);
     Meeting meeting;
     meet(blockers->triangles, &search, &meeting);
     return BITS_OF(meeting.met) == 0;

@@ -18,7 +18,7 @@ float2 place_of_sample(const int i, const uint2 shift)
 // Whether a face stands between the centre of a texel, or a place of it, and another place, in its plane.
 bool is_parted(const Rays *rays, const Receiver *r, const float3 from, const float3 to)
 {
-    return transmittance(rays, from + r->height * r->geometric, to - from, 1.0f) < 0.5f;
+    return largest(transmittance(rays, BOUNCE, from + r->height * r->geometric, to - from, 1.0f)) < 0.5f;
 }
 
 // Whether a face crosses a texel: it meets one of the diagonals. These end a little before the corners, where faces

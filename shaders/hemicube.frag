@@ -14,8 +14,9 @@ layout(location = 0) out uint out_identity;
 #else
 layout(location = 0) out vec4 out_radiance;
 #endif
-#ifdef CUTOUTS
+#ifdef TRANSMISSION
 in vec3 cutout;
+in vec2 cutout_back;
 #endif
 
 #ifdef BACK_TO_BACK
@@ -33,8 +34,8 @@ void main()
 #ifdef BACK_TO_BACK
     float slope = fwidth(gl_FragCoord.z);
 #endif
-#ifdef CUTOUTS
-    if (is_hole(cutout, lightmap_uv.xy))
+#ifdef TRANSMISSION
+    if (is_hole(cutout, cutout_back, lightmap_uv.xy))
         discard;
 #endif
 #ifdef BACK_TO_BACK

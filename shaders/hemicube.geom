@@ -9,9 +9,11 @@ flat in uint item[];
 uniform int first_tile;
 uniform int tiles_per_layer;
 out vec3 lightmap_uv;
-#ifdef CUTOUTS
+#ifdef TRANSMISSION
 in vec3 cutout_corner[];
+in vec2 back_corner[];
 out vec3 cutout;
+out vec2 cutout_back;
 #endif
 
 // True if all three corners lie beyond one of the planes of the face's frustum.
@@ -37,8 +39,9 @@ void main()
         gl_Layer = slot / tiles_per_layer;
         gl_ViewportIndex = 5 * (slot % tiles_per_layer - first_tile) + gl_InvocationID;
         lightmap_uv = lookup[i];
-#ifdef CUTOUTS
+#ifdef TRANSMISSION
         cutout = cutout_corner[i];
+        cutout_back = back_corner[i];
 #endif
         EmitVertex();
     }

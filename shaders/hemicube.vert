@@ -2,7 +2,7 @@
 // Every instance has an item: 32 x the slot of a hemicube, its tile in the texture array layer by layer
 // and in each layer tile by tile (paper, IV.B), plus a face; with GEOMETRY defined plus the bits of faces,
 // and the geometry shader projects the triangle. With VIEWPORTS defined a face chooses its viewport.
-// CUTOUTS is defined for scenes with see-through surfaces.
+// TRANSMISSION is defined for scenes with see-through surfaces.
 #ifndef GEOMETRY
 #extension GL_ARB_shader_viewport_layer_array : enable
 #extension GL_AMD_vertex_shader_layer : enable
@@ -11,16 +11,18 @@
 in vec3 in_position;
 in vec3 in_lookup;
 in uint in_item;
-#ifdef CUTOUTS
+#ifdef TRANSMISSION
 in vec3 in_cutout;
+in vec2 in_cutout_back;
 #endif
 
 #ifdef GEOMETRY
 out vec3 position;
 out vec3 lookup;
 flat out uint item;
-#ifdef CUTOUTS
+#ifdef TRANSMISSION
 out vec3 cutout_corner;
+out vec2 back_corner;
 #endif
 
 void main()
@@ -28,8 +30,9 @@ void main()
     position = in_position;
     lookup = in_lookup;
     item = in_item;
-#ifdef CUTOUTS
+#ifdef TRANSMISSION
     cutout_corner = in_cutout;
+    back_corner = in_cutout_back;
 #endif
 }
 #else
@@ -39,8 +42,9 @@ uniform int tiles_per_layer;
 uniform int first_tile;
 #endif
 out vec3 lightmap_uv;
-#ifdef CUTOUTS
+#ifdef TRANSMISSION
 out vec3 cutout;
+out vec2 cutout_back;
 #endif
 
 void main()
@@ -52,8 +56,9 @@ void main()
     gl_ViewportIndex = 5 * (slot % tiles_per_layer - first_tile) + face;
 #endif
     lightmap_uv = in_lookup;
-#ifdef CUTOUTS
+#ifdef TRANSMISSION
     cutout = in_cutout;
+    cutout_back = in_cutout_back;
 #endif
 }
 #endif

@@ -8,6 +8,7 @@ import zlib
 from dataclasses import dataclass, replace
 
 from ..portable import portable_bytes
+from ..scene.cutouts import transmission_maps
 from ..scene.model import Scene
 from ..settings import Settings
 from .machine_files import file_bytes
@@ -55,7 +56,7 @@ def _for_rays(scene: Scene) -> Scene:
     materials = tuple(
         replace(material, reflectance_map=None, emission_map=None) for material in scene.materials
     )
-    needed = {material.alpha_map.uv_map for material in materials if material.alpha_map}
+    needed = {texture.uv_map for material in materials for texture in transmission_maps(material)}
     meshes = tuple(
         replace(mesh, texture_uvs={name: uvs for name, uvs in mesh.texture_uvs.items() if name in needed})
         for mesh in scene.meshes

@@ -231,15 +231,15 @@ def _area_records(light: Light) -> np.ndarray:
     return records
 
 
-def surface_records(triangles: Triangles, bright: BrightTriangles, culled: np.ndarray) -> np.ndarray:
+def surface_records(triangles: Triangles, bright: BrightTriangles, clear_backs: np.ndarray) -> np.ndarray:
     """Return the records of emissive triangles, (k,) EMITTER.
 
-    culled: (m,) bool of each material; the back of a culled one is not there and does not shine.
+    clear_backs: (m,) bool of each material; such a back does not shine.
     """
     records = _triangle_records(triangles.positions[bright.triangles], bright.radiance)
     records["casts_shadow"], records["uniform"] = 1, bright.uniform
     records["triangle"], records["atlas"] = bright.triangles, triangles.atlas[bright.triangles]
-    records["one_sided"] = culled[triangles.material[bright.triangles]]
+    records["one_sided"] = clear_backs[triangles.material[bright.triangles]]
     return records
 
 

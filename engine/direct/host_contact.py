@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..patches.subdivision import Subdivision
-from ..scene.cutouts import Cutouts
+from ..scene.cutouts import BACK, BOUNCE, SETS, Cutouts, transmittances
 from ..scene.model import Scene
 from ..scene.textures import sample
 from ..visibility.raster.clusters import morton_codes
@@ -83,13 +83,17 @@ def _backs_met(start: np.ndarray, step: np.ndarray, corners: np.ndarray) -> tupl
 def _stops(
     scene: Scene, cutouts: Cutouts, triangle: np.ndarray, material: np.ndarray, weights: np.ndarray
 ) -> np.ndarray:
-    """Return whether the backs of triangles (k,) stop light at barycentrics (k, 3), (k,) bool."""
-    alpha, threshold = cutouts.constants[material].T.copy()
-    uvs = np.einsum("nk,nkd->nd", weights, cutouts.uvs[triangle])
+    """Return whether the backs of triangles (k,) stop light at barycentrics (k, 3), (k,) bool.
+
+    Of a tinted surface the channel counts that passes most.
+    """
+    record = SETS * material + BACK + BOUNCE
+    opacity, threshold = cutouts.base[record], cutouts.threshold[record]
+    uvs = np.einsum("nk,nkd->nd", weights, cutouts.uvs[cutouts.layer[record], triangle])
     for number in np.unique(material):
-        texture = scene.materials[number].alpha_map
+        texture = transmittances(scene.materials[number].transmission)[BACK + BOUNCE].texture
         if texture is not None:
             mine = material == number
-            alpha[mine] *= sample(texture.pixels, uvs[mine], texture)[:, 0]
-    stops: np.ndarray = alpha >= np.where(threshold < 0, _STOPS, threshold)
-    return stops & ~cutouts.culled[material]
+            opacity[mine] += cutouts.factor[record[mine]] * sample(texture.pixels, uvs[mine], texture)
+    stops: np.ndarray = opacity.min(axis=1) >= np.where(threshold < 0, _STOPS, threshold)
+    return stops

@@ -79,7 +79,7 @@ class ShadowRays:
         modulations, profiles, numbers = pack_modulations(lamps)
         self._modulations = upload(compute, modulations), upload(compute, profiles)
         self._records = [lamp_records(lamp, number) for lamp, number in zip(lamps, numbers, strict=True)]
-        self._records.append(surface_records(parts.triangles, bright, rays.culled))
+        self._records.append(surface_records(parts.triangles, bright, rays.cutouts.clear_backs))
         if sky.bright is not None:
             self._records.append(sky_record())
         self._glow = self._glow_arguments(parts, bright)

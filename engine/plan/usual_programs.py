@@ -10,11 +10,11 @@ from ..device.compute import ProgramParts
 from ..direct.emitters import EMITTER
 from ..direct.light_tree import LIGHT_NODE
 from ..direct.modulation import MODULATION
-from ..scene.cutouts import has_cutouts
+from ..scene.cutouts import has_cutouts, is_tinted
 from ..scene.model import Scene
 from ..settings import Settings
 from ..visibility.rays.bvh import BOX, LINK
-from ..visibility.rays.rays import CUTOUT
+from ..visibility.rays.rays import TRANSMITTANCE, cutout_options
 from ..visibility.rays.receivers import RECEIVER, TEXEL_STEP
 from ..visibility.samples import sample_bytes
 from ..visibility.views.viewpoints import FRAME
@@ -26,12 +26,12 @@ PROGRAMS = Path(__file__).resolve().parents[2] / "kernels" / "usual_programs.jso
 #: Records that kernels and host share, by the name of their struct.
 _RECORDS = {
     record.name: record
-    for record in (BOX, CUTOUT, EMITTER, FRAME, LIGHT_NODE, LINK, MODULATION, RECEIVER, TEXEL_STEP)
+    for record in (BOX, EMITTER, FRAME, LIGHT_NODE, LINK, MODULATION, RECEIVER, TEXEL_STEP, TRANSMITTANCE)
 }
 
 #: Options of narrow samples and of see-through surfaces; the latter follows another one where rays are
 #: traced.
-_NARROW, _CUTOUTS, _BEFORE_CUTOUTS = "-DNARROW", "-DCUTOUTS", "-DSTACK"
+_NARROW, _BEFORE_CUTOUTS = "-DNARROW", "-DSTACK"
 
 #: Texels of a lightmap that patches are on, about.
 _COVERED = 0.75
@@ -40,26 +40,27 @@ _COVERED = 0.75
 def usual_programs(scene: Scene, settings: Settings) -> list[ProgramParts]:
     """Return the parts and the options of programs that a bake by a graphics card is about to need."""
     texels = _COVERED * len(scene.atlases) * settings.resolution**2
-    return _listed(sample_bytes(int(texels)) == 2, has_cutouts(scene))
+    cutouts = cutout_options(is_tinted(scene)) if has_cutouts(scene) else ()
+    return _listed(sample_bytes(int(texels)) == 2, cutouts)
 
 
 @cache
-def _listed(narrow: bool, cutouts: bool) -> list[ProgramParts]:
-    """Return what `usual_programs` does, for narrow samples or wide ones, with cut-outs or without."""
+def _listed(narrow: bool, cutouts: tuple[str, ...]) -> list[ProgramParts]:
+    """Return what `usual_programs` does, for narrow samples or wide ones, with the options of cut-outs."""
     listed = json.loads(PROGRAMS.read_text(encoding="utf-8"))
     return [
         (
             tuple(_RECORDS.get(part, part) for part in parts),
-            _fitting(options, narrow, cutouts and CUTOUT.name in parts),
+            _fitting(options, narrow, cutouts if TRANSMITTANCE.name in parts else ()),
         )
         for parts, options in listed
     ]
 
 
-def _fitting(options: list[str], narrow: bool, cutouts: bool) -> tuple[str, ...]:
+def _fitting(options: list[str], narrow: bool, cutouts: tuple[str, ...]) -> tuple[str, ...]:
     """Return options of narrow samples, without cut-outs, as a bake has them."""
     fitting = [option for option in options if narrow or option != _NARROW]
     for place, option in enumerate(fitting):
         if cutouts and option.startswith(_BEFORE_CUTOUTS):
-            return *fitting[: place + 1], _CUTOUTS, *fitting[place + 1 :]
+            return *fitting[: place + 1], *cutouts, *fitting[place + 1 :]
     return tuple(fitting)

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import SceneError
+from .cutouts import transmission_maps, transmittances
 from .model import LIGHT_KINDS, OCCLUDER, Light, Material, Mesh, Scene
 from .profile import check_profile
 from .texture import Texture
+from .transmission import Transmittance
 
 #: Largest radiance, W/(m^2 sr), and largest strength of a light: sums of greater ones would leave float32.
 MAX_RADIANCE = 1e30
@@ -28,6 +30,9 @@ UV_TOLERANCE = 1e-4
 #: Axes of a light that must be unit vectors, and how far from 1 their lengths may be.
 _AXES_NEEDED = {"sun": slice(2, 3), "spot": slice(3), "area": slice(3)}
 _UNIT_TOLERANCE = 1e-3
+
+#: A transmittance may leave [0, 1] by this much, by rounding.
+_ROUNDING = 1e-6
 
 #: What is no light, as errors tell it.
 _NO_LIGHT = f"NaN, negative or greater than {MAX_RADIANCE:.0e}"
@@ -164,11 +169,12 @@ def check_material(material: Material) -> None:
             f"Material '{material.name}' has an emission that is {_NO_LIGHT}. "
             "Mend its emission colour and strength."
         )
-    alphas = _values(np.asarray(material.alpha), material.alpha_map)
-    if not all(_is_light(values, 1) for values in alphas):
-        raise SceneError(
-            f"Material '{material.name}' has an alpha that is not between 0 and 1. Mend its alpha."
-        )
+    for entry in transmittances(material.transmission):
+        if not _is_fraction(entry):
+            raise SceneError(
+                f"Material '{material.name}' has a transmittance that is not between 0 and 1. "
+                "Mend its alpha, or the color of its Transparent BSDF."
+            )
 
 
 def check_light(light: Light) -> None:
@@ -209,9 +215,16 @@ def check_light(light: Light) -> None:
             raise SceneError(f"Light '{light.name}' has a profile and a power that are too large. Lower one.")
 
 
+def _is_fraction(entry: Transmittance) -> bool:
+    """Return whether a transmittance is from 0 to 1 wherever its texture is."""
+    ends = np.asarray(entry.offset), np.asarray(entry.offset) + np.asarray(entry.scale)
+    within = all(bool((end >= -_ROUNDING).all() and (end <= 1 + _ROUNDING).all()) for end in ends)
+    return within and (entry.texture is None or _is_light(entry.texture.pixels, 1))
+
+
 def _textures(material: Material) -> list[Texture]:
     """Return the textures of a material."""
-    maps = (material.reflectance_map, material.emission_map, material.alpha_map)
+    maps = (material.reflectance_map, material.emission_map, *transmission_maps(material))
     return [texture for texture in maps if texture is not None]
 
 

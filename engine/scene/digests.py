@@ -10,6 +10,7 @@ from dataclasses import fields, is_dataclass
 
 import numpy as np
 
+from .cutouts import transmission_maps, transmittances
 from .model import Material, Mesh, Scene
 from .texture import Texture
 
@@ -89,13 +90,14 @@ def geometry_digest(scene: Scene, known: ArrayDigests | None = None) -> bytes:
     """
     digest = _Digest(known)
     digest.feed([len(scene.atlases), len(scene.meshes), len(scene.materials)])
-    alpha_maps = [material.alpha_map for material in scene.materials]
+    maps = [texture for material in scene.materials for texture in transmission_maps(material)]
     for mesh in scene.meshes:
         digest.feed([mesh.name, mesh.atlas, *(getattr(mesh, name) for name in _GEOMETRY)])
-        digest.feed_uvs(mesh, alpha_maps)
+        digest.feed_uvs(mesh, maps)
     for material in scene.materials:
-        digest.feed([material.alpha, material.alpha_threshold, material.culled])
-        digest.feed_texture(material.alpha_map)
+        for entry in transmittances(material.transmission):
+            digest.feed([entry.offset, entry.scale, entry.threshold])
+            digest.feed_texture(entry.texture)
     return digest.value()
 
 

@@ -31,22 +31,15 @@ class Material:
     reflectance      (3,) float32, diffuse reflectance of the front
     emission         (3,) float32, radiance that the front emits, W/(m^2 sr)
     translucency     (3,) float32, diffuse transmittance: fraction of the light that leaves the other side
-    alpha            fraction of the light that the surface stops, in [0, 1]
-    alpha_threshold  alpha at or above it is 1, below it 0; None leaves alpha as it is
-    culled           True if the back is see-through
-    transmission     straight-through transmittance, RGB; replaces alpha and culled
+    transmission     straight-through transmittance, RGB
     back             reflectance and emission of the back; None is as the front
     """
 
     name: str
     reflectance: np.ndarray
     emission: np.ndarray
-    alpha: float = 1.0
-    alpha_threshold: float | None = None
-    culled: bool = False
     reflectance_map: Texture | None = None
     emission_map: Texture | None = None
-    alpha_map: Texture | None = None
     translucency: np.ndarray = field(default_factory=lambda: np.zeros(3, np.float32))
     translucency_map: Texture | None = None
     transmission: Transmission = field(default_factory=Transmission)

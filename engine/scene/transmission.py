@@ -54,3 +54,8 @@ class Transmission:
     bounce: Transmittance = OPAQUE
     shadow_back: Transmittance | None = None
     bounce_back: Transmittance | None = None
+
+
+def uniform_transmission(transmittance: Transmittance) -> Transmission:
+    """Return the transmission of a surface that passes all kinds of rays alike, from both sides."""
+    return Transmission(transmittance, transmittance)

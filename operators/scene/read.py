@@ -11,6 +11,7 @@ import numpy as np
 from ...engine.errors import SceneError
 from ...engine.naming import first_line, naming
 from ...engine.progress import Progress, finished
+from ...engine.scene.cutouts import transmission_maps
 from ...engine.scene.model import OCCLUDER, Mesh, Scene
 from .faults import without_faults
 from .fingerprints import combined, find_fingerprints, in_the_world
@@ -75,7 +76,7 @@ class ReadScene:
         maps = [
             texture
             for material in scene.materials
-            for texture in (material.reflectance_map, material.emission_map, material.alpha_map)
+            for texture in (material.reflectance_map, material.emission_map, *transmission_maps(material))
             if texture is not None
         ]
         arrays += [scene.world, *(texture.pixels for texture in maps)]

@@ -10,6 +10,7 @@ from engine.reference.analytic import polygon
 from engine.scene.profile import Profile
 from tests.analytic.drive import drive, drive_with_progress
 from tests.analytic.scenes import quads, rectangle
+from tests.transparency import transparent
 
 BLACK = Material("Black", np.zeros(3, np.float32), np.zeros(3, np.float32))
 DOWN = np.eye(3)
@@ -173,7 +174,7 @@ def test_shadows_are_black_unless_the_lamp_casts_none():
 
 def test_glass_halves_light():
     roof = rectangle((-1, -1, 1), 2 * X, 2 * Y)
-    glass = dataclasses.replace(BLACK, alpha=0.5)
+    glass = dataclasses.replace(BLACK, transmission=transparent(0.5))
     assert baked(light("point"), 0.02, roof, emitting=glass) == pytest.approx(5 / (np.pi * 8), rel=5e-3)
 
 

@@ -10,6 +10,7 @@ from engine.scene.cutouts import EXTENSIONS, map_uvs
 from engine.scene.textures import sample
 from tests.analytic.drive import drive, irradiance
 from tests.analytic.scenes import quads, rectangle
+from tests.transparency import CLEAR_BACK, transparent
 
 SETTINGS = Settings(resolution=16, hemicube=32, sample_emission=False)
 BLACK = np.zeros(3, np.float32)
@@ -115,7 +116,7 @@ def test_without_holes_a_canopy_keeps_all_light_out():
 
 
 def test_half_transparent_surfaces_let_half_the_light_through():
-    through = lit(np.ones(3, np.float32), (X, Y), opaque(alpha=0.5), canopy())
+    through = lit(np.ones(3, np.float32), (X, Y), opaque(transmission=transparent(0.5)), canopy())
     assert through == pytest.approx(np.full(3, 0.5), rel=0.02)
 
 
@@ -125,7 +126,8 @@ def test_alpha_maps_cut_holes(threshold):
     pixels = np.float32([1.0, 1.0, 0.0, 0.0]).reshape(4, 1, 1)
     texture = Texture("Holes", pixels, "Map", extension="extend", smooth=False)
     turned = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
-    material = opaque(alpha_map=dataclasses.replace(texture, transform=turned), alpha_threshold=threshold)
+    mapped = dataclasses.replace(texture, transform=turned)
+    material = opaque(transmission=transparent(1.0, mapped, threshold))
     world = np.ones(3, np.float32)
     through = lit(world, (X, Y), material, rectangle((-100, -99.5, 0.05), 200 * Y, 200 * X))
     assert through == pytest.approx(np.full(3, 0.5), abs=0.03)
@@ -154,7 +156,11 @@ def test_alpha_maps_go_on_beyond_their_borders(extension, smooth, visibility):
         charts = [(1 + 4 * index, 1, 2, 2), (1 + 4 * index, 5, 2, 2)]
         mesh = quads(corners, charts, [0, 1], 64, f"Canopy {index}")
         meshes.append(dataclasses.replace(mesh, texture_uvs={"Map": np.tile(uv, (4, 3, 1))}))
-    scene = Scene(tuple(meshes), (opaque(), opaque(alpha_map=texture)), world=np.ones(3, np.float32))
+    scene = Scene(
+        tuple(meshes),
+        (opaque(), opaque(transmission=transparent(1.0, texture))),
+        world=np.ones(3, np.float32),
+    )
     settings = dataclasses.replace(SETTINGS, resolution=64, visibility=visibility, directions="hemicube")
     image = drive(scene, settings).image[0]
     through = [image[1:3, 1 + 4 * index : 3 + 4 * index].mean() for index in range(len(UVS))]
@@ -162,7 +168,8 @@ def test_alpha_maps_go_on_beyond_their_borders(extension, smooth, visibility):
     assert np.array(through) == pytest.approx(expected, abs=0.06)
 
 
-@pytest.mark.parametrize(("culled", "up", "expected"), [(True, True, 1), (True, False, 0), (False, True, 0)])
-def test_backs_of_culled_materials_are_see_through(culled, up, expected):
-    light = lit(np.ones(3, np.float32), (X, Y), opaque(culled=culled), canopy(up=up))
+@pytest.mark.parametrize(("clear", "up", "expected"), [(True, True, 1), (True, False, 0), (False, True, 0)])
+def test_clear_backs_are_see_through(clear, up, expected):
+    material = opaque(transmission=CLEAR_BACK) if clear else opaque()
+    light = lit(np.ones(3, np.float32), (X, Y), material, canopy(up=up))
     assert light == pytest.approx(np.full(3, float(expected)), abs=2e-3)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from engine.scene.transmission import Transmission
 from tests.blender.things import SQUARE_UVS, material, part, read_scene, snapshot, square
 
 
@@ -59,7 +60,7 @@ def test_materials_that_use_an_image_share_its_pixels(output):
     other.image = node.image
     square(surface=first)
     square(surface=second)
-    maps = [entry.alpha_map for entry in read_scene().scene.materials]
+    maps = [entry.transmission.bounce.texture for entry in read_scene().scene.materials]
     assert len(maps) == 2 and maps[0].pixels is maps[1].pixels
 
 
@@ -80,14 +81,16 @@ def test_alpha_of_an_image_cuts_and_a_threshold_is_kept():
     pixels[..., 3] = np.linspace(0, 1, 16).reshape(4, 4)
     surface, node = textured("Alpha", "Alpha", pixels)
     square(surface=surface)
-    assert only_material().alpha_map.pixels[..., 0] == pytest.approx(pixels[..., 3], abs=1 / 255)
+    assert only_material().transmission.bounce.texture.pixels[..., 0] == pytest.approx(
+        pixels[..., 3], abs=1 / 255
+    )
     cut = surface.node_tree.nodes.new("ShaderNodeMath")
     cut.operation = "GREATER_THAN"
     cut.inputs[1].default_value = 0.3
     surface.node_tree.links.new(node.outputs["Alpha"], cut.inputs[0])
     principled = surface.node_tree.nodes["Principled BSDF"]
     surface.node_tree.links.new(cut.outputs[0], principled.inputs["Alpha"])
-    assert only_material().alpha_threshold == pytest.approx(0.3)
+    assert only_material().transmission.bounce.threshold == pytest.approx(0.3)
 
 
 def test_metal_and_glass_reflect_less_diffusely():
@@ -126,15 +129,15 @@ def test_a_mix_with_transparency_is_alpha():
     tree.links.new(mix.outputs[0], tree.get_output_node("CYCLES").inputs["Surface"])
     square(surface=surface)
     result = only_material()
-    assert result.alpha == pytest.approx(0.3)
+    assert result.transmission.bounce.offset == pytest.approx(np.full(3, 0.7))
     assert result.reflectance == pytest.approx(np.array([0.8, 0.6, 0.4]), rel=1e-6)
 
 
-def test_back_face_culling_is_read():
+def test_back_face_culling_changes_nothing():
     surface = material()
     surface.use_backface_culling = True
     square(surface=surface)
-    assert only_material().culled
+    assert only_material().transmission == Transmission()
 
 
 def test_networks_are_evaluated_by_blender_and_nothing_else_changes():
@@ -159,7 +162,7 @@ def test_networks_are_evaluated_by_blender_and_nothing_else_changes():
     inside = slice(size // 5, 4 * size // 5)
     row = size // 2
     for texture, factor in (
-        (result.reflectance_map, 1), (result.emission_map, 2), (result.alpha_map, 1)
+        (result.reflectance_map, 1), (result.emission_map, 2), (result.transmission.bounce.texture, 1)
     ):  # fmt: skip
         measured = texture.pixels[row, inside, 0]
         expected = factor * u[inside] * (u[inside] if texture is result.emission_map else 1)

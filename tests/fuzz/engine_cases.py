@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from engine import Light, Material, Mesh, Scene, Settings, Texture
 from engine.scene.model import LIGHT_KINDS, OCCLUDER
 from tests.analytic.scenes import material, quads, room_walls
+from tests.transparency import clear_back, transparent
 
 Vector = tuple[float, float, float]
 
@@ -64,7 +65,7 @@ class Surface:
     emission: Vector = (0.0, 0.0, 0.0)
     alpha: float = 1.0
     alpha_threshold: float | None = None
-    culled: bool = False
+    clear_back: bool = False
     reflectance_map: Map | None = None
     emission_map: Map | None = None
     alpha_map: Map | None = None
@@ -255,17 +256,16 @@ def _texture(image: Map | None, name: str, channels: int) -> Texture | None:
 
 
 def _material(surface: Surface, name: str) -> Material:
-    return Material(
+    holes = _texture(surface.alpha_map, f"{name} alpha", 1)
+    material = Material(
         name,
         np.array(surface.reflectance, np.float32),
         np.array(surface.emission, np.float32),
-        surface.alpha,
-        surface.alpha_threshold,
-        surface.culled,
         _texture(surface.reflectance_map, f"{name} reflectance", 3),
         _texture(surface.emission_map, f"{name} emission", 3),
-        _texture(surface.alpha_map, f"{name} alpha", 1),
+        transmission=transparent(surface.alpha, holes, surface.alpha_threshold),
     )
+    return clear_back(material) if surface.clear_back else material
 
 
 def _light(lamp: Lamp, name: str, case: Case) -> Light:
@@ -399,7 +399,7 @@ SPOILS: dict[str, Callable[[Scene, Settings], tuple[Scene, Settings]]] = {
     "reflectance NaN": _field("materials", reflectance=np.full(3, np.nan, np.float32)),
     "emission negative": _field("materials", emission=np.full(3, -1, np.float32)),
     "emission infinite": _field("materials", emission=np.full(3, np.inf, np.float32)),
-    "alpha 3": _field("materials", alpha=3.0),
+    "alpha 3": _field("materials", transmission=transparent(3.0)),
     "empty texture": _field("materials", reflectance_map=_EMPTY),
     "unknown light": _field("lights", kind="candle"),
     "light NaN": _field("lights", strength=np.full(3, np.nan, np.float32)),
@@ -478,7 +478,7 @@ _SURFACES = st.builds(
     emission=st.one_of(st.just((0.0, 0.0, 0.0)), _triple(_LIGHT)),
     alpha=st.one_of(st.just(1.0), _FRACTION),
     alpha_threshold=_sometimes(_FRACTION),
-    culled=st.booleans(),
+    clear_back=st.booleans(),
     reflectance_map=_sometimes(_MAPS),
     emission_map=_sometimes(_LIT_MAPS),
     alpha_map=_sometimes(_MAPS),

@@ -12,14 +12,16 @@ from engine.visibility.raster import table
 from tests.analytic.drive import drive
 from tests.analytic.scenes import quads, rectangle
 from tests.rows import long
+from tests.transparency import clear_back, transparent
 
 BLACK = np.zeros(3, np.float32)
 SETTINGS = Settings(resolution=64, hemicube=8, iterations=1, sample_emission=False)
 UVS = np.float32([[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]])
 
 
-def see_through(pixels, **changes):
-    return Material("Curtain", BLACK, BLACK, alpha_map=Texture("Holes", pixels, "Map"), **changes)
+def see_through(pixels, alpha=1.0, threshold=None):
+    seen = transparent(alpha, Texture("Holes", pixels, "Map"), threshold)
+    return Material("Curtain", BLACK, BLACK, transmission=seen)
 
 
 def squares(materials):
@@ -78,7 +80,7 @@ def test_maps_in_several_layers_are_seen(monkeypatch, changes):
 def test_more_materials_than_a_texture_is_wide(changes):
     """Of 20,011 materials the last but one has see-through backs, and its canopy is seen from behind."""
     opaque = Material("Opaque", BLACK, BLACK)
-    scene = squares([dataclasses.replace(opaque, culled=True), opaque])
+    scene = squares([clear_back(opaque), opaque])
     last = 20_010
     numbers = np.array([last - 1, last, last - 2])
     meshes = tuple(
@@ -89,7 +91,7 @@ def test_more_materials_than_a_texture_is_wide(changes):
         )
         for mesh in scene.meshes
     )
-    materials = (opaque,) * (last - 1) + (dataclasses.replace(opaque, culled=True), opaque)
+    materials = (opaque,) * (last - 1) + (clear_back(opaque), opaque)
     scene = dataclasses.replace(scene, meshes=meshes, materials=materials)
     image = drive(scene, dataclasses.replace(SETTINGS, **changes)).image[0, ..., 0]
     assert (image[:5, :5].mean(), image[:5, 7:12].mean()) == pytest.approx((1, 0), abs=0.01)
@@ -102,15 +104,15 @@ def test_an_image_is_kept_once_however_many_materials_use_it():
         for index, pixels in enumerate([image, image, image.copy(), other, image])
     ]
     found = read_cutouts(squares(materials))
-    assert len(found.alpha) == 2 * image.size + 1
-    assert found.maps[:, 0].tolist() == [0, 0, 0, image.size, 0, 0]
+    assert len(found.pixels) == 2 * image.size + 1
+    assert found.maps[::4, 0].tolist() == [0, 0, 0, image.size, 0, 0]
     turned = read_cutouts(squares([see_through(image), see_through(image.reshape(53, 37, 1))]))
-    assert turned.maps[:2, 1:3].tolist() == [[53, 37], [37, 53]]
+    assert turned.maps[:8:4, 1:3].tolist() == [[53, 37], [37, 53]]
 
 
 def test_pixels_of_8_and_16_bits_are_kept_exactly():
     levels = np.concatenate([np.arange(256) / np.float32(255), np.arange(65536) / np.float32(65535)])
-    kept = read_cutouts(squares([see_through(levels.astype(np.float32).reshape(1, -1, 1))])).alpha[:-1]
+    kept = read_cutouts(squares([see_through(levels.astype(np.float32).reshape(1, -1, 1))])).pixels[:-1]
     assert (kept[:256] == 257 * np.arange(256)).all() and (kept[256:] == np.arange(65536)).all()
 
 
@@ -119,11 +121,13 @@ def test_pixels_of_8_and_16_bits_are_kept_exactly():
 def test_alpha_as_high_as_the_threshold_is_opaque(changes, threshold):
     """Whatever such a number is rounded to."""
     level = np.full((5, 7, 1), threshold, np.float32)
-    materials = [see_through(pixels, alpha_threshold=threshold) for pixels in (level, level - 1e-4)]
+    materials = [see_through(pixels, threshold=threshold) for pixels in (level, level - 1e-4)]
     assert lights(materials, **changes) == pytest.approx([0, 1], abs=0.01)
 
 
 def test_more_pixels_than_can_be_counted_are_a_clear_error(monkeypatch):
     monkeypatch.setattr(cutouts, "MOST_PIXELS", 100)
-    with pytest.raises(SceneError, match="alpha maps.*'Holes'.*143 pixels.*at most 100.*smaller images"):
+    with pytest.raises(
+        SceneError, match="transparency maps.*'Holes'.*143 pixels.*at most 100.*smaller images"
+    ):
         read_cutouts(squares([see_through(np.ones((11, 13, 1), np.float32))]))

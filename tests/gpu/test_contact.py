@@ -15,6 +15,7 @@ from engine.session import Session
 from engine.visibility.rays.ray_scene import RayScene
 from tests.analytic.scenes import material, quads, rectangle, room_walls
 from tests.gpu.test_methods import NoCompute, OldGraphics
+from tests.transparency import CLEAR_BACK, transparent
 
 SETTINGS = Settings(
     resolution=64,
@@ -168,10 +169,10 @@ def stacks(shift):
     plain = Material("Plain", black, black)
     materials = (
         plain,
-        dataclasses.replace(plain, culled=True),
-        dataclasses.replace(plain, alpha=0.3),
-        dataclasses.replace(plain, alpha_map=holes),
-        dataclasses.replace(plain, alpha_map=holes, alpha_threshold=0.6),
+        dataclasses.replace(plain, transmission=CLEAR_BACK),
+        dataclasses.replace(plain, transmission=transparent(0.3)),
+        dataclasses.replace(plain, transmission=transparent(1.0, holes)),
+        dataclasses.replace(plain, transmission=transparent(1.0, holes, 0.6)),
     )
     numbers = np.resize(np.arange(len(materials)), len(charts))
     mesh = quads(np.concatenate(boxes), charts, numbers, 128, "Stacks")

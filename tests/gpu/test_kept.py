@@ -15,6 +15,7 @@ from engine.session import Session
 from engine.worker.worker import Worker
 from tests.analytic.scenes import nine_quad_room
 from tests.gpu.slice_sizes import fix_slice_size
+from tests.transparency import CLEAR_BACK, transparent
 
 SETTINGS = Settings(
     resolution=67, hemicube=8, samples=132, iterations=5, tolerance=0, visibility="rays", light_samples=5,
@@ -76,8 +77,8 @@ def moved(scene: Scene, name: str, by: float) -> Scene:
 CHANGED = {
     "transform": (moved(ROOM, "positions", 1.01), {}),
     "UVs": (moved(ROOM, "uvs", 0.99), {}),
-    "transparency": (coloured(ROOM, 3, alpha=0.4), {}),
-    "culling": (coloured(ROOM, 3, culled=True), {}),
+    "transparency": (coloured(ROOM, 3, transmission=transparent(0.4)), {}),
+    "clear back": (coloured(ROOM, 3, transmission=CLEAR_BACK), {}),
     "emission of backs": (coloured(ROOM, 3, emission=WARM), {}),
     "resolution": (ROOM, {"resolution": 53}),
     "rays": (ROOM, {"samples": 256}),

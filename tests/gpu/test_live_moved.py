@@ -23,6 +23,7 @@ from tests.analytic.scenes import nine_quad_room
 from tests.gpu.graphics_card import GraphicsCard
 from tests.gpu.slice_sizes import fix_slice_size
 from tests.rows import long
+from tests.transparency import CLEAR_BACK, transparent
 
 SETTINGS = Settings(
     resolution=37, hemicube=8, samples=68, visibility="rays", light_samples=3, texel_samples=1,
@@ -48,9 +49,9 @@ def open_room(offset: float = 0.0) -> Scene:
 
 
 def see_through(scene: Scene) -> Scene:
-    """Return a scene whose board lets half of the light through, and whose panel is culled."""
+    """Return a scene whose board lets half of the light through, and whose panel is clear from behind."""
     materials = list(scene.materials)
-    for mesh, changes in ((3, {"alpha": 0.5}), (2, {"culled": True})):
+    for mesh, changes in ((3, {"transmission": transparent(0.5)}), (2, {"transmission": CLEAR_BACK})):
         number = int(scene.meshes[mesh].material[0])
         materials[number] = dataclasses.replace(materials[number], **changes)
     return dataclasses.replace(scene, materials=tuple(materials))

@@ -15,6 +15,7 @@ from engine.gather.glsl_cached import GlslCachedIntegrator
 from engine.gather.kept_samples import Backs
 from engine.patches.subdivision import subdivide
 from engine.plan import choose, trial
+from engine.scene.transmission import CLEAR
 from engine.visibility import samples
 from engine.visibility.identity import surroundings
 from engine.visibility.raster.identity import RasterIdentity
@@ -26,6 +27,7 @@ from tests.analytic.drive import drive
 from tests.analytic.scenes import furnace, material, nine_quad_room, quads, rectangle, room_walls
 from tests.analytic.test_sky_and_cutouts import sky
 from tests.rows import long
+from tests.transparency import transparent
 
 SETTINGS = Settings(
     resolution=67, hemicube=8, iterations=4, tolerance=0, sample_emission=False,
@@ -38,7 +40,11 @@ def scene(world):
     room = nine_quad_room()
     changed = [
         dataclasses.replace(
-            material, alpha=0.7, culled=index == 1, emission=material.emission + np.float32(0.1)
+            material,
+            transmission=dataclasses.replace(
+                transparent(0.7), **({"shadow_back": CLEAR, "bounce_back": CLEAR} if index == 1 else {})
+            ),
+            emission=material.emission + np.float32(0.1),
         )
         for index, material in enumerate(room.materials)
     ]

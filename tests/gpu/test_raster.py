@@ -17,6 +17,7 @@ from engine.visibility.raster.targets import RadianceTarget
 from engine.visibility.raster.tiles import Tiles
 from engine.visibility.views.hemicube import face_rows, frames, matrices, multiplier_map, rotations
 from tests.analytic.scenes import furnace, sphere
+from tests.transparency import CLEAR_BACK, transparent
 
 #: Frame along the axes, nothing below the horizon.
 UPRIGHT = np.float32([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 1]])
@@ -98,7 +99,11 @@ def pictures(graphics, tiles, path=None, culling=True, **changes):
     return target.texture.read(), raster.path
 
 
-@pytest.mark.parametrize("changes", [{}, {"alpha": 0.6}, {"culled": True}], ids=["opaque", "thin", "culled"])
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"transmission": transparent(0.6)}, {"transmission": CLEAR_BACK}],
+    ids=["opaque", "thin", "clear back"],
+)
 @pytest.mark.parametrize("tiles", [Tiles(16, 3, 1, 5), Tiles(8, 4, 2, 3)])
 def test_all_ways_to_draw_give_the_same_bits(graphics, tiles, changes):
     reference, _ = pictures(graphics, tiles, "geometry", culling=False, **changes)

@@ -13,7 +13,7 @@ from engine.visibility.rays.bvh import Shape
 from engine.visibility.rays.rays import Rays
 from engine.visibility.rays.treetop import Treetop
 
-SOLID = SimpleNamespace(needed=False, culled=np.zeros(1, bool))
+SOLID = SimpleNamespace(needed=False)
 SHAPES = [Shape(8, 8, 8, 0.5), Shape(2, 1, 4, 0.35), Shape(4, 4, 8, 0.5)]
 
 

@@ -19,6 +19,7 @@ from tests.analytic.rooms import room as hall
 from tests.gpu.slice_sizes import fix_slice_size
 from tests.gpu.test_kept import ROOM, assert_same, coloured, lamp
 from tests.rows import long
+from tests.transparency import transparent
 
 #: These bake several times, with every slice of work written to disk; short ones are in tests/unit.
 pytestmark = pytest.mark.long
@@ -126,7 +127,7 @@ def test_other_lamps_take_what_patches_see_but_not_the_light(tmp_path):
 @pytest.mark.parametrize(
     ("scene", "changes"),
     [
-        (coloured(ROOM, 3, alpha=0.4), {}),
+        (coloured(ROOM, 3, transmission=transparent(0.4)), {}),
         (ROOM, {"seed": 3}),
         (ROOM, {"samples": 136}),
         (ROOM, {"resolution": 31}),

@@ -24,6 +24,7 @@ from engine.patches.patch_list import PatchList
 from engine.portable import portable_bytes
 from engine.scene.model import Texture
 from tests.analytic.scenes import nine_quad_room
+from tests.transparency import transparent
 
 pytestmark = pytest.mark.skipif(not Path("/dev/shm").exists(), reason="There are files in memory on Linux.")
 
@@ -138,13 +139,17 @@ def test_textures_travel_only_where_light_passes_through_them():
     room, pixels = nine_quad_room(), np.linspace(0, 1, 127 * 61, dtype=np.float32).reshape(127, 61, 1)
     look, holes = Texture("Look", np.repeat(pixels, 3, axis=2), "Look"), Texture("Holes", pixels, "Holes")
     uvs = dict.fromkeys(("Look", "Holes"), room.meshes[0].uvs)
-    materials = (replace(room.materials[0], reflectance_map=look, emission_map=look, alpha_map=holes),)
+    materials = (
+        replace(
+            room.materials[0], reflectance_map=look, emission_map=look, transmission=transparent(1.0, holes)
+        ),
+    )
     meshes = (replace(room.meshes[0], texture_uvs=uvs), *room.meshes[1:])
     scene = replace(room, meshes=meshes, materials=(*materials, *room.materials[1:]))
     arrived, _ = Shipment.of(scene, Settings(), False).unpacked()
     material = arrived.materials[0]
     assert material.reflectance_map is None and material.emission_map is None
-    assert np.array_equal(material.alpha_map.pixels, holes.pixels)
+    assert np.array_equal(material.transmission.bounce.texture.pixels, holes.pixels)
     assert arrived.meshes[0].texture_uvs.keys() == {"Holes"}
     assert np.array_equal(material.reflectance, room.materials[0].reflectance)
 

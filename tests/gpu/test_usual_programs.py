@@ -15,6 +15,7 @@ from engine.plan.usual_programs import PROGRAMS, usual_programs
 from engine.session import Session
 from engine.warm_up import SMALL, usual_room
 from tests.gpu.graphics_card import GraphicsCard
+from tests.transparency import transparent
 from tools.usual_programs import recorded
 
 
@@ -30,7 +31,7 @@ def test_most_programs_of_a_bake_are_in_it(wide, see_through, monkeypatch):
     if wide:
         monkeypatch.setattr("engine.visibility.samples._NARROW", 1000)
     if see_through:
-        glass = dataclasses.replace(scene.materials[1], alpha=0.5)
+        glass = dataclasses.replace(scene.materials[1], transmission=transparent(0.5))
         scene = dataclasses.replace(scene, materials=(scene.materials[0], glass))
     asked = set()
 

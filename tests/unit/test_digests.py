@@ -10,6 +10,8 @@ from engine import Light, Material, Mesh, Scene, Texture
 from engine.scene import digests
 from engine.scene.digests import ArrayDigests, digest_of, geometry_digest, surfaces_digest
 from engine.scene.model import OCCLUDER
+from engine.scene.transmission import CLEAR, Transmission, Transmittance, uniform_transmission
+from tests.transparency import CLEAR_BACK, transparent
 
 
 def texture(seed: int, channels: int, uv_map: str = "UVMap") -> Texture:
@@ -30,7 +32,8 @@ def mesh(name: str, seed: int) -> Mesh:
 
 GREY = np.full(3, 0.5, np.float32)
 PLAIN = Material("Plain", GREY, 0 * GREY, reflectance_map=texture(1, 3))
-LEAVES = Material("Leaves", GREY, 0 * GREY, alpha_map=texture(2, 1, "Holes"))
+HOLES = texture(2, 1, "Holes")
+LEAVES = Material("Leaves", GREY, 0 * GREY, transmission=transparent(1.0, HOLES))
 LAMP = Light("Lamp", "point", np.zeros(3), np.eye(3), GREY)
 SCENE = Scene((mesh("A", 3), mesh("B", 4)), (PLAIN, LEAVES), lights=(LAMP,))
 
@@ -71,14 +74,17 @@ GEOMETRY = {
     "name": with_mesh(name="C"),
     "deleted": replace(SCENE, meshes=SCENE.meshes[:1]),
     "order": replace(SCENE, meshes=SCENE.meshes[::-1]),
-    "alpha": with_material(0, alpha=0.5),
-    "threshold": with_material(1, alpha_threshold=0.5),
-    "culled": with_material(0, culled=True),
-    "hole": with_material(1, alpha_map=texture(5, 1, "Holes")),
-    "new hole": with_material(0, alpha_map=texture(2, 1)),
-    "extension": with_material(1, alpha_map=replace(LEAVES.alpha_map, extension="clip")),
-    "interpolation": with_material(1, alpha_map=replace(LEAVES.alpha_map, smooth=False)),
-    "mapping": with_material(1, alpha_map=replace(LEAVES.alpha_map, transform=np.eye(2, 3) * 2)),
+    "alpha": with_material(0, transmission=transparent(0.5)),
+    "threshold": with_material(1, transmission=transparent(1.0, HOLES, 0.5)),
+    "clear back": with_material(0, transmission=CLEAR_BACK),
+    "clear to shadow rays": with_material(0, transmission=Transmission(shadow=CLEAR)),
+    "clear to other rays": with_material(0, transmission=Transmission(bounce=CLEAR)),
+    "tint": with_material(0, transmission=uniform_transmission(Transmittance(np.float32([0.1, 0.0, 0.0])))),
+    "hole": with_material(1, transmission=transparent(1.0, texture(5, 1, "Holes"))),
+    "new hole": with_material(0, transmission=transparent(1.0, texture(2, 1))),
+    "extension": with_material(1, transmission=transparent(1.0, replace(HOLES, extension="clip"))),
+    "interpolation": with_material(1, transmission=transparent(1.0, replace(HOLES, smooth=False))),
+    "mapping": with_material(1, transmission=transparent(1.0, replace(HOLES, transform=np.eye(2, 3) * 2))),
     "UVs of holes": with_uvs("Holes"),
 }
 SURFACES = {

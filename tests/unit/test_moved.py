@@ -8,16 +8,18 @@ import pytest
 from engine import Scene
 from engine.patches.moved import moved_triangles
 from engine.scene.cutouts import read_cutouts
+from engine.scene.transmission import Transmission
 from engine.scene.triangles import join_meshes
 from tests.analytic.scenes import material, quads, rectangle
+from tests.transparency import transparent
 
 RESOLUTION = 13
 
 
-def room(*shifts: float, origin: float = 0.0, alpha: float = 1.0) -> Scene:
+def room(*shifts: float, origin: float = 0.0, transmission: Transmission | None = None) -> Scene:
     """Return a scene of squares, a mesh each, lifted by these; m."""
     paint = material("Grey", 0.5)
-    object.__setattr__(paint, "alpha", alpha)
+    object.__setattr__(paint, "transmission", transmission or Transmission())
     meshes = []
     for number, shift in enumerate(shifts):
         square = rectangle((2 * number + origin, origin, shift), (1, 0, 0), (0, 1, 0))
@@ -79,4 +81,4 @@ def test_other_patches_and_other_transparency_are_looked_at_anew():
     before = parts(room(0, 0, 0))
     fewer = SimpleNamespace(resolution=RESOLUTION, texel=np.arange(4), atlas=np.zeros(4, np.int32))
     assert moved_triangles(before, parts(room(0, 0, 0), before, patches=fewer)) is None
-    assert moved_triangles(before, parts(room(0, 0, 0, alpha=0.5), before)) is None
+    assert moved_triangles(before, parts(room(0, 0, 0, transmission=transparent(0.5)), before)) is None

@@ -45,7 +45,9 @@ class MeshBuffers:
             (context.buffer(mesh.vertices.tobytes()), "3f 3f", "in_position", "in_lookup")
         ]
         if mesh.cutouts is not None:
-            self.content.append((context.buffer(mesh.cutouts.tobytes()), "3f", "in_cutout"))
+            self.content.append(
+                (context.buffer(mesh.cutouts.tobytes()), "3f 2f", "in_cutout", "in_cutout_back")
+            )
         self.indices = context.buffer(mesh.indices.tobytes())
         self.items = context.buffer(reserve=4)
         self.commands = context.buffer(reserve=20)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...scene.cutouts import Cutouts
+from ...scene.cutouts import BACK, BOUNCE, Cutouts
 from ...scene.triangles import Triangles
 
 
@@ -15,7 +15,8 @@ class IndexedMesh:
     """What vertex buffers are filled with.
 
     vertices  (v, 6) float32: position, lightmap uv, atlas
-    cutouts   (v, 3) float32: UV on the alpha map, material; None if no surface is see-through
+    cutouts   (v, 5) float32: UV on the map of the front, material, UV on the map of the back; None if no
+              surface is see-through
     indices   (3 t,) uint32
     """
 
@@ -27,18 +28,19 @@ class IndexedMesh:
 def indexed_mesh(triangles: Triangles, cutouts: Cutouts, order: np.ndarray) -> IndexedMesh:
     """Join equal corners of triangles; order: (t,) int64, the triangles as they are drawn."""
     count = len(triangles.positions)
-    corners = np.empty((count, 3, 9 if cutouts.needed else 6), np.float32)
+    corners = np.empty((count, 3, 11 if cutouts.needed else 6), np.float32)
     corners[:, :, 0:3] = triangles.positions
     corners[:, :, 3:5] = triangles.uvs
     corners[:, :, 5] = triangles.atlas[:, None]
     if cutouts.needed:
-        corners[:, :, 6:8] = cutouts.uvs
+        corners[:, :, 6:8] = cutouts.uvs_of(triangles.material, BOUNCE)
         corners[:, :, 8] = triangles.material[:, None]
+        corners[:, :, 9:11] = cutouts.uvs_of(triangles.material, BACK + BOUNCE)
     rows = corners[order].reshape(3 * count, -1)
     chosen, indices = _distinct(rows)
     vertices = rows[chosen]
-    alpha_uvs = np.ascontiguousarray(vertices[:, 6:]) if cutouts.needed else None
-    return IndexedMesh(np.ascontiguousarray(vertices[:, :6]), alpha_uvs, indices.astype(np.uint32))
+    map_uvs = np.ascontiguousarray(vertices[:, 6:]) if cutouts.needed else None
+    return IndexedMesh(np.ascontiguousarray(vertices[:, :6]), map_uvs, indices.astype(np.uint32))
 
 
 def _distinct(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

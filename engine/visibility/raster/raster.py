@@ -12,7 +12,7 @@ from ...device.graphics import Graphics
 from ...device.raw_gl import DEPTH_CLAMP
 from ...device.slices import SliceSize
 from ...errors import DeviceError
-from ...scene.cutouts import Cutouts
+from ...scene.cutouts import BACK, BOUNCE, Cutouts
 from ...scene.triangles import Triangles
 from ..views.hemicube import FACES
 from .clusters import Clusters
@@ -56,9 +56,9 @@ class HemicubeRaster:
         self._graphics, self._tiles, self.target = graphics, tiles, target
 
         # Triangles in clusters, and all ways to draw them.
-        self._clusters = Clusters(triangles.positions, cutouts.culled[triangles.material], culling)
+        self._clusters = Clusters(triangles.positions, cutouts.clear_backs[triangles.material], culling)
         mesh = MeshBuffers(graphics, indexed_mesh(triangles, cutouts, self._clusters.order))
-        features = (*target.features, *(("cutouts",) if cutouts.needed else ()))
+        features = (*target.features, *(("transmission",) if cutouts.needed else ()))
         if back_to_back:
             features += ("back_to_back", *(("reversed_depth",) if graphics.reversed_depth else ()))
         names = available_paths(graphics) if path is None else (path,)
@@ -165,8 +165,12 @@ class HemicubeRaster:
 
 
 def _cutout_textures(context: moderngl.Context, cutouts: Cutouts) -> dict[str, moderngl.TextureArray]:
-    """Return the textures that shaders/cutouts.glsl reads."""
-    constants = np.zeros((len(cutouts.maps), 4), np.float32)
-    constants[:, 0:2], constants[:, 2] = cutouts.constants, cutouts.culled
-    lists = {"alpha": cutouts.alpha, "maps": cutouts.maps, "constants": constants}
+    """Return the textures that shaders/transmission.glsl reads, of gathered light."""
+    gathered = slice(BOUNCE, None, BACK)
+    maps = cutouts.maps[gathered].copy()
+    maps[:, 3] += np.where(cutouts.channels[gathered] > 1, 8, 0).astype(np.int32)
+    constants = np.zeros((len(maps), 2, 4), np.float32)
+    constants[:, 0, :3], constants[:, 1, :3] = cutouts.base[gathered], cutouts.factor[gathered]
+    constants[:, 0, 3] = cutouts.threshold[gathered]
+    lists = {"pixels": cutouts.pixels, "maps": maps, "constants": constants.reshape(-1, 4)}
     return {f"cutout_{name}": table(context, values) for name, values in lists.items()}

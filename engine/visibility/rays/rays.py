@@ -9,29 +9,31 @@ from ...device.buffers import upload
 from ...device.compute import Compute, Source
 from ...device.kernel import Kernel
 from ...device.record import Record
-from ...scene.cutouts import EXTENSIONS, Cutouts
+from ...scene.cutouts import BOUNCE, EXTENSIONS, Cutouts
 from ...scene.triangles import Triangles
 from .bvh import build_bvh
 from .treetop import Treetop
 
-#: What light passes through on the triangles of a material; see `Cutouts`.
-CUTOUT = Record(
-    "Cutout",
-    ("int", "first", "pixel of the alpha map"),
+#: Transmittance of one side of a material for one kind of ray; see `Cutouts`.
+TRANSMITTANCE = Record(
+    "Transmittance",
+    ("float[3]", "base", "opacity of each channel without the map"),
+    ("float", "threshold", "of opacity, from which on all light is stopped; -1 for none"),
+    ("float[3]", "factor", "of the map, added to the base"),
+    ("int", "channels", "values of a pixel of the map, 1 or 3"),
+    ("int", "first", "value of the map"),
     ("int", "width", "pixels, 0 without a map"),
     ("int", "height", "pixels"),
     ("int", "extension", "index into EXTENSIONS: how the map goes on beyond its borders"),
     ("int", "nearest", "1 if the nearest pixel is taken, 0 if four are interpolated"),
-    ("float", "alpha", "a factor of the map"),
-    ("float", "threshold", "of alpha, from which on all light is stopped; -1 for none"),
-    ("int", "culled", "1 if the back is see-through"),
+    ("int", "first_corner", "of the map's layer in the list of corners of all layers"),
 )
 
 
 class Rays:
     """A scene's triangles on the OpenCL device, for kernels/rays.cl and kernels that go on from it.
 
-    culled     (m,) bool of each material: its back is see-through
+    cutouts    transmittance of the surfaces
     arguments  what kernels take for RAYS_ARGUMENTS
     top        of the hierarchy, see `Bvh`
     """
@@ -41,19 +43,19 @@ class Rays:
     ) -> None:
         """Build the hierarchy; before: `top` of the same triangles where they were."""
         self._compute, self._queue = compute, compute.queue
-        self.culled = cutouts.culled
+        self.cutouts = cutouts
         reach = float(np.abs(triangles.box).max())
         bvh = build_bvh(compute, triangles.positions, reach, top=before)
         self._options, self._stack, self.top = bvh.options, bvh.stack, bvh.top
         arrays: list[np.ndarray] = []
         if cutouts.needed:
-            self._options = (*bvh.options, "-DCUTOUTS")
-            arrays = [cutouts.alpha, _cutout_records(cutouts), cutouts.uvs, triangles.material]
+            self._options = (*bvh.options, *cutout_options(cutouts.tinted))
+            arrays = [cutouts.pixels, _records(cutouts), cutouts.uvs, triangles.material]
         self.arguments = (bvh.nodes, bvh.triangles, *(upload(compute, array) for array in arrays))
 
     def kernels(self, source: Source, *names: str, options: tuple[str, ...] = ()) -> list[Kernel]:
         """Return kernels of a program whose main files include kernels/rays.cl, in the order of the names."""
-        return self._compute.kernels((CUTOUT, *source), *names, options=(*self._options, *options))
+        return self._compute.kernels((TRANSMITTANCE, *source), *names, options=(*self._options, *options))
 
     def hierarchy_of(self, positions: np.ndarray) -> tuple[cl.Buffer, cl.Buffer] | None:
         """Return nodes and packets of other triangles, (k, 3, 3) float32, for the same kernels.
@@ -82,16 +84,19 @@ class Rays:
             cl.enqueue_copy(self._queue, array, buffer)
         return hits[:, 0], hits[:, 1] != 0, distances
 
-    def transmittance(self, origins: np.ndarray, directions: np.ndarray, distance: float) -> np.ndarray:
-        """Return the fraction of light, (m,) float32, that comes through along each ray up to a distance.
+    def transmittance(
+        self, origins: np.ndarray, directions: np.ndarray, distance: float, kind: int = BOUNCE
+    ) -> np.ndarray:
+        """Return the fraction of light, (m, 3) float32, that comes through along each ray up to a distance.
 
-        origins, directions: (m, 3) float as for `cast`; distance in lengths of the direction.
+        origins, directions: (m, 3) float as for `cast`; distance in lengths of the direction; kind: SHADOW or
+        BOUNCE of engine/scene/cutouts.py, the transmittance that counts.
         """
-        through = np.empty(len(origins), np.float32)
+        through = np.empty((len(origins), 3), np.float32)
         output = cl.Buffer(self._compute.context, cl.mem_flags.WRITE_ONLY, through.nbytes)
         rays = self._rays(origins, directions, distance)
         (kernel,) = self.kernels(("pass.cl",), "pass")
-        self.run(kernel, len(origins), *rays, output, np.int32(len(origins)))
+        self.run(kernel, len(origins), *rays, np.int32(kind), output, np.int32(len(origins)))
         cl.enqueue_copy(self._queue, through, output)
         return through
 
@@ -112,18 +117,24 @@ def _four(vectors: np.ndarray, last: float = 0.0) -> np.ndarray:
     return padded
 
 
-def _cutout_records(cutouts: Cutouts) -> np.ndarray:
-    """Return the records of materials, (m,) CUTOUT."""
+def cutout_options(tinted: bool) -> tuple[str, ...]:
+    """Return the build options of kernels that cast rays through see-through surfaces."""
+    return ("-DTRANSMISSION", "-DTINTED") if tinted else ("-DTRANSMISSION",)
+
+
+def _records(cutouts: Cutouts) -> np.ndarray:
+    """Return the records of materials, (r,) TRANSMITTANCE."""
     first, width, height, code = cutouts.maps.T
-    alpha, threshold = cutouts.constants.T
-    return CUTOUT.array(
+    return TRANSMITTANCE.array(
         len(cutouts.maps),
+        base=cutouts.base,
+        threshold=cutouts.threshold,
+        factor=cutouts.factor,
+        channels=cutouts.channels,
         first=first,
         width=width,
         height=height,
         extension=code % len(EXTENSIONS),
         nearest=code >= len(EXTENSIONS),
-        alpha=alpha,
-        threshold=threshold,
-        culled=cutouts.culled,
+        first_corner=cutouts.layer * (3 * cutouts.uvs.shape[1]),
     )

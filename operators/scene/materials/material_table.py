@@ -6,13 +6,16 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from typing import Any
 
 import bpy
 import numpy as np
 
 from ....engine.naming import listing
+from ....engine.scene.cutouts import transmission_maps
 from ....engine.scene.model import Material
 from ....engine.scene.texture import Texture
+from ....engine.scene.transmission import from_opacity, uniform_transmission
 from ...compat import node_tree
 from ...lookup import find
 from ..objects.evaluation import Evaluation
@@ -138,7 +141,7 @@ class MaterialTable:
         maps: set[str] = set()
         for index in set(indices):
             material = self._materials[index]
-            textures = (material.reflectance_map, material.emission_map, material.alpha_map)
+            textures = (material.reflectance_map, material.emission_map, *transmission_maps(material))
             maps |= {texture.uv_map for texture in textures if texture is not None}
             if index in self._complex:
                 maps.add(LIGHTMAP_UVS)
@@ -193,7 +196,7 @@ class MaterialTable:
         yield announcement
         values = self._complex[index].values.items()
         with self._worn(index) as (material, shapes):
-            names, culled = passes_of(material), material.use_backface_culling
+            names = passes_of(material)
             digest = evaluation_digest(material, shapes, values, size)
         pixels = kept_evaluations.get(digest)
         if pixels is None:
@@ -205,7 +208,7 @@ class MaterialTable:
             yield from finish_passes(pixels)
             kept_evaluations.keep(digest, pixels)
         bumps = np.float32(self._complex[index].bumps)
-        entry = Material(name, _ONES * bumps, np.zeros(3, np.float32), culled=culled)
+        entry = Material(name, _ONES * bumps, np.zeros(3, np.float32))
         if index not in self._unmapped:
             return replace(entry, **self._maps(name, pixels))
         self._averaged.append(name)
@@ -255,11 +258,13 @@ class MaterialTable:
 
     def _maps(self, name: str, pixels: dict[str, np.ndarray]) -> dict:
         """Return the texture fields of a material."""
-        maps = {
+        maps: dict[str, Any] = {
             f"{kind}_map": Texture(name, np.ascontiguousarray(values), LIGHTMAP_UVS, extension="extend")
             for kind, values in pixels.items()
             if kind != "emission" or values.any()
         }
+        if "alpha_map" in maps:
+            maps["transmission"] = uniform_transmission(from_opacity(1.0, maps.pop("alpha_map")))
         if "emission_map" in maps:
             maps["emission"] = _ONES
         return maps
@@ -274,7 +279,7 @@ def _means(pixels: dict[str, np.ndarray]) -> dict:
     """Return the constant fields of a material: means over the texels that were baked."""
     seen = pixels["reflectance"].any(axis=2) | pixels["emission"].any(axis=2)
     chosen = seen if seen.any() else np.ones_like(seen)
-    fields = {kind: pixels[kind][chosen].mean(axis=0) for kind in ("reflectance", "emission")}
+    fields: dict[str, Any] = {kind: pixels[kind][chosen].mean(axis=0) for kind in ("reflectance", "emission")}
     if "alpha" in pixels:
-        fields["alpha"] = float(pixels["alpha"][chosen].mean())
+        fields["transmission"] = uniform_transmission(from_opacity(float(pixels["alpha"][chosen].mean())))
     return fields

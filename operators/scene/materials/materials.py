@@ -7,6 +7,7 @@ import numpy as np
 
 from ....engine.scene.color import luminance
 from ....engine.scene.model import Material
+from ....engine.scene.transmission import from_opacity, uniform_transmission
 from ...compat import node_input, node_tree
 from .bumps import bump_factor
 from .object_nodes import Source, shown, source_of
@@ -219,28 +220,24 @@ def read_material(
     """
     if material is None:
         return Material("(no material)", _DEFAULT_GREY, np.zeros(3, np.float32))
-    culled = bool(material.use_backface_culling)
     tree = node_tree(material)
     if tree is None:
         colour = np.array(material.diffuse_color, np.float32)[:3]
-        return Material(material.name, np.clip(colour, 0, 1), np.zeros(3, np.float32), culled=culled)
+        return Material(material.name, np.clip(colour, 0, 1), np.zeros(3, np.float32))
     output = tree.get_output_node("CYCLES")
     reader = ShaderReader(f"Material '{material.name}'", notes, cache, values)
     surface = reader.surface(output.inputs["Surface"]) if output else BLACK
-    return to_material(material.name, surface, culled)
+    return to_material(material.name, surface)
 
 
-def to_material(name: str, surface: Surface, culled: bool) -> Material:
+def to_material(name: str, surface: Surface) -> Material:
     """Return a surface as the engine's material."""
     alpha = float(np.clip(surface.alpha.constant[0], 0, 1))
     return Material(
         name,
         np.clip(surface.reflectance.constant, 0, 1).astype(np.float32),
         np.maximum(surface.emission.constant, 0).astype(np.float32),
-        alpha=alpha,
-        alpha_threshold=surface.threshold,
-        culled=culled,
         reflectance_map=surface.reflectance.texture,
         emission_map=surface.emission.texture,
-        alpha_map=surface.alpha.texture,
+        transmission=uniform_transmission(from_opacity(alpha, surface.alpha.texture, surface.threshold)),
     )

@@ -1,0 +1,21 @@
+"""Materials that light passes through."""
+
+from dataclasses import replace
+
+from engine import Material
+from engine.scene.transmission import CLEAR, Transmission, from_opacity, uniform_transmission
+
+
+def transparent(alpha=1.0, texture=None, threshold=None) -> Transmission:
+    """Return grey transmission of a surface, the same from both sides."""
+    return uniform_transmission(from_opacity(alpha, texture, threshold))
+
+
+def clear_back(material: Material) -> Material:
+    """Return a material whose back stops no light."""
+    seen = replace(material.transmission, shadow_back=CLEAR, bounce_back=CLEAR)
+    return replace(material, transmission=seen)
+
+
+#: What only the front stops.
+CLEAR_BACK = Transmission(shadow_back=CLEAR, bounce_back=CLEAR)

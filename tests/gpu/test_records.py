@@ -10,7 +10,7 @@ from engine.direct.emitters import EMITTER
 from engine.direct.light_tree import LIGHT_NODE
 from engine.direct.modulation import MODULATION
 from engine.visibility.rays.bvh import BOX, LINK
-from engine.visibility.rays.rays import CUTOUT
+from engine.visibility.rays.rays import TRANSMITTANCE
 from engine.visibility.rays.receivers import RECEIVER, TEXEL_STEP
 from engine.visibility.views.viewpoints import FRAME
 
@@ -21,7 +21,7 @@ MIXED = Record(
     ("int", "number", ""),
     ("int[2]", "pair", ""),
 )
-RECORDS = [MIXED, RECEIVER, TEXEL_STEP, EMITTER, MODULATION, LIGHT_NODE, FRAME, BOX, LINK, CUTOUT]
+RECORDS = [MIXED, RECEIVER, TEXEL_STEP, EMITTER, MODULATION, LIGHT_NODE, FRAME, BOX, LINK, TRANSMITTANCE]
 
 
 @pytest.fixture(scope="module")

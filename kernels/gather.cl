@@ -16,9 +16,14 @@
 } while (0)
 
 // What four samples bring of a group. EVEN: all samples weigh the same, so that their light is divided in the end.
-float4 light_of(__global const float4 *radiance, const Front4 seen, __global const float4 *weights)
+float4 light_of(__global const float4 *radiance, const Front4 seen, __global const float4 *weights,
+                __global const float4 *tints)
 {
+#ifdef TINTED
+#define OF(kept) (radiance[(size_t)ENTRY(kept) * LIGHT_GROUPS] * tints[TINT_INDEX(kept)])
+#else
 #define OF(entry) radiance[(size_t)(entry) * LIGHT_GROUPS]
+#endif
 #ifdef EVEN
     return (OF(seen.x) + OF(seen.y)) + (OF(seen.z) + OF(seen.w));
 #else
@@ -31,7 +36,7 @@ float4 light_of(__global const float4 *radiance, const Front4 seen, __global con
 // `stride`: neighbouring patches begin with different ones. Without EVEN `stride` is 1.
 __kernel void gather(__global const Front4 *cache, __global const float4 *multiplier,
                      __global const float4 *radiance, LIGHT_ARGUMENTS, const int quads, const int stride,
-                     const int first, __local float4 *partial)
+                     const int first, __global const float4 *tints, __local float4 *partial)
 {
     const int slot = get_group_id(0), begin = (first + slot) % stride;
     __global const Front4 *row = cache + (size_t)slot * quads;
@@ -43,7 +48,7 @@ __kernel void gather(__global const Front4 *cache, __global const float4 *multip
         const Front4 seen = row[i];
 #pragma unroll
         for (int group = 0; group < LIGHT_GROUPS; ++group)
-            sums[group] += light_of(radiance + group, seen, multiplier + i);
+            sums[group] += light_of(radiance + group, seen, multiplier + i, tints);
     }
 #pragma unroll
     for (int group = 0; group < LIGHT_GROUPS; ++group) {

@@ -30,7 +30,8 @@ float3 tilt_of_sample(PATTERN, const int i, const int samples, const int n, cons
 // One patch a group, of the rows of patches from `cached_from` on.
 __kernel void gather_l1(__global const Front *cache, const int cached_from,
                         __global const ReceiverRecord *receivers, PATTERN, const int samples, const int n,
-                        const uint salt, const int rotate, const int start, __global const float4 *radiance,
+                        const uint salt, const int rotate, __global const float4 *tints, const int start,
+                        __global const float4 *radiance,
                         __global const float4 *static_l1, __global float4 *l1, __local float4 *partial)
 {
     const int patch = start + get_group_id(0);
@@ -40,7 +41,11 @@ __kernel void gather_l1(__global const Front *cache, const int cached_from,
     const float2 shift = convert_float2(view.shift >> 8) * (1.0f / 16777216.0f);
     float4 along_right = (float4)(0.0f), along_up = (float4)(0.0f), along_normal = (float4)(0.0f);
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
+#ifdef TINTED
+        const float4 light = radiance[ENTRY(row[i])] * tints[TINT_INDEX(row[i])];
+#else
         const float4 light = radiance[row[i]];
+#endif
         const float3 tilt = tilt_of_sample(pattern, i, samples, n, shift.x);
         along_right += tilt.x * light;
         along_up += tilt.y * light;

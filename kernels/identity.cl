@@ -14,6 +14,21 @@ typedef uint Front;
 typedef uint4 Front4;
 #endif
 
+// TINTED: a sample also has the tint of its light in the bits above its entry, an index into `tints`, 0 for white
+// (engine/scene/tints.py). Such samples have 32 bits.
+#ifdef TINTED
+#define ENTRY_BITS 26
+#define ENTRY(kept) ((kept) & ((1u << ENTRY_BITS) - 1u))
+#define TINT_INDEX(kept) ((kept) >> ENTRY_BITS)
+#define KEPT(entry, tint) ((entry) ? (entry) | (tint) << ENTRY_BITS : 0u)
+#define TINTED_BY(light, kept, tints) ((light) * (tints)[TINT_INDEX(kept)].xyz)
+#else
+#define ENTRY(kept) (kept)
+#define TINT_INDEX(kept) 0u
+#define KEPT(entry, tint) (entry)
+#define TINTED_BY(light, kept, tints) (light)
+#endif
+
 #define BACK 0x80000000u
 #define SKY 0x7FFFFFFFu
 
@@ -46,24 +61,30 @@ void add_light(ViewSum *sum, const float4 light, const float3 tilt)
     add_l1(&sum->l1, light.xyz, tilt);
 }
 
-// Count what a sample meets in a direction in world space; return what is kept of it. Backs that are met are
-// marked in `backs_seen`, a number of each entry.
-uint count_sample(const uint seen, const float weight, const float3 world, const float3 normal,
-                  __global const float4 *emission, __global uchar *backs_seen, const uint outside, ViewSum *sum)
+// Count what a sample meets in a direction in world space, through a tint; return what is kept of it. Backs that are met
+// are marked in `backs_seen`, a number of each entry.
+uint count_sample(const uint seen, const uint tint, const float weight, const float3 world, const float3 normal,
+                  __global const float4 *emission, __global uchar *backs_seen, const uint outside,
+                  __global const float4 *tints, ViewSum *sum)
 {
     if (seen == SKY) {
         sum->light.w += weight;
-        return outside;
+        return KEPT(outside, tint);
     }
     if (seen & BACK) {
         const uint entry = seen & ~BACK;
         backs_seen[entry] = 1;
-        add_light(sum, weight * (float4)(emission[entry].xyz, entry ? 0.0f : 1.0f), tilt_of(world, normal));
+        const float3 light = TINTED_BY(emission[entry].xyz, KEPT(1u, tint), tints);
+        add_light(sum, weight * (float4)(light, entry ? 0.0f : 1.0f), tilt_of(world, normal));
         return 0;
     }
     sum->light.w += weight;
+#ifdef TINTED
+    sum->patches += seen ? weight * dot(tints[tint].xyz, (float3)(0.2126f, 0.7152f, 0.0722f)) : 0.0f;
+#else
     sum->patches += seen ? weight : 0.0f;
-    return seen;
+#endif
+    return KEPT(seen, tint);
 }
 
 // The sum of a group, x, y and z one after the other.

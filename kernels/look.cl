@@ -25,8 +25,10 @@ __kernel void look(LOOK_ARGUMENTS, const int start, const int cached_from, __glo
         uint kept = 0;
         if (dot(direction, view.horizon) > 0.0f) {
             move_eye(&eye, &view, &rays, &receiver, i, samples);
-            const uint seen = look_along(&rays, &lightmaps, eye.at, direction);
-            kept = count_sample(seen, WEIGHT(i), direction, view.normal, emission, backs_seen, outside, &sum);
+            uint tint;
+            const uint seen = look_along(&rays, &lightmaps, eye.at, direction, &tint);
+            kept = count_sample(seen, tint, WEIGHT(i), direction, view.normal, emission, backs_seen, outside,
+                                RAY_TINTS(rays), &sum);
         }
         cache[(size_t)(patch - cached_from) * samples + i] = kept;
     }
@@ -50,14 +52,17 @@ __kernel void gather_rays(LOOK_ARGUMENTS, const int start, __global const float4
         if (dot(direction, view.horizon) <= 0.0f)
             continue;
         move_eye(&eye, &view, &rays, &receiver, i, samples);
-        const uint seen = look_along(&rays, &lightmaps, eye.at, direction);
-        const uint kept = count_sample(seen, WEIGHT(i), direction, view.normal, emission, backs_seen, outside, &sum);
+        uint tint;
+        const uint seen = look_along(&rays, &lightmaps, eye.at, direction, &tint);
+        const uint kept = count_sample(seen, tint, WEIGHT(i), direction, view.normal, emission, backs_seen, outside,
+                                       RAY_TINTS(rays), &sum);
         const float3 tilt = tilt_of(direction, view.normal);
-        if (kept == outside) {
+        if (ENTRY(kept) == outside) {
             const float3 light = surroundings(direction, sky, (int2)(sky_width, sky_height)).xyz;
-            add_light(&of_sky, WEIGHT(i) * (float4)(light, 1.0f), tilt);
+            add_light(&of_sky, WEIGHT(i) * (float4)(TINTED_BY(light, kept, rays.tints), 1.0f), tilt);
         } else {
-            add_light(&sum, WEIGHT(i) * (float4)(radiance[kept].xyz, 0.0f), tilt);
+            const float3 light = radiance[ENTRY(kept)].xyz;
+            add_light(&sum, WEIGHT(i) * (float4)(TINTED_BY(light, kept, rays.tints), 0.0f), tilt);
         }
     }
     scale_to_sky(&of_sky, &view, pattern, samples, n, sky, sky_width, sky_height, open_sky, partial);

@@ -94,16 +94,17 @@ __kernel void look_again(LOOK_ARGUMENTS, const int start, const int cached_from,
     // The row as a first look finds it.
     ViewSum sum = {(float4)(0.0f)};
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
-        uint kept = row[i], seen = kept == outside ? SKY : kept;
+        uint kept = row[i], tint = TINT_INDEX(kept), seen = ENTRY(kept) == outside ? SKY : ENTRY(kept);
         float3 direction = view.normal;
         if (kept == 0) {
             direction = sample_direction(&view, i, pattern, n);
             if (!(dot(direction, view.horizon) > 0.0f))
                 continue;
             move_eye(&eye, &view, &rays, &receiver, i, samples);
-            seen = look_along(&rays, &lightmaps, eye.at, direction);
+            seen = look_along(&rays, &lightmaps, eye.at, direction, &tint);
         }
-        row[i] = count_sample(seen, WEIGHT(i), direction, view.normal, emission, backs_seen, outside, &sum);
+        row[i] = count_sample(seen, tint, WEIGHT(i), direction, view.normal, emission, backs_seen, outside,
+                              RAY_TINTS(rays), &sum);
     }
     store_view(&sum, patch, back_light, patches_seen, back_l1, partial);
 }

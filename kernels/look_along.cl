@@ -14,10 +14,47 @@ typedef struct {
     int resolution;
 } Lightmaps;
 
-// The patch, its back or the surroundings, as in identity hemicubes.
-uint look_along(const Rays *rays, const Lightmaps *lightmaps, const float3 origin, const float3 direction)
+#ifdef TINTED
+#define RAY_TINTS(rays) (rays).tints
+
+// Values of a channel in the lattice of tints, and where that begins; tints that differ by less are the same
+// (engine/scene/tints.py).
+#define LEVELS 3
+#define EXACT (64 - LEVELS * LEVELS * LEVELS)
+#define SAME_TINT 1e-4f
+
+// The index of a tint; of one that no palette holds that of a corner of the lattice, by lot, so that the mean is right.
+uint index_of_tint(const Rays *rays, const float3 tint, const uint key)
+{
+    const int count = (int)rays->tints[0].w;
+    for (int i = 0; i < count; ++i) {
+        const float3 off = fabs(tint - rays->tints[i].xyz);
+        if (fmax(off.x, fmax(off.y, off.z)) < SAME_TINT)
+            return i;
+    }
+    const float3 cell = clamp(tint, 0.0f, 1.0f) * (float)(LEVELS - 1);
+    const uint3 low = convert_uint3(cell);
+    const uint3 lots = (uint3)(hash(key), hash(key + 0x9e3779b9u), hash(key + 0x3c6ef372u)) >> 8;
+    const float3 lot = convert_float3(lots) * (1.0f / 16777216.0f);
+    const uint3 corner = low + select((uint3)(0), (uint3)(1), lot < cell - convert_float3(low));
+    return EXACT + corner.x + LEVELS * (corner.y + LEVELS * corner.z);
+}
+#else
+#define RAY_TINTS(rays) 0
+#endif
+
+// The patch, its back or the surroundings, as in identity hemicubes; and the tint of its light, see kernels/identity.cl.
+uint look_along(const Rays *rays, const Lightmaps *lightmaps, const float3 origin, const float3 direction, uint *tint)
 {
     const Hit hit = nearest_hit(rays, origin, direction, false);
+    *tint = 0;
+#ifdef TINTED
+    if (hit.tinted) {
+        const uint3 way = as_uint3(direction);
+        const uint key = hash(way.x ^ hash(way.y ^ hash(way.z ^ as_uint(origin.x))));
+        *tint = index_of_tint(rays, tint_of_way(rays, origin, direction, &hit), key);
+    }
+#endif
     if (hit.triangle < 0)
         return SKY;
     __global const float2 *corner = lightmaps->uvs + 3 * hit.triangle;

@@ -79,9 +79,17 @@ typedef struct {
     __global const float2 *map_uvs;         // of each corner of each triangle on its maps, layer by layer
     __global const int *materials;          // of each triangle
 #endif
+#ifdef TINTED
+    __global const float4 *tints;           // engine/scene/tints.py
+#endif
 } Rays;
 
-#ifdef TRANSMISSION
+#ifdef TINTED
+#define RAYS_ARGUMENTS __global const Node *nodes, __global const PART *triangles, \
+    __global const ushort *pixels, __global const Transmittance *surfaces, __global const float2 *map_uvs, \
+    __global const int *materials, __global const float4 *tints
+#define RAYS {nodes, triangles, pixels, surfaces, map_uvs, materials, tints}
+#elif defined(TRANSMISSION)
 #define RAYS_ARGUMENTS __global const Node *nodes, __global const PART *triangles, \
     __global const ushort *pixels, __global const Transmittance *surfaces, __global const float2 *map_uvs, \
     __global const int *materials
@@ -96,6 +104,9 @@ typedef struct {
     float2 weights;  // of the second and third corner
     int triangle;    // -1 for none
     bool front;
+#ifdef TINTED
+    bool tinted;     // light of it comes through tinted surfaces
+#endif
 } Hit;
 
 // Transmittance of surfaces: for shadow rays to lights, and for all other rays; plus BACK_SIDE of their backs.
@@ -183,11 +194,13 @@ float least_opacity(const Hit *hit)
 }
 #endif
 
-// What a descent looks for: everything in the way, the nearest surface, or back, or any triangle, see-through or not.
+// What a descent looks for: everything in the way, the nearest surface, or back, or any triangle, see-through or not; or
+// the tints of what is passed.
 #define ALL 0
 #define NEAREST 1
 #define NEAREST_BACK 2
 #define ANYTHING 3
+#define TINTS 4
 
 // Beyond all surfaces, and before the boxes at infinity of children that are missing.
 #define FARTHEST 1e38f
@@ -203,6 +216,9 @@ typedef struct {
     Hit nearest;
 #ifdef TRANSMISSION
     int kind;       // SHADOW or BOUNCE
+#endif
+#ifdef TINTED
+    bool tinted;    // something was passed that changes the color of light, perhaps behind the nearest surface
 #endif
 } Search;
 
@@ -305,7 +321,7 @@ PART_OF_DESCENT bool take_packet(const Rays *rays, __global const PART *packet, 
     for (int lane = 0; lane < PACKET; ++lane) {
         const bool front = LANE(meeting->determinant, lane) > 0.0f;
         float distance = LANE(meeting->distance, lane);
-        if (!front && search->sought == NEAREST)
+        if (!front && (search->sought == NEAREST || search->sought == TINTS))
             distance += BACK_FARTHER * distance;
         if (!FLAG(meeting->met, lane) || !(distance < search->reach))
             continue;
@@ -322,10 +338,20 @@ PART_OF_DESCENT bool take_packet(const Rays *rays, __global const PART *packet, 
             search->through *= 1.0f - stopped;
             if (largest(search->through) < 1e-4f)
                 return false;
+#ifdef TINTED
+        } else if (search->sought == TINTS) {
+            const Fraction passed = 1.0f - stopped;
+            if (hit.triangle != search->nearest.triangle && largest(passed) > 0.0f)
+                search->through *= passed / largest(passed);
+#endif
         } else if (smallest(stopped) >= least) {
             search->nearest = hit;
             search->reach = distance;
         }
+#ifdef TINTED
+        else if (largest(stopped) > smallest(stopped))
+            search->tinted = true;
+#endif
     }
     return true;
 }
@@ -473,5 +499,20 @@ DESCENT Hit nearest_hit(const Rays *rays, const float3 origin, const float3 dire
 {
     Search search = search_for(backs ? NEAREST_BACK : NEAREST, BOUNCE, origin, direction, FARTHEST);
     descend(rays, &search);
+#ifdef TINTED
+    search.nearest.tinted = search.tinted;
+#endif
     return search.nearest;
 }
+
+#ifdef TINTED
+// The tint of the light that comes from a hit, or from the sky: what is nearer was passed by lot, with the probability of
+// the largest channel of its transmittance. What is left of the transmittance is the tint.
+DESCENT float3 tint_of_way(const Rays *rays, const float3 origin, const float3 direction, const Hit *hit)
+{
+    Search search = search_for(TINTS, BOUNCE, origin, direction, fmin(hit->distance, FARTHEST));
+    search.nearest.triangle = hit->triangle;
+    descend(rays, &search);
+    return search.through;
+}
+#endif

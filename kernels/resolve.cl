@@ -28,8 +28,8 @@ __kernel void resolve(__global const uint *hemicubes, __global const float *mult
         uint kept = 0;
         if (dot(d, horizon) > 0.0f) {
             const float3 world = d.x * right + d.y * up + d.z * normal;
-            kept = count_sample(hemicubes[texel_of(slot, x, y, columns, n)], multiplier[i], world, normal,
-                                emission, backs_seen, outside, &sum);
+            kept = count_sample(hemicubes[texel_of(slot, x, y, columns, n)], 0, multiplier[i], world, normal,
+                                emission, backs_seen, outside, 0, &sum);
         }
         cache[(size_t)(first + slot - cached_from) * samples + i] = kept;
     }

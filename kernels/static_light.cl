@@ -9,7 +9,8 @@
 
 __kernel void add_surroundings(__global const Front *cache, const int cached_from,
                                __global const ReceiverRecord *receivers, SAMPLES, const int samples, const int n,
-                               const uint salt, const int rotate, const int start, const uint outside,
+                               const uint salt, const int rotate, __global const float4 *tints, const int start,
+                               const uint outside,
                                SKY_ARGUMENTS, __global const float4 *back_light,
                                __global const float4 *back_l1,
                                __global float4 *static_light, __global float4 *static_l1, __local float4 *partial)
@@ -25,12 +26,13 @@ __kernel void add_surroundings(__global const Front *cache, const int cached_fro
     const bool directed = sky_width * sky_height > 1;
 #endif
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
-        if (row[i] != outside)
+        if (ENTRY(row[i]) != outside)
             continue;
 
         // Light of an even sky needs no direction.
         const float3 direction = directed ? sample_direction(&view, i, pattern, n) : view.normal;
-        const float3 light = surroundings(direction, sky, (int2)(sky_width, sky_height)).xyz;
+        const float3 sky_light = surroundings(direction, sky, (int2)(sky_width, sky_height)).xyz;
+        const float3 light = TINTED_BY(sky_light, row[i], tints);
         add_light(&seen, WEIGHT(i) * (float4)(light, 1.0f), tilt_of(direction, view.normal));
     }
     scale_to_sky(&seen, &view, pattern, samples, n, sky, sky_width, sky_height, open_sky, partial);

@@ -7,7 +7,7 @@ import pyopencl as cl
 
 from ..device.buffers import upload
 from ..device.compute import Compute
-from ..visibility.identity import Sampling, identity_options
+from ..visibility.identity import Sampling
 from .kept_samples import Rows
 from .sweep import Light
 
@@ -21,11 +21,12 @@ class GatherKernels:
 
     def __init__(self, compute: Compute, sampling: Sampling, groups: int = 1) -> None:
         self._compute, self._queue = compute, compute.queue
-        options = (*identity_options(sampling.sample_bytes), f"-DLIGHT_GROUPS={groups}")
+        options = (*sampling.options, f"-DLIGHT_GROUPS={groups}")
         options += ("-DEVEN",) if sampling.even else ()
         self._gather, self._take = compute.kernels("gather.cl", "gather", "take", options=options)
         multiplier = np.zeros(4, np.float32) if sampling.multiplier is None else sampling.multiplier
         self._multiplier = upload(compute, multiplier)
+        self._tints = sampling.tints_on(compute)
         self._quads = np.int32(sampling.samples // 4)
 
     def gather(
@@ -41,7 +42,7 @@ class GatherKernels:
         self._gather(
             self._queue, (group * (rows.last - rows.first),), (group,),
             rows.cache, self._multiplier, radiance, static_light, *outputs,
-            self._quads, np.int32(stride), np.int32(rows.first), cl.LocalMemory(16 * group),
+            self._quads, np.int32(stride), np.int32(rows.first), self._tints, cl.LocalMemory(16 * group),
         )  # fmt: skip
 
     def take(self, gathered: cl.Buffer, light: Light, column: int) -> None:

@@ -11,7 +11,7 @@ from ..device.buffers import upload
 from ..device.compute import Compute
 from ..device.slices import sliced
 from ..settings import Settings
-from ..visibility.identity import Sampling, directional_options, identity_options
+from ..visibility.identity import Sampling, directional_options
 from ..visibility.rays.receivers import RECEIVER
 from ..visibility.views.hemicube import rotation_salt
 from .kept_samples import Rows
@@ -22,7 +22,8 @@ class RowKernel:
 
     Its parameters are
 
-        rows, first patch of the rows | receivers | pattern, samples, hemicube, salt, rotate | first patch
+        rows, first patch of the rows | receivers | pattern, samples, hemicube, salt, rotate, tints
+        | first patch
         | those of `run` | local memory
     """
 
@@ -42,13 +43,13 @@ class RowKernel:
         pattern    of samples that all weigh the same; others have their multipliers in its place
         """
         self._compute, self._receivers = compute, receivers
-        options = (*identity_options(sampling.sample_bytes), *directional_options(settings))
+        options = (*sampling.options, *directional_options(settings))
         options += ("-DCOSINE",) if sampling.even else ()
         (self._kernel,) = compute.kernels((RECEIVER, file), name, options=options)
         self._samples = (
             upload(compute, pattern if sampling.multiplier is None else sampling.multiplier),
             np.int32(sampling.samples), np.int32(settings.hemicube),
-            np.uint32(rotation_salt(settings.seed)), np.int32(settings.rotate),
+            np.uint32(rotation_salt(settings.seed)), np.int32(settings.rotate), sampling.tints_on(compute),
         )  # fmt: skip
 
     def run(self, rows: Rows, *arguments: object) -> Generator[float, None, None]:

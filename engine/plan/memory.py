@@ -82,7 +82,7 @@ def group_width(job: SolveJob) -> tuple[int, tuple[str, ...]]:
         width = shared_width(settings, count)
         reason = f"Squares of {width} x {width} patches are solved as one: {count:,} share light."
         return width, (reason,) if width > 1 else ()
-    needed = most_samples(settings) * count * sample_bytes(count)
+    needed = most_samples(settings) * count * sample_bytes(count, job.parts.cutouts.tinted)
     if settings.method != "auto" or needed <= memory_budget(job):
         return 1, ()
     reason = (

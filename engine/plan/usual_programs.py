@@ -31,7 +31,7 @@ _RECORDS = {
 
 #: Options of narrow samples and of see-through surfaces; the latter follows another one where rays are
 #: traced.
-_NARROW, _BEFORE_CUTOUTS = "-DNARROW", "-DSTACK"
+_NARROW, _TINTED, _BEFORE_CUTOUTS = "-DNARROW", "-DTINTED", "-DSTACK"
 
 #: Texels of a lightmap that patches are on, about.
 _COVERED = 0.75
@@ -40,26 +40,35 @@ _COVERED = 0.75
 def usual_programs(scene: Scene, settings: Settings) -> list[ProgramParts]:
     """Return the parts and the options of programs that a bake by a graphics card is about to need."""
     texels = _COVERED * len(scene.atlases) * settings.resolution**2
-    cutouts = cutout_options(is_tinted(scene)) if has_cutouts(scene) else ()
-    return _listed(sample_bytes(int(texels)) == 2, cutouts)
+    tinted = is_tinted(scene)
+    cutouts = cutout_options(tinted) if has_cutouts(scene) else ()
+    return _listed(sample_bytes(int(texels), tinted) == 2, tinted, cutouts)
 
 
 @cache
-def _listed(narrow: bool, cutouts: tuple[str, ...]) -> list[ProgramParts]:
-    """Return what `usual_programs` does, for narrow samples or wide ones, with the options of cut-outs."""
+def _listed(narrow: bool, tinted: bool, cutouts: tuple[str, ...]) -> list[ProgramParts]:
+    """Return what `usual_programs` does, for narrow, wide or tinted samples, with the options of cut-outs."""
     listed = json.loads(PROGRAMS.read_text(encoding="utf-8"))
     return [
         (
             tuple(_RECORDS.get(part, part) for part in parts),
-            _fitting(options, narrow, cutouts if TRANSMITTANCE.name in parts else ()),
+            _fitting(options, narrow, tinted, cutouts if TRANSMITTANCE.name in parts else ()),
         )
         for parts, options in listed
     ]
 
 
-def _fitting(options: list[str], narrow: bool, cutouts: tuple[str, ...]) -> tuple[str, ...]:
-    """Return options of narrow samples, without cut-outs, as a bake has them."""
-    fitting = [option for option in options if narrow or option != _NARROW]
+def _fitting(options: list[str], narrow: bool, tinted: bool, cutouts: tuple[str, ...]) -> tuple[str, ...]:
+    """Return options of narrow samples, without cut-outs, as a bake has them.
+
+    What casts rays has the option of tints among those of cut-outs.
+    """
+    fitting = []
+    for option in options:
+        if option != _NARROW or narrow:
+            fitting.append(option)
+        elif tinted and not cutouts:
+            fitting.append(_TINTED)
     for place, option in enumerate(fitting):
         if cutouts and option.startswith(_BEFORE_CUTOUTS):
             return *fitting[: place + 1], *cutouts, *fitting[place + 1 :]

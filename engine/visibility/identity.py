@@ -9,15 +9,15 @@ from typing import Protocol
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import upload_float4, upload_float4_once
+from ..device.buffers import upload, upload_float4, upload_float4_once
 from ..device.compute import Compute
 from ..settings import Settings
 from .open_sky import open_sky
 
 
-def identity_options(size: int) -> tuple[str, ...]:
-    """Return the build options of kernels that read or write samples of `size` bytes."""
-    return ("-DNARROW",) if size == 2 else ()
+def identity_options(size: int, tinted: bool = False) -> tuple[str, ...]:
+    """Return the build options of kernels that read or write samples of `size` bytes, perhaps with tints."""
+    return ("-DNARROW",) if size == 2 else ("-DTINTED",) if tinted else ()
 
 
 def directional_options(settings: Settings) -> tuple[str, ...]:
@@ -57,6 +57,7 @@ class Identity(Protocol):
     row_bytes   what they take in the cache, `sample_bytes` each
     batch       patches that are found at once: fewer take as long
     multiplier  (samples,) float32, sum 1, or None if all weigh the same
+    tints       (64, 4) float32, see `tints.tint_palette`, or None if samples have none
     """
 
     name: str
@@ -64,6 +65,7 @@ class Identity(Protocol):
     row_bytes: int
     batch: int
     multiplier: np.ndarray | None
+    tints: np.ndarray | None
 
     def find(self, first: int, last: int, seen: SeenBuffers) -> Generator[float, None, None]:
         """Find what the patches first ... last see; yield the fraction done."""
@@ -73,23 +75,33 @@ class Identity(Protocol):
 class Sampling:
     """How an `Identity` samples views: all that is needed to look up what it has found.
 
-    name, samples, row_bytes, multiplier  as of the Identity
+    name, samples, row_bytes, multiplier, tints  as of the Identity
     """
 
     name: str
     samples: int
     row_bytes: int
     multiplier: np.ndarray | None
+    tints: np.ndarray | None = None
 
     @classmethod
     def of(cls, identity: Identity) -> Sampling:
         """Return how an identity samples."""
-        return cls(identity.name, identity.samples, identity.row_bytes, identity.multiplier)
+        return cls(identity.name, identity.samples, identity.row_bytes, identity.multiplier, identity.tints)
 
     @property
     def even(self) -> bool:
         """True if all samples weigh the same: they follow the cosine."""
         return self.multiplier is None
+
+    @property
+    def options(self) -> tuple[str, ...]:
+        """The build options of kernels that read its samples."""
+        return identity_options(self.sample_bytes, self.tints is not None)
+
+    def tints_on(self, compute: Compute) -> cl.Buffer | None:
+        """Return the tints on the OpenCL device, None if samples have none."""
+        return None if self.tints is None else upload(compute, self.tints)
 
     @property
     def sample_bytes(self) -> int:

@@ -8,9 +8,12 @@ from ..settings import Settings
 _NARROW = (1 << 16) - 2
 
 
-def sample_bytes(sources: int) -> int:
-    """Return the bytes of a kept sample, 2 or 4: an entry of the radiance of `sources` patches."""
-    return 2 if sources <= _NARROW else 4
+def sample_bytes(sources: int, tinted: bool = False) -> int:
+    """Return the bytes of a kept sample, 2 or 4: an entry of the radiance of `sources` patches.
+
+    tinted: whether it also holds a tint, see `tints.tint_palette`
+    """
+    return 2 if sources <= _NARROW and not tinted else 4
 
 
 def ray_count(settings: Settings) -> int:

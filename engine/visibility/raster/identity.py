@@ -44,6 +44,7 @@ class RasterIdentity:
         multiplier = multiplier_map(settings.hemicube).ravel()
         self.multiplier: np.ndarray | None = multiplier
         self.samples = len(multiplier)
+        self.tints: np.ndarray | None = None
         size = sample_bytes(parts.sources)
         self.row_bytes = size * self.samples
         options = (*identity_options(size), *directional_options(settings))

@@ -13,6 +13,7 @@ from ...device.compute import Compute
 from ...device.kernel import Kernel
 from ...device.slices import sliced
 from ...patches.subdivision import Subdivision
+from ...scene.tints import tint_palette
 from ...settings import Settings
 from ..identity import SeenBuffers, Surroundings, directional_options, identity_options
 from ..samples import ray_count, sample_bytes
@@ -75,7 +76,8 @@ class RayIdentity:
         self.samples = 3 * settings.hemicube**2 if hemicube else ray_count(settings)
         self.multiplier = multiplier_map(settings.hemicube).ravel() if hemicube else None
         pattern = r2_sequence(self.samples) if self.multiplier is None else self.multiplier
-        size = sample_bytes(sources.sources)
+        self.tints = tint_palette(rays.cutouts) if rays.cutouts.needed else None
+        size = sample_bytes(sources.sources, self.tints is not None)
         self.row_bytes = size * self.samples
         self.batch = 1
         options = ("-DDITHERED", *identity_options(size), *directional_options(settings))

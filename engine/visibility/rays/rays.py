@@ -10,6 +10,7 @@ from ...device.compute import Compute, Source
 from ...device.kernel import Kernel
 from ...device.record import Record
 from ...scene.cutouts import BOUNCE, EXTENSIONS, Cutouts
+from ...scene.tints import tint_palette
 from ...scene.triangles import Triangles
 from .bvh import build_bvh
 from .treetop import Treetop
@@ -51,6 +52,8 @@ class Rays:
         if cutouts.needed:
             self._options = (*bvh.options, *cutout_options(cutouts.tinted))
             arrays = [cutouts.pixels, _records(cutouts), cutouts.uvs, triangles.material]
+            tints = tint_palette(cutouts)
+            arrays += [] if tints is None else [tints]
         self.arguments = (bvh.nodes, bvh.triangles, *(upload(compute, array) for array in arrays))
 
     def kernels(self, source: Source, *names: str, options: tuple[str, ...] = ()) -> list[Kernel]:

@@ -7,6 +7,7 @@ import pickle
 import zlib
 from dataclasses import dataclass, replace
 
+from ..plan.tinted import settings_for_tints
 from ..portable import portable_bytes
 from ..scene.cutouts import transmission_maps
 from ..scene.model import Scene
@@ -39,7 +40,7 @@ class Shipment:
         local   whether it does not leave this machine
         folder  in the memory of all workers; empty if there is none
         """
-        data = portable_bytes((_for_rays(scene), settings))
+        data = portable_bytes((_for_rays(scene), settings_for_tints(scene, settings, True)[0]))
         digest = hashlib.sha256(data).hexdigest()
         path = file_with(folder, data)
         return cls(b"" if path else zlib.compress(data, _NONE if local else _LEVEL), path, digest)

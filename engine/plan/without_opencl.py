@@ -9,6 +9,7 @@ from ..errors import DeviceError
 from ..scene.model import Scene, shining_lights
 from ..scene.sky_suns import put_suns_into_world
 from ..settings import Settings
+from .tinted import settings_for_tints
 
 #: Outputs that OpenCL alone makes.
 _RAY_OUTPUTS = {
@@ -25,11 +26,12 @@ def without_opencl(
 ) -> tuple[Scene, Settings, tuple[str, ...]]:
     """Return the scene, what is left of the settings if there is no OpenCL, and sentences for the user.
 
-    Hemicubes then see the sun of a sky. Raises DeviceError if there is none and the bake needs rays, or
+    Hemicubes then see the sun of a sky; with OpenCL, tinted surfaces need rays. Raises DeviceError if there is none and the bake needs rays, or
     OpenGL is older than 4.3.
     """
+    settings, tints = settings_for_tints(scene, settings, devices.compute is not None)
     if devices.compute is not None:
-        return scene, settings, ()
+        return scene, settings, tints
     error, graphics = devices.missing, devices.graphics
     needs = [text for name, text in _RAY_OUTPUTS.items() if name in settings.outputs]
     scene = put_suns_into_world(scene)
@@ -44,4 +46,4 @@ def without_opencl(
     if not graphics.computes:
         raise DeviceError(f"'{graphics.name}' has no OpenGL 4.3, so OpenCL is needed. {error}")
     note = f"Baked without OpenCL: small bright surfaces and bright sky give more noise. {error}"
-    return scene, replace(settings, sample_emission=False, patch_groups=1), (note,)
+    return scene, replace(settings, sample_emission=False, patch_groups=1), (note, *tints)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import SceneError
-from .cutouts import transmission_maps, transmittances
+from .cutouts import is_tinted_material, transmission_maps, transmittances
 from .model import LIGHT_KINDS, OCCLUDER, Light, Material, Mesh, Scene
 from .profile import check_profile
 from .texture import Texture
@@ -30,6 +30,9 @@ UV_TOLERANCE = 1e-4
 #: Axes of a light that must be unit vectors, and how far from 1 their lengths may be.
 _AXES_NEEDED = {"sun": slice(2, 3), "spot": slice(3), "area": slice(3)}
 _UNIT_TOLERANCE = 1e-3
+
+#: Largest reflectance of the part of a tinted surface that stops rays, where textures vary what it passes.
+_LARGEST_REFLECTANCE = 1e3
 
 #: A transmittance may leave [0, 1] by this much, by rounding.
 _ROUNDING = 1e-6
@@ -161,9 +164,7 @@ def check_material(material: Material) -> None:
             )
     reflects = _values(material.reflectance, material.reflectance_map)
     if not all(_is_light(values, 1) for values in reflects):
-        raise SceneError(
-            f"Material '{material.name}' has a reflectance that is not between 0 and 1. Mend its base colour."
-        )
+        _check_tinted_reflectance(material)
     if not all(_is_light(values) for values in _values(material.emission, material.emission_map)):
         raise SceneError(
             f"Material '{material.name}' has an emission that is {_NO_LIGHT}. "
@@ -213,6 +214,29 @@ def check_light(light: Light) -> None:
         check_profile(light.profile, light.name)
         if not _is_light(light.strength * light.profile.factors.max(axis=(0, 1)).astype(np.float64)):
             raise SceneError(f"Light '{light.name}' has a profile and a power that are too large. Lower one.")
+
+
+def _check_tinted_reflectance(material: Material) -> None:
+    """Raise a SceneError if a material reflects or passes more light than it receives.
+
+    The part of a tinted surface that stops rays, 1 - the largest channel of its transmittance, may reflect
+    more than 1 of the other channels. Where textures vary it, only the largest reflectance is known.
+    """
+    transmission, reflectance = material.transmission, np.asarray(material.reflectance, np.float64)
+    pixels = material.reflectance_map.pixels if material.reflectance_map is not None else np.ones(1)
+    largest = reflectance * pixels.max(axis=tuple(range(pixels.ndim - 1)))
+    limit = np.ones(3)
+    if is_tinted_material(material):
+        passed = np.asarray(transmission.bounce.offset, np.float64)
+        mapped = transmission.bounce.texture is not None or material.reflectance_map is not None
+        limit = np.full(3, _LARGEST_REFLECTANCE)
+        if not mapped and passed.max() < 1:
+            limit = np.minimum(limit, (1 - passed) / (1 - passed.max()))
+    if not (_is_light(reflectance) and _is_light(pixels) and (largest <= limit + _ROUNDING * limit).all()):
+        raise SceneError(
+            f"Material '{material.name}' has a reflectance that is not between 0 and 1, or reflects and "
+            "passes more light than it receives. Mend its base colour, or darken the color of its Transparent BSDF."
+        )
 
 
 def _is_fraction(entry: Transmittance) -> bool:

@@ -111,10 +111,15 @@ def has_cutouts(scene: Scene) -> bool:
 
 def is_tinted(scene: Scene) -> bool:
     """Return whether light that passes through any surface changes its color, as `Cutouts.tinted`."""
+    return any(is_tinted_material(material) for material in scene.materials)
+
+
+def is_tinted_material(material: Material) -> bool:
+    """Return whether light that passes through a material changes its color."""
     return any(
         len(set(entry.offset.tolist())) > 1
         or (entry.texture is not None and (len(set(entry.scale.tolist())) > 1 or _is_coloured(entry.texture)))
-        for entry in _all_records(scene)
+        for entry in transmittances(material.transmission)
     )
 
 

@@ -26,8 +26,8 @@ def without_opencl(
 ) -> tuple[Scene, Settings, tuple[str, ...]]:
     """Return the scene, what is left of the settings if there is no OpenCL, and sentences for the user.
 
-    Hemicubes then see the sun of a sky; with OpenCL, tinted surfaces need rays. Raises DeviceError if there is none and the bake needs rays, or
-    OpenGL is older than 4.3.
+    Hemicubes then see the sun of a sky. With OpenCL, tinted surfaces need rays. Raises DeviceError if there
+    is none and the bake needs rays, or OpenGL is older than 4.3.
     """
     settings, tints = settings_for_tints(scene, settings, devices.compute is not None)
     if devices.compute is not None:

@@ -235,7 +235,8 @@ def _check_tinted_reflectance(material: Material) -> None:
     if not (_is_light(reflectance) and _is_light(pixels) and (largest <= limit + _ROUNDING * limit).all()):
         raise SceneError(
             f"Material '{material.name}' has a reflectance that is not between 0 and 1, or reflects and "
-            "passes more light than it receives. Mend its base colour, or darken the color of its Transparent BSDF."
+            "passes more light than it receives. Mend its base colour, or darken the color of its "
+            "Transparent BSDF."
         )
 
 

@@ -25,6 +25,7 @@ from .objects.evaluation import Evaluation
 from .objects.items import SceneItem, scene_items
 from .objects.render_differences import uses_render
 from .objects.skipped import note_skipped
+from .objects.strands import has_strands
 from .place import Place, takes_textures
 from .places import choose_places
 from .read_stages import ReadStages
@@ -260,13 +261,19 @@ class _SceneReading:
     def _read_some(self) -> str | None:
         """Read items for the length of a slice, or up to one that is to be announced: return that."""
         time, override = Slice(), self._watch.context.material_override
-        for item in scene_items(self._watch.depsgraph(), self._watch.visible, self._next):
+        depsgraph = self._watch.depsgraph()
+        for item in scene_items(depsgraph, self._watch.visible, self._next, with_hair=True):
             self._next = item.index
             uid = item.source.session_uid
-            if item.object.type == "MESH" and self._reader.is_large(item) and uid not in self._announced:
+            if (
+                item.object.type == "MESH"
+                and item.shows_self
+                and self._reader.is_large(item)
+                and uid not in self._announced
+            ):
                 self._announced.add(uid)
                 return f"Reading object '{item.source.name}'"
-            self._read_item(item, override)
+            self._read_item(item, depsgraph, override)
             if time.over:
                 self._next += 1
                 return None
@@ -276,16 +283,23 @@ class _SceneReading:
     def _read_all(self, evaluation: Evaluation) -> None:
         """Read the objects and instances in one piece, with the images that this takes."""
         override = self._watch.context.material_override
-        for item in evaluation.items(self._watch.visible):
+        for item in evaluation.items(self._watch.visible, with_hair=True):
+            depsgraph = evaluation.depsgraph_of(item)
             while True:
                 try:
-                    self._read_item(item, override)
+                    self._read_item(item, depsgraph, override)
                     break
                 except UnreadError as unread:
                     finished(unread.reading)
 
-    def _read_item(self, item: SceneItem, override: bpy.types.Material | None) -> None:
+    def _read_item(
+        self, item: SceneItem, depsgraph: bpy.types.Depsgraph, override: bpy.types.Material | None
+    ) -> None:
         """Read an object or instance; raises UnreadError if an image has to be read first."""
+        if has_strands(item.object, depsgraph):
+            self._reader.add_hair(item, depsgraph, override)
+        if not item.shows_self:
+            return
         if item.source.type == "LIGHT":
             self._lamps.add(item)
         elif item.object.type == "MESH":

@@ -9,12 +9,14 @@ import bpy
 import numpy as np
 
 from ...engine.naming import naming
-from ..own_slots import shown_materials
+from ..own_slots import own_slots, shown_materials
 from .materials.material_table import MaterialTable
 from .messages import NO_FACES, NO_UVS, NORMALS_NOT_FINITE, NOT_FINITE, NOT_FINITE_UVS, Troubles
 from .objects.extent import middle_of, trouble_with
 from .objects.items import ItemKey, SceneItem
 from .objects.meshes import LIGHTMAP_UVS, Corners, MeshArrays, make_corners, read_mesh
+from .objects.strand_ribbons import make_ribbons, thin_out
+from .objects.strands import read_strands
 from .slices import Slices
 from .uvs.lightmap_layer import lightmap_layer
 from .uvs.uv_digest import digest_of
@@ -75,6 +77,14 @@ class Reading:
 #: A mesh with more corners takes Blender long enough to be announced.
 _LARGE = 100_000
 
+#: Triangles that the hair of one particle system or Curves object has at most.
+_MOST_HAIR = 1 << 20
+
+_THINNED = (
+    "{}: more hair than a bake takes, so that some of the strands, made wider, stand for all. Lower the "
+    "number of strands or children or their steps, or set the role to Ignored."
+)
+
 #: Tells meshes apart: where the evaluated one is, its lightmap UV layer, the materials of its slots, and if
 #: it is an occluder's.
 _MeshKey = tuple[int, str, tuple[int, ...], bool]
@@ -106,6 +116,8 @@ class ItemReader:
         self._uv_troubles: dict[_MeshKey, str | None] = {}
         self._items: list[tuple[_MeshKey, Reading]] = []
         self._degenerate: dict[str, int] = {}
+        self._thinned: list[str] = []
+        self._haired: set[ItemKey] = set()
 
     @staticmethod
     def is_large(item: SceneItem) -> bool:
@@ -129,20 +141,34 @@ class ItemReader:
         if key not in self._shapes and key not in self._unfinished:
             arrays = self._read(item, layer, slots, atlas)
             self._unfinished[key] = _Unfinished(arrays, slots, item.key, item.source.name)
-        instancer = item.instancer
-        reading = Reading(
-            name=item.source.name,
-            source=item.source.session_uid,
-            uvs=uv_source(item.source, self._uv_layer),
-            instancer=None if instancer is None else instancer.session_uid,
-            persistent_id=item.persistent_id,
-            atlas=atlas,
-            matrix=item.matrix,
-            scale=item.source.hemibake.lightmap_scale,
-            light_group=item.source.lightgroup,
-            shape=None,
-        )
-        self._items.append((key, reading))
+        self._items.append((key, self._reading(item, atlas)))
+
+    def add_hair(
+        self, item: SceneItem, depsgraph: bpy.types.Depsgraph, override: bpy.types.Material | None
+    ) -> None:
+        """Read the hair of an object or instance: thin ribbons that get no lightmap.
+
+        override: material of all surfaces, if the view layer has one
+
+        Raises UnreadError if an image has to be read first; then it must be called again.
+        """
+        if item.source.hemibake.role == "IGNORED" or self._instancer_ignored(item):
+            return
+        if item.key in self._haired:
+            return
+        found = read_strands(item.object, depsgraph)
+        materials = [slot.material for slot in own_slots(item.source)] or [None]
+        worn = [override or materials[min(strands.slot, len(materials) - 1)] for strands in found]
+        slots = [self._table.index_of_strands(material, item) for material in worn]
+        self._haired.add(item.key)
+        for number, (strands, slot) in enumerate(zip(found, slots, strict=True)):
+            key = (item.source.session_uid, f"hair {number}", (slot,), True)
+            if key not in self._shapes:
+                kept = thin_out(strands, _MOST_HAIR)
+                if kept is not strands:
+                    self._thinned.append(item.source.name)
+                self._shapes[key] = _shape(make_ribbons(kept), (slot,), None)
+            self._items.append((key, self._reading(item, None)))
 
     def finish_meshes(self) -> Slices[None]:
         """Make the triangles of the meshes that have been read."""
@@ -163,6 +189,9 @@ class ItemReader:
             names, count = sorted(self._degenerate), sum(self._degenerate.values())
             sentence = f"{_objects(names)}: {count} zero-area triangles were left out."
             self._notes.append(naming(sentence, names))
+        if self._thinned:
+            names = sorted(set(self._thinned))
+            self._notes.append(naming(_THINNED, names))
         readings, boxes = [], []
         for reading in self._readings():
             readings.append(reading)
@@ -190,6 +219,22 @@ class ItemReader:
             if trouble:
                 self._troubles.add(trouble, reading.name)
             yield replace(reading, shape=shape, atlas=None if trouble else reading.atlas)
+
+    def _reading(self, item: SceneItem, atlas: str | None) -> Reading:
+        """Return an item whose mesh has not been read yet."""
+        instancer = item.instancer
+        return Reading(
+            name=item.source.name,
+            source=item.source.session_uid,
+            uvs=uv_source(item.source, self._uv_layer),
+            instancer=None if instancer is None else instancer.session_uid,
+            persistent_id=item.persistent_id,
+            atlas=atlas,
+            matrix=item.matrix,
+            scale=item.source.hemibake.lightmap_scale,
+            light_group=item.source.lightgroup,
+            shape=None,
+        )
 
     def _instancer_ignored(self, item: SceneItem) -> bool:
         return item.instancer is not None and item.instancer.hemibake.role == "IGNORED"

@@ -43,6 +43,7 @@ from .shader_bake import (
     texture_size,
 )
 from .sockets import ComplexError
+from .strand_material import without_textures
 
 _ONES = np.ones(3, np.float32)
 
@@ -84,6 +85,7 @@ class MaterialTable:
         self._wearers: dict[ItemKey, tuple[int, ...]] = {}
         self._unmapped: set[int] = set()
         self._averaged: list[str] = []
+        self._hair_materials: list[str] = []
 
     def index(self, material: bpy.types.Material | None, atlas: str | None, item: SceneItem) -> int:
         """Return the index into `Scene.materials` of a material on an item of an atlas (None: occluders).
@@ -111,6 +113,24 @@ class MaterialTable:
             self._complex[number] = _Unevaluated(material.session_uid, values, bumps)
         self._materials.append(entry)
         return number
+
+    def index_of_strands(self, material: bpy.types.Material | None, item: SceneItem) -> int:
+        """Return the index into `Scene.materials` of the material of an item's hair, without textures.
+
+        Raises UnreadError if an image has to be read first.
+        """
+        key = ("strands", None if material is None else material.session_uid)
+        if key not in self._index:
+            values = object_values(self._depends(material).sources, item)
+            try:
+                entry = without_textures(read_material(material, self._notes, self._cache, values))
+            except ComplexError:
+                color = np.array(material.diffuse_color[:3], np.float32)
+                entry = Material(material.name, color, np.zeros(3, np.float32))
+                self._hair_materials.append(material.name)
+            self._index[key] = len(self._materials)
+            self._materials.append(entry)
+        return self._index[key]
 
     def _user(self, item: SceneItem, atlas: str | None, located: bool) -> tuple:
         """Return what tells items apart that show one mesh several times, and so need textures of their own.
@@ -185,6 +205,9 @@ class MaterialTable:
         for attribute, materials in self._lost.items():
             sentence = f"Attribute '{attribute}' of instances cannot be read: 0 is baked in materials {{}}."
             self._notes.append(listing(sentence, list(materials)))
+        if self._hair_materials:
+            sentence = "Only Cycles can evaluate materials {} of hair: their viewport color is baked."
+            self._notes.append(listing(sentence, _once(self._hair_materials)))
         if self._averaged:
             sentence = "Occluders have no lightmap UVs: a mean colour stands for the materials {}."
             self._notes.append(listing(sentence, _once(self._averaged)))

@@ -39,12 +39,17 @@ class Evaluation:
         """Return an object with its modifiers applied; `is_evaluated` is False if it is not there."""
         return obj.evaluated_get(self._of(obj))
 
-    def items(self, visible: Set[int]) -> Iterator[SceneItem]:
-        """Yield the objects and instances; visible: session uids of the objects that renders show."""
+    def items(self, visible: Set[int], with_hair: bool = False) -> Iterator[SceneItem]:
+        """Yield the objects and instances.
+
+        visible    session uids of the objects that renders show
+        with_hair  True also for objects that show nothing but their hair
+        """
         if self.viewport is None:
-            return scene_items(self.depsgraph, visible)
+            return scene_items(self.depsgraph, visible, with_hair=with_hair)
         return chain(
-            scene_items(self.viewport, visible - self.hidden), scene_items(self.depsgraph, self.hidden)
+            scene_items(self.viewport, visible - self.hidden, with_hair=with_hair),
+            scene_items(self.depsgraph, self.hidden, with_hair=with_hair),
         )
 
     def depsgraph_of(self, item: SceneItem) -> bpy.types.Depsgraph:

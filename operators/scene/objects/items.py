@@ -25,6 +25,7 @@ class SceneItem:
     instancer      the original object that makes the instance, None for an object itself
     persistent_id  Blender's number of the instance
     random         Cycles' random number of it, in [0, 1]
+    shows_self     False if only its hair is shown
     """
 
     index: int
@@ -34,6 +35,7 @@ class SceneItem:
     instancer: bpy.types.Object | None
     persistent_id: tuple[int, ...]
     random: float
+    shows_self: bool
 
     @property
     def key(self) -> ItemKey:
@@ -42,24 +44,28 @@ class SceneItem:
         return self.source.session_uid, instancer, self.persistent_id
 
 
-def scene_items(depsgraph: bpy.types.Depsgraph, visible: Set[int], start: int = 0) -> Iterator[SceneItem]:
+def scene_items(
+    depsgraph: bpy.types.Depsgraph, visible: Set[int], start: int = 0, with_hair: bool = False
+) -> Iterator[SceneItem]:
     """Yield the objects and instances of a depsgraph that renders show.
 
-    visible  session uids of the objects that renders show
-    start    index of the first one
+    visible    session uids of the objects that renders show
+    start      index of the first one
+    with_hair  True also for objects that show nothing but their hair, see `SceneItem.shows_self`
     """
     for index, instance in enumerate(islice(depsgraph.object_instances, start, None), start):
         parent = instance.parent.original if instance.is_instance else None
         source = instance.object.original
         shown = parent if parent is not None else source
-        if shown.session_uid not in visible or (parent is None and not instance.show_self):
+        shows_self = parent is not None or instance.show_self
+        if shown.session_uid not in visible or not (shows_self or with_hair):
             continue
         if source.hide_render:
             continue
         number = tuple(instance.persistent_id) if parent is not None else ()
         matrix = np.array(instance.matrix_world, np.float64)
         bits = name_hash(source.name) if parent is None else instance.random_id & 0xFFFFFFFF
-        yield SceneItem(index, instance.object, source, matrix, parent, number, bits / 0xFFFFFFFF)
+        yield SceneItem(index, instance.object, source, matrix, parent, number, bits / 0xFFFFFFFF, shows_self)
 
 
 def name_hash(name: str) -> int:

@@ -11,7 +11,6 @@ from .visible import visible_objects
 
 #: Objects without faces that may look like a surface in a render.
 _KINDS = {
-    "CURVES": ("hair object", "hair objects"),
     "POINTCLOUD": ("point cloud", "point clouds"),
     "VOLUME": ("volume", "volumes"),
 }

@@ -46,7 +46,7 @@ def hair_of(read):
 
 @pytest.mark.parametrize("scale", [1.0, 3.0])
 def test_particles_are_as_wide_as_their_settings_say(scale):
-    """Both sides of a ribbon have pi / 2 of the strand's mean diameter; scale widens, Blender keeps lengths."""
+    """Both sides of a ribbon have pi / 2 of the strand's mean diameter; scale keeps its length."""
     obj = hairy()
     obj.scale, obj.location = (scale,) * 3, (700, -300, 11)
     (hair,) = hair_of(read_scene())

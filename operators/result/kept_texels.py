@@ -89,7 +89,7 @@ class KeptTexels:
         for mesh in self._read.scene.meshes:
             if mesh.atlas == atlas:
                 _claim(owner, mesh.uvs, _BAKED)
-        for uvs in evaluate(self._context, lambda each: [_lightmap_uvs(obj, each) for obj in others]):
+        for uvs in evaluate(self._context, lambda each: [_lightmap_uvs(obj, each) for obj in others], others):
             if uvs is not None:
                 _claim(owner, uvs, _KEPT)
 

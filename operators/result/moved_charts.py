@@ -48,7 +48,7 @@ def note_moved_charts(objects: Iterable[bpy.types.Object], context: SceneContext
     moved = _moved(objects, shown, uv_layer)
     if moved:
         # The viewport may have other faces than were baked.
-        moved = evaluate(context, lambda evaluation: _moved(moved, evaluation, uv_layer))
+        moved = evaluate(context, lambda evaluation: _moved(moved, evaluation, uv_layer), moved)
     return [naming(MOVED_CHARTS, [obj.name for obj in moved])] if moved else []
 
 

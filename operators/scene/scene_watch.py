@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from types import TracebackType
 from typing import Self, TypeVar
 
@@ -73,13 +73,15 @@ class SceneWatch:
             raise SceneChangedError
         return depsgraph
 
-    def evaluate(self, job: Callable[[Evaluation], Made]) -> Made:
+    def evaluate(
+        self, job: Callable[[Evaluation], Made], only: Collection[bpy.types.Object] | None = None
+    ) -> Made:
         """Call a function with the evaluated objects that a bake reads, see `evaluate`; return its result.
 
         Raises SceneChangedError if the scene is not as it was.
         """
         self.depsgraph()
-        return evaluate(self.context, job)
+        return evaluate(self.context, job, only)
 
     def accept(self) -> None:
         """Take the scene as it is after changes of Hemibake's own."""

@@ -11,6 +11,7 @@ from tests.blender.things import (
     finished,
     furnace,
     geometry_nodes,
+    material,
     mesh_object,
     part,
     read_scene,
@@ -423,3 +424,39 @@ def test_projection_stays_within_the_chart_of_a_face():
     np.testing.assert_allclose(got[:3], [(0.1, 0.1), (0.25, 0.1), (0.25, 0.25)], atol=1e-5)
     assert (got[3:] > 0.5).all()
     assert projection.UvProjection(wall).largest_error(wall) < 1e-5
+
+
+def test_the_viewport_is_read_for_objects_that_depend_on_nothing_that_differs(monkeypatch):
+    import bpy
+
+    subdivided("Other")
+    plain, cut, hidden = square("Plain"), square("Cut"), square("Hidden")
+    plain.modifiers.new("Bevel", "BEVEL")
+    cut.modifiers.new("Boolean", "BOOLEAN").object = bpy.data.objects["Other"]
+    hidden.hide_set(True)
+    evaluation = part("operators.scene.objects.evaluation")
+    modes = [
+        evaluation.evaluate(context(), lambda each: each.depsgraph.mode, only)
+        for only in ([plain], [plain, cut], [hidden], [bpy.data.objects["Other"]], [], None)
+    ]
+    assert modes == ["VIEWPORT", "RENDER", "RENDER", "RENDER", "VIEWPORT", "RENDER"]
+
+
+def test_materials_that_cycles_evaluates_are_read_on_meshes_of_renders():
+    """Generated coordinates of a square that is twice as wide in renders."""
+    surface = material("Stripes")
+    tree = surface.node_tree
+    coordinates, noise = (tree.nodes.new(f"ShaderNodeTex{kind}") for kind in ("Coord", "Noise"))
+    tree.links.new(coordinates.outputs["Object"], noise.inputs["Vector"])
+    tree.links.new(noise.outputs["Color"], tree.nodes["Principled BSDF"].inputs["Base Color"])
+    obj = square("Square", surface=surface)
+    nodes, (start, end, move) = geometry_nodes(obj, "GeometryNodeTransform")
+    nodes.links.new(start.outputs[0], move.inputs[0])
+    nodes.links.new(move.outputs[0], end.inputs[0])
+    move.inputs["Scale"].default_value = (9, 9, 9)
+    obj.modifiers[0].show_viewport = False
+    rendered = read_scene().scene.materials[0].reflectance_map.pixels
+    obj.modifiers[0].show_viewport = True
+    assert np.array_equal(read_scene().scene.materials[0].reflectance_map.pixels, rendered)
+    obj.modifiers[0].show_viewport = obj.modifiers[0].show_render = False
+    assert not np.allclose(read_scene().scene.materials[0].reflectance_map.pixels, rendered, atol=0.02)

@@ -17,7 +17,7 @@ from ....engine.scene.model import Material
 from ....engine.scene.texture import Texture
 from ....engine.scene.transmission import from_opacity, uniform_transmission
 from ...compat import node_tree
-from ...lookup import find
+from ...lookup import find, find_all
 from ..objects.evaluation import Evaluation
 from ..objects.items import ItemKey, SceneItem
 from ..objects.meshes import LIGHTMAP_UVS
@@ -251,7 +251,9 @@ class MaterialTable:
         worn = material if frozen is None else frozen.material
         shapes: list[Shape] = []
         try:
-            self._watch.evaluate(lambda evaluation: self._copy_wearers(index, worn, evaluation, shapes))
+            self._watch.evaluate(
+                lambda evaluation: self._copy_wearers(index, worn, evaluation, shapes), self._wearing(index)
+            )
             mapped = [
                 shape
                 for shape in shapes
@@ -267,6 +269,13 @@ class MaterialTable:
             if frozen is not None:
                 frozen.remove()
             self._watch.accept()
+
+    def _wearing(self, index: int) -> list[bpy.types.Object] | None:
+        """Return the objects that wear a material; None if instances do."""
+        items = [item for item, slots in self._wearers.items() if index in slots]
+        if any(instancer is not None for _, instancer, _ in items):
+            return None
+        return find_all(bpy.data.objects, [source for source, _, _ in items])
 
     def _copy_wearers(
         self, index: int, worn: bpy.types.Material, evaluation: Evaluation, shapes: list[Shape]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Set
+from collections.abc import Callable, Collection, Iterator, Set
 from dataclasses import dataclass
 from itertools import chain
 from typing import TypeVar
@@ -12,7 +12,7 @@ import bpy
 from ..scene_context import SceneContext
 from .items import SceneItem, scene_items
 from .render_depsgraph import in_render
-from .render_differences import hidden_in_viewport, uses_render
+from .render_differences import hidden_in_viewport, reads_viewport, uses_render
 
 Made = TypeVar("Made")
 
@@ -62,13 +62,19 @@ class Evaluation:
         return self.viewport
 
 
-def evaluate(context: SceneContext, job: Callable[[Evaluation], Made]) -> Made:
+def evaluate(
+    context: SceneContext,
+    job: Callable[[Evaluation], Made],
+    only: Collection[bpy.types.Object] | None = None,
+) -> Made:
     """Call a function with the evaluated objects that a bake reads, and return its result.
 
     The function must not keep any of them, nor call Cycles. Raises SceneError if Blender does not evaluate
     the scene as a render does.
+
+    only: the objects that the function reads, if not all; instances are none
     """
-    if not uses_render(context):
+    if not uses_render(context) or (only is not None and reads_viewport(context, only)):
         return job(Evaluation(context.evaluated_depsgraph_get()))
     return in_render(lambda depsgraph: job(_chosen(context, depsgraph)), context.scene, context.view_layer)
 

@@ -71,7 +71,7 @@ def in_render(
         except BaseException as error:  # noqa: BLE001
             errors.append(error)
 
-    view_layer.update()
+    _update(view_layer)
     _Reader.active, _Reader.job = True, call
     try:
         _store_edits(view_layer)
@@ -87,13 +87,21 @@ def in_render(
             ) from error
     finally:
         _Reader.job = None
-        view_layer.update()
+        _update(view_layer)
         _Reader.active = False
     if errors:
         raise errors[0]
     if not results:
         raise SceneError(f"Scene '{scene.name}': Blender has not evaluated it as a render does. Bake again.")
     return results[0]
+
+
+def _update(view_layer: bpy.types.ViewLayer) -> None:
+    """Report all changes to who waits for them: those of a view layer and of all that windows show."""
+    view_layer.update()
+    for manager in bpy.data.window_managers:
+        for window in manager.windows:
+            window.view_layer.update()
 
 
 def _store_edits(view_layer: bpy.types.ViewLayer) -> None:

@@ -6,7 +6,7 @@ never miss one.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import bpy
 
@@ -25,6 +25,12 @@ _RESOLUTIONS = {
 #: Custom property of the node groups that keep lightmap UVs: these give both meshes the same light.
 UV_GROUP = "hemibake_uv_layer"
 
+#: Modifiers whose result depends on nothing but their own object.
+_INDEPENDENT = {
+    "BEVEL", "BUILD", "DECIMATE", "EDGE_SPLIT", "MULTIRES", "REMESH", "SKIN", "SMOOTH", "SOLIDIFY", "SUBSURF",
+    "TRIANGULATE", "WEIGHTED_NORMAL", "WELD", "WIREFRAME",
+}  # fmt: skip
+
 #: Modes in which the viewport leaves modifiers out.
 _EDITED = {"EDIT", "SCULPT"}
 
@@ -42,6 +48,23 @@ def uses_render(context: SceneContext) -> bool:
     return _instances_differ() or any(Geometry(context.scene).differing(bpy.data.objects))
 
 
+def reads_viewport(context: SceneContext, objects: Iterable[bpy.types.Object]) -> bool:
+    """Return True if the viewport has the meshes that are baked of objects, whatever other objects have."""
+    layer, geometry = context.view_layer, Geometry(context.scene)
+    return all(
+        obj.visible_get(view_layer=layer) and not _may_depend(obj) and not geometry.differs(obj)
+        for obj in objects
+    )
+
+
+def _may_depend(obj: bpy.types.Object) -> bool:
+    """Return True if the mesh of an object may depend on other objects."""
+    return any(
+        modifier.type not in _INDEPENDENT and UV_GROUP not in (getattr(modifier, "node_group", None) or ())
+        for modifier in obj.modifiers
+    )
+
+
 def hidden_in_viewport(context: SceneContext) -> list[bpy.types.Object]:
     """Return the objects that renders show and the viewport hides."""
     layer = context.view_layer
@@ -55,7 +78,7 @@ class Geometry:
         self._render = scene.render
         self._known: dict[int, bool] = {}
 
-    def differing(self, objects: Iterator[bpy.types.Object]) -> Iterator[bpy.types.Object]:
+    def differing(self, objects: Iterable[bpy.types.Object]) -> Iterator[bpy.types.Object]:
         """Yield the objects whose own settings differ; others may still depend on these."""
         return (obj for obj in objects if self.differs(obj))
 

@@ -179,6 +179,7 @@ class _Unwrapping:
         return evaluate(
             self._context,
             lambda evaluation: [obj for obj, modifier in kept if _outdated(obj, modifier, evaluation)],
+            [obj for obj, _ in kept],
         )
 
     def _evaluated_targets(self, objects: Sequence[bpy.types.Object], own: Sequence[Target]) -> list[Target]:
@@ -192,6 +193,7 @@ class _Unwrapping:
         return evaluate(
             self._context,
             lambda evaluation: evaluated_targets(rest, self._uv_layer, made, evaluation, self._leave),
+            rest,
         )
 
     def _leave(self, obj: bpy.types.Object, trouble: str) -> None:

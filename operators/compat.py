@@ -93,6 +93,14 @@ def new_node_tree(datablock: bpy.types.Material | bpy.types.World) -> bpy.types.
     return datablock.node_tree
 
 
+def multiplies_by_alpha(image: bpy.types.Image) -> bool:
+    """Return True if Cycles multiplies an image's colours by its alpha, which belongs to them.
+
+    Before 5.2 it does so for byte images, since then for the alpha mode Straight (measured in 4.2, 5.0, 5.2).
+    """
+    return image.alpha_mode == "STRAIGHT" if bpy.app.version >= (5, 2, 0) else not image.is_float
+
+
 def node_input(node: bpy.types.Node, *names: str) -> bpy.types.NodeSocket | None:
     """Return the first input with one of the names: sockets were renamed over the years."""
     for name in names:

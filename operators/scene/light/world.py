@@ -96,7 +96,7 @@ def _rendered(watch: SceneWatch, notes: list[str]) -> Slices[ReadWorld]:
 class _Environment:
     """An environment texture.
 
-    pixels    (h, w, 4) float32
+    pixels    (h, w, 3) float32
     srgb      whether its colours are sRGB-encoded
     turn      (3, 3) matrix that a Mapping node applies to directions, None for none
     strength  of the Background shader
@@ -112,7 +112,7 @@ class _Environment:
         height, width = self.pixels.shape[:2]
         colours = np.empty((height, width, 3), np.float32)
         for rows in row_slices(height, 4 * width):
-            linear = np.maximum(self.pixels[rows, :, :3], 0)
+            linear = np.maximum(self.pixels[rows], 0)
             colours[rows] = (srgb_to_linear(linear) if self.srgb else linear) * np.float32(self.strength)
             yield rows.stop / height
         if height > _ROWS:
@@ -126,7 +126,8 @@ def _environment(node: bpy.types.Node, owner: str, cache: PixelCache, strength: 
     if node.projection != "EQUIRECTANGULAR" or not is_plain(node.image):
         raise ComplexError
     turn = _rotation(node.inputs["Vector"])
-    return _Environment(cache.read(node.image, owner), is_srgb(node.image), turn, strength)
+    pixels = cache.read_part(node.image, owner, "colour * alpha")
+    return _Environment(pixels, is_srgb(node.image), turn, strength)
 
 
 def _rotation(socket: bpy.types.NodeSocket) -> np.ndarray | None:

@@ -8,6 +8,7 @@ import numpy as np
 from ....engine.scene.color import luminance, srgb_to_linear
 from ...lookup import find
 from ..slices import Slices, row_slices
+from .alpha_modes import AlphaMeaning, channels_of
 from .tilts import CLASSES, count_tilts, image_state, kept_tilts
 
 #: Colour spaces whose pixels are scene-linear Rec.709 as they are, and the one that is converted.
@@ -48,18 +49,19 @@ class PixelCache:
     def read_part(self, image: bpy.types.Image | None, owner: str, part: str) -> np.ndarray:
         """Return the "colour" of an image, (h, w, 3) float32 as `read`, or its "alpha" or "grey", (h, w, 1).
 
-        Grey is the luminance, linear. Everyone who asks for a part of an image gets the same array. Raises
+        Grey is the luminance, linear. "colour * alpha" and "grey * alpha" are what Cycles shows where Alpha
+        is not linked, see `alpha_modes`. Everyone who asks for a part of an image gets the same array. Raises
         UnreadError if it has to be read first.
         """
         if image is None:
-            return _part(self.read(image, owner), part, False)
+            return _part(self.read(image, owner), part, False, AlphaMeaning(False, False))
         key = (image.session_uid, part)
         if key not in self._parts:
-            raise UnreadError(self._read_part(key, owner, is_srgb(image)))
+            raise UnreadError(self._read_part(key, owner, is_srgb(image), AlphaMeaning.of(image)))
         return self._parts[key]
 
     def read(self, image: bpy.types.Image | None, owner: str) -> np.ndarray:
-        """Return (h, w, 4) float32, colour (see `is_srgb`) and alpha, row 0 at v = 0.
+        """Return (h, w, 4) float32, colour (see `is_srgb`, `AlphaMeaning`) and alpha, row 0 at v = 0.
 
         An image without pixels is magenta, as in Cycles, which is said in the notes; owner names who uses it.
         Raises UnreadError if it has to be read first.
@@ -99,14 +101,14 @@ class PixelCache:
         self._tilts[uid] = counts
         kept_tilts.keep(state, counts)
 
-    def _read_part(self, key: tuple[int, str], owner: str, srgb: bool) -> Slices[None]:
+    def _read_part(self, key: tuple[int, str], owner: str, srgb: bool, meaning: AlphaMeaning) -> Slices[None]:
         uid, part = key
         if uid not in self._images:
             yield from self._read(uid, owner)
         pixels = self._images[uid]
-        made = np.empty((*pixels.shape[:2], 3 if part == "colour" else 1), np.float32)
+        made = np.empty((*pixels.shape[:2], 3 if part.startswith("colour") else 1), np.float32)
         for rows in row_slices(len(pixels), pixels.shape[1] * 4):
-            made[rows] = _part(pixels[rows], part, srgb)
+            made[rows] = _part(pixels[rows], part, srgb, meaning)
             yield rows.stop / len(pixels)
         self._parts[key] = made
 
@@ -126,9 +128,8 @@ class PixelCache:
         pixels = np.empty(0, np.float32)
         width, height = image.size
         if width and height:
-            pixels = np.empty(width * height * 4, np.float32)
             try:
-                image.pixels.foreach_get(pixels)
+                pixels = channels_of(image)
             except (RuntimeError, TypeError):
                 pixels = np.empty(0, np.float32)
         if not pixels.size:
@@ -144,12 +145,12 @@ class PixelCache:
             self._notes.append(note)
 
 
-def _part(pixels: np.ndarray, part: str, srgb: bool) -> np.ndarray:
+def _part(pixels: np.ndarray, part: str, srgb: bool, meaning: AlphaMeaning) -> np.ndarray:
     """Return a part of (h, w, 4) pixels; see `PixelCache.read_part`."""
     if part == "alpha":
         return pixels[..., 3:]
-    colours = pixels[..., :3]
-    if part == "grey":
+    colours = meaning.multiplied(pixels) if part.endswith("* alpha") else meaning.straight(pixels)
+    if part.startswith("grey"):
         return luminance(srgb_to_linear(colours) if srgb else colours)[..., None]
     return colours
 

@@ -22,6 +22,8 @@ def read_texture(output: bpy.types.NodeSocket, cache: PixelCache, owner: str, ch
         raise ComplexError
     uv_map, transform = _mapping(node.inputs["Vector"])
     part = "alpha" if output.name == "Alpha" else "grey" if channels == 1 else "colour"
+    if part != "alpha" and not node.outputs["Alpha"].is_linked:
+        part += " * alpha"
     pixels = cache.read_part(node.image, owner, part)
     name = node.image.name if node.image else "(no image)"
     smooth = node.interpolation != "Closest"
@@ -32,7 +34,7 @@ def read_texture(output: bpy.types.NodeSocket, cache: PixelCache, owner: str, ch
         transform,
         _EXTENSIONS[node.extension],
         smooth,
-        part == "colour" and is_srgb(node.image),
+        part.startswith("colour") and is_srgb(node.image),
     )
 
 

@@ -19,7 +19,7 @@ from ..changes import Changes
 from ..command_line.pictures import read_pixels
 from ..compat import gltf_binary_data
 from ..file_format import PLAIN
-from ..result.contents import decoding
+from ..result.contents import decoding, named
 from ..result.destination import blend_from, try_folder
 from ..result.directional_images import all_directional_images
 from ..result.file_names import file_name
@@ -274,7 +274,7 @@ def _fact(surface: Surface) -> dict:
     """Return what the manifest tells of an object or instance: the file has final UVs."""
     instance = {"instancer": surface.instancer, "persistent_id": list(surface.persistent_id)}
     place = {"uv_layer": "TEXCOORD_1", "scale": 1.0, "offset": [0.0, 0.0]}
-    return {"object": surface.source.name, **(instance if surface.instancer is not None else {}), **place}
+    return {**named(surface.source), **(instance if surface.instancer is not None else {}), **place}
 
 
 def _decoding(output: str) -> dict[str, str]:

@@ -21,7 +21,7 @@ def lightmap_contents(read: ReadScene, settings: Settings, uv_layer: str, kept: 
     """Return "atlas", "output" and "objects" of each lightmap, output after output as they are baked."""
     objects = _objects_by_atlas(read, uv_layer)
     for atlas, obj in kept.objects():
-        objects.setdefault(atlas, []).append({"object": obj.name, **_as_before(obj)})
+        objects.setdefault(atlas, []).append({**named(obj), **_as_before(obj)})
     return [
         {"atlas": atlas, "output": output, **decoding(output), "objects": objects.get(atlas, [])}
         for output in output_names(read.scene, settings)
@@ -32,6 +32,15 @@ def lightmap_contents(read: ReadScene, settings: Settings, uv_layer: str, kept: 
 def decoding(output: str) -> dict[str, str]:
     """Return how a map of directions is read, JSON-ready; nothing of other outputs."""
     return {"decode": DECODING[output]} if output in DECODING else {}
+
+
+def named(obj: bpy.types.Object) -> dict[str, str]:
+    """Return what tells an object from all others, JSON-ready: its name, and its library if linked.
+
+    Local and linked objects may have one name.
+    """
+    library = {} if obj.library is None else {"library": obj.library.filepath}
+    return {"object": obj.name, **library}
 
 
 def chosen_names(
@@ -64,12 +73,14 @@ def _objects_by_atlas(read: ReadScene, uv_layer: str) -> dict[str, list[dict]]:
     for uid, place in read.objects:
         obj = present.get(uid)
         if obj is not None:
-            found.setdefault(place.atlas, []).append({"object": obj.name, **_placed(place, obj, uv_layer)})
+            found.setdefault(place.atlas, []).append({**named(obj), **_placed(place, obj, uv_layer)})
     for uid, name, number, place in read.instances:
         instancer = present.get(uid)
         if instancer is not None:
-            entry = {"object": name, "instancer": instancer.name, "persistent_id": number}
-            shown = bpy.data.objects.get(name, instancer)
+            same = [obj for obj in bpy.data.objects if obj.name == name]
+            shown = same[0] if same else instancer
+            known = named(shown) if len(same) == 1 else {"object": name}
+            entry = {**known, "instancer": instancer.name, "persistent_id": number}
             found.setdefault(place.atlas, []).append({**entry, **_placed(place, shown, uv_layer)})
     return found
 

@@ -13,6 +13,7 @@ A folder of lightmaps holds one `hemibake.json`; docs/formats.md explains it:
         "blend": "../house.blend", "maps": {"combined": "house_Lightmap.png"}}]}
 
 `objects` says the same as `lightmaps` from the side of an object; files that only Blender shows are left out.
+A linked object has its "library", too: a local one may have the same name.
 
 A file is Hemibake's as long as its bytes are those that were written, `sha256`, or those that it replaced,
 `replaced`: a bake may have been killed when the manifest was written and the file was not.

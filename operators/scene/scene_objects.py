@@ -10,6 +10,7 @@ import numpy as np
 
 from ...engine.naming import naming
 from ..own_slots import own_slots, shown_materials
+from .materials.displacement import displaces
 from .materials.material_table import MaterialTable
 from .messages import NO_FACES, NO_UVS, NORMALS_NOT_FINITE, NOT_FINITE, NOT_FINITE_UVS, Troubles
 from .objects.extent import middle_of, trouble_with
@@ -85,6 +86,11 @@ _THINNED = (
     "number of strands or children or their steps, or set the role to Ignored."
 )
 
+_DISPLACED = (
+    "{}: true displacement is not baked, so the light is that of the surface before it. Use a Displace "
+    "modifier, or set Displacement of the material to Bump Only."
+)
+
 #: Tells meshes apart: where the evaluated one is, its lightmap UV layer, the materials of its slots, and if
 #: it is an occluder's.
 _MeshKey = tuple[int, str, tuple[int, ...], bool]
@@ -117,6 +123,8 @@ class ItemReader:
         self._items: list[tuple[_MeshKey, Reading]] = []
         self._degenerate: dict[str, int] = {}
         self._thinned: list[str] = []
+        self._displaced_meshes: set[_MeshKey] = set()
+        self._displaced: list[str] = []
         self._haired: set[ItemKey] = set()
 
     @staticmethod
@@ -141,6 +149,11 @@ class ItemReader:
         if key not in self._shapes and key not in self._unfinished:
             arrays = self._read(item, layer, slots, atlas)
             self._unfinished[key] = _Unfinished(arrays, slots, item.key, item.source.name)
+            used = np.unique(np.clip(arrays.slot, 0, len(materials) - 1))
+            if any(displaces(materials[slot]) for slot in used):
+                self._displaced_meshes.add(key)
+        if key in self._displaced_meshes:
+            self._displaced.append(item.source.name)
         self._items.append((key, self._reading(item, atlas)))
 
     def add_hair(
@@ -189,9 +202,9 @@ class ItemReader:
             names, count = sorted(self._degenerate), sum(self._degenerate.values())
             sentence = f"{_objects(names)}: {count} zero-area triangles were left out."
             self._notes.append(naming(sentence, names))
-        if self._thinned:
-            names = sorted(set(self._thinned))
-            self._notes.append(naming(_THINNED, names))
+        for sentence, found in ((_THINNED, self._thinned), (_DISPLACED, self._displaced)):
+            if found:
+                self._notes.append(naming(sentence, sorted(set(found))))
         readings, boxes = [], []
         for reading in self._readings():
             readings.append(reading)

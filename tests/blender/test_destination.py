@@ -187,6 +187,22 @@ def test_manifest_tells_what_each_map_shows(tmp_path):
         assert tile["offset"] == pytest.approx(list(other.hemibake.uv_offset))
 
 
+def test_manifest_tells_linked_objects_from_local_ones_of_the_same_name(tmp_path):
+    import bpy
+
+    there = square("Crate", surface=material(emission=1.0))
+    bpy.data.libraries.write(str(tmp_path / "kit.blend"), {there})
+    save_blend(tmp_path / "scene.blend")
+    with bpy.data.libraries.load(str(tmp_path / "kit.blend"), link=True, relative=True) as (_, linked):
+        linked.objects = ["Crate"]
+    bpy.context.collection.objects.link(linked.objects[0])
+    there.location.x = 3
+    bake()
+    told = json.loads((tmp_path / "lightmaps" / "hemibake.json").read_text())
+    crates = [entry for entry in told["objects"] if entry["object"] == "Crate"]
+    assert sorted(entry.get("library", "") for entry in crates) == ["", "//kit.blend"]
+
+
 @pytest.mark.one_version
 def test_atlases_that_map_to_one_file_name_get_numbers(tmp_path):
     import bpy

@@ -72,16 +72,67 @@ __kernel void classify(__global const ushort *distance, __global const uchar *in
     states[texel] = distance[texel] <= rings ? KNOWN : inside[texel] || distance[texel] < FAR ? UNKNOWN : EMPTY;
 }
 
+// Whether a square of two by two texels holds a known one.
+bool has_known(__global const uchar *fine, const int fine_width, const int fine_height, const int x, const int y)
+{
+    bool known = false;
+    for (int v = 2 * y; v < min(2 * y + 2, fine_height); ++v)
+        for (int u = 2 * x; u < min(2 * x + 2, fine_width); ++u)
+            known |= fine[v * fine_width + u] == KNOWN;
+    return known;
+}
+
+// The mean of the known texels in a square, 0 without any.
+float4 mean_of_known(__global const uchar *states, __global const float4 *fine, const int fine_width,
+                     const int fine_height, const int x, const int y)
+{
+    float4 sum = (float4)(0.0f);
+    float total = 0.0f;
+    for (int v = 2 * y; v < min(2 * y + 2, fine_height); ++v)
+        for (int u = 2 * x; u < min(2 * x + 2, fine_width); ++u) {
+            if (states[v * fine_width + u] == KNOWN) {
+                sum += fine[v * fine_width + u];
+                total += 1.0f;
+            }
+        }
+    return total > 0.0f ? sum / total : (float4)(0.0f);
+}
+
+// The value of a texel in a coarser image, interpolated: the nearer square of each axis has 3/4.
+float4 interpolated(__global const float4 *coarse, const int coarse_width, const int coarse_height, const int x,
+                    const int y)
+{
+    const int2 near = (int2)(x / 2, y / 2);
+    const int2 far = clamp(near + (int2)(x % 2 ? 1 : -1, y % 2 ? 1 : -1), (int2)(0),
+                           (int2)(coarse_width - 1, coarse_height - 1));
+    __global const float4 *near_row = coarse + (size_t)near.y * coarse_width;
+    __global const float4 *far_row = coarse + (size_t)far.y * coarse_width;
+    return (9.0f * near_row[near.x] + 3.0f * near_row[far.x] + 3.0f * far_row[near.x] + far_row[far.x]) / 16.0f;
+}
+
+// The mean of the four neighbours of an unknown texel, itself in place of empty ones. Known ones stay in `image`.
+float4 mean_of_neighbours(__global const uchar *states, __global const float4 *image, __global const float4 *before,
+                          const int width, const int height, const int x, const int y)
+{
+    const int2 steps[4] = {(int2)(0, -1), (int2)(0, 1), (int2)(-1, 0), (int2)(1, 0)};
+    float4 sum = (float4)(0.0f);
+    for (int i = 0; i < 4; ++i) {
+        const int u = x + steps[i].x, v = y + steps[i].y;
+        const bool inside = u >= 0 && u < width && v >= 0 && v < height;
+        const uchar state = inside ? states[v * width + u] : EMPTY;
+        const size_t other = state == EMPTY ? (size_t)y * width + x : (size_t)v * width + u;
+        sum += state == KNOWN ? image[other] : before[other];
+    }
+    return sum / 4.0f;
+}
+
 // Squares of two by two texels: those that hold a known one are known.
 __kernel void coarser_states(__global const uchar *fine, const int fine_width, const int fine_height,
                              __global uchar *states, const int width, const int height)
 {
     TEXEL;
-    bool known = false;
-    for (int v = 2 * y; v < min(2 * y + 2, fine_height); ++v)
-        for (int u = 2 * x; u < min(2 * x + 2, fine_width); ++u)
-            known |= fine[((size_t)get_global_id(2) * fine_height + v) * fine_width + u] == KNOWN;
-    states[texel] = known ? KNOWN : UNKNOWN;
+    fine += get_global_id(2) * fine_height * fine_width;
+    states[texel] = has_known(fine, fine_width, fine_height, x, y) ? KNOWN : UNKNOWN;
 }
 
 // The mean of the known texels in each square.
@@ -90,19 +141,11 @@ __kernel void coarser(__global const uchar *states, __global const float4 *fine,
                       const int height)
 {
     TEXEL;
-    float4 sum = (float4)(0.0f);
-    float total = 0.0f;
-    for (int v = 2 * y; v < min(2 * y + 2, fine_height); ++v)
-        for (int u = 2 * x; u < min(2 * x + 2, fine_width); ++u) {
-            if (states[(ATLAS * fine_height + v) * fine_width + u] == KNOWN) {
-                sum += fine[((size_t)get_global_id(2) * fine_height + v) * fine_width + u];
-                total += 1.0f;
-            }
-        }
-    image[texel] = total > 0.0f ? sum / total : (float4)(0.0f);
+    const size_t size = (size_t)fine_height * fine_width;
+    image[texel] = mean_of_known(states + ATLAS * size, fine + get_global_id(2) * size, fine_width, fine_height, x, y);
 }
 
-// Unknown texels from the coarser image, interpolated: the nearer square of each axis has 3/4. Empty ones are 0.
+// Unknown texels from the coarser image. Empty ones are 0.
 __kernel void finer(__global const uchar *states, __global const float4 *coarse, const int coarse_width,
                     const int coarse_height, __global float4 *image, const uint atlases, const int width,
                     const int height)
@@ -111,33 +154,80 @@ __kernel void finer(__global const uchar *states, __global const float4 *coarse,
     const uchar state = states[IN_ATLAS(x, y)];
     if (state == KNOWN)
         return;
-    if (state == EMPTY) {
-        image[texel] = (float4)(0.0f);
-        return;
-    }
-    const int2 near = (int2)(x / 2, y / 2);
-    const int2 far = clamp(near + (int2)(x % 2 ? 1 : -1, y % 2 ? 1 : -1), (int2)(0),
-                           (int2)(coarse_width - 1, coarse_height - 1));
-    __global const float4 *rows = coarse + (size_t)get_global_id(2) * coarse_height * coarse_width;
-    __global const float4 *near_row = rows + (size_t)near.y * coarse_width, *far_row = rows + (size_t)far.y * coarse_width;
-    image[texel] = (9.0f * near_row[near.x] + 3.0f * near_row[far.x] + 3.0f * far_row[near.x] + far_row[far.x]) / 16.0f;
+    coarse += get_global_id(2) * coarse_height * coarse_width;
+    image[texel] = state == EMPTY ? (float4)(0.0f) : interpolated(coarse, coarse_width, coarse_height, x, y);
 }
 
-// Every unknown texel becomes the mean of its four neighbours, itself where there is none; known ones stay in `image`.
+// Every unknown texel becomes the mean of its neighbours.
 __kernel void relax(__global const uchar *states, __global const float4 *image, __global const float4 *before,
                     __global float4 *after, const uint atlases, const int width, const int height)
 {
     TEXEL;
     if (states[IN_ATLAS(x, y)] != UNKNOWN)
         return;
-    const int2 steps[4] = {(int2)(0, -1), (int2)(0, 1), (int2)(-1, 0), (int2)(1, 0)};
-    float4 sum = (float4)(0.0f);
-    for (int i = 0; i < 4; ++i) {
-        const int u = x + steps[i].x, v = y + steps[i].y;
-        const bool inside = u >= 0 && u < width && v >= 0 && v < height;
-        const uchar state = inside ? states[IN_ATLAS(u, v)] : EMPTY;
-        const size_t other = state == EMPTY ? texel : AT(u, v);
-        sum += state == KNOWN ? image[other] : before[other];
+    const size_t size = (size_t)height * width, plane = get_global_id(2) * size;
+    after[texel] = mean_of_neighbours(states + ATLAS * size, image + plane, before + plane, width, height, x, y);
+}
+
+// A side of a scale: each has half the side of the finer one, rounded up.
+int side_of(const int side, const int scale)
+{
+    return (side + (1 << scale) - 1) >> scale;
+}
+
+// The same as `coarser_states`, `coarser`, `finer` and `relax` at all scales of small images; a group for each image.
+// states, images: of all coarser scales, `texels` for each image; relaxed: as large as the finest images.
+__kernel void fill_small(__global const uchar *finest_states, __global float4 *finest, __global uchar *states,
+                         __global float4 *images, __global float4 *relaxed, const int relaxations, const int texels,
+                         const uint atlases, const int width, const int height)
+{
+    const size_t size = (size_t)width * height, image = get_group_id(0);
+    const int item = get_local_id(0), items = get_local_size(0);
+    finest_states += image % atlases * size;
+    finest += image * size;
+    states += image * texels;
+    images += image * texels;
+    relaxed += image * size;
+
+    // Coarser scales, one after the other.
+    __global const uchar *fine_states = finest_states;
+    __global const float4 *fine = finest;
+    int scales = 0, first = 0;
+    while (max(side_of(width, scales), side_of(height, scales)) > 1) {
+        const int fine_width = side_of(width, scales), fine_height = side_of(height, scales);
+        ++scales;
+        const int w = side_of(width, scales), count = w * side_of(height, scales);
+        for (int i = item; i < count; i += items) {
+            const int x = i % w, y = i / w;
+            states[first + i] = has_known(fine_states, fine_width, fine_height, x, y) ? KNOWN : UNKNOWN;
+            images[first + i] = mean_of_known(fine_states, fine, fine_width, fine_height, x, y);
+        }
+        barrier(CLK_GLOBAL_MEM_FENCE);
+        fine_states = states + first;
+        fine = images + first;
+        first += count;
     }
-    after[texel] = sum / 4.0f;
+
+    // Back to the finest one.
+    for (int scale = scales - 1; scale >= 0; --scale) {
+        const int w = side_of(width, scale), h = side_of(height, scale), count = w * h;
+        const int coarse_width = side_of(width, scale + 1), coarse_height = side_of(height, scale + 1);
+        first -= coarse_width * coarse_height;
+        __global const float4 *coarse = images + first;
+        __global const uchar *here = scale ? states + first - count : finest_states;
+        __global float4 *filled = scale ? images + first - count : finest;
+        for (int i = item; i < count; i += items)
+            if (here[i] != KNOWN)
+                filled[i] = here[i] == EMPTY ? (float4)(0.0f)
+                                             : interpolated(coarse, coarse_width, coarse_height, i % w, i / w);
+        for (int round = 0; round < relaxations; ++round) {
+            __global const float4 *before = round % 2 ? relaxed : filled;
+            __global float4 *after = round % 2 ? filled : relaxed;
+            barrier(CLK_GLOBAL_MEM_FENCE);
+            for (int i = item; i < count; i += items)
+                if (here[i] == UNKNOWN)
+                    after[i] = mean_of_neighbours(here, filled, before, w, h, i % w, i / w);
+        }
+        barrier(CLK_GLOBAL_MEM_FENCE);
+    }
 }

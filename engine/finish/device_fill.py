@@ -12,11 +12,14 @@ from ..device.compute import Compute
 
 _NAMES = (
     "distance_in_row", "distance_in_column", "grow", "classify", "coarser_states", "coarser", "finer",
-    "relax",
+    "relax", "fill_small",
 )  # fmt: skip
 
 #: Relaxations at each scale: an even number, after which they are back in the image.
 _RELAXATIONS = 4
+
+#: Sides of images up to this one are filled at all coarser scales by one kernel, and its work items for each.
+_SMALL, _GROUP = 32, 256
 
 
 class _Scale(NamedTuple):
@@ -60,10 +63,12 @@ class DeviceFill:
         filled = upload(compute, inside.view(np.uint8))
         self._run("classify", shape, self._distance, filled, np.int32(self._rings), states)
         self._scales = [_Scale(shape, states)]
-        while max(shape[1:]) > 1:
+        while max(shape[1:]) > _SMALL:
             self._add_coarser()
             shape = self._scales[-1].shape
+        self._texels = _coarser_texels(*shape[1:])
         self._coarse: list[cl.Buffer] = []
+        self._small: list[cl.Buffer] = []
         self._reserve(1)
 
     def _reserve(self, outputs: int) -> None:
@@ -71,6 +76,8 @@ class DeviceFill:
         self._outputs = outputs
         self._relaxed = self._buffer(16 * outputs, self._scales[0].shape)
         self._coarse = [self._buffer(16 * outputs, scale.shape) for scale in self._scales[1:]]
+        images, texels = outputs * self._scales[0].shape[0], max(1, self._texels)
+        self._small = [self._buffer(size, (images, texels)) for size in (1, 16)]
 
     def fill(self, image: cl.Buffer, outputs: int) -> None:
         """Fill the images of some outputs, one after the other, float4 of each texel."""
@@ -82,8 +89,19 @@ class DeviceFill:
         for index, scale in enumerate(self._scales[1:]):
             finer = self._scales[index]
             self._fill("coarser", scale.shape, finer.states, images[index], *_sides(finer), images[index + 1])
+        self._fill_small(images[-1])
         for index in reversed(range(len(self._scales) - 1)):
             self._extend(index, images[index], images[index + 1])
+
+    def _fill_small(self, image: cl.Buffer) -> None:
+        """Fill the images of the coarsest scale, by coarser ones of its own."""
+        scale, (group,) = self._scales[-1], self._kernels["fill_small"].group(_GROUP)
+        atlases = scale.shape[0]
+        sizes = (_RELAXATIONS, self._texels, atlases, scale.shape[2], scale.shape[1])
+        self._kernels["fill_small"](
+            self._compute.queue, (group * self._outputs * atlases,), (group,),
+            scale.states, image, *self._small, self._relaxed, *map(np.int32, sizes),
+        )  # fmt: skip
 
     def _extend(self, index: int, image: cl.Buffer, coarse: cl.Buffer) -> None:
         """Fill the unknown texels of one scale from the coarser one, and relax them."""
@@ -114,6 +132,15 @@ class DeviceFill:
         """Run a kernel for each texel of the images of all outputs."""
         atlases, *sides = shape
         self._run(name, (self._outputs * atlases, *sides), *arguments, np.uint32(atlases))
+
+
+def _coarser_texels(height: int, width: int) -> int:
+    """Return the number of texels of all coarser scales of an image, down to a single one."""
+    texels = 0
+    while max(height, width) > 1:
+        height, width = (height + 1) // 2, (width + 1) // 2
+        texels += height * width
+    return texels
 
 
 def _sides(scale: _Scale) -> tuple[np.int32, np.int32]:

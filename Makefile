@@ -25,7 +25,7 @@ demo: $(READY50) ## bake a Cornell box headless; pictures and lightmap in out/de
 	.venv/bin/python tools/demo.py --out out/demo
 
 # Test files are spread over processes, each with a Blender of its own, of half a gigabyte. There is one more than
-# there are cores, since processes also wait for workers and files: tests of Blender keep a core busy for about 60 %.
+# there are cores, since tests of Blender also wait for worker processes, timers and files.
 PROCESSES := $(shell cores=$$(nproc); echo $$((cores < 3 ? cores + 1 : 4)))
 PARALLEL := --numprocesses $(PROCESSES) --dist loadfile
 

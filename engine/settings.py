@@ -205,6 +205,13 @@ class Settings:
         "as in the paper",
         Switch(),
     )
+    glass_transmits: bool = described(
+        True,
+        "Light through Glass",
+        "Let light pass straight through glass, refraction and transmission shaders, tinted by their color; "
+        "off makes them opaque",
+        Switch(),
+    )
     accelerate: bool = described(
         True,
         "Accelerate",

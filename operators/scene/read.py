@@ -11,12 +11,12 @@ import numpy as np
 from ...engine.errors import SceneError
 from ...engine.naming import first_line, naming
 from ...engine.progress import Progress, finished
-from ...engine.scene.cutouts import transmission_maps
 from ...engine.scene.model import OCCLUDER, Mesh, Scene
 from .faults import without_faults
 from .fingerprints import combined, find_fingerprints, in_the_world
 from .light.lights import Lamps
 from .light.world import read_world
+from .materials.engine_materials import textures_of
 from .materials.material_table import MaterialTable
 from .materials.pixels import PixelCache, UnreadError
 from .materials.shader_bake import Move
@@ -74,12 +74,7 @@ class ReadScene:
         scene = self.scene
         arrays = [getattr(mesh, name) for mesh in scene.meshes for name in _MESH_ARRAYS]
         arrays += [uvs for mesh in scene.meshes for uvs in mesh.texture_uvs.values()]
-        maps = [
-            texture
-            for material in scene.materials
-            for texture in (material.reflectance_map, material.emission_map, *transmission_maps(material))
-            if texture is not None
-        ]
+        maps = [texture for material in scene.materials for texture in textures_of(material)]
         arrays += [scene.world, *(texture.pixels for texture in maps)]
         return sum(array.nbytes for array in {id(array): array for array in arrays}.values())
 
@@ -143,7 +138,8 @@ class _SceneReading:
         self._watch, self._uv_layer, self._resolution, self._notes = watch, uv_layer, resolution, notes
         self._cache, self._troubles = PixelCache(notes), Troubles()
         self._several = multi_user_sources(uv_layer)
-        self._table = MaterialTable(watch, uv_layer, self._several, notes, self._cache)
+        glass = bool(watch.context.scene.hemibake.glass_transmits)
+        self._table = MaterialTable(watch, uv_layer, self._several, notes, self._cache, glass)
         self._reader = ItemReader(self._table, baked, uv_layer, notes, self._troubles)
         self._lamps = Lamps(notes)
         self._announced: set[int] = set()

@@ -14,9 +14,9 @@ def evaluated(monkeypatch):
     part("operators.scene.materials.kept_evaluations").kept_evaluations.clear()
     names, bake_pass = [], table.bake_pass
 
-    def noted(name, surface, shapes, size):
+    def noted(evaluation, surface, *arguments):
         names.append(surface.name)
-        return bake_pass(name, surface, shapes, size)
+        return bake_pass(evaluation, surface, *arguments)
 
     monkeypatch.setattr(table, "bake_pass", noted)
     return names

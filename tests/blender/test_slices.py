@@ -49,7 +49,11 @@ def short_slices(monkeypatch):
 def quick_cycles(monkeypatch):
     """Let Cycles see everything grey at once; all that is made for it is made."""
     stage = part("operators.scene.materials.shader_bake")._Stage
-    monkeypatch.setattr(stage, "bake", lambda self, name, size: np.full((size, size, 3), 0.5, np.float32))
+
+    def grey(self, size):
+        return np.full((size, size, 3), 0.5, np.float32), np.ones((size, size), bool)
+
+    monkeypatch.setattr(stage, "bake", grey)
 
 
 def new_run():

@@ -12,7 +12,7 @@ from ....engine.scene.model import Light
 from ...compat import light_nodes, light_power, light_temperature
 from ...lookup import find
 from ..materials.sockets import ComplexError
-from ..objects.items import SceneItem
+from ..objects.items import SceneItem, hidden_from
 from ..scene_watch import SceneWatch
 from ..slices import Slices
 from .lamp_bake import bake_lamp
@@ -43,6 +43,8 @@ class Lamps:
         name, lamp = item.object.name, item.object.data
         if lamp.type == "AREA" and getattr(lamp, "cycles", None) and lamp.cycles.is_portal:
             self._portals.append(name)
+            return
+        if hidden_from(item).from_bounces:
             return
         if (_scale(item)[list(_SHINING_AXES[lamp.type])] == 0).any():
             self._flat.append(name)

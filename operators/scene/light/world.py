@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import bpy
@@ -13,7 +15,9 @@ from ...compat import node_input, node_tree
 from ..materials.evaluation_digest import world_digest
 from ..materials.materials import ShaderReader
 from ..materials.pixels import PixelCache, UnreadError, is_plain, is_srgb
+from ..materials.ray_kinds import BOUNCE
 from ..materials.sockets import ComplexError, feeder
+from ..materials.substitution import Substitution
 from ..scene_watch import SceneWatch
 from ..slices import Slices, row_slices
 from .kept_worlds import ReadWorld, kept_worlds
@@ -47,7 +51,7 @@ def read_world(watch: SceneWatch, notes: list[str], cache: PixelCache) -> Slices
 
 def _read(world: bpy.types.World | None, notes: list[str], cache: PixelCache) -> np.ndarray | _Environment:
     """Return a colour or an image; raises ComplexError if only Blender can render the world."""
-    if world is None:
+    if world is None or not world.cycles_visibility.diffuse:
         return np.zeros(3, np.float32)
     tree = node_tree(world)
     if tree is None:
@@ -63,7 +67,7 @@ def _read(world: bpy.types.World | None, notes: list[str], cache: PixelCache) ->
         if colour.is_output and colour.node.bl_idname == "ShaderNodeTexEnvironment":
             strength = reader.number(shader.node, "Strength").number
             return _environment(colour.node, owner, cache, max(strength, 0.0))
-    emission = reader.surface(output.inputs["Surface"]).emission
+    emission = reader.surface(output.inputs["Surface"]).solid().emit
     return np.maximum(emission.constant, 0).astype(np.float32)
 
 
@@ -78,7 +82,7 @@ def _rendered(watch: SceneWatch, notes: list[str]) -> Slices[ReadWorld]:
     watch.depsgraph()
     world, warnings = watch.context.world, list[str]()
     try:
-        with copied_world(world) as copy:
+        with copied_world(world) as copy, _seen_by_bounces(copy):
             suns = take_suns(copy, world.name, warnings)
             read = ReadWorld(np.maximum(render_refined(copy), 0), tuple(suns), tuple(warnings))
     except RuntimeError as error:
@@ -90,6 +94,18 @@ def _rendered(watch: SceneWatch, notes: list[str]) -> Slices[ReadWorld]:
     kept_worlds.keep(digest, read)
     notes += warnings
     return read
+
+
+@contextmanager
+def _seen_by_bounces(world: bpy.types.World) -> Iterator[None]:
+    """Replace the Light Path of a copied world by its values for diffuse bounces."""
+    substitution = Substitution(None, BOUNCE)
+    try:
+        if node_tree(world) is not None:
+            substitution.apply(world.node_tree)
+        yield
+    finally:
+        substitution.remove()
 
 
 @dataclass(frozen=True)

@@ -47,14 +47,15 @@ class UnknownError(Exception):
 
 
 def evaluation_digest(
-    material: bpy.types.Material, shapes: Sequence[Shape], values: Iterable[object], size: int
+    material: bpy.types.Material, shapes: Sequence[Shape], values: Iterable[object], size: int, glass: bool
 ) -> bytes | None:
     """Return a digest of a material as it looks on shapes, None if that may change without being seen.
 
     values: of the object that shows it
     size: width of the textures, texels
+    glass: True if refracting closures let light pass straight through
     """
-    digest = hashlib.blake2b(repr((size, list(values), material.use_backface_culling)).encode())
+    digest = hashlib.blake2b(repr((size, list(values), glass)).encode())
     try:
         _feed_tree(digest, material.node_tree)
         for shape in shapes:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 
-import numpy as np
+from .evaluated_passes import Pixels
 
 #: Memory that it takes at most, bytes.
 _BUDGET = 512 << 20
@@ -15,17 +15,17 @@ class KeptEvaluations:
 
     def __init__(self, budget: int = _BUDGET) -> None:
         self._budget = budget
-        self._passes: OrderedDict[bytes, dict[str, np.ndarray]] = OrderedDict()
+        self._passes: OrderedDict[bytes, Pixels] = OrderedDict()
 
-    def get(self, digest: bytes | None) -> dict[str, np.ndarray] | None:
+    def get(self, digest: bytes | None) -> Pixels | None:
         """Return the finished passes of a digest, which may not be changed; None if there are none."""
         if digest is None or digest not in self._passes:
             return None
         self._passes.move_to_end(digest)
         return dict(self._passes[digest])
 
-    def keep(self, digest: bytes | None, passes: dict[str, np.ndarray]) -> None:
-        """Keep finished passes, (h, w, 3 or 1) float32 by name; without a digest nobody could find them."""
+    def keep(self, digest: bytes | None, passes: Pixels) -> None:
+        """Keep finished passes; without a digest nobody could find them."""
         if digest is None:
             return
         for pixels in passes.values():

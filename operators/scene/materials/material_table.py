@@ -5,47 +5,46 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import bpy
 import numpy as np
 
 from ....engine.naming import listing
-from ....engine.scene.cutouts import transmission_maps
 from ....engine.scene.model import Material
-from ....engine.scene.texture import Texture
-from ....engine.scene.transmission import from_opacity, uniform_transmission
 from ...compat import node_tree
 from ...lookup import find, find_all
 from ..objects.evaluation import Evaluation
-from ..objects.items import ItemKey, SceneItem
+from ..objects.items import Hidden, ItemKey, SceneItem, hidden_from
 from ..objects.meshes import LIGHTMAP_UVS
 from ..scene_watch import SceneWatch
 from ..slices import Slices
 from ..uvs.lightmap_layer import lightmap_layer
 from ..uvs.uv_modifier import uv_source
 from .bumps import surface_bumps
+from .closures import is_hair
+from .engine_materials import hide_from_rays, textures_of
+from .evaluated_materials import EvaluatedMaterial
+from .evaluated_passes import COVERED, Pixels, finish_passes, passes_of
 from .evaluation_digest import evaluation_digest
 from .kept_evaluations import kept_evaluations
 from .materials import read_material
+from .mean_colors import mean_color
 from .object_nodes import Dependence, FrozenMaterial, Source, dependence, lost_attributes, object_values
-from .pixels import PixelCache
+from .pixels import PixelCache, UnreadError
 from .shader_bake import (
     Move,
     Shape,
     bake_pass,
     copy_shape,
-    finish_passes,
     lay_lightmap_uvs,
-    passes_of,
     remove_shapes,
     texture_size,
 )
 from .sockets import ComplexError
 from .strand_material import without_textures
-
-_ONES = np.ones(3, np.float32)
+from .surface_notes import SurfaceNotes
+from .tree_nodes import used_nodes
 
 
 @dataclass(frozen=True)
@@ -55,11 +54,13 @@ class _Unevaluated:
     uid     its session uid
     values  of the object that shows it, see `object_nodes.object_values`
     bumps   factor on its reflectance, which Cycles gives without bumps, see `bump_factor`
+    node    name of the first node that the readers cannot evaluate
     """
 
     uid: int
     values: dict[Source, tuple[float, ...]]
     bumps: float
+    node: str
 
 
 class MaterialTable:
@@ -70,10 +71,17 @@ class MaterialTable:
     several   sources of lightmap UVs that may be shown several times, see `multi_user_sources`
     notes     sentences for the user are appended here
     cache     the images of all materials
+    glass     True if refracting closures let light pass straight through
     """
 
     def __init__(
-        self, watch: SceneWatch, uv_layer: str, several: set[int], notes: list[str], cache: PixelCache
+        self,
+        watch: SceneWatch,
+        uv_layer: str,
+        several: set[int],
+        notes: list[str],
+        cache: PixelCache,
+        glass: bool,
     ) -> None:
         self._watch, self._uv_layer, self._several = watch, uv_layer, several
         self._notes, self._cache = notes, cache
@@ -86,6 +94,8 @@ class MaterialTable:
         self._unmapped: set[int] = set()
         self._averaged: list[str] = []
         self._hair_materials: list[str] = []
+        self._glass, self._surface_notes = glass, SurfaceNotes(glass)
+        self._hidden: dict[int, Hidden] = {}
 
     def index(self, material: bpy.types.Material | None, atlas: str | None, item: SceneItem) -> int:
         """Return the index into `Scene.materials` of a material on an item of an atlas (None: occluders).
@@ -96,7 +106,8 @@ class MaterialTable:
         values = object_values(depends.sources, item)
         for name in lost_attributes(values, item):
             self._lost.setdefault(name, {})[material.name] = None
-        key = (None if material is None else material.session_uid, tuple(values.items()))
+        hidden = hidden_from(item)
+        key = (None if material is None else material.session_uid, tuple(values.items()), hidden)
         if key in self._index:
             return self._index[key]
         complex_key = (*key, atlas or "", self._user(item, atlas, depends.located))
@@ -104,14 +115,16 @@ class MaterialTable:
             return self._index[complex_key]
         number = len(self._materials)
         try:
-            entry = read_material(material, self._notes, self._cache, values)
+            entry = read_material(material, self._notes, self._cache, values, depends, self._glass)
             self._index[key] = number
-        except ComplexError:
+        except ComplexError as error:
             bumps = surface_bumps(material, self._cache)
             entry = Material(material.name, np.full(3, 0.8, np.float32), np.zeros(3, np.float32))
             self._index[complex_key] = number
-            self._complex[number] = _Unevaluated(material.session_uid, values, bumps)
+            self._complex[number] = _Unevaluated(material.session_uid, values, bumps, error.node)
         self._materials.append(entry)
+        self._hidden[number] = hidden
+        self._surface_notes.add(material)
         return number
 
     def index_of_strands(self, material: bpy.types.Material | None, item: SceneItem) -> int:
@@ -119,18 +132,28 @@ class MaterialTable:
 
         Raises UnreadError if an image has to be read first.
         """
-        key = ("strands", None if material is None else material.session_uid)
+        hidden = hidden_from(item)
+        key = ("strands", None if material is None else material.session_uid, hidden)
         if key not in self._index:
-            values = object_values(self._depends(material).sources, item)
-            try:
-                entry = without_textures(read_material(material, self._notes, self._cache, values))
-            except ComplexError:
-                color = np.array(material.diffuse_color[:3], np.float32)
-                entry = Material(material.name, color, np.zeros(3, np.float32))
-                self._hair_materials.append(material.name)
+            entry = self._strand_material(material, item)
             self._index[key] = len(self._materials)
+            self._hidden[len(self._materials)] = hidden
             self._materials.append(entry)
         return self._index[key]
+
+    def _strand_material(self, material: bpy.types.Material | None, item: SceneItem) -> Material:
+        """Return the material of hair; its viewport color if it cannot be read, or has closures of hair."""
+        depends = self._depends(material)
+        values = object_values(depends.sources, item)
+        try:
+            if material is not None and any(map(is_hair, used_nodes(node_tree(material)))):
+                raise ComplexError
+            entry = read_material(material, self._notes, self._cache, values, depends, self._glass)
+        except ComplexError:
+            self._hair_materials.append(material.name)
+            color = np.array(material.diffuse_color[:3], np.float32)
+            return Material(material.name, color, np.zeros(3, np.float32))
+        return without_textures(entry)
 
     def _user(self, item: SceneItem, atlas: str | None, located: bool) -> tuple:
         """Return what tells items apart that show one mesh several times, and so need textures of their own.
@@ -161,8 +184,7 @@ class MaterialTable:
         maps: set[str] = set()
         for index in set(indices):
             material = self._materials[index]
-            textures = (material.reflectance_map, material.emission_map, *transmission_maps(material))
-            maps |= {texture.uv_map for texture in textures if texture is not None}
+            maps |= {texture.uv_map for texture in textures_of(material)}
             if index in self._complex:
                 maps.add(LIGHTMAP_UVS)
         return maps
@@ -183,7 +205,7 @@ class MaterialTable:
         moves: of objects by session uid, how their charts get to where they are put: textures go with them
         """
         self._moves = moves
-        failed = []
+        failed: dict[tuple[str, str], list[str]] = {}
         variants = Counter(self._materials[index].name for index in self._complex)
         for done, index in enumerate(self._complex):
             name = self._materials[index].name
@@ -193,15 +215,16 @@ class MaterialTable:
                 size = texture_size(resolution, variants[name])
                 self._materials[index] = yield from self._evaluate(index, name, size)
             except RuntimeError as error:
-                failed.append(name)
                 reason = str(error).strip().splitlines()[-1]
+                failed.setdefault((self._complex[index].node, reason), []).append(name)
+                self._materials[index] = yield from self._mean_color(index)
             yield (done + 1) / len(self._complex)
-        if failed:
-            self._notes.append(
-                listing(
-                    f"Cycles could not evaluate the materials {{}} ({reason}): grey is baked.", _once(failed)
-                )
+        for (node, reason), names in failed.items():
+            sentence = (
+                f"Materials {{}}: Cycles could not evaluate node '{node}' ({reason}). Mean colors are baked. "
+                "Replace the node, or bake it into an image."
             )
+            self._notes.append(listing(sentence, _once(names)))
         for attribute, materials in self._lost.items():
             sentence = f"Attribute '{attribute}' of instances cannot be read: 0 is baked in materials {{}}."
             self._notes.append(listing(sentence, list(materials)))
@@ -211,7 +234,10 @@ class MaterialTable:
         if self._averaged:
             sentence = "Occluders have no lightmap UVs: a mean colour stands for the materials {}."
             self._notes.append(listing(sentence, _once(self._averaged)))
-        return tuple(self._materials)
+        self._notes += self._surface_notes.sentences()
+        return tuple(
+            hide_from_rays(material, *self._hidden[number]) for number, material in enumerate(self._materials)
+        )
 
     def _evaluate(self, index: int, name: str, size: int) -> Slices[Material]:
         """Return a material as textures over the lightmap UVs; as means where those who wear it have none."""
@@ -219,24 +245,34 @@ class MaterialTable:
         yield announcement
         values = self._complex[index].values.items()
         with self._worn(index) as (material, shapes):
-            names = passes_of(material)
-            digest = evaluation_digest(material, shapes, values, size)
+            depends = dependence(material.node_tree)
+            passes = passes_of(material, depends, self._glass)
+            digest = evaluation_digest(material, shapes, values, size, self._glass)
         pixels = kept_evaluations.get(digest)
         if pixels is None:
-            pixels = {}
-            for each in names:
+            pixels = Pixels()
+            for each in passes:
                 yield announcement
                 with self._worn(index) as (material, shapes):
-                    pixels[each] = bake_pass(each, material, shapes, size)
+                    image, covered = bake_pass(each, material, shapes, size, self._glass)
+                pixels[each], pixels[COVERED] = image, covered
             yield from finish_passes(pixels)
             kept_evaluations.keep(digest, pixels)
-        bumps = np.float32(self._complex[index].bumps)
-        entry = Material(name, _ONES * bumps, np.zeros(3, np.float32))
-        if index not in self._unmapped:
-            return replace(entry, **self._maps(name, pixels))
-        self._averaged.append(name)
-        means = _means(pixels)
-        return replace(entry, **means | {"reflectance": means["reflectance"] * bumps})
+        is_mapped = index not in self._unmapped
+        if not is_mapped:
+            self._averaged.append(name)
+        bumps = self._complex[index].bumps
+        return EvaluatedMaterial(name, pixels, bumps, depends.by_side, is_mapped).material()
+
+    def _mean_color(self, index: int) -> Slices[Material]:
+        """Return a material that Cycles failed to evaluate, without textures."""
+        while True:
+            self._watch.depsgraph()
+            material = find(bpy.data.materials, self._complex[index].uid)
+            try:
+                return mean_color(material, self._notes, self._cache, self._glass)
+            except UnreadError as unread:
+                yield from unread.reading
 
     @contextmanager
     def _worn(self, index: int) -> Iterator[tuple[bpy.types.Material, list[Shape]]]:
@@ -288,30 +324,7 @@ class MaterialTable:
                 layer, depsgraph = lightmap_layer(item.source, self._uv_layer), evaluation.depsgraph_of(item)
                 shapes.append(copy_shape(item.object, layer, item.matrix, depsgraph, wearing))
 
-    def _maps(self, name: str, pixels: dict[str, np.ndarray]) -> dict:
-        """Return the texture fields of a material."""
-        maps: dict[str, Any] = {
-            f"{kind}_map": Texture(name, np.ascontiguousarray(values), LIGHTMAP_UVS, extension="extend")
-            for kind, values in pixels.items()
-            if kind != "emission" or values.any()
-        }
-        if "alpha_map" in maps:
-            maps["transmission"] = uniform_transmission(from_opacity(1.0, maps.pop("alpha_map")))
-        if "emission_map" in maps:
-            maps["emission"] = _ONES
-        return maps
-
 
 def _once(names: Sequence[str]) -> list[str]:
     """Return names without those that came before."""
     return list(dict.fromkeys(names))
-
-
-def _means(pixels: dict[str, np.ndarray]) -> dict:
-    """Return the constant fields of a material: means over the texels that were baked."""
-    seen = pixels["reflectance"].any(axis=2) | pixels["emission"].any(axis=2)
-    chosen = seen if seen.any() else np.ones_like(seen)
-    fields: dict[str, Any] = {kind: pixels[kind][chosen].mean(axis=0) for kind in ("reflectance", "emission")}
-    if "alpha" in pixels:
-        fields["transmission"] = uniform_transmission(from_opacity(float(pixels["alpha"][chosen].mean())))
-    return fields

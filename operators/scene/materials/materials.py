@@ -1,25 +1,33 @@
-"""Material nodes -> reflectance, emission and alpha, where they are constants or plain textures."""
+"""Material nodes -> quantities of a surface, where they are constants or plain textures."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import bpy
 import numpy as np
 
 from ....engine.scene.color import luminance
 from ....engine.scene.model import Material
-from ....engine.scene.transmission import from_opacity, uniform_transmission
 from ...compat import node_input, node_tree
 from .bumps import bump_factor
-from .object_nodes import Source, shown, source_of
+from .closures import DARK, EMITTERS, GLASS, PRINCIPLED, REFRACTION
+from .engine_materials import Sides, to_material
+from .object_nodes import Dependence, Source, shown, source_of
 from .pixels import PixelCache
+from .ray_kinds import BOUNCE, RayKind, ray_value
 from .sockets import ComplexError, feeder
 from .textures import read_texture
-from .values import BLACK, HOLE, ONE, ZERO, Surface, Value, constant
+from .values import BLACK, HOLE, ZERO, Surface, Value, constant
 
 #: What Cycles shows where there is no material.
 _DEFAULT_GREY = np.full(3, 0.8, np.float32)
 
 _CONSTANT_NODES = {"RGBA": "ShaderNodeRGB", "VALUE": "ShaderNodeValue"}
+
+#: Operations of the Math node, of constants.
+_MATH = {"ADD": np.add, "SUBTRACT": np.subtract, "MULTIPLY": np.multiply, "MAXIMUM": np.maximum,
+         "MINIMUM": np.minimum}  # fmt: skip
 
 
 class ShaderReader:
@@ -29,6 +37,8 @@ class ShaderReader:
     notes  sentences for the user are appended here, each once
     cache  images; without one every texture is ComplexError
     values  what nodes tell of the object that shows the material
+    rays    the rays that evaluate it
+    glass   True if refracting closures let light pass straight through
     """
 
     def __init__(
@@ -37,18 +47,26 @@ class ShaderReader:
         notes: list[str],
         cache: PixelCache | None = None,
         values: dict[Source, tuple[float, ...]] | None = None,
+        rays: RayKind = BOUNCE,
+        glass: bool = True,
     ) -> None:
         self._owner, self._notes, self._cache, self._values = owner, notes, cache, values or {}
+        self._rays, self.glass = rays, glass
 
     def surface(self, socket: bpy.types.NodeSocket) -> Surface:
         """Return what the shader linked to a socket does; raises ComplexError if only Blender knows."""
         output = feeder(socket)
         if not output.is_output:
             return BLACK
+        if output.node.bl_idname in DARK:
+            return BLACK
         read = _SHADERS.get(output.node.bl_idname)
         if read is None:
-            raise ComplexError
-        return read(self, output.node)
+            raise ComplexError(output.node.name)
+        try:
+            return read(self, output.node)
+        except ComplexError as error:
+            raise ComplexError(error.node or output.node.name) from error
 
     def colour(self, node: bpy.types.Node, *names: str) -> Value:
         """Return a colour input of a node, black if the node has none of that name."""
@@ -87,13 +105,20 @@ class ShaderReader:
         source = source_of(output)
         if source in self._values:
             return _fitting(constant(*shown(output, self._values[source])), output, channels)
+        by_ray = ray_value(output, self._rays)
+        if by_ray is not None:
+            return constant(by_ray)
         if node.bl_idname == "ShaderNodeValToRGB":
             return self._ramp(output, channels)
         if node.bl_idname == "ShaderNodeTexImage" and self._cache is not None:
             return Value(np.ones(3), read_texture(output, self._cache, self._owner, channels))
         if node.bl_idname in {"ShaderNodeMix", "ShaderNodeMixRGB"}:
             return self._product(node, channels)
-        raise ComplexError
+        if node.bl_idname == "ShaderNodeMath" and node.operation in _MATH:
+            first, second = (self._value(factor, 1).number for factor in node.inputs[:2])
+            number = float(_MATH[node.operation](first, second))
+            return constant(min(max(number, 0.0), 1.0) if node.use_clamp else number)
+        raise ComplexError(node.name)
 
     def _ramp(self, output: bpy.types.NodeSocket, channels: int) -> Value:
         """Return the colour, or alpha, of a Color Ramp at a constant factor."""
@@ -126,48 +151,90 @@ def _fitting(value: Value, output: bpy.types.NodeSocket, channels: int) -> Value
     return constant(float(grey))
 
 
-def _rest(value: Value) -> Value:
-    """Return 1 minus a constant."""
-    return constant(1 - value.number)
+def _fraction(value: Value) -> float:
+    """Return a constant limited to [0, 1]."""
+    return min(max(value.number, 0.0), 1.0)
 
 
 def _principled(reader: ShaderReader, node: bpy.types.Node) -> Surface:
-    """Diffuse part of the Principled BSDF: what metal reflects or glass lets through is not diffuse."""
-    diffuse = _rest(reader.number(node, "Metallic"))
-    diffuse = diffuse * _rest(reader.number(node, "Transmission Weight", "Transmission"))
+    """Diffuse, emissive and straight-through part of the Principled BSDF; see `closures` for the formulas."""
+    dielectric = 1 - _fraction(reader.number(node, "Metallic"))
+    weight = _fraction(reader.number(node, "Transmission Weight", "Transmission"))
+    diffuse, forward = dielectric * (1 - weight), _forward(reader, node)
+    albedo = reader.reflectance(node, "Base Color") * diffuse if diffuse else ZERO
     emission = reader.colour(node, "Emission Color", "Emission")
     strength = reader.number(node, "Emission Strength")
-    reflectance = ZERO if diffuse.is_zero else reader.reflectance(node, "Base Color") * diffuse
-    alpha, threshold = reader.alpha(node.inputs["Alpha"])
-    return Surface(reflectance, ZERO if strength.is_zero else emission * strength, alpha, threshold)
+    cover, threshold = reader.alpha(node.inputs["Alpha"])
+    passed = dielectric * weight if reader.glass else 0.0
+    return Surface(
+        reflect=albedo * (1 - forward),
+        emit=ZERO if strength.is_zero else emission * strength,
+        transmit=albedo * forward if forward else ZERO,
+        through=passed * _principled_glass(reader, node) if passed else np.zeros(3),
+        cover=cover,
+        threshold=threshold,
+    )
+
+
+def _forward(reader: ShaderReader, node: bpy.types.Node) -> float:
+    """Return the part of the diffuse albedo that leaves the other side of a thin wall."""
+    thin = reader.number(node, "Thin Wall").number
+    if not thin:
+        return 0.0
+    weight = _fraction(reader.number(node, "Subsurface Weight", "Subsurface"))
+    return thin * weight * (1 + reader.number(node, "Subsurface Anisotropy").number) / 2
+
+
+def _principled_glass(reader: ShaderReader, node: bpy.types.Node) -> np.ndarray:
+    """Return the straight-through transmittance of a Transmission Weight of 1, (3,) float64."""
+    base = np.clip(_plain(reader.colour(node, "Base Color")), 0, 1)
+    window, thin = _window(reader, node), reader.number(node, "Thin Wall").number
+    return (1 - thin) * np.sqrt(base) * window + thin * base * window**2
+
+
+def _window(reader: ShaderReader, node: bpy.types.Node) -> float:
+    """Return 1 - F of a dielectric surface along the normal."""
+    ior = max(reader.number(node, "IOR").number, 1e-5)
+    return 1 - ((ior - 1) / (ior + 1)) ** 2
+
+
+def _plain(value: Value) -> np.ndarray:
+    """Return a constant colour, (3,) float64; raises ComplexError for a texture."""
+    if value.texture is not None:
+        raise ComplexError
+    return value.constant
 
 
 def _diffuse(reader: ShaderReader, node: bpy.types.Node) -> Surface:
-    return Surface(reader.reflectance(node, "Color"), ZERO, ONE)
+    return Surface(reflect=reader.reflectance(node, "Color"))
+
+
+def _translucent(reader: ShaderReader, node: bpy.types.Node) -> Surface:
+    return Surface(transmit=reader.reflectance(node, "Color"))
 
 
 def _emission(reader: ShaderReader, node: bpy.types.Node) -> Surface:
     """Emission and Background: colour times strength, no reflection."""
-    return Surface(ZERO, reader.colour(node, "Color") * reader.number(node, "Strength"), ONE)
+    return Surface(emit=reader.colour(node, "Color") * reader.number(node, "Strength"))
 
 
 def _transparent(reader: ShaderReader, node: bpy.types.Node) -> Surface:
-    """White lets everything through; of coloured glass only Blender knows."""
-    if (reader.colour(node, "Color") + constant(-1.0)).constant.any():
-        raise ComplexError
-    return HOLE
+    return Surface(through=_plain(reader.colour(node, "Color")))
 
 
-def _no_diffuse(reader: ShaderReader, node: bpy.types.Node) -> Surface:
-    """What is shiny or clear stops light, and reflects none of it diffusely."""
-    return BLACK
+def _refraction(reader: ShaderReader, node: bpy.types.Node) -> Surface:
+    return _transparent(reader, node) if reader.glass else BLACK
+
+
+def _glass(reader: ShaderReader, node: bpy.types.Node) -> Surface:
+    if not reader.glass:
+        return BLACK
+    return Surface(through=_plain(reader.colour(node, "Color")) * _window(reader, node))
 
 
 def _add(reader: ShaderReader, node: bpy.types.Node) -> Surface:
-    first, second = (reader.surface(socket) for socket in node.inputs[:2])
-    if first.alpha.texture or second.alpha.texture or (first.alpha.number, second.alpha.number) != (1, 1):
-        raise ComplexError
-    return Surface(first.reflectance + second.reflectance, first.emission + second.emission, ONE)
+    first, second = (reader.surface(socket).solid() for socket in node.inputs[:2])
+    return first + second
 
 
 def _mix(reader: ShaderReader, node: bpy.types.Node) -> Surface:
@@ -175,34 +242,31 @@ def _mix(reader: ShaderReader, node: bpy.types.Node) -> Surface:
     first, second = (reader.surface(socket) for socket in node.inputs[1:3])
     factor, threshold = reader.alpha(node.inputs[0])
     if first.is_hole and second.threshold is None:
-        return Surface(second.reflectance, second.emission, second.alpha * factor, threshold)
-    mix = min(max(factor.number, 0.0), 1.0)
+        return replace(second, cover=second.cover * factor, threshold=threshold)
+    mix = _fraction(factor) if threshold is None else float(factor.number >= threshold)
     if second.is_hole and first.threshold is None:
-        return Surface(first.reflectance, first.emission, first.alpha * (1 - mix))
+        return replace(first, cover=first.cover * (1 - mix))
     if mix in (0.0, 1.0):
         return second if mix else first
-    if first.alpha.number * second.alpha.number != 1:
-        raise ComplexError
-    return Surface(
-        first.reflectance * (1 - mix) + second.reflectance * mix,
-        first.emission * (1 - mix) + second.emission * mix,
-        ONE,
-    )
+    return first.solid().scaled(1 - mix) + second.solid().scaled(mix)
 
 
 _SHADERS = {
-    "ShaderNodeBsdfPrincipled": _principled,
+    PRINCIPLED: _principled,
     "ShaderNodeBsdfDiffuse": _diffuse,
-    "ShaderNodeEmission": _emission,
-    "ShaderNodeBackground": _emission,
+    "ShaderNodeBsdfToon": _diffuse,
+    "ShaderNodeSubsurfaceScattering": _diffuse,
+    "ShaderNodeBsdfTranslucent": _translucent,
+    **dict.fromkeys(EMITTERS, _emission),
     "ShaderNodeBsdfTransparent": _transparent,
-    "ShaderNodeBsdfGlossy": _no_diffuse,
-    "ShaderNodeBsdfAnisotropic": _no_diffuse,
-    "ShaderNodeBsdfGlass": _no_diffuse,
-    "ShaderNodeBsdfRefraction": _no_diffuse,
+    GLASS: _glass,
+    REFRACTION: _refraction,
     "ShaderNodeAddShader": _add,
     "ShaderNodeMixShader": _mix,
 }
+
+
+_INDEPENDENT = Dependence()
 
 
 def read_material(
@@ -210,10 +274,14 @@ def read_material(
     notes: list[str],
     cache: PixelCache,
     values: dict[Source, tuple[float, ...]] | None = None,
+    depends: Dependence = _INDEPENDENT,
+    glass: bool = True,
 ) -> Material:
-    """Return the diffuse surface of a material; an empty slot is Cycles' grey.
+    """Return the surface of a material; an empty slot is Cycles' grey.
 
-    values: of nodes that tell of the object, see `object_nodes.object_values`.
+    values   of nodes that tell of the object, see `object_nodes.object_values`
+    depends  whether nodes tell kinds of rays, or sides, apart
+    glass    True if refracting closures let light pass straight through
 
     Sentences about what could not be taken over are appended to `notes`. Raises ComplexError if only Blender
     can evaluate it.
@@ -224,20 +292,27 @@ def read_material(
     if tree is None:
         colour = np.array(material.diffuse_color, np.float32)[:3]
         return Material(material.name, np.clip(colour, 0, 1), np.zeros(3, np.float32))
-    output = tree.get_output_node("CYCLES")
-    reader = ShaderReader(f"Material '{material.name}'", notes, cache, values)
-    surface = reader.surface(output.inputs["Surface"]) if output else BLACK
-    return to_material(material.name, surface)
 
+    def surface(rays: RayKind) -> Surface:
+        reader = ShaderReader(f"Material '{material.name}'", notes, cache, values, rays, glass)
+        return _output_surface(reader, tree)
 
-def to_material(name: str, surface: Surface) -> Material:
-    """Return a surface as the engine's material."""
-    alpha = float(np.clip(surface.alpha.constant[0], 0, 1))
-    return Material(
-        name,
-        np.clip(surface.reflectance.constant, 0, 1).astype(np.float32),
-        np.maximum(surface.emission.constant, 0).astype(np.float32),
-        reflectance_map=surface.reflectance.texture,
-        emission_map=surface.emission.texture,
-        transmission=uniform_transmission(from_opacity(alpha, surface.alpha.texture, surface.threshold)),
+    return to_material(
+        material.name,
+        Sides(
+            bounce=surface(BOUNCE),
+            shadow=surface(RayKind(shadow=True)) if depends.by_ray else None,
+            bounce_back=surface(RayKind(back=True)) if depends.by_side else None,
+            shadow_back=surface(RayKind(True, True)) if depends.by_ray and depends.by_side else None,
+        ),
     )
+
+
+def _output_surface(reader: ShaderReader, tree: bpy.types.NodeTree) -> Surface:
+    """Return the surface that a tree shows: black where nothing is linked, nothing where only a volume is."""
+    output = tree.get_output_node("CYCLES")
+    if output is None:
+        return BLACK
+    if not feeder(output.inputs["Surface"]).is_output and feeder(output.inputs["Volume"]).is_output:
+        return HOLE
+    return reader.surface(output.inputs["Surface"])

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import bpy
 
 from ..objects.items import SceneItem
+from .ray_kinds import is_by_ray, is_by_side
+from .sockets import relink
 
 #: Outputs of the Object Info node that each object, or instance, has for itself.
 _INFO = ("Location", "Color", "Alpha", "Object Index", "Random")
@@ -36,17 +38,27 @@ class Dependence:
 
     sources  the values that an object, or instance, has for itself
     located  True if it matters where the object is
+    by_ray   True if nodes tell kinds of rays apart
+    by_side  True if nodes tell front and back apart
     """
 
     sources: tuple[Source, ...] = ()
     located: bool = False
+    by_ray: bool = False
+    by_side: bool = False
 
 
 def dependence(tree: bpy.types.NodeTree | None) -> Dependence:
-    """Return how the nodes of a tree, groups included, depend on the object."""
+    """Return how the nodes of a tree, groups included, depend on the object and on rays."""
     nodes = [] if tree is None else list(_nodes(tree))
     sources = {source for node in nodes for source in _sources(node)}
-    return Dependence(tuple(sorted(sources)), any(_is_located(node) for node in nodes))
+    linked = [output for node in nodes for output in node.outputs if output.is_linked]
+    return Dependence(
+        sources=tuple(sorted(sources)),
+        located=any(_is_located(node) for node in nodes),
+        by_ray=any(map(is_by_ray, linked)),
+        by_side=any(map(is_by_side, linked)),
+    )
 
 
 def object_values(sources: tuple[Source, ...], item: SceneItem) -> dict[Source, tuple[float, ...]]:
@@ -177,5 +189,4 @@ def _replace(tree: bpy.types.NodeTree, output: bpy.types.NodeSocket, value: tupl
             socket.default_value = number
     else:
         (node.outputs[0].default_value,) = shown(output, value)
-    for link in list(output.links):
-        tree.links.new(node.outputs[0], link.to_socket)
+    relink(tree, output, node.outputs[0])

@@ -1,4 +1,4 @@
-"""What feeds the input of a node."""
+"""Links of node sockets: the source of an input, and links moved to another source."""
 
 from __future__ import annotations
 
@@ -6,7 +6,14 @@ import bpy
 
 
 class ComplexError(Exception):
-    """Only Blender itself can evaluate these nodes."""
+    """Only Blender itself can evaluate these nodes.
+
+    node  name of the first such node, empty if it is not a single one
+    """
+
+    def __init__(self, node: str = "") -> None:
+        super().__init__(node)
+        self.node = node
 
 
 def feeder(socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
@@ -28,3 +35,10 @@ def feeder(socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
         else:
             return output
     return own
+
+
+def relink(tree: bpy.types.NodeTree, old: bpy.types.NodeSocket, new: bpy.types.NodeSocket) -> None:
+    """Move all links of an output to another output of the tree; muted links stay muted."""
+    for link in list(old.links):
+        muted, target = link.is_muted, link.to_socket  # the new link replaces the old one, which is freed
+        tree.links.new(new, target).is_muted = muted

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -55,24 +55,54 @@ def constant(*values: float) -> Value:
 
 @dataclass(frozen=True)
 class Surface:
-    """What a shader does with light.
+    """A sheet that covers a part of the surface; light passes straight through the rest.
 
-    reflectance, emission  of the part that is there
-    alpha                  the fraction of it that is there; grey
-    threshold              see engine.Material
+    reflect    diffuse reflectance of the sheet
+    transmit   diffuse transmittance of the sheet
+    emit       radiance that the sheet emits, W/(m^2 sr)
+    through    (3,) float64, straight-through transmittance of the sheet
+    cover      fraction of the surface that the sheet covers; grey
+    threshold  cover at or above it is 1, below it 0; None leaves it as it is
     """
 
-    reflectance: Value
-    emission: Value
-    alpha: Value
+    reflect: Value = field(default_factory=lambda: ZERO)
+    emit: Value = field(default_factory=lambda: ZERO)
+    transmit: Value = field(default_factory=lambda: ZERO)
+    through: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    cover: Value = field(default_factory=lambda: ONE)
     threshold: float | None = None
 
     @property
     def is_hole(self) -> bool:
-        """True if nothing is there."""
-        return self.alpha.is_zero
+        """True if all light passes and nothing is emitted."""
+        clear = bool((self.through == 1).all()) and self.threshold is None
+        dark = self.reflect.is_zero and self.emit.is_zero and self.transmit.is_zero
+        return self.cover.is_zero or (clear and dark)
+
+    def scaled(self, factor: float) -> Surface:
+        """Return a surface of which only a fraction is there; the rest is black."""
+        return Surface(
+            self.reflect * factor, self.emit * factor, self.transmit * factor, self.through * factor
+        )
+
+    def solid(self) -> Surface:
+        """Return the same surface with a cover of 1; raises ComplexError if the cover has a texture."""
+        cover = min(max(self.cover.number, 0.0), 1.0)
+        if self.threshold is not None:
+            raise ComplexError
+        covered = self.scaled(cover)
+        return replace(covered, through=covered.through + (1 - cover))
+
+    def __add__(self, other: Surface) -> Surface:
+        """Add two solid surfaces; raises ComplexError for sums of textures."""
+        return Surface(
+            self.reflect + other.reflect,
+            self.emit + other.emit,
+            self.transmit + other.transmit,
+            self.through + other.through,
+        )
 
 
 ZERO, ONE = constant(0.0), constant(1.0)
-BLACK = Surface(ZERO, ZERO, ONE)
-HOLE = Surface(ZERO, ZERO, ZERO)
+BLACK = Surface()
+HOLE = Surface(cover=ZERO)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Set
 from dataclasses import dataclass
 from itertools import islice
+from typing import NamedTuple
 
 import bpy
 import numpy as np
@@ -42,6 +43,30 @@ class SceneItem:
         """What tells it apart from others."""
         instancer = None if self.instancer is None else self.instancer.session_uid
         return self.source.session_uid, instancer, self.persistent_id
+
+
+class Hidden(NamedTuple):
+    """Rays that do not meet an object.
+
+    from_shadow   True if shadow rays to lights pass it
+    from_bounces  True if gathered light passes it
+    """
+
+    from_shadow: bool
+    from_bounces: bool
+
+
+def hidden_from(item: SceneItem) -> Hidden:
+    """Return the rays that do not meet an object or instance, by Cycles' ray visibility.
+
+    An instance is hidden where its object or what makes it is (Cycles, blender/object.cpp). The flags for
+    camera, glossy, transmission and volume rays change no diffuse light.
+    """
+    owners = [item.source] if item.instancer is None else [item.source, item.instancer]
+    return Hidden(
+        from_shadow=not all(owner.visible_shadow for owner in owners),
+        from_bounces=not all(owner.visible_diffuse for owner in owners),
+    )
 
 
 def scene_items(

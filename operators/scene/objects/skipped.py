@@ -6,7 +6,7 @@ from collections import Counter
 
 import bpy
 
-from ....engine.naming import naming
+from ...compat import node_tree
 from .visible import visible_objects
 
 #: Objects without faces that may look like a surface in a render.
@@ -17,17 +17,22 @@ _KINDS = {
 
 
 def note_skipped(context: bpy.types.Context, notes: list[str]) -> None:
-    """Say, in one note for each, what is not baked, and which ray visibilities are not heeded."""
+    """Append a note for each kind of object, and for the world's volume, that a bake leaves out."""
     visible = visible_objects(context)
     counts = Counter(obj.type for obj in visible)
     parts = [f"{counts[kind]} {words[counts[kind] > 1]}" for kind, words in _KINDS.items() if counts[kind]]
     if parts:
         are = "are" if sum(counts[kind] for kind in _KINDS) > 1 else "is"
         notes.append(f"{_enumerate(parts)} {are} not baked.")
-    hidden = [obj.name for obj in visible if not (obj.visible_diffuse and obj.visible_shadow)]
-    if hidden:
-        sentence = "Ray visibility is not heeded: {}. Set the role to Ignored instead."
-        notes.append(naming(sentence, hidden))
+    if _has_volume(context.scene.world):
+        notes.append(f"World '{context.scene.world.name}': its volume is not baked.")
+
+
+def _has_volume(world: bpy.types.World | None) -> bool:
+    """Return True if nodes fill the world with a volume."""
+    tree = None if world is None else node_tree(world)
+    output = None if tree is None else tree.get_output_node("CYCLES")
+    return output is not None and output.inputs["Volume"].is_linked
 
 
 def _enumerate(parts: list[str]) -> str:

@@ -1,0 +1,131 @@
+"""Surfaces as they were read -> materials of the engine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ....engine.scene.cutouts import transmission_maps
+from ....engine.scene.model import BackSide, Material
+from ....engine.scene.texture import Texture
+from ....engine.scene.transmission import CLEAR, Transmission, Transmittance, from_opacity
+from .sockets import ComplexError
+from .values import HOLE, Surface, Value
+
+#: Largest straight-through transmittance of a surface that also emits or reflects. The engine stores light
+#: of the part that stops rays, so that part cannot be 0. Chosen: light through a glow loses 1.6 %.
+MAX_SHARED = 1 - 1 / 64
+
+
+@dataclass(frozen=True)
+class Sides:
+    """A surface for each kind of ray and each side; None is as `bounce`, of the back as the front.
+
+    bounce, bounce_back  for gathered light
+    shadow, shadow_back  for shadow rays to lights
+    """
+
+    bounce: Surface
+    shadow: Surface | None = None
+    bounce_back: Surface | None = None
+    shadow_back: Surface | None = None
+
+
+def to_material(name: str, sides: Sides) -> Material:
+    """Return a surface as the engine's material; raises ComplexError for a threshold on tinted light."""
+    front = _physical(sides.bounce)
+    transmission = Transmission(
+        shadow=_transmittance(front if sides.shadow is None else sides.shadow),
+        bounce=_transmittance(front),
+    )
+    material = Material(
+        name,
+        _array(front.reflect),
+        _array(front.emit),
+        reflectance_map=front.reflect.texture,
+        emission_map=front.emit.texture,
+        translucency=_array(front.transmit),
+        translucency_map=front.transmit.texture,
+        transmission=transmission,
+    )
+    if sides.bounce_back is None:
+        return material
+    back = _physical(sides.bounce_back)
+    shadow_back = back if sides.shadow_back is None else sides.shadow_back
+    transmission = replace(
+        transmission, shadow_back=_transmittance(shadow_back), bounce_back=_transmittance(back)
+    )
+    return replace(
+        material,
+        transmission=transmission,
+        back=BackSide(_array(back.reflect), _array(back.emit), back.reflect.texture, back.emit.texture),
+    )
+
+
+def hide_from_rays(material: Material, from_shadow: bool, from_bounces: bool) -> Material:
+    """Return a material that shadow rays, or gathered light, do not meet: there it emits nothing."""
+    transmission = material.transmission
+    if from_shadow:
+        transmission = replace(transmission, shadow=CLEAR, shadow_back=None)
+    if not from_bounces:
+        return replace(material, transmission=transmission)
+    transmission = replace(transmission, bounce=CLEAR, bounce_back=None)
+    black = np.zeros(3, np.float32)
+    return replace(
+        material, reflectance=black, reflectance_map=None, emission=black, emission_map=None,
+        translucency=black, translucency_map=None, back=None, transmission=transmission,
+    )  # fmt: skip
+
+
+def textures_of(material: Material) -> list[Texture]:
+    """Return the textures of a material."""
+    maps = [material.reflectance_map, material.emission_map, material.translucency_map]
+    if material.back is not None:
+        maps += [material.back.reflectance_map, material.back.emission_map]
+    return [*(texture for texture in maps if texture is not None), *transmission_maps(material)]
+
+
+def _physical(surface: Surface) -> Surface:
+    """Return a surface whose quantities are physical, divided by the part of the sheet that stops rays.
+
+    Reflected, transmitted and passing light of a channel add up to 1 at most, before that division.
+    """
+    if surface.cover.is_zero:
+        return HOLE
+    through = np.clip(surface.through, 0.0, 1.0)
+    reflect, transmit = _not_negative(surface.reflect), _not_negative(surface.transmit)
+    emit = _not_negative(surface.emit)
+    scattered = reflect.constant + transmit.constant
+    if scattered.any() or not emit.is_zero:
+        through = np.minimum(through, MAX_SHARED)
+    room = np.minimum(1.0, (1 - through) / np.maximum(scattered, 1e-30))
+    stopped = 1 - through.max()
+    factor = 1 / stopped if stopped > 0 else 1.0
+    return replace(
+        surface, through=through, reflect=Value(reflect.constant * room * factor, reflect.texture),
+        transmit=Value(transmit.constant * room * factor, transmit.texture), emit=emit * factor,
+    )  # fmt: skip
+
+
+def _transmittance(surface: Surface) -> Transmittance:
+    """Return the straight-through transmittance: 1 - cover * (1 - through)."""
+    through = np.clip(surface.through, 0.0, 1.0)
+    opacity = float(np.clip(surface.cover.constant[0], 0.0, 1.0))
+    texture, threshold = surface.cover.texture, surface.threshold
+    if not through.any():
+        return from_opacity(opacity, texture, threshold)
+    if threshold is not None:
+        raise ComplexError
+    stopped = (opacity * (1 - through)).astype(np.float32)
+    if texture is None:
+        return Transmittance(1 - stopped)
+    return Transmittance(np.ones(3, np.float32), -stopped, texture)
+
+
+def _not_negative(value: Value) -> Value:
+    return Value(np.maximum(value.constant, 0.0), value.texture)
+
+
+def _array(value: Value) -> np.ndarray:
+    return value.constant.astype(np.float32)

@@ -1,0 +1,104 @@
+"""Finished pixels of evaluations -> a material of the engine: textures, or their means."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ....engine.scene.model import BackSide, Material
+from ....engine.scene.texture import Texture
+from ....engine.scene.transmission import OPAQUE, Transmission, Transmittance
+from ..objects.meshes import LIGHTMAP_UVS
+from .evaluated_passes import COVERED, Pass, Pixels
+from .ray_kinds import BOUNCE, RayKind
+
+#: Transmittances that differ by less are equal: Cycles' mean of several samples rounds.
+_EQUAL = 1e-4
+
+_BACK = RayKind(back=True)
+
+
+@dataclass(frozen=True)
+class EvaluatedMaterial:
+    """A material that Cycles evaluated.
+
+    name       of the material
+    pixels     finished evaluations; see `evaluated_passes.finish_passes`
+    bumps      factor of its reflectance, see `bumps.surface_bumps`
+    has_back   True if the back was evaluated, too
+    is_mapped  True for textures over the lightmap UVs, False for means over covered texels
+    """
+
+    name: str
+    pixels: Pixels
+    bumps: float
+    has_back: bool
+    is_mapped: bool
+
+    def material(self) -> Material:
+        """Return it as a material of the engine."""
+        reflect, reflect_map = self._light("reflect")
+        emit, emit_map = self._light("emit")
+        transmit, transmit_map = self._light("transmit")
+        return Material(
+            self.name,
+            reflect * np.float32(self.bumps),
+            emit,
+            reflectance_map=reflect_map,
+            emission_map=emit_map,
+            translucency=transmit,
+            translucency_map=transmit_map,
+            transmission=self._transmission(),
+            back=self._back() if self.has_back else None,
+        )
+
+    def _back(self) -> BackSide:
+        reflect, reflect_map = self._light("reflect", _BACK)
+        emit, emit_map = self._light("emit", _BACK)
+        return BackSide(reflect * np.float32(self.bumps), emit, reflect_map, emit_map)
+
+    def _light(self, quantity: str, rays: RayKind = BOUNCE) -> tuple[np.ndarray, Texture | None]:
+        """Return the factor, (3,) float32, and the texture of a quantity."""
+        values = self.pixels.get(Pass(quantity, rays))
+        if values is None or not values.any():
+            return np.zeros(3, np.float32), None
+        if self.is_mapped:
+            return np.ones(3, np.float32), self._texture(values)
+        through = self.pixels.get(Pass("through", rays))
+        weight = np.ones(values.shape[:2]) if through is None else 1 - through.max(axis=2)
+        weight = (weight * self._covered)[..., None]
+        total = max(float(weight.sum()), 1e-30)
+        return ((values * weight).sum(axis=(0, 1)) / total).astype(np.float32), None
+
+    def _transmission(self) -> Transmission:
+        bounce = self._transmittance(BOUNCE)
+        shadow = self._transmittance(RayKind(shadow=True)) or bounce
+        if not self.has_back:
+            return Transmission(shadow or OPAQUE, bounce or OPAQUE)
+        bounce_back = self._transmittance(_BACK)
+        shadow_back = self._transmittance(RayKind(True, True)) or bounce_back
+        sides = (shadow, bounce, shadow_back, bounce_back)
+        return Transmission(*(side or OPAQUE for side in sides))
+
+    def _transmittance(self, rays: RayKind) -> Transmittance | None:
+        """Return the transmittance of an evaluation, None if there is none."""
+        values = self.pixels.get(Pass("through", rays))
+        if values is None:
+            return None
+        covered = values[self._covered]
+        mean = covered.mean(axis=0, dtype=np.float64).astype(np.float32)
+        if not self.is_mapped or np.ptp(covered, axis=0).max() < _EQUAL:
+            return Transmittance(mean)
+        grey = np.ptp(values, axis=2).max() < _EQUAL
+        texture = self._texture(values[..., :1] if grey else values)
+        return Transmittance(scale=np.ones(3, np.float32), texture=texture)
+
+    def _texture(self, values: np.ndarray) -> Texture:
+        return Texture(self.name, np.ascontiguousarray(values), LIGHTMAP_UVS, extension="extend")
+
+    @property
+    def _covered(self) -> np.ndarray:
+        """Texels that count for means, (h, w) bool."""
+        covered = self.pixels[COVERED]
+        return covered if covered.any() else np.ones_like(covered)

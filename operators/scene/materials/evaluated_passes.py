@@ -1,0 +1,104 @@
+"""Evaluations of a material by Cycles: which ones it takes, and how their pixels become physical."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import bpy
+import numpy as np
+
+from ..slices import Slices, row_slices
+from .closures import QUANTITIES, closure_quantities
+from .engine_materials import MAX_SHARED
+from .object_nodes import Dependence
+from .ray_kinds import BOUNCE, RayKind
+from .tree_nodes import used_nodes
+
+#: The part of a texel that stops rays is black if it is smaller.
+_SMALLEST_PART = 1e-3
+
+
+class Pass(NamedTuple):
+    """One evaluation of a material.
+
+    quantity  one of `closures.QUANTITIES`
+    rays      the rays that evaluate it
+    """
+
+    quantity: str
+    rays: RayKind = BOUNCE
+
+
+#: Not evaluated: texels that faces or chart margins cover, (h, w) bool.
+COVERED = Pass("covered")
+
+#: Pixels of evaluations, (h, w, 3) float32, and COVERED.
+Pixels = dict[Pass, np.ndarray]
+
+
+def passes_of(material: bpy.types.Material, depends: Dependence, glass: bool) -> list[Pass]:
+    """Return the evaluations of a material: only quantities that can differ from 0."""
+    found: set[str] = set()
+    for node in used_nodes(material.node_tree):
+        found |= set(closure_quantities(node, glass))
+        if any(_takes_color(socket) for socket in node.inputs):
+            found.add("emit")
+    sides = (False, True) if depends.by_side else (False,)
+    passes = [
+        Pass(quantity, RayKind(back=back))
+        for back in sides
+        for quantity in QUANTITIES
+        if quantity in found and not (back and quantity == "transmit")
+    ]
+    if depends.by_ray and "through" in found:
+        passes += [Pass("through", RayKind(True, back)) for back in sides]
+    return passes
+
+
+def _takes_color(socket: bpy.types.NodeSocket) -> bool:
+    """Return True if a color is linked to a shader input: Cycles takes it as emission."""
+    return socket.type == "SHADER" and any(link.from_socket.type != "SHADER" for link in socket.links)
+
+
+def finish_passes(pixels: Pixels) -> Slices[None]:
+    """Make the quantities physical, in place, and divide them by the part of each texel that stops rays."""
+    images = {each: image for each, image in pixels.items() if each != COVERED}
+    size = len(next(iter(images.values()), ()))
+    for rows in row_slices(size, 3 * len(images) * size):
+        for image in images.values():
+            np.maximum(np.nan_to_num(image[rows]), 0, out=image[rows])
+        for back in (False, True):
+            side = {
+                each.quantity: image[rows] for each, image in images.items() if each.rays == (False, back)
+            }
+            _finish_side(side)
+        for each, image in images.items():
+            if each.rays.shadow:
+                np.minimum(image[rows], 1, out=image[rows])
+        yield rows.stop / size
+
+
+def _finish_side(side: dict[str, np.ndarray]) -> None:
+    """Finish the quantities of one side for gathered light, (h, w, 3) each, in place.
+
+    Reflected, transmitted and passing light of a channel then add up to 1 at most; see
+    `engine_materials.MAX_SHARED`.
+    """
+    scattered = [side[name] for name in ("reflect", "transmit") if name in side]
+    through, emit = side.get("through"), side.get("emit")
+    lit = [*scattered, *([] if emit is None else [emit])]
+    room, factor = np.float32(1), np.float32(1)
+    if through is not None:
+        np.minimum(through, 1, out=through)
+        for each in lit:
+            np.minimum(through, MAX_SHARED, out=through, where=each.any(axis=2, keepdims=True))
+        room = 1 - through
+        stopped = room.min(axis=2, keepdims=True)
+        factor = np.where(stopped > _SMALLEST_PART, 1 / np.maximum(stopped, _SMALLEST_PART), 0)
+    if scattered:
+        total = scattered[0] if len(scattered) == 1 else scattered[0] + scattered[1]
+        share = np.minimum(room / np.maximum(total, 1e-30), 1) * factor
+        for each in scattered:
+            each *= share
+    if emit is not None:
+        emit *= factor

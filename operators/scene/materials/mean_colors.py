@@ -1,0 +1,61 @@
+"""Mean colors for materials that neither the readers nor Cycles can evaluate."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from ....engine.scene.color import srgb_to_linear
+from ....engine.scene.model import Material
+from ...compat import node_tree
+from .closures import ADD, MIX
+from .engine_materials import Sides, to_material
+from .materials import ShaderReader
+from .pixels import PixelCache
+from .sockets import ComplexError, feeder
+from .values import Surface, Value, constant
+
+#: Reflectance of closures that cannot be read: that of an empty slot.
+_GREY = 0.8
+
+
+class _MeanReader(ShaderReader):
+    """A reader that takes the mean of images, and the unlinked value of inputs that nodes compute."""
+
+    def surface(self, socket: bpy.types.NodeSocket) -> Surface:
+        """Return what the shader linked to a socket does; grey if it is not known."""
+        try:
+            return super().surface(socket)
+        except ComplexError:
+            return self._mean_surface(feeder(socket).node)
+
+    def _mean_surface(self, node: bpy.types.Node) -> Surface:
+        """Return the mean of the shaders that a node mixes or adds, grey of any other node."""
+        inputs = {MIX: node.inputs[1:3], ADD: node.inputs[:2]}.get(node.bl_idname)
+        if inputs is None:
+            return Surface(reflect=constant(_GREY))
+        first, second = (self.surface(socket).solid() for socket in inputs)
+        part = 0.5 if node.bl_idname == MIX else 1.0
+        return first.scaled(part) + second.scaled(part)
+
+    def _value(self, socket: bpy.types.NodeSocket, channels: int) -> Value:
+        try:
+            value = super()._value(socket, channels)
+        except ComplexError:
+            own = socket.default_value
+            return constant(*list(own)[:3]) if hasattr(own, "__len__") else constant(own)
+        if value.texture is None:
+            return value
+        pixels = value.texture.pixels
+        linear = srgb_to_linear(pixels) if value.texture.srgb else pixels
+        return Value(value.constant * linear.mean(axis=(0, 1), dtype=np.float64))
+
+
+def mean_color(material: bpy.types.Material, notes: list[str], cache: PixelCache, glass: bool) -> Material:
+    """Return a material without textures, as near to it as constants and means of images are.
+
+    Raises UnreadError if an image has to be read first.
+    """
+    reader = _MeanReader(f"Material '{material.name}'", notes, cache, glass=glass)
+    output = node_tree(material).get_output_node("CYCLES")
+    return to_material(material.name, Sides(reader.surface(output.inputs["Surface"])))

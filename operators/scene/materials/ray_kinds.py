@@ -1,0 +1,48 @@
+"""Values of the Light Path and Geometry nodes for one kind of ray at one side of a surface."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import bpy
+
+_LIGHT_PATH, _GEOMETRY = "ShaderNodeLightPath", "ShaderNodeNewGeometry"
+
+#: Outputs of the Light Path node that are not 0, for shadow rays and for diffuse bounces.
+_SHADOW = {"Is Shadow Ray": 1.0, "Ray Length": 1.0}
+_BOUNCE = {
+    "Is Diffuse Ray": 1.0, "Is Reflection Ray": 1.0, "Ray Depth": 1.0, "Diffuse Depth": 1.0,
+    "Ray Length": 1.0,
+}  # fmt: skip
+
+
+class RayKind(NamedTuple):
+    """The rays that evaluate a node tree.
+
+    shadow  True for shadow rays to lights, False for gathered light
+    back    True if they meet the back of the surface
+    """
+
+    shadow: bool = False
+    back: bool = False
+
+
+#: Gathered light at the front: reflectance and emission, and transparency unless a node tells rays apart.
+BOUNCE = RayKind()
+
+
+def is_by_ray(output: bpy.types.NodeSocket) -> bool:
+    """Return True if the value of an output depends on the kind of ray."""
+    return output.node.bl_idname == _LIGHT_PATH
+
+
+def is_by_side(output: bpy.types.NodeSocket) -> bool:
+    """Return True if the value of an output depends on the side that a ray meets."""
+    return output.node.bl_idname == _GEOMETRY and output.name == "Backfacing"
+
+
+def ray_value(output: bpy.types.NodeSocket, rays: RayKind) -> float | None:
+    """Return the value of an output for a kind of ray, None if it does not depend on the ray."""
+    if is_by_ray(output):
+        return (_SHADOW if rays.shadow else _BOUNCE).get(output.name, 0.0)
+    return float(rays.back) if is_by_side(output) else None

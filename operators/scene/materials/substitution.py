@@ -1,0 +1,83 @@
+"""Closure substitution: a node tree that emits one quantity of a surface.
+
+An Emission node with the quantity replaces each closure in a copy of the tree and of its groups. Mix and Add
+Shader, groups, reroutes and all textures stay, so Cycles composes the quantity as it composes the closures.
+"""
+
+from __future__ import annotations
+
+import bpy
+
+from .closures import EMITTERS, PASSED_ON, closure_rule
+from .ray_kinds import RayKind, ray_value
+from .socket_math import SocketMath
+from .sockets import relink
+
+
+class Substitution:
+    """Changes copies of node trees for one kind of ray, and one quantity; `remove` removes copies of groups.
+
+    quantity  one of `closures.QUANTITIES`; None keeps all closures
+    rays      the Light Path and Geometry nodes become constants for it
+    glass     True if refracting closures let light pass straight through
+    """
+
+    def __init__(self, quantity: str | None, rays: RayKind, glass: bool = True) -> None:
+        self._quantity, self._rays, self._glass = quantity, rays, glass
+        self._groups: dict[bpy.types.NodeTree, bpy.types.NodeTree] = {}
+
+    def apply(self, tree: bpy.types.NodeTree) -> None:
+        """Change the tree of a copied material or world."""
+        self._change(tree)
+        output = tree.get_output_node("CYCLES")
+        if output is not None and self._quantity is not None:
+            for name in ("Volume", "Displacement"):
+                for link in list(output.inputs[name].links):
+                    tree.links.remove(link)
+
+    def remove(self) -> None:
+        """Remove the copies of groups."""
+        for group in self._groups.values():
+            bpy.data.node_groups.remove(group)
+
+    def _change(self, tree: bpy.types.NodeTree) -> None:
+        for node in list(tree.nodes):
+            self._copy_group(node)
+            if self._quantity not in (None, "emit"):
+                _remove_colors(tree, node)
+            for output in node.outputs:
+                value = ray_value(output, self._rays) if output.is_linked else None
+                if value is not None:
+                    number = tree.nodes.new("ShaderNodeValue").outputs[0]
+                    number.default_value = value
+                    relink(tree, output, number)
+            if self._quantity is not None and not node.mute:
+                self._replace(tree, node)
+
+    def _copy_group(self, node: bpy.types.Node) -> None:
+        """Let a group node use a changed copy of its group."""
+        group = getattr(node, "node_tree", None)
+        if group is None:
+            return
+        if group not in self._groups:
+            self._groups[group] = group.copy()
+            self._change(self._groups[group])
+        node.node_tree = self._groups[group]
+
+    def _replace(self, tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
+        """Replace a closure by an emission of the quantity."""
+        kept = PASSED_ON | EMITTERS if self._quantity == "emit" else PASSED_ON
+        if node.bl_idname in kept or hasattr(node, "node_tree"):
+            return
+        for output in [output for output in node.outputs if output.type == "SHADER"]:
+            rule = closure_rule(node, self._quantity, self._glass)
+            math, emission = SocketMath(tree), tree.nodes.new("ShaderNodeEmission")
+            math.assign(0.0 if rule is None else rule(math, node), emission.inputs["Color"])
+            relink(tree, output, emission.outputs[0])
+
+
+def _remove_colors(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
+    """Remove links from colors to shader inputs: Cycles takes such a color as emission."""
+    for socket in [socket for socket in node.inputs if socket.type == "SHADER"]:
+        for link in [link for link in socket.links if link.from_socket.type != "SHADER"]:
+            tree.links.remove(link)

@@ -1,0 +1,53 @@
+"""Notes about surfaces that are baked in another way than a render shows them."""
+
+from __future__ import annotations
+
+import bpy
+
+from ....engine.naming import counted, listing
+from ...compat import node_tree
+from .closures import is_glass, is_unknown
+from .sockets import feeder
+from .tree_nodes import used_nodes
+
+
+class SurfaceNotes:
+    """Collects materials that refract, that have a volume, or with closures that are not known.
+
+    glass  True if refracting closures let light pass straight through
+    """
+
+    def __init__(self, glass: bool) -> None:
+        self._glass = glass
+        self._refracting: set[str] = set()
+        self._volumes: set[str] = set()
+        self._unknown: dict[str, str] = {}
+
+    def add(self, material: bpy.types.Material | None) -> None:
+        """Examine the nodes of a material."""
+        tree = None if material is None else node_tree(material)
+        output = None if tree is None else tree.get_output_node("CYCLES")
+        if output is None:
+            return
+        if feeder(output.inputs["Volume"]).is_output:
+            self._volumes.add(material.name)
+        for node in used_nodes(tree):
+            if is_glass(node):
+                self._refracting.add(material.name)
+            if is_unknown(node):
+                self._unknown[material.name] = node.name
+
+    def sentences(self) -> list[str]:
+        """Return a note for each kind."""
+        notes = []
+        if self._refracting and self._glass:
+            count = counted(len(self._refracting), "glass material")
+            verb = "transmits" if len(self._refracting) == 1 else "transmit"
+            notes.append(listing(f"{count} {verb} light without refraction: {{}}.", sorted(self._refracting)))
+        if self._volumes:
+            notes.append(listing("The volumes of materials {} are not baked.", sorted(self._volumes)))
+        for material, node in sorted(self._unknown.items()):
+            notes.append(
+                f"Material '{material}': node '{node}' is not known and is baked black. Replace the node."
+            )
+        return notes

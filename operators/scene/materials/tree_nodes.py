@@ -1,0 +1,35 @@
+"""Nodes that contribute to the surface of a material."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bpy
+
+
+def used_nodes(tree: bpy.types.NodeTree | None) -> Iterator[bpy.types.Node]:
+    """Yield the unmuted nodes that links connect to the output of a tree, those of groups included.
+
+    Nodes of a group that is used several times come several times.
+    """
+    if tree is None:
+        return
+    waiting = _outputs(tree)
+    visited = {node.name for node in waiting}
+    while waiting:
+        node = waiting.pop()
+        if not node.mute:
+            yield node
+            yield from used_nodes(getattr(node, "node_tree", None))
+        for socket in node.inputs:
+            for link in socket.links:
+                if not link.is_muted and link.from_node.name not in visited:
+                    visited.add(link.from_node.name)
+                    waiting.append(link.from_node)
+
+
+def _outputs(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
+    """Return the nodes that a tree ends in: those of a group, else the active output for Cycles."""
+    ends = [node for node in tree.nodes if node.bl_idname == "NodeGroupOutput" and node.is_active_output]
+    output = None if ends else tree.get_output_node("CYCLES")
+    return ends if output is None else [output]

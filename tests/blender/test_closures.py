@@ -1,0 +1,204 @@
+"""Surfaces of shader trees: the readers of simple trees agree with Cycles' evaluation of any tree."""
+
+import numpy as np
+import pytest
+
+from tests.blender.things import material, part, square
+
+COLOR, OTHER = (0.25, 0.5, 0.75), (0.9, 0.3, 0.1)
+
+
+def shader_material(build):
+    """Return a material whose surface is the output socket that build(tree) returns."""
+    surface = material("Tree")
+    tree = surface.node_tree
+    tree.nodes.remove(tree.nodes["Principled BSDF"])
+    tree.links.new(build(tree), tree.get_output_node("CYCLES").inputs["Surface"])
+    return surface
+
+
+def node(tree, kind, **values):
+    """Return a new node with values of inputs, whose names have spaces for underscores."""
+    result = tree.nodes.new(f"ShaderNode{kind}")
+    for name, value in values.items():
+        socket = result.inputs[name.replace("_", " ")]
+        if hasattr(value, "is_output"):
+            tree.links.new(value, socket)
+        else:
+            is_color = hasattr(value, "__len__")
+            socket.default_value = (*value, 1)[: len(socket.default_value)] if is_color else value
+    return result
+
+
+def closure(kind, **values):
+    return lambda tree: node(tree, kind, **values).outputs[0]
+
+
+def mixed(first, second, factor=0.3):
+    """Return a builder of a Mix Shader; factor is a number or a function of the tree."""
+
+    def build(tree):
+        mix = node(tree, "MixShader")
+        for socket, shader in zip(mix.inputs[1:], (first, second), strict=True):
+            tree.links.new(shader(tree), socket)
+        if callable(factor):
+            tree.links.new(factor(tree), mix.inputs[0])
+        else:
+            mix.inputs[0].default_value = factor
+        return mix.outputs[0]
+
+    return build
+
+
+def added(first, second):
+    def build(tree):
+        add = node(tree, "AddShader")
+        for socket, shader in zip(add.inputs, (first, second), strict=True):
+            tree.links.new(shader(tree), socket)
+        return add.outputs[0]
+
+    return build
+
+
+def grouped(inner):
+    """Return a builder of a node group around a shader, which a reroute leads out of."""
+
+    def build(tree):
+        import bpy
+
+        group = bpy.data.node_groups.new("Inner", "ShaderNodeTree")
+        group.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
+        group.links.new(inner(group), group.nodes.new("NodeGroupOutput").inputs[0])
+        outer, reroute = tree.nodes.new("ShaderNodeGroup"), tree.nodes.new("NodeReroute")
+        outer.node_tree = group
+        tree.links.new(outer.outputs[0], reroute.inputs[0])
+        return reroute.outputs[0]
+
+    return build
+
+
+def output_of(kind, name):
+    return lambda tree: node(tree, kind).outputs[name]
+
+
+def constants(result):
+    """Return the constants of a material without textures by name, (3,) float32."""
+    sides = ("shadow", "bounce", "shadow_back", "bounce_back")
+    transmission = {name: getattr(result.transmission, name) for name in sides}
+    assert not any(side and (side.texture or side.scale.any()) for side in transmission.values())
+    values = {name: getattr(result, name) for name in ("reflectance", "emission", "translucency")}
+    if result.back is not None:
+        values |= {"back": result.back.reflectance, "back_emission": result.back.emission}
+    passed = {name: side.offset for name, side in transmission.items() if side is not None}
+    return values | passed
+
+
+def read(surface, glass=True):
+    """Return what the readers make of a material."""
+    tree_of = part("operators.scene.materials.object_nodes").dependence(surface.node_tree)
+    cache = part("operators.scene.materials.pixels").PixelCache([])
+    reader = part("operators.scene.materials.materials").read_material
+    return constants(reader(surface, [], cache, None, tree_of, glass))
+
+
+def evaluated(surface, glass=True):
+    """Return what Cycles makes of a material on a square."""
+    import bpy
+
+    baker = part("operators.scene.materials.shader_bake")
+    passes = part("operators.scene.materials.evaluated_passes")
+    depends = part("operators.scene.materials.object_nodes").dependence(surface.node_tree)
+    obj, depsgraph = square(surface=surface), bpy.context.evaluated_depsgraph_get()
+    shape = baker.copy_shape(obj.evaluated_get(depsgraph), "Lightmap", np.eye(4), depsgraph, [surface])
+    assert baker.lay_lightmap_uvs(shape.mesh, "Lightmap", None)
+    pixels = {}
+    try:
+        for each in passes.passes_of(surface, depends, glass):
+            pixels[each], pixels[passes.COVERED] = baker.bake_pass(each, surface, [shape], 13, glass)
+    finally:
+        baker.remove_shapes([shape])
+        bpy.data.objects.remove(obj)
+    part("engine.progress").finished(passes.finish_passes(pixels))
+    made = part("operators.scene.materials.evaluated_materials").EvaluatedMaterial
+    return constants(made("Tree", pixels, 1.0, depends.by_side, False).material())
+
+
+DIFFUSE, CLEAR = closure("BsdfDiffuse", Color=COLOR), closure("BsdfTransparent", Color=(1, 1, 1))
+TINT, GLOW = closure("BsdfTransparent", Color=OTHER), closure("Emission", Color=OTHER, Strength=3.0)
+GLASS = closure("BsdfGlass", Color=COLOR, IOR=1.45)
+WINDOW = 1 - (0.45 / 2.45) ** 2
+HALF_GLASS = {"Transmission Weight": 0.5, "Metallic": 0.25, "Alpha": 0.8, "Emission Strength": 2.0}
+IS_CAMERA = output_of("LightPath", "Is Camera Ray")
+IS_SHADOW = output_of("LightPath", "Is Shadow Ray")
+BACKFACING = output_of("NewGeometry", "Backfacing")
+
+TREES = {
+    "glass": GLASS,
+    "refraction": closure("BsdfRefraction", Color=COLOR),
+    "tinted": TINT,
+    "translucent": closure("BsdfTranslucent", Color=COLOR),
+    "toon_and_subsurface": mixed(
+        closure("BsdfToon", Color=COLOR), closure("SubsurfaceScattering", Color=OTHER), 0.25
+    ),
+    "principled": closure("BsdfPrincipled", Base_Color=COLOR, Emission_Color=OTHER, **HALF_GLASS),
+    "principled_glass": closure("BsdfPrincipled", Base_Color=COLOR, IOR=1.45, Transmission_Weight=1.0),
+    "curtain": mixed(DIFFUSE, closure("BsdfTranslucent", Color=OTHER), 0.5),
+    "tinted_sheet": mixed(DIFFUSE, TINT, 0.5),
+    "glow": added(CLEAR, GLOW),
+    "bright_sum": added(DIFFUSE, closure("BsdfTransparent", Color=COLOR)),
+    "holdout": mixed(closure("Holdout"), GLOW, 0.4),
+    "camera_only": mixed(DIFFUSE, CLEAR, IS_CAMERA),
+    "unlit": mixed(CLEAR, GLOW, IS_CAMERA),
+    "window_portal": mixed(GLASS, CLEAR, IS_SHADOW),
+    "one_sided": mixed(GLOW, CLEAR, BACKFACING),
+    "two_sided_portal": mixed(mixed(DIFFUSE, GLOW, BACKFACING), CLEAR, IS_SHADOW),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", TREES)
+def test_a_reader_agrees_with_cycles(name):
+    surface = shader_material(TREES[name])
+    fast, general = read(surface), evaluated(surface)
+    assert fast.keys() == general.keys()
+    for quantity in fast:
+        assert fast[quantity] == pytest.approx(general[quantity], rel=2e-3, abs=2e-4), quantity
+
+
+def test_glass_is_opaque_without_its_setting():
+    surface = shader_material(mixed(GLASS, DIFFUSE, 0.5))
+    for values in (read(surface, glass=False), evaluated(surface, glass=False)):
+        assert values["bounce"] == pytest.approx(0)
+        assert values["reflectance"] == pytest.approx(np.array(COLOR) / 2, abs=1e-4)
+    assert read(surface)["shadow"] == pytest.approx(np.array(COLOR) * WINDOW / 2, abs=1e-4)
+
+
+def test_quantities_of_a_tinted_sheet_belong_to_its_opaque_part():
+    values = read(shader_material(TREES["tinted_sheet"]))
+    assert values["bounce"] == pytest.approx(np.array(OTHER) / 2)
+    assert values["reflectance"] == pytest.approx(np.array(COLOR) / 2 / (1 - 0.45))
+    assert read(shader_material(TREES["glow"]))["emission"] == pytest.approx(np.array(OTHER) * 3 * 64)
+
+
+def test_constants_stand_for_kinds_of_rays():
+    unlit = read(shader_material(TREES["unlit"]))
+    assert unlit["bounce"].tolist() == unlit["shadow"].tolist() == [1, 1, 1] and not unlit["emission"].any()
+    seen = read(shader_material(TREES["camera_only"]))
+    assert not seen["bounce"].any() and seen["reflectance"] == pytest.approx(COLOR)
+    portal = read(shader_material(TREES["window_portal"]))
+    assert portal["shadow"].tolist() == [1, 1, 1]
+    assert portal["bounce"] == pytest.approx(np.array(COLOR) * WINDOW)
+    panel = read(shader_material(TREES["one_sided"]))
+    assert panel["bounce_back"].tolist() == [1, 1, 1] and not panel["bounce"].any()
+    assert panel["emission"] == pytest.approx(np.array(OTHER) * 3) and not panel["back_emission"].any()
+
+
+def test_groups_are_evaluated_by_cycles():
+    surface = shader_material(grouped(grouped(TREES["two_sided_portal"])))
+    assert surface.node_tree.nodes.get("Group") is not None
+    with pytest.raises(part("operators.scene.materials.sockets").ComplexError) as error:
+        read(surface)
+    assert error.value.node == "Group"
+    expected, measured = read(shader_material(TREES["two_sided_portal"])), evaluated(surface)
+    assert expected.keys() == measured.keys()
+    for quantity in expected:
+        assert measured[quantity] == pytest.approx(expected[quantity], rel=2e-3, abs=2e-4), quantity

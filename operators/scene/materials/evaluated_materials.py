@@ -88,6 +88,8 @@ class EvaluatedMaterial:
             return None
         covered = values[self._covered]
         mean = covered.mean(axis=0, dtype=np.float64).astype(np.float32)
+        if np.ptp(mean) < _EQUAL:
+            mean[:] = mean[0]
         if not self.is_mapped or np.ptp(covered, axis=0).max() < _EQUAL:
             return Transmittance(mean)
         grey = np.ptp(values, axis=2).max() < _EQUAL

@@ -7,6 +7,7 @@ from collections import Counter
 import bpy
 
 from ...compat import node_tree
+from ..scene_context import SceneContext
 from .visible import visible_objects
 
 #: Objects without faces that may look like a surface in a render.
@@ -16,7 +17,7 @@ _KINDS = {
 }
 
 
-def note_skipped(context: bpy.types.Context, notes: list[str]) -> None:
+def note_skipped(context: SceneContext, notes: list[str]) -> None:
     """Append a note for each kind of object, and for the world's volume, that a bake leaves out."""
     visible = visible_objects(context)
     counts = Counter(obj.type for obj in visible)
@@ -24,8 +25,8 @@ def note_skipped(context: bpy.types.Context, notes: list[str]) -> None:
     if parts:
         are = "are" if sum(counts[kind] for kind in _KINDS) > 1 else "is"
         notes.append(f"{_enumerate(parts)} {are} not baked.")
-    if _has_volume(context.scene.world):
-        notes.append(f"World '{context.scene.world.name}': its volume is not baked.")
+    if _has_volume(context.world):
+        notes.append(f"World '{context.world.name}': its volume is not baked.")
 
 
 def _has_volume(world: bpy.types.World | None) -> bool:

@@ -202,3 +202,41 @@ def test_groups_are_evaluated_by_cycles():
     assert expected.keys() == measured.keys()
     for quantity in expected:
         assert measured[quantity] == pytest.approx(expected[quantity], rel=2e-3, abs=2e-4), quantity
+
+
+def test_a_thin_wall_transmits_diffuse_light():
+    surface = shader_material(
+        closure("BsdfPrincipled", Base_Color=COLOR, Subsurface_Weight=0.75, Transmission_Weight=0.5, IOR=1.45)
+    )
+    inputs = surface.node_tree.nodes["Principled BSDF"].inputs
+    if "Thin Wall" not in inputs:
+        pytest.skip("Blender 5.2 introduced Thin Wall")
+    inputs["Thin Wall"].default_value, inputs["Subsurface Anisotropy"].default_value = True, 0.2
+    fast, general = read(surface), evaluated(surface)
+    assert fast["bounce"] == pytest.approx(np.array(COLOR) / 2 * WINDOW**2)
+    diffuse = np.array(COLOR) / 2 / (1 - fast["bounce"].max())
+    assert fast["translucency"] == pytest.approx(diffuse * 0.75 * 0.6)
+    assert fast["reflectance"] == pytest.approx(diffuse * (1 - 0.75 * 0.6))
+    for quantity in fast:
+        assert fast[quantity] == pytest.approx(general[quantity], rel=2e-3, abs=2e-4), quantity
+
+
+def test_nodes_that_are_not_connected_cost_no_evaluation():
+    surface = shader_material(grouped(TINT))
+    tree = surface.node_tree
+    muted = node(tree, "BsdfDiffuse")
+    muted.mute = True
+    node(tree, "Emission")
+    depends = part("operators.scene.materials.object_nodes").dependence(tree)
+    passes = part("operators.scene.materials.evaluated_passes").passes_of(surface, depends, True)
+    assert [each.quantity for each in passes] == ["through"]
+    metal = shader_material(grouped(closure("BsdfGlossy")))
+    assert not part("operators.scene.materials.evaluated_passes").passes_of(metal, depends, True)
+
+
+def test_unknown_closures_are_named():
+    surface = shader_material(mixed(closure("EeveeSpecular"), DIFFUSE))
+    notes = part("operators.scene.materials.surface_notes").SurfaceNotes(True)
+    notes.add(surface)
+    (note,) = notes.sentences()
+    assert "'Tree'" in note and "'Specular BSDF'" in note

@@ -19,9 +19,6 @@ QUANTITIES = ("reflect", "emit", "through", "transmit")
 PRINCIPLED, MIX, ADD = "ShaderNodeBsdfPrincipled", "ShaderNodeMixShader", "ShaderNodeAddShader"
 GLASS, REFRACTION = "ShaderNodeBsdfGlass", "ShaderNodeBsdfRefraction"
 
-#: Nodes that pass shaders on.
-PASSED_ON = frozenset({MIX, ADD, "NodeReroute", "NodeGroupInput"})
-
 #: Closures that emit.
 EMITTERS = frozenset({"ShaderNodeEmission", "ShaderNodeBackground"})
 
@@ -67,12 +64,17 @@ def is_glass(node: bpy.types.Node) -> bool:
     return node.bl_idname in {GLASS, REFRACTION}
 
 
+def passes_shaders(node: bpy.types.Node) -> bool:
+    """Return True if a node hands on other shaders, as Mix and Add Shader, groups and reroutes do."""
+    is_group = hasattr(node, "node_tree") or node.bl_idname == "NodeGroupInput"
+    return is_group or any(socket.type == "SHADER" for socket in node.inputs)
+
+
 def is_unknown(node: bpy.types.Node) -> bool:
-    """Return True if a node is a closure that is neither in a formula nor dark."""
-    has_shader = any(output.type == "SHADER" for output in node.outputs)
-    known = DARK | EMITTERS | PASSED_ON | {closure for rules in _RULES.values() for closure in rules}
-    known |= _THROUGH.keys() | _GLASS.keys()
-    return has_shader and node.bl_idname not in known and not hasattr(node, "node_tree")
+    """Return True if a node is a closure that neither has a formula nor is dark."""
+    if passes_shaders(node) or not any(output.type == "SHADER" for output in node.outputs):
+        return False
+    return not any(node.bl_idname in rules for rules in (DARK, EMITTERS, _THROUGH, _GLASS, *_RULES.values()))
 
 
 def _principled_has(node: bpy.types.Node, quantity: str, glass: bool) -> bool:

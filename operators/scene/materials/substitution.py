@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import bpy
 
-from .closures import EMITTERS, PASSED_ON, closure_rule
+from .closures import EMITTERS, closure_rule, passes_shaders
 from .ray_kinds import RayKind, ray_value
 from .socket_math import SocketMath
 from .sockets import relink
@@ -66,8 +66,8 @@ class Substitution:
 
     def _replace(self, tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
         """Replace a closure by an emission of the quantity."""
-        kept = PASSED_ON | EMITTERS if self._quantity == "emit" else PASSED_ON
-        if node.bl_idname in kept or hasattr(node, "node_tree"):
+        emits = self._quantity == "emit" and node.bl_idname in EMITTERS
+        if emits or passes_shaders(node):
             return
         for output in [output for output in node.outputs if output.type == "SHADER"]:
             rule = closure_rule(node, self._quantity, self._glass)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .model import Scene, shining_lights
+from .model import Scene, emits, shining_lights
 
 #: The group of all light that is in no other one.
 UNGROUPED = "Ungrouped"
@@ -52,7 +52,7 @@ def light_groups(scene: Scene) -> LightGroups:
 def _shining(scene: Scene) -> list[str]:
     """Return the names of the groups of all that gives light."""
     groups = [light.light_group for light in shining_lights(scene)]
-    shines = np.array([material.emission.any() for material in scene.materials], bool)
+    shines = np.array([emits(material) for material in scene.materials], bool)
     groups += [mesh.light_group for mesh in scene.meshes if shines[mesh.material].any()]
     return groups + [scene.world_light_group] * bool(scene.world.any())
 

@@ -177,3 +177,17 @@ def shining_lights(scene: Scene) -> tuple[Light, ...]:
 def masked_lights(scene: Scene) -> tuple[Light, ...]:
     """Return the lamps that give light and have a shadow mask, in the order of `shining_lights`."""
     return tuple(light for light in shining_lights(scene) if not light.of_world)
+
+
+def emits(material: Material) -> bool:
+    """Return True if a side of a material emits light."""
+    back = material.back
+    return bool(material.emission.any() or (back is not None and back.emission.any()))
+
+
+def without_emission(material: Material) -> Material:
+    """Return a material that emits nothing at either side."""
+    black, back = np.zeros_like(material.emission), material.back
+    if back is not None:
+        back = replace(back, emission=black, emission_map=None)
+    return replace(material, emission=black, emission_map=None, back=back)

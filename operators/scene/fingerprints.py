@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...engine.scene.model import Light, Material
+from ...engine.scene.model import Light, Material, emits
 from .place import Place
 from .scene_objects import Reading
 from .slices import Slices, row_slices
@@ -44,7 +44,7 @@ def find_fingerprints(
             shapes[id(shape)] = yield from _digest_of((shape.corners, shape.slots))
         parts = (shapes[id(shape)], *(looks[index] for index in used), reading.matrix, place)
         own.append((yield from _digest_of(parts)))
-        if any(materials[index].emission.any() for index in used):
+        if any(emits(materials[index]) for index in used):
             shining.append(own[-1] + reading.light_group.encode())
     light = _digest(b"".join(shining))
     return [

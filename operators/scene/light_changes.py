@@ -11,7 +11,7 @@ from ...engine.finish.outputs import SIGNED_MAPS, is_of_light_group
 from ...engine.lightmap import Lightmap
 from ...engine.scene.digests import same_values
 from ...engine.scene.light_groups import light_group_names
-from ...engine.scene.model import OCCLUDER, Scene
+from ...engine.scene.model import OCCLUDER, Scene, without_emission
 from ...engine.settings import Settings
 from .read import ReadScene
 from .targets import source_of
@@ -76,10 +76,7 @@ def differing_lights(before: Scene, now: Scene) -> tuple[Scene, Scene] | None:
 def _lit_by_others(scene: Scene, other: Scene) -> Scene:
     """Return a scene with no other light than of lamps that another scene does not have."""
     lamps = (lamp for lamp in scene.lights if not any(same_values(lamp, known) for known in other.lights))
-    dark = (
-        replace(material, emission=np.zeros_like(material.emission), emission_map=None)
-        for material in scene.materials
-    )
+    dark = map(without_emission, scene.materials)
     world = np.zeros_like(scene.world)
     return replace(scene, lights=tuple(lamps), materials=tuple(dark), world=world)
 

@@ -32,8 +32,12 @@ class Sides:
     shadow_back: Surface | None = None
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def to_material(name: str, sides: Sides) -> Material:
-    """Return a surface as the engine's material; raises ComplexError for a threshold on tinted light."""
+    """Return a surface as the engine's material; raises ComplexError for a threshold on tinted light.
+
+    Values that are no finite numbers stay so: `engine.scene.checks` rejects them.
+    """
     front = _physical(sides.bounce)
     transmission = Transmission(
         shadow=_transmittance(front if sides.shadow is None else sides.shadow),
@@ -91,7 +95,7 @@ def _physical(surface: Surface) -> Surface:
 
     Reflected, transmitted and passing light of a channel add up to 1 at most, before that division.
     """
-    if surface.cover.is_zero:
+    if surface.cover.constant.max() <= 0:
         return HOLE
     through = np.clip(surface.through, 0.0, 1.0)
     reflect, transmit = _not_negative(surface.reflect), _not_negative(surface.transmit)

@@ -75,7 +75,7 @@ def test_a_world_is_read_as_bounces_see_it(monkeypatch):
     """Camera rays see a bright color, bounces another one, also where Blender has to render the world."""
     import bpy
 
-    monkeypatch.setattr(part("operators.scene.light.panorama"), "_ROWS", 8)
+    monkeypatch.setattr(part("operators.scene.light.refined_panorama"), "_ROWS", (32, 64))
 
     square(surface=material())
     world = bpy.context.scene.world = bpy.data.worlds.new("World")

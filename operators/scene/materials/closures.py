@@ -64,6 +64,11 @@ def is_glass(node: bpy.types.Node) -> bool:
     return node.bl_idname in {GLASS, REFRACTION}
 
 
+def is_hair(node: bpy.types.Node) -> bool:
+    """Return True if a node is a closure of strands."""
+    return node.bl_idname in _HAIR
+
+
 def passes_shaders(node: bpy.types.Node) -> bool:
     """Return True if a node hands on other shaders, as Mix and Add Shader, groups and reroutes do."""
     is_group = hasattr(node, "node_tree") or node.bl_idname == "NodeGroupInput"

@@ -49,14 +49,18 @@ class DeviceFit:
         self._reserve(1)
 
     def _reserve(self, images: int) -> None:
-        """Have memory for so many images."""
+        """Have memory for so many images; kernels write most of it before they read it."""
         compute, count, seams = self._compute, int(self._count), max(1, self._equations.seams)
         names = ("right", "solution", "residual", "direction", "change", "low", "high")
-        self._images, self._vectors = images, {name: zeros(compute, 16 * count * images) for name in names}
-        self._products, self._more_products = (zeros(compute, 16 * seams * images) for _ in range(2))
-        self._held = zeros(compute, words_of(count * images))
-        self._run_numbers, self._all_points = zeros(compute, 64 * images), zeros(compute, 32 * images)
-        self._sums = zeros(compute, 16 * self._groups * images)
+        self._images, self._vectors = images, {name: self._buffer(16 * count * images) for name in names}
+        self._products, self._more_products = (self._buffer(16 * seams * images) for _ in range(2))
+        self._held, self._run_numbers = zeros(compute, words_of(count * images)), zeros(compute, 64 * images)
+        self._all_points = self._buffer(32 * images)
+        self._sums = self._buffer(16 * self._groups * images)
+
+    def _buffer(self, size: int) -> cl.Buffer:
+        """Return a buffer of `size` bytes whose contents are undefined."""
+        return cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, size)
 
     def fit(self, images: cl.Buffer, light: cl.Buffer, largest: Sequence[float]) -> None:
         """Give the unknown texels of images their values.

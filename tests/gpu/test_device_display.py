@@ -4,9 +4,10 @@ from functools import partial
 from itertools import pairwise
 
 import numpy as np
+import pyopencl as cl
 import pytest
 
-from engine.device.buffers import download, upload_float4
+from engine.device.buffers import download, upload, upload_float4
 from engine.device.compute import Compute
 from engine.direct.contact import NearFaces
 from engine.finish import device_images
@@ -120,6 +121,26 @@ def test_bake_after_bake_gives_the_same_bits(compute: Compute) -> None:
     texels, values = lit(case, 3)
     images = [DeviceDisplay(compute, *case).images(texels, values) for _ in range(2)]
     assert (images[0].view(np.uint32) == images[1].view(np.uint32)).all()
+
+
+@pytest.mark.parametrize("seed", [0, 3, 5])
+@pytest.mark.parametrize("before", [0x00, 0x7F, 0xFF])
+def test_what_memory_held_before_does_not_matter(
+    compute: Compute, monkeypatch: pytest.MonkeyPatch, seed: int, before: int
+) -> None:
+    """Bytes 0xFF are NaN."""
+    case = strips(seed)
+    texels, values = lit(case, seed)
+    expected = DeviceDisplay(compute, *case).images(texels, values)
+    used = []
+
+    def full(fit: DeviceFit, size: int) -> cl.Buffer:
+        used.append(size)
+        return upload(compute, np.full(size, before, np.uint8))
+
+    monkeypatch.setattr(DeviceFit, "_buffer", full)
+    made = DeviceDisplay(compute, *case).images(texels, values)
+    assert len(used) >= 11 and (made.view(np.uint32) == expected.view(np.uint32)).all()
 
 
 def test_nothing_known_stays_black_and_nothing_to_fit_keeps_its_bits(compute: Compute) -> None:

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Generator
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 import bpy
 
@@ -22,7 +23,8 @@ from .lookup import find_all
 from .result.preview import refresh_preview
 from .result.shown_images import image_names
 from .run import ATTEMPTS, Bake, Run, Steps
-from .scene import SceneChangedError, read_lamps, read_scene, store_edits, visible_meshes
+from .scene import SceneChangedError, read_lamps, read_moved, read_scene, store_edits, visible_meshes
+from .scene.objects.render_differences import uses_render
 from .scene.units import texels_per_unit
 from .scene.uvs.uv_modifier import has_uvs
 from .worker_owner import owner
@@ -159,6 +161,9 @@ class LiveRun(Run):
         takes, waits = not (self.ending or self.outdated or self.undone), self._waits
         if takes and self._watch.objects and not waits:
             yield from self._send(True)
+        elif takes and self._watch.moved and not waits:
+            # Meshes of renders are read when the light has settled: each reading stops the window.
+            yield from self._send(not uses_render(self._context))
         elif takes and self._watch.lamps:
             yield from self._send(False)
         elif self.resting and self._guessed and not waits:
@@ -170,18 +175,20 @@ class LiveRun(Run):
         return self._read.triangles > _FEW and _timeline_plays()
 
     def _send(self, everything: bool) -> Steps:
-        """Read the scene, or its lamps alone, and send the worker what is other than it was.
+        """Read the scene, or only its lamps and where objects are; send the worker what is other than it was.
 
-        What lamps change is read at once; all else is read again when the light has settled.
+        What these change is read at once; all else is read again when the light has settled.
         """
+        moved = frozenset[int]() if self._waits else frozenset(self._watch.moved)
         if everything:
             refresh_preview(
                 self._context.scene, self._context.evaluated_depsgraph_get(), self._watch.materials
             )
             store_edits(self._context, self._baked())
             self._watch.clear()
-        self._watch.clear_lamps()
-        if not (yield from self._settled_reading(self._reading if everything else self._reading_lamps)):
+        self._watch.clear_moves()
+        moves = partial(self._reading_moves, moved)
+        if not (yield from self._settled_reading(self._reading if everything else moves)):
             self._watch.objects = True
             return
         self._guessed = not everything
@@ -226,10 +233,14 @@ class LiveRun(Run):
         """Return the objects that get a lightmap: those with lightmap UVs."""
         return [obj for obj in visible_meshes(self._context) if has_uvs(obj, self._uv_layer)]
 
-    def _reading_lamps(self, hurried: bool) -> Steps:
-        """Read the lamps, and take all else as it was."""
+    def _reading_moves(self, moved: frozenset[int], hurried: bool) -> Steps:
+        """Read the lamps and where objects are that have moved, and take all else as it was."""
         scene = yield from read_lamps(self._context, self._read.scene, hurried)
         self._read = replace(self._read, scene=scene)
+        if moved:
+            read = read_moved(self._context, self._read, moved)
+            self._watch.objects |= read is None
+            self._read = read or self._read
 
     @property
     def undone(self) -> bool:

@@ -27,7 +27,8 @@ class LiveWatch:
     Beside that it has files saved with what is shown: `saving` is called before, `saved` after that.
 
     lamps      True once lamps have changed, or were moved
-    objects    True once anything else has that the light may depend on
+    moved      session uids of objects that were moved
+    objects    True once anything else has changed that the light may depend on
     materials  session uids of the materials that have
     undone     True once an undo has taken back that objects show their lightmaps
     """
@@ -54,7 +55,7 @@ class LiveWatch:
     @property
     def changed(self) -> bool:
         """True once something has changed that the light may depend on."""
-        return self.lamps or self.objects
+        return self.lamps or self.objects or bool(self.moved)
 
     def begin(self) -> None:
         """Listen to what changes from now on."""
@@ -65,13 +66,15 @@ class LiveWatch:
         """Listen no more."""
         self._handlers.end()
 
-    def clear_lamps(self) -> None:
-        """Take the lamps as they are."""
+    def clear_moves(self) -> None:
+        """Take the lamps, and where objects are, as they are."""
         self.lamps = False
+        self.moved: set[int] = set()
 
     def clear(self) -> None:
         """Take the scene as it is."""
-        self.lamps = self.objects = False
+        self.clear_moves()
+        self.objects = False
         self.materials: set[int] = set()
 
     def _note_update(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
@@ -80,6 +83,8 @@ class LiveWatch:
         for update in depsgraph.updates:
             if _is_lamp(update.id):
                 self.lamps = True
+            elif _only_moves(update):
+                self.moved.add(update.id.original.session_uid)
             elif _matters(update):
                 self.objects = True
             if isinstance(update.id, bpy.types.Material):
@@ -101,6 +106,12 @@ class LiveWatch:
 
 def _is_lamp(item: bpy.types.ID) -> bool:
     return isinstance(item, bpy.types.Light) or getattr(item, "type", None) == "LIGHT"
+
+
+def _only_moves(update: bpy.types.DepsgraphUpdate) -> bool:
+    """Return True if an object was moved and is otherwise as it was."""
+    others = update.is_updated_geometry or update.is_updated_shading
+    return isinstance(update.id, bpy.types.Object) and update.is_updated_transform and not others
 
 
 def _matters(update: bpy.types.DepsgraphUpdate) -> bool:

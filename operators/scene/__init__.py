@@ -3,6 +3,7 @@
 from .objects.instancing import visible_meshes
 from .read import ReadScene, read_scene, store_edits
 from .read_lamps import read_lamps
+from .read_moved import read_moved
 from .scene_context import SceneContext
 from .scene_watch import SceneChangedError
 
@@ -11,6 +12,7 @@ __all__ = [
     "SceneChangedError",
     "SceneContext",
     "read_lamps",
+    "read_moved",
     "read_scene",
     "store_edits",
     "visible_meshes",

@@ -43,6 +43,20 @@ Entry = tuple[int, Place] | tuple[int, str, tuple[int, ...], Place]
 
 
 @dataclass(frozen=True)
+class Placed:
+    """The object or instance that a mesh of a scene belongs to.
+
+    source     session uid of the object that is shown
+    instancer  session uid of the object that makes the instance, None for an object
+    matrix     (4, 4) float64, object space to world space
+    """
+
+    source: int
+    instancer: int | None
+    matrix: np.ndarray
+
+
+@dataclass(frozen=True)
 class ReadScene:
     """A scene ready for the engine.
 
@@ -50,6 +64,7 @@ class ReadScene:
     notes         sentences for the user
     fingerprints  of each object that has entries, by session uid; see `find_fingerprints`
     uv_digests    of the lightmap UVs of the same objects, if they show them; see `uv_digest.digest_of`
+    placed        of each mesh of the scene
     """
 
     scene: Scene
@@ -57,6 +72,7 @@ class ReadScene:
     notes: tuple[str, ...]
     fingerprints: dict[int, str] = field(default_factory=dict)
     uv_digests: dict[int, str] = field(default_factory=dict)
+    placed: tuple[Placed, ...] = ()
 
     @property
     def objects(self) -> tuple[tuple[int, Place], ...]:
@@ -213,9 +229,10 @@ class _SceneReading:
         entries = tuple(
             _entry(reading, place) for reading, place in zip(self._readings, self._places, strict=True)
         )
+        placed = tuple(Placed(each.source, each.instancer, each.matrix) for each in self._readings)
         return ReadScene(
-            scene, entries, (*self._notes, *self._skipped), fingerprints, self._uv_digests()
-        )  # fmt: skip
+            scene, entries, (*self._notes, *self._skipped), fingerprints, self._uv_digests(), placed
+        )
 
     def _uv_digests(self) -> dict[int, str]:
         """Return the digest of the lightmap UVs of each object that gets a lightmap.

@@ -10,6 +10,8 @@ from ...engine.scene.model import Scene
 from .faults import without_faults
 from .light.lights import Lamps
 from .objects.evaluation import Evaluation
+from .objects.render_differences import is_instancer
+from .objects.visible import visible_objects
 from .scene_context import SceneContext
 from .scene_watch import SceneWatch
 from .slices import Slices
@@ -35,7 +37,8 @@ def _progress(said: float | str | None) -> Progress:
 def _read(watch: SceneWatch, scene: Scene) -> Slices[Scene]:
     notes: list[str] = []
     lamps = Lamps(notes)
-    watch.evaluate(lambda evaluation: _add_lamps(evaluation, watch.visible, lamps))
+    sources = [obj for obj in visible_objects(watch.context) if obj.type == "LIGHT" or is_instancer(obj)]
+    watch.evaluate(lambda evaluation: _add_lamps(evaluation, watch.visible, lamps), sources)
     suns = (light for light in scene.lights if light.of_world)
     lights = (*(yield from lamps.finish(scene.origin, watch)), *suns)
     return (yield from without_faults(replace(scene, lights=lights), notes))

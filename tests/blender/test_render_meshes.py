@@ -460,3 +460,30 @@ def test_materials_that_cycles_evaluates_are_read_on_meshes_of_renders():
     assert np.array_equal(read_scene().scene.materials[0].reflectance_map.pixels, rendered)
     obj.modifiers[0].show_viewport = obj.modifiers[0].show_render = False
     assert not np.allclose(read_scene().scene.materials[0].reflectance_map.pixels, rendered, atol=0.02)
+
+
+def test_moved_objects_are_where_a_whole_reading_has_them():
+    import bpy
+
+    moved_read = part("operators.scene").read_moved
+    first, mirrored, still = subdivided("First")[0], square("Mirrored"), square("Still")
+    child = square("Child")
+    child.parent, child.location = first, (3, 1, 2)
+    still.location = (900, 70, 7)
+    before = read_scene()
+    first.rotation_euler, first.scale = (0.3, 0.2, 0.1), (1, 2, 0.5)
+    mirrored.location, mirrored.scale = (5, 0, 0.1), (-1, 1, 1)
+    uids = {obj.session_uid for obj in (first, mirrored, child)}
+    bpy.context.view_layer.update()
+    moved, whole = moved_read(context(), before, uids), read_scene()
+    for one, other in zip(moved.scene.meshes, whole.scene.meshes, strict=True):
+        np.testing.assert_allclose(
+            one.positions + moved.scene.origin, other.positions + whole.scene.origin, atol=1e-3
+        )
+        np.testing.assert_allclose(one.normals, other.normals, atol=1e-5)
+        assert one.name == other.name
+    assert [placed.matrix.tolist() for placed in moved.placed] == [
+        placed.matrix.tolist() for placed in whole.placed
+    ]
+    first.scale.z = 0
+    assert moved_read(context(), before, uids) is None

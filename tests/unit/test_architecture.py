@@ -18,9 +18,10 @@ ORDERS = {
         "progress", "errors", "short_rows", "runs", "segment_sums", "portable", "slabs",
     ],
     "operators/scene": [
-        "__init__", "overlaps", "light_changes", "targets", "density", "read", "read_lamps", "read_stages",
-        "fingerprints", "faults", "world_mesh", "places", "crowds", "place", "tiles", "scene_objects",
-        "light", "materials", "uvs", "scene_watch", "objects", "messages", "scene_context", "slices", "units",
+        "__init__", "overlaps", "light_changes", "targets", "density", "read_moved", "read", "read_lamps",
+        "read_stages", "fingerprints", "faults", "world_mesh", "places", "crowds", "place", "tiles",
+        "scene_objects", "light", "materials", "uvs", "scene_watch", "objects", "messages", "scene_context",
+        "slices", "units",
     ],
 }  # fmt: skip
 

@@ -41,7 +41,8 @@ class RealisedScene:
     """
 
     def __init__(self, context: bpy.types.Context, read, resolution: int) -> None:
-        self._items = importlib.import_module(f"{MODULE}.operators.scene.objects.items")
+        self._read = importlib.import_module(f"{MODULE}.operators.scene.objects.evaluation")
+        self._context = importlib.import_module(f"{MODULE}.operators.scene.scene_context")
         self._visible = importlib.import_module(f"{MODULE}.operators.scene.objects.visible")
         self._evaluation = importlib.import_module(f"{MODULE}.operators.scene.materials.shader_bake")
         self._layers = importlib.import_module(f"{MODULE}.operators.scene.uvs.lightmap_layer")
@@ -59,18 +60,18 @@ class RealisedScene:
         self.seconds = 0.0
         places = dict(read.objects)
         places |= {(uid, number): place for uid, _, number, place in read.instances}
-        depsgraph = context.evaluated_depsgraph_get()
         visible = {obj.session_uid for obj in self._visible.visible_objects(context)}
-        for item in self._items.scene_items(depsgraph, visible):
-            if item.object.type == "LIGHT":
-                self._add(item, item.object.data.original.copy())
-            elif item.object.type == "MESH" and not _ignored(item):
+        where = self._context.SceneContext(context)
+        for item, mesh in self._read.evaluate(where, lambda evaluation: _copies(evaluation, visible)):
+            if mesh is None:
+                self._add(item, item.source.data.copy())
+            else:
                 key = (
                     item.source.session_uid
                     if item.instancer is None
                     else (item.instancer.session_uid, item.persistent_id)
                 )
-                self._add_mesh(item, places.get(key), depsgraph)
+                self._add_mesh(item, mesh, places.get(key))
 
     def bake(self, samples: int, seed: int, device: str = "CPU", persistent: bool = False) -> np.ndarray:
         """Return E/pi of every atlas, (atlases, h, w, 4) float32; alpha is 0 where nothing is baked.
@@ -134,11 +135,8 @@ class RealisedScene:
         obj.matrix_parent_inverse = Matrix(item.matrix.tolist())
         return obj
 
-    def _add_mesh(self, item, place, depsgraph) -> None:
+    def _add_mesh(self, item, mesh: bpy.types.Mesh, place) -> None:
         """Add a copy of an evaluated mesh; one with a place is a member of its atlas."""
-        mesh = bpy.data.meshes.new_from_object(
-            item.object, preserve_all_data_layers=True, depsgraph=depsgraph
-        )
         obj = self._add(item, mesh)
         atlas = None if place is None else self._atlases.index(place.atlas)
         materials = _worn(item, mesh)
@@ -187,6 +185,21 @@ class RealisedScene:
         pixels = np.empty(len(image.pixels), np.float32)
         image.pixels.foreach_get(pixels)
         return pixels.reshape(*reversed(image.size), 4)
+
+
+def _copies(evaluation, visible: set[int]) -> list[tuple]:
+    """Return the lamps of an evaluation, with None, and what is seen of its meshes, with copies of these."""
+    copies: list[tuple] = []
+    for item in evaluation.items(visible):
+        if item.object.type == "LIGHT":
+            copies.append((item, None))
+        elif item.object.type == "MESH" and not _ignored(item):
+            depsgraph = evaluation.depsgraph_of(item)
+            mesh = bpy.data.meshes.new_from_object(
+                item.object, preserve_all_data_layers=True, depsgraph=depsgraph
+            )
+            copies.append((item, mesh))
+    return copies
 
 
 def _ignored(item) -> bool:

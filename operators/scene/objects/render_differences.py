@@ -59,10 +59,13 @@ def reads_viewport(context: SceneContext, objects: Iterable[bpy.types.Object]) -
 
 def _may_depend(obj: bpy.types.Object) -> bool:
     """Return True if the mesh of an object may depend on other objects."""
-    return any(
-        modifier.type not in _INDEPENDENT and UV_GROUP not in (getattr(modifier, "node_group", None) or ())
-        for modifier in obj.modifiers
-    )
+    return any(modifier.type not in _INDEPENDENT and not _keeps_uvs(modifier) for modifier in obj.modifiers)
+
+
+def _keeps_uvs(modifier: bpy.types.Modifier) -> bool:
+    """Return True if a modifier only keeps lightmap UVs."""
+    group = getattr(modifier, "node_group", None)
+    return group is not None and UV_GROUP in group
 
 
 def hidden_in_viewport(context: SceneContext) -> list[bpy.types.Object]:
@@ -155,7 +158,10 @@ def is_instancer(obj: bpy.types.Object) -> bool:
     """Return True if an object may make instances."""
     if obj.instance_type != "NONE":
         return True
-    return any(modifier.type in ("NODES", "PARTICLE_SYSTEM") for modifier in obj.modifiers)
+    return any(
+        modifier.type in ("NODES", "PARTICLE_SYSTEM") and not _keeps_uvs(modifier)
+        for modifier in obj.modifiers
+    )
 
 
 def _shows_itself_otherwise(obj: bpy.types.Object) -> bool:

@@ -23,7 +23,7 @@ signals = load("operators.command_line.signals")
 
 def main(arguments: list[str]) -> int:
     """Run the command and return its exit code."""
-    return command.execute(arguments, parser(), run)
+    return command.execute_last(arguments, parser(), run)
 
 
 def parser() -> argparse.ArgumentParser:

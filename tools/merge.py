@@ -17,7 +17,7 @@ merging = load("operators.command_line.merge")
 
 def main(arguments: list[str]) -> int:
     """Merge and return the exit code."""
-    return command.execute(arguments, merging.merge_parser("merge.py"), merging.merge_parts)
+    return command.execute_last(arguments, merging.merge_parser("merge.py"), merging.merge_parts)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ from __future__ import annotations
 from argparse import Namespace
 from pathlib import Path
 
-from .command import bake, check_paths, execute, export, prepare, save
+from .command import bake, check_paths, execute_last, export, prepare, save
 from .merge import merge_parser, merge_parts
 from .options import parser
 from .signals import Signals
@@ -42,12 +42,12 @@ def main(arguments: list[str]) -> int:
     options.add_argument(
         "scene", type=Path, nargs="?", help=".blend, .glb, .gltf or .obj; the file that is open without one"
     )
-    return execute(arguments, options, _bake)
+    return execute_last(arguments, options, _bake)
 
 
 def main_of_merge(arguments: list[str]) -> int:
     """Merge the reports of parts that were baked apart, and return the exit code."""
-    return execute(arguments, merge_parser("blender -c hemibake_merge"), merge_parts)
+    return execute_last(arguments, merge_parser("blender -c hemibake_merge"), merge_parts)
 
 
 def main_of_worker(arguments: list[str]) -> int:

@@ -19,7 +19,7 @@ from .opening import check_scene, open_scene, replace_world
 from .option_values import apply_settings
 from .options import CommandError, Parser, parse
 from .part import choose_part
-from .quiet import quiet_stdout
+from .quiet import end_stdout, quiet_stdout
 from .signals import Signals, Stopped
 
 #: Endings of files that a scene can be exported to.
@@ -49,6 +49,14 @@ def execute(arguments: Sequence[str], parser: Parser, work: Work) -> int:
         _tell_error(f"This is a bug in Hemibake: {type(error).__name__}: {error}", as_json)
         return 1
     return 0
+
+
+def execute_last(arguments: Sequence[str], parser: Parser, work: Work) -> int:
+    """Run a command as `execute` does, in a process that ends then: JSON stays the last line of its output."""
+    code = execute(arguments, parser, work)
+    if "--json" in arguments:
+        end_stdout()
+    return code
 
 
 def check_paths(options: argparse.Namespace) -> None:

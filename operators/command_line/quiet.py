@@ -23,6 +23,12 @@ def quiet_stdout() -> Iterator[None]:
         os.close(kept)
 
 
+def end_stdout() -> None:
+    """Send what the process still prints to standard error: Blender prints when it exits."""
+    _flush()
+    os.dup2(2, 1)
+
+
 def _flush() -> None:
     """Write what Python and the C library hold back: into a pipe Blender's own lines come only at its end."""
     sys.stdout.flush()

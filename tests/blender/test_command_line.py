@@ -41,6 +41,23 @@ def signals_as_before():
         signal.signal(number, handler)
 
 
+@pytest.mark.one_version
+def test_json_is_the_last_line_even_if_blender_prints_when_it_exits(tmp_path):
+    script = (
+        "import atexit, os, runpy, sys\n"
+        "atexit.register(os.write, 1, b'Blender quit\\n')\n"
+        "path, *sys.argv = sys.argv[1:]\n"
+        "sys.path.insert(0, os.path.dirname(path))\n"
+        "runpy.run_path(path, run_name='__main__')\n"
+    )
+    bake = str(ROOT / "tools" / "bake.py")
+    words = [sys.executable, "-c", script, bake, "bake.py", "no.blend", "--out", str(tmp_path), "--json"]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120, cwd=tmp_path)
+    assert done.returncode == 1
+    assert "error" in json.loads(done.stdout.splitlines()[-1])
+    assert "Blender quit" in done.stderr
+
+
 def test_scene_is_baked_and_told_as_one_json_object(tmp_path):
     import bpy
 

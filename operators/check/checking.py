@@ -85,7 +85,7 @@ def check_scene(context: SceneContext) -> Generator[None, None, Checked]:
     findings += check_moved(meshes)
     charts = yield from find_charts(meshes, settings.resolution)
     charts = [one for one in charts if one.mesh.uid in targets]
-    findings += yield from check_overlaps(charts)
+    findings += yield from check_overlaps(charts, context.scene.hemibake.uv_layer)
     findings += yield from check_places(charts, settings.resolution)
     findings += yield from check_widths(charts, settings.resolution)
     findings += yield from check_normals(meshes, centres)
@@ -94,6 +94,7 @@ def check_scene(context: SceneContext) -> Generator[None, None, Checked]:
     extent = Extent(0, sum(len(mesh.triangles) for mesh in meshes), lamps)
     expected = _expect(baked, charts, settings, extent) if baked else None
     findings += _check_memory(expected, settings, finder.found) if expected else []
+    findings = [_with_memory(finding, baked, charts, settings, extent) for finding in findings]
     ordered = sorted(findings, key=lambda finding: _ORDER.index(finding.severity))
     return Checked(tuple(ordered), expected)
 
@@ -140,16 +141,39 @@ def _expect(
 
 
 def _check_memory(expected: Estimate, settings: Settings, survey: DeviceSurvey | None) -> list[Finding]:
-    """Return a finding if what patches see is more than the device may hold, as far as that is known."""
+    """Return a finding if visibility data needs more memory than it may use, as far as that is known."""
+    needs = _memory_over_limit(expected, settings, survey)
+    if not needs:
+        return []
+    remedy = (
+        "The bake will use texel groups or recompute visibility. Lower Resolution or Quality, or raise "
+        "Memory Budget in the preferences"
+    )
+    return [Finding(WARNING, f"{needs}. {remedy}.")]
+
+
+def _with_memory(
+    finding: Finding,
+    meshes: Sequence[CheckedMesh],
+    charts: Sequence[ChartsOf],
+    settings: Settings,
+    extent: Extent,
+) -> Finding:
+    """Return a finding that also tells if the resolution it sets needs more memory than is allowed."""
+    if finding.fix != "resolution" or not meshes:
+        return finding
+    larger = replace(settings, resolution=finding.value)
+    needs = _memory_over_limit(_expect(meshes, charts, larger, extent), larger, finder.found)
+    return replace(finding, text=f"{finding.text} At {finding.value} texels: {needs}.") if needs else finding
+
+
+def _memory_over_limit(expected: Estimate, settings: Settings, survey: DeviceSurvey | None) -> str:
+    """Return how much memory visibility data needs and may use, empty if it is enough or unknown."""
     budget = settings.memory_budget or (_device_memory(survey) // 2)
     if not budget or expected.sample_bytes <= budget:
-        return []
-    text = (
-        f"What patches see would take {expected.sample_bytes / 2**30:.1f} GiB, and {budget / 2**30:.1f} GiB "
-        "may be used: the bake works in coarser groups of patches, or finds it anew in every iteration. "
-        "Lower the resolution or the quality, or raise the memory budget in the preferences."
-    )
-    return [Finding(WARNING, text)]
+        return ""
+    needed, limit = (f"{size / 2**30:.2g} GiB" for size in (expected.sample_bytes, budget))
+    return f"Visibility data needs {needed}; the limit is {limit}"
 
 
 def _device_memory(survey: DeviceSurvey | None) -> int:

@@ -8,12 +8,15 @@ from dataclasses import dataclass, replace
 import bpy
 import numpy as np
 
+from ..lookup import find
 from ..result.moved_charts import MOVED_CHARTS
 from ..scene.crowds import make_footprints, place_apart
 from ..scene.place import Charted, Place, make_charted
 from ..scene.uvs.footprint import LARGEST_GRID, Footprint, make_footprint
+from ..scene.uvs.lightmap_layer import lightmap_layer
 from ..scene.uvs.uv_faults import is_finite
 from ..scene.uvs.uv_modifier import uv_modifiers
+from ..scene.uvs.uv_targets import serves
 from .finding import ERROR, INFO, WARNING, Checked, Finding, found
 from .meshes import CheckedMesh
 
@@ -129,13 +132,16 @@ def check_unneeded(objects: Sequence[bpy.types.Object]) -> list[Finding]:
     )
 
 
-def check_overlaps(charts: Sequence[ChartsOf]) -> Steps:
-    """Return meshes whose charts lie on each other, as far as a grid as fine as the lightmap tells."""
+def check_overlaps(charts: Sequence[ChartsOf], uv_layer: str) -> Steps:
+    """Return meshes whose charts lie on each other, as far as a grid as fine as the lightmap tells.
+
+    uv_layer: the scene's lightmap UV layer
+    """
     folded, copied = [], []
     for one in charts:
         footprint = one.footprint or (yield from _footprint_outside(one.charted))
         if footprint.overlaps:
-            (copied if one.mesh.copies else folded).append(one.mesh.name)
+            (copied if _gets_modifier(one.mesh, uv_layer) else folded).append(one.mesh.name)
         yield
     return [
         *found(
@@ -152,6 +158,15 @@ def check_overlaps(charts: Sequence[ChartsOf]) -> Steps:
             "unwrap",
         ),
     ]
+
+
+def _gets_modifier(mesh: CheckedMesh, uv_layer: str) -> bool:
+    """Return True if a bake adds a modifier with UVs: the mesh has usable ones that modifiers copy."""
+    obj = find(bpy.data.objects, mesh.uid)
+    if obj is None or not (mesh.copies and mesh.editable):
+        return False
+    layer = lightmap_layer(obj, uv_layer)
+    return layer in obj.data.uv_layers and serves(obj.data, layer)
 
 
 def _footprint_outside(charted: Charted) -> Generator[None, None, Footprint]:
@@ -189,8 +204,12 @@ def _all_charted(meshes: Sequence[CheckedMesh]) -> Generator[None, None, list[Ch
 
 
 def check_places(charts: Sequence[ChartsOf], resolution: int) -> Steps:
-    """Return meshes that will be placed side by side, and those that have no room, with what would do."""
-    alone = [one for one in charts if not one.mesh.several]
+    """Return meshes that will be placed side by side, and those that have no room, with what would do.
+
+    Meshes whose charts overlap each other are left out: they get no lightmap, or other UVs.
+    """
+    usable = [one for one in charts if one.footprint is None or not one.footprint.overlaps]
+    alone = [one for one in usable if not one.mesh.several]
     moved = [one.mesh.name for one in alone if one.place not in (None, Place(one.mesh.atlas))]
     lost = [one.mesh for one in alone if one.place is None]
     fitting = 0

@@ -410,11 +410,43 @@ def test_memory_that_is_not_enough_is_told():
     machine = part("operators.preferences").machine_properties()
     machine.memory_budget = 1
     try:
-        assert finding("may be used") is None
+        assert finding("Visibility data needs") is None
         bpy.context.scene.hemibake.resolution = 256
-        assert finding("may be used").severity == "WARNING"
+        assert finding("Visibility data needs").severity == "WARNING"
     finally:
         machine.property_unset("memory_budget")
+
+
+def test_a_fix_that_needs_more_memory_than_is_allowed_says_so():
+    import bpy
+
+    strips("Strips", 60)
+    bpy.context.scene.hemibake.resolution = 32
+    told = finding("too small for the charts")
+    assert told.fix == "resolution" and "Visibility data" not in told.text
+    machine = part("operators.preferences").machine_properties()
+    machine.memory_budget = 1
+    try:
+        told = finding("too small for the charts")
+        assert f"At {told.value} texels: Visibility data needs" in told.text and told.value > 32
+    finally:
+        machine.property_unset("memory_budget")
+
+
+def test_modifiers_that_copy_useless_uvs_are_told_as_overlaps():
+    """A bake adds its modifier only where the mesh itself has usable UVs."""
+    import bpy
+
+    obj = square("Folded twice", FOLDED)
+    obj.modifiers.new("Row", "ARRAY").count = 3
+    bpy.context.view_layer.update()
+    found = finding("would get no lightmap")
+    assert (found.severity, found.objects, found.fix) == ("ERROR", ("Folded twice",), "unwrap_anew")
+    assert finding("a last modifier") is None and finding("side by side") is None
+    fix(found)
+    assert finding("would get no lightmap") is None
+    bpy.ops.hemibake.bake()
+    assert not any("each other" in warning for warning in report()["warnings"])
 
 
 def test_earlier_bakes_make_the_estimate_a_measured_one():

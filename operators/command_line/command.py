@@ -52,7 +52,7 @@ def execute(arguments: Sequence[str], parser: Parser, work: Work) -> int:
 
 
 def execute_last(arguments: Sequence[str], parser: Parser, work: Work) -> int:
-    """Run a command as `execute` does, in a process that ends then: JSON stays the last line of its output."""
+    """Run a command as `execute` does, in a process that then ends: JSON is the last line of its output."""
     code = execute(arguments, parser, work)
     if "--json" in arguments:
         end_stdout()

@@ -114,6 +114,6 @@ def _plan(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None
     """Keep how wide lightmaps would be now, for the panel."""
     if settings.size_mode == "DENSITY" and context.scene is not None:
         where = SceneContext(context)
-        meshes, density = visible_meshes(where), texels_per_unit(settings)
+        meshes, density = visible_meshes(where, viewport=True), texels_per_unit(settings)
         width = width_before(where, meshes, settings.uv_layer, density)
         settings.planned_width = min(width, settings.largest_width)

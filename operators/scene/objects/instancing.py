@@ -19,25 +19,29 @@ Pairs = tuple[tuple[int, int], ...]
 _known: dict[tuple[int, str, str], Pairs] = {}
 
 
-def visible_meshes(context: SceneContext) -> list[bpy.types.Object]:
-    """Return the mesh objects that are to be baked: visible ones, and those that instances show."""
+def visible_meshes(context: SceneContext, viewport: bool = False) -> list[bpy.types.Object]:
+    """Return the mesh objects that are to be baked: visible ones, and those that instances show.
+
+    viewport: True to read the viewport's instances, for an estimate that must not evaluate a render
+    """
     visible = visible_objects(context)
     instancers = {obj.session_uid for obj in visible if obj.hemibake.role == "BAKED"}
-    shown = dict.fromkeys(source for instancer, source in instance_pairs(context) if instancer in instancers)
+    pairs = instance_pairs(context, viewport)
+    shown = dict.fromkeys(source for instancer, source in pairs if instancer in instancers)
     instanced = [obj for obj in find_all(bpy.data.objects, shown) if not obj.hide_render] if shown else []
     return [obj for obj in dict.fromkeys([*visible, *instanced]) if _is_baked(obj)]
 
 
-def instance_pairs(context: SceneContext) -> Pairs:
+def instance_pairs(context: SceneContext, viewport: bool = False) -> Pairs:
     """Return which objects the instances of which other objects show, as session uids.
 
-    An instance of geometry that its instancer makes itself is none.
+    An instance of geometry that its instancer makes itself is none. viewport: see `visible_meshes`.
     """
     if not any(is_instancer(obj) for obj in bpy.data.objects):
         return ()
-    context.evaluated_depsgraph_get()
-    if not uses_render(context):
-        return evaluate(context, _pairs)
+    depsgraph = context.evaluated_depsgraph_get()
+    if viewport or not uses_render(context):
+        return _pairs(Evaluation(depsgraph))
     key = (context.scene.session_uid, context.view_layer.name, context.scene.hemibake.meshes)
     if key not in _known:
         _known[key] = evaluate(context, _pairs)

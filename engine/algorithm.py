@@ -127,7 +127,7 @@ def _bake(
     # All other light is gathered: through hemicubes drawn in every iteration (IV.B), or what is kept of them.
     job = SolveJob(
         graphics, compute, parts, rays, lighting.emission_left, lighting.sky_left, sampled,
-        areas.result(), settings, remote, kept, near=near,
+        areas.result(), settings, remote, kept, near=near, backs=lighting.backs_left,
     ).after(last)  # fmt: skip
     solution, choice, solved = choose_solver(job)
     if remote and compute and choice.method != "none":

@@ -137,7 +137,8 @@ void finish_run(const Run *run, Sum *sum)
 __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const Emitter *emitters,
                      __global const LightNode *light_nodes, const int root, __global const Modulation *modulations,
                      __global const float *profiles, const int budget,
-                     __global const float4 *radiance, __global const uint *texel_to_patch, __global const float2 *uvs,
+                     __global const float4 *radiance, __global const float4 *back_radiance,
+                     __global const uint *texel_to_patch, __global const float2 *uvs,
                      const int resolution, __global const float4 *sky_pixels, __global const float *cumulative,
                      __global const int *listed, const int sky_width, const int sky_height, const int sky_count,
                      const float sky_total, const uint seed, __global float4 *l1,
@@ -149,7 +150,7 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
     const int patch = chosen ? chosen[item] : item;
     const Rays rays = RAYS;
     const Lights lights = {emitters, light_nodes, sky_total, {modulations, profiles}};
-    const Glow glow = {radiance, texel_to_patch, uvs, resolution};
+    const Glow glow = {radiance, back_radiance, texel_to_patch, uvs, resolution};
     const Bright sky = {sky_pixels, cumulative, listed, sky_width, sky_height, sky_count, sky_total};
     const Receiver r = load_receiver(receivers + patch);
 
@@ -205,7 +206,12 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
             continue;
         const float4 u = sample_point(index + (run.rounds - 1) * budget, key);
         const float3 p = start_in_texel(&rays, &r, u.zw);
-        const Sample s = sample_emitter(e, &glow, &sky, &lights.modulations, &r, p, u.xy);
+        Sample s = sample_emitter(e, &glow, &sky, &lights.modulations, &r, p, u.xy);
+#ifdef TRANSMISSION
+        // Only the part of a surface that stops rays shines.
+        if (s.surface > 0)
+            s.light *= smallest(opacity(&rays, s.surface - 1, s.weights, s.shines_front, BOUNCE));
+#endif
         const float cosine = dot(s.direction, r.normal);
         const float over = dot(s.direction, horizon_of(&r, s.back));
         if (!(cosine > 0.0f && over > 0.0f && luminance(s.light) > 0.0f))

@@ -48,6 +48,11 @@ typedef struct {
     float distance;
     float3 light;
     bool back;  // of a surface
+#ifdef TRANSMISSION
+    int surface;     // number of a surface's triangle + 1, 0 for other light; which side of it shines, and where
+    bool shines_front;
+    float2 weights;
+#endif
 } Sample;
 
 // How much of a spot's intensity goes along a direction away from it: the cone is round in the light's own,
@@ -157,7 +162,8 @@ float linear_sample(const float u, const float a, const float b, float *density)
 }
 
 typedef struct {
-    __global const float4 *radiance;  // of each patch, plus 1
+    __global const float4 *radiance;       // of the front of each patch, plus 1
+    __global const float4 *back_radiance;  // of its back
     __global const uint *texel_to_patch; // patch + 1 of each texel of each lightmap, or 0
     __global const float2 *uvs;       // of each corner of each triangle
     int resolution;
@@ -207,7 +213,7 @@ Sample sample_triangle(__global const Emitter *e, const Glow *glow, const Receiv
         weight = 0.5f * fabs(dot(normal, s.direction)) / (s.distance * s.distance);
     }
 
-    // The front of an area light shines, emissive surfaces shine on both sides.
+    // The front of an area light shines, both sides of surfaces do, each with its own radiance.
     const float cosine = -dot(normal, s.direction) / twice;
     s.back = !shows_front(r, a, normal);
     float3 radiance;
@@ -230,7 +236,12 @@ Sample sample_triangle(__global const Emitter *e, const Glow *glow, const Receiv
         const int x = clamp((int)(uv.x * glow->resolution), 0, limit);
         const int y = clamp((int)(uv.y * glow->resolution), 0, limit);
         const size_t texel = ((size_t)page * glow->resolution + y) * glow->resolution + x;
-        radiance = glow->radiance[glow->texel_to_patch[texel]].xyz;
+        radiance = (cosine > 0.0f ? glow->radiance : glow->back_radiance)[glow->texel_to_patch[texel]].xyz;
+#ifdef TRANSMISSION
+        s.surface = e->triangle + 1;
+        s.shines_front = cosine > 0.0f;
+        s.weights = w;
+#endif
     }
     s.light = radiance * weight * M_1_PI_F;
     return s;
@@ -331,12 +342,13 @@ float3 open_light(__global const Emitter *e, const float3 p, const Receiver *r)
     const bool front = dot(facing, a) < 0.0f;
     if (!front && (e->triangle < 0 || e->one_sided))
         return (float3)(0.0f);
+    const float3 radiance = front ? vload3(0, e->strength) : vload3(0, e->back_strength);
     const float3 horizon = horizon_of(r, !shows_front(r, a, facing));
     const float3 b = a + edge1, c = a + edge2;
     const float lowest = fmin(fmin(fmin(dot(a, horizon), dot(b, horizon)), dot(c, horizon)),
                               fmin(fmin(dot(a, r->normal), dot(b, r->normal)), dot(c, r->normal)));
     if (lowest > 0.0f)
-        return vload3(0, e->strength) * (fabs(form_factor(a, b, c, r->normal)) * 0.5f * M_1_PI_F);
+        return radiance * (fabs(form_factor(a, b, c, r->normal)) * 0.5f * M_1_PI_F);
     const float3 triangle[3] = {a, b, c};
     float3 above[4], corners[5];
     const int kept = clip(triangle, 3, horizon, above), count = kept > 2 ? clip(above, kept, r->normal, corners) : 0;
@@ -350,7 +362,7 @@ float3 open_light(__global const Emitter *e, const float3 p, const Receiver *r)
         sum += sine > 1e-12f ? atan2(sine, dot(from, to)) / sine * dot(side, r->normal) : 0.0f;
         from = to;
     }
-    return vload3(0, e->strength) * (fabs(sum) * 0.5f * M_1_PI_F);
+    return radiance * (fabs(sum) * 0.5f * M_1_PI_F);
 }
 
 // True if the light of a triangle changes little over a texel.

@@ -54,7 +54,7 @@ class PatchTable(Portable):
 
     name            tells them from all others
     texel_to_patch  (atlases, r, r) uint32, see `Subdivision`
-    emission        what is seen of it, see `SolveJob`
+    emission        of backs that is seen, see `SolveJob.back_emission`
     back_to_back    see `Subdivision`
     """
 
@@ -73,17 +73,20 @@ class PatchTable(Portable):
 class SceneTable(PatchTable):
     """The patches of a scene, and what shines as shadow rays need it.
 
-    glow      what they emit
+    glow      what their fronts emit
+    backs     what their backs emit; None if it is the same
     shining   (s,) int64, triangles with a patch that emits
     sampled   (b,) int64, those that are sampled as lights
-    radiance  (b, 3) float32, of these
+    radiance, back_radiance  (b, 3) float32, of these
     uniform   (b,) bool, it is the same all over the triangle
     """
 
     glow: Glow
+    backs: Glow | None
     shining: np.ndarray
     sampled: np.ndarray
     radiance: np.ndarray
+    back_radiance: np.ndarray
     uniform: np.ndarray
 
     @classmethod
@@ -93,18 +96,21 @@ class SceneTable(PatchTable):
         """Pack the patches of a scene, and what of it is sampled as lights; folder: as of `of`."""
         surfaces, stored = parts.surfaces, StoredArray.of(parts.texel_to_patch, folder)
         glow, left = (
-            Glow.among(radiance, surfaces.shining) for radiance in (surfaces.emission, bright.emission_left)
+            Glow.among(radiance, surfaces.shining) for radiance in (surfaces.emission, bright.back_left)
         )
         table = uuid.uuid4().hex, stored, left, back_to_back
-        sampled = bright.triangles, bright.radiance, bright.uniform
-        return cls(*table, glow, np.flatnonzero(bright.shining), *sampled)
+        sampled = bright.triangles, bright.radiance, bright.back_radiance, bright.uniform
+        told_apart = surfaces.back_emission is not None
+        backs = Glow.among(surfaces.emission_of_backs, surfaces.shining) if told_apart else None
+        return cls(*table, glow, backs, np.flatnonzero(bright.shining), *sampled)
 
     def bright(self, triangles: int, left: np.ndarray) -> BrightTriangles:
         """Return what is sampled.
 
         triangles  how many there are
-        left       (n, 3) float32, see `BrightTriangles.emission_left`
+        left       (n, 3) float32, see `BrightTriangles.back_left`; fronts are not needed
         """
         shining = np.zeros(triangles, bool)
         shining[self.shining] = True
-        return BrightTriangles(self.sampled, self.radiance, self.uniform, left, shining)
+        sampled = self.sampled, self.radiance, self.back_radiance, self.uniform
+        return BrightTriangles(*sampled, left, left, shining)

@@ -55,7 +55,7 @@ class Shipment:
 def _for_rays(scene: Scene) -> Scene:
     """Return a scene without textures but those that light passes through."""
     materials = tuple(
-        replace(material, reflectance_map=None, emission_map=None) for material in scene.materials
+        replace(material, reflectance_map=None, emission_map=None, back=None) for material in scene.materials
     )
     needed = {texture.uv_map for material in materials for texture in transmission_maps(material)}
     meshes = tuple(

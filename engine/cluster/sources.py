@@ -92,7 +92,8 @@ class Patches(Sources):
         """Take a table of patches, the light of the world, and all other light of the scene."""
         super().__init__(devices, triangles, settings, sky, table)
         job = self.job = replace(self.job, settings=settings)
-        surfaces = replace(job.parts.surfaces, emission=table.glow.of_all())
+        backs = None if table.backs is None else table.backs.of_all()
+        surfaces = replace(job.parts.surfaces, emission=table.glow.of_all(), back_emission=backs)
         bright = table.bright(len(triangles.triangles.mesh), job.emission)
         parts = replace(job.parts, surfaces=surfaces)
         self.lighting = DirectLighting(scene, parts, job.rays, settings, split=SplitLight(bright, sky))

@@ -10,6 +10,7 @@ from ..device.record import Record
 from ..patches.geometry import PatchGeometry
 from ..patches.subdivision import Subdivision
 from ..scene.color import luminance
+from ..scene.cutouts import BACK, BOUNCE
 from ..scene.model import Light
 from ..scene.triangles import Triangles
 from ..segment_sums import segment_sums
@@ -59,6 +60,7 @@ EMITTER = Record(
     ("int", "one_sided", "1 for a surface's triangle whose back does not shine"),
     ("int", "atlas", "of a surface's triangle"),
     ("int", "soft", "of a point: 1 for a disk that faces the receiver, 0 for a sphere"),
+    ("float[3]", "back_strength", "radiance of the back of a surface's triangle, W/(m^2 sr)"),
 )
 
 #: Records that kernels/emitters.cl needs.
@@ -76,49 +78,77 @@ class BrightTriangles:
     """Emissive triangles that are sampled as lights.
 
     triangles      (k,) int, index into `Triangles`
-    radiance       (k, 3) float32, mean of each
-    uniform        (k,) bool, it is the same all over the triangle
-    emission_left  (n, 3) float32, radiance of each patch that is left to the hemicubes
-    shining        (t,) bool, all triangles with a patch that emits
+    radiance       (k, 3) float32, mean of the front of each, as far as it stops rays
+    back_radiance  (k, 3) float32, of the back
+    uniform        (k,) bool, both are the same all over the triangle
+    emission_left  (n, 3) float32, radiance of the front of each patch that is left to the hemicubes
+    back_left      (n, 3) float32, of the back
+    shining        (t,) bool, all triangles with a patch whose back emits
     """
 
     triangles: np.ndarray
     radiance: np.ndarray
+    back_radiance: np.ndarray
     uniform: np.ndarray
     emission_left: np.ndarray
+    back_left: np.ndarray
     shining: np.ndarray
 
 
 def bright_triangles(parts: Subdivision) -> BrightTriangles:
     """Choose the triangles that are sampled: small enough, or bright enough, against all that emits."""
-    geometry, emission, glowing = parts.geometry, parts.surfaces.emission, parts.surfaces.shining
-    triangle, shining = geometry.triangle[glowing], emission[glowing]
-    radiance = _mean_radiance(parts.triangles, geometry, parts.texel_to_patch, emission, (triangle, shining))
-    area, brightness = geometry.steps.whole, luminance(radiance)
+    geometry, surfaces, cutouts = parts.geometry, parts.surfaces, parts.cutouts
+    glowing, material = surfaces.shining, parts.triangles.material
+    triangle, area = geometry.triangle[glowing], geometry.steps.whole
+    sides = [surfaces.emission]
+    if surfaces.back_emission is not None:
+        sides.append(surfaces.back_emission)
+    means = [
+        _mean_radiance(parts.triangles, geometry, parts.texel_to_patch, side, (triangle, side[glowing]))
+        for side in sides
+    ]
+
+    # What passes through a surface does not shine.
+    front, back = (
+        mean * cutouts.stopped(record)[material][:, None] if cutouts.needed else mean
+        for mean, record in ((means[0], BOUNCE), (means[-1], BACK + BOUNCE))
+    )
+    brightness = np.maximum(luminance(front), luminance(back))
     mean = float((brightness * area).sum(dtype=np.float64) / max(area.sum(dtype=np.float64), 1e-30))
     chosen = (brightness > 0) & (brightness >= _BRIGHT * mean)
 
     # Hemicubes see what the others emit.
-    rest = glowing[~chosen[triangle]]
+    rest, index = glowing[~chosen[triangle]], np.flatnonzero(chosen)
+    left = [_only(side, rest) for side in sides]
+    uniform = np.all(
+        [_is_uniform(triangle, side[glowing], mean) for side, mean in zip(sides, means, strict=True)], axis=0
+    )
+    if cutouts.needed:
+        uniform &= ~cutouts.varies[material]
+    radiance = front[index].astype(np.float32), back[index].astype(np.float32)
+    return BrightTriangles(index, *radiance, uniform[index], left[0], left[-1], _shining(parts))
+
+
+def _only(emission: np.ndarray, patches: np.ndarray) -> np.ndarray:
+    """Return the radiance of some patches, black of all others, (n, 3) float32."""
     left = np.zeros(emission.shape, np.float32)
-    left[rest] = emission[rest]
-    index = np.flatnonzero(chosen)
-    uniform = _is_uniform(triangle, shining, radiance)[index]
-    return BrightTriangles(index, radiance[index].astype(np.float32), uniform, left, _shining(parts))
+    left[patches] = emission[patches]
+    return left
 
 
 def no_bright_triangles(parts: Subdivision) -> BrightTriangles:
     """Choose no triangle: hemicubes see all that emits."""
-    none = np.zeros((0, 3), np.float32)
-    return BrightTriangles(
-        np.zeros(0, int), none, np.zeros(0, bool), parts.surfaces.emission, _shining(parts)
-    )
+    none, surfaces = np.zeros((0, 3), np.float32), parts.surfaces
+    chosen = np.zeros(0, int), none, none, np.zeros(0, bool)
+    return BrightTriangles(*chosen, surfaces.emission, surfaces.emission_of_backs, _shining(parts))
 
 
 def _shining(parts: Subdivision) -> np.ndarray:
-    """Return which triangles have a patch that emits, (t,) bool."""
-    shining = np.zeros(len(parts.triangles.mesh), bool)
-    shining[parts.geometry.triangle[parts.surfaces.shining]] = True
+    """Return which triangles have a patch whose back emits, (t,) bool."""
+    surfaces, shining = parts.surfaces, np.zeros(len(parts.triangles.mesh), bool)
+    backs = surfaces.back_emission
+    patches = surfaces.shining if backs is None else np.flatnonzero(any_in_rows(backs))
+    shining[parts.geometry.triangle[patches]] = True
     return shining
 
 
@@ -231,15 +261,14 @@ def _area_records(light: Light) -> np.ndarray:
     return records
 
 
-def surface_records(triangles: Triangles, bright: BrightTriangles, clear_backs: np.ndarray) -> np.ndarray:
-    """Return the records of emissive triangles, (k,) EMITTER.
-
-    clear_backs: (m,) bool of each material; such a back does not shine.
-    """
-    records = _triangle_records(triangles.positions[bright.triangles], bright.radiance)
+def surface_records(triangles: Triangles, bright: BrightTriangles) -> np.ndarray:
+    """Return the records of emissive triangles, (k,) EMITTER."""
+    front, back = bright.radiance, bright.back_radiance
+    records = _triangle_records(triangles.positions[bright.triangles], front)
+    records["luminance"] = np.maximum(luminance(front), luminance(back)) / np.pi
     records["casts_shadow"], records["uniform"] = 1, bright.uniform
     records["triangle"], records["atlas"] = bright.triangles, triangles.atlas[bright.triangles]
-    records["one_sided"] = clear_backs[triangles.material[bright.triangles]]
+    records["back_strength"], records["one_sided"] = back, ~any_in_rows(back)
     return records
 
 

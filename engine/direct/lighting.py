@@ -27,7 +27,8 @@ _FEW = 4
 class DirectLighting:
     """Splits a scene's light in what is sampled with rays and what is left to the hemicubes.
 
-    emission_left  (n, 3) float32, radiance of each patch that hemicubes have to see
+    emission_left  (n, 3) float32, radiance of the front of each patch that hemicubes have to see
+    backs_left     (n, 3) float32, of the back; None if it is as of the front
     sky_left       (h, w, 3) float32, radiance of the sky that hemicubes have to see
     l1             (n, 3, 3) float32, of the sampled light once it is gathered: of each axis of the world its
                    rgb, see kernels/tilt.cl; (0, 3, 3) unless the settings ask for directional maps
@@ -63,7 +64,9 @@ class DirectLighting:
         split = split or split_light(scene.world, parts, settings)
         self._bright, self._sky = split.bright, split.sky
         self.emission_left, self.sky_left = self._bright.emission_left, self._sky.rest
-        shines = self._lamps or scene.world.any() or self._bright.shining.any()
+        same = self._bright.back_left is self.emission_left
+        self.backs_left = None if same else self._bright.back_left
+        shines = self._lamps or scene.world.any() or len(parts.surfaces.shining)
         if settings.light_outputs and not shines:
             self.warnings.append(
                 "Nothing emits light: the lightmaps are black. Add a light, an emissive material or a world."
@@ -142,12 +145,13 @@ class DirectLighting:
         casting = self._cast_from(self._ray_scene, self._settings)
         return (yield from casting.sampled_by_group(groups))
 
-    def left_to_hemicubes(self, group: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return `emission_left` and `sky_left` of one light group."""
+    def left_to_hemicubes(self, group: int) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """Return `emission_left`, `sky_left` and `backs_left` of one light group."""
         groups, triangles = light_groups(self._scene), self._parts.triangles
         mine = groups.meshes[triangles.mesh[self._parts.geometry.triangle]] == group
         sky = self.sky_left if groups.world == group else np.zeros((1, 1, 3), np.float32)
-        return self.emission_left * mine[:, None], sky
+        backs = None if self.backs_left is None else self.backs_left * mine[:, None]
+        return self.emission_left * mine[:, None], sky, backs
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
         """Return how much of a shining lamp each patch sees, (n,) float32; yield the fraction done."""

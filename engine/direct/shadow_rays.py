@@ -79,14 +79,15 @@ class ShadowRays:
         modulations, profiles, numbers = pack_modulations(lamps)
         self._modulations = upload(compute, modulations), upload(compute, profiles)
         self._records = [lamp_records(lamp, number) for lamp, number in zip(lamps, numbers, strict=True)]
-        self._records.append(surface_records(parts.triangles, bright, rays.cutouts.clear_backs))
+        self._records.append(surface_records(parts.triangles, bright))
         if sky.bright is not None:
             self._records.append(sky_record())
         self._glow = self._glow_arguments(parts, bright)
         self._sky = self._sky_arguments(sky.distribution)
 
         # Of surfaces also what a ray looks up where it ends.
-        shine = (parts.surfaces.emission, parts.texel_to_patch, parts.triangles.uvs)
+        surfaces = parts.surfaces
+        shine = (surfaces.emission, surfaces.back_emission, parts.texel_to_patch, parts.triangles.uvs)
         self.lights = (
             *self._records, modulations, profiles, sky.bright, *(shine if len(bright.triangles) else ()),
             settings.light_samples, settings.seed, options,
@@ -205,17 +206,18 @@ class ShadowRays:
         return result
 
     def _glow_arguments(self, parts: Subdivision, bright: BrightTriangles) -> tuple:
-        """Return radiance of patches, texels to patches, UVs of triangles and the resolution.
+        """Return radiance of both sides of patches, texels to patches, UVs and the resolution.
 
         Where no triangle is sampled, nobody looks radiance up.
         """
-        compute, emission = self._compute, parts.surfaces.emission
+        compute, surfaces = self._compute, parts.surfaces
         if len(bright.triangles):
-            radiance = upload_float4_once(compute, emission, first=1)
+            front = upload_float4_once(compute, surfaces.emission, first=1)
+            back = upload_float4_once(compute, surfaces.emission_of_backs, first=1)
         else:
-            radiance = zeros(compute, 16)
+            front = back = zeros(compute, 16)
         lookups = (upload_once(compute, array) for array in (parts.texel_to_patch, parts.triangles.uvs))
-        return (radiance, *lookups, np.int32(parts.patches.resolution))
+        return (front, back, *lookups, np.int32(parts.patches.resolution))
 
     def _sky_arguments(self, sky: SkyDistribution) -> tuple:
         """Return radiance, cumulative power and numbers of the bright pixels, sizes and total luminance."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -37,16 +37,25 @@ class PatchSurfaces:
     """Surfaces as the solver needs them.
 
     reflectance  (n, 3) float32, where it was made
-    emission     (n, 3) float32, radiance
+    emission     (n, 3) float32, radiance of the front
+    back_emission  (n, 3) float32, radiance of the back; None if it is that of the front
     """
 
     reflectance: Values
     emission: np.ndarray
+    back_emission: np.ndarray | None = None
+
+    @property
+    def emission_of_backs(self) -> np.ndarray:
+        """Radiance of the back of each patch, (n, 3) float32."""
+        return self.emission if self.back_emission is None else self.back_emission
 
     @cached_property
     def shining(self) -> np.ndarray:
-        """Patches that emit, (k,) int64."""
-        return nonzero_rows(self.emission)
+        """Patches that emit from either side, (k,) int64."""
+        if self.back_emission is None:
+            return nonzero_rows(self.emission)
+        return np.flatnonzero(any_in_rows(self.emission) | any_in_rows(self.back_emission))
 
     @cached_property
     def mean_reflectance(self) -> float:
@@ -57,7 +66,8 @@ class PatchSurfaces:
 
     def shine_as(self, others: PatchSurfaces) -> bool:
         """Return whether the same patches emit."""
-        return self.emission is others.emission or np.array_equal(self.shining, others.shining)
+        same = self.emission is others.emission and self.back_emission is others.back_emission
+        return same or np.array_equal(self.shining, others.shining)
 
     def black_at(self, patches: np.ndarray) -> PatchSurfaces:
         """Return the same, but that some patches, (n,) bool, reflect nothing."""
@@ -65,10 +75,10 @@ class PatchSurfaces:
         if not len(places):
             return self
         if isinstance(self.reflectance, DeviceValues):
-            return PatchSurfaces(self.reflectance.black_at(places), self.emission)
+            return replace(self, reflectance=self.reflectance.black_at(places))
         reflectance = self.reflectance.copy()
         reflectance[places] = 0
-        return PatchSurfaces(reflectance, self.emission)
+        return replace(self, reflectance=reflectance)
 
 
 @dataclass(frozen=True)
@@ -121,7 +131,8 @@ def patch_surfaces(
             made[rows] = some_of(before, rows)
     device = compute if compute is not None and _fits(compute, list(textures.values())) else None
     _multiply(device, scene, geometry, resolution, [(values[kind], textures[kind]) for kind in textures])
-    return PatchSurfaces(values["reflectance"], colors_on_host(values["emission"]))
+    backs = _back_emission(compute, scene, geometry, resolution)
+    return PatchSurfaces(values["reflectance"], colors_on_host(values["emission"]), backs)
 
 
 def _made_surfaces(
@@ -135,11 +146,31 @@ def _made_surfaces(
     )
     emission = _constants(scene, "emission", geometry)
     _multiply(device, scene, geometry, resolution, list(zip((reflectance, emission), maps, strict=True)))
-    surfaces = PatchSurfaces(reflectance, emission)
+    surfaces = PatchSurfaces(reflectance, emission, _back_emission(compute, scene, geometry, resolution))
 
     # Few materials emit: all other patches need not be asked.
-    vars(surfaces)["shining"] = _shining(scene, geometry, emission)
+    if surfaces.back_emission is None:
+        vars(surfaces)["shining"] = _shining(scene, geometry, emission)
     return surfaces
+
+
+def _back_emission(
+    compute: Compute | None, scene: Scene, geometry: PatchGeometry, resolution: int
+) -> np.ndarray | None:
+    """Return the radiance of the back of each patch, (n, 3) float32; None if it is that of the front."""
+    if all(material.back is None for material in scene.materials):
+        return None
+    backs = [
+        material
+        if material.back is None
+        else replace(material, emission=material.back.emission, emission_map=material.back.emission_map)
+        for material in scene.materials
+    ]
+    turned = replace(scene, materials=tuple(backs))
+    emission, maps = _constants(turned, "emission", geometry), _maps(turned, "emission")
+    device = compute if compute is not None and _fits(compute, [maps]) else None
+    _multiply(device, turned, geometry, resolution, [(emission, maps)])
+    return emission
 
 
 def _maps(scene: Scene, kind: str) -> list[Texture | None]:

@@ -95,15 +95,17 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Choic
     leader = leaders(job.rays, job.parts, job.first_radiance, job.kept.inside(job.rays), width)
     groups = PatchGroups(job.rays, job.parts, job.area, leader, width)
     emission = groups.mean(job.emission)
+    backs = None if job.backs is None else groups.mean(job.backs)
     if job.remote is not None:
         # Other processes begin to find what groups see; the rest of them is made meanwhile.
-        job.remote.of_groups(groups.leader, groups.texel_to_group, emission)
+        job.remote.of_groups(groups.leader, groups.texel_to_group, emission if backs is None else backs)
     squares = replace(
         job,
         settings=_settings_of_groups(job),
         parts=groups.parts,
         rays=groups.rays,
         emission=emission,
+        backs=backs,
         sampled_light=groups.mean(job.sampled_light),
         area=groups.area,
         indirect=None if job.indirect is None else groups.mean(colors_on_host(job.indirect)),
@@ -196,7 +198,7 @@ def _device_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
     """Return the light of all patches on the OpenCL device, gathered through identities."""
     sweep, choice = choose_sweep(job)
     radiosity = DeviceRadiosity(
-        job.opencl, sweep, job.parts.surfaces.reflectance, job.surroundings.emission, job.area,
+        job.opencl, sweep, job.parts.surfaces.reflectance, job.front_emission, job.area,
         job.sampled_light, job.gathers_direct, job.columns, job.indirect, _begins_sparse(job, sweep),
         job.direct,
     )  # fmt: skip
@@ -229,7 +231,7 @@ def _host_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
 def _choose_gather(job: SolveJob) -> tuple[Gather, Choice]:
     """Return how hemicubes are drawn and summed."""
     settings, samples = job.settings, 3 * job.settings.hemicube**2
-    seen = (job.parts, job.emission, job.sky, settings)
+    seen = (job.parts, job.back_emission, job.sky, settings)
     tiles, why = plan_tiles(settings, job.count, IDENTITY_BYTES), "the settings ask for the paper's method"
     if settings.method != "paper":
         if fits_glsl_cache(job.graphics, tiles, job.count):

@@ -49,7 +49,7 @@ def _remote_sweep(job: SolveJob) -> tuple[Sweep, Choice] | None:
 def _kept_sweep(job: SolveJob) -> tuple[Sweep, Choice] | None:
     """Return how what an earlier bake has kept becomes light, None if there is nothing that holds."""
     kept = job.kept.samples
-    if kept is None or not kept.pieces or not kept.holds_for(job.parts, job.rays, job.emission):
+    if kept is None or not kept.pieces or not kept.holds_for(job.parts, job.rays, job.back_emission):
         return None
     sampling, found = kept.sampling, kept.complete
     why = _KEPT if found else _MOVED if kept.moved else _RESUMED
@@ -98,7 +98,7 @@ def _sweep_of(job: SolveJob, identity: Identity) -> tuple[Sweep, str, str]:
 def keeping_sweep(job: SolveJob, identity: Identity) -> Sweep:
     """Return a sweep that finds what patches see at first, and leaves it to the next bake."""
     sampling = Sampling.of(identity)
-    seen = (job.parts, job.rays, job.emission, job.settings.directional)
+    seen = (job.parts, job.rays, job.back_emission, job.settings.directional)
     job.kept.samples = KeptSamples(job.opencl, sampling, *seen)
     return _cached_sweep(job, job.kept.samples, identity)
 

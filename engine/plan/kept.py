@@ -86,7 +86,7 @@ class Kept:
     _split: tuple[np.ndarray, Sky] | None = None
     _static: tuple[np.ndarray, StaticLight] | None
     _surfaces_of: Scene | None
-    _bright: tuple[np.ndarray, BrightTriangles] | None
+    _bright: tuple[np.ndarray, np.ndarray | None, BrightTriangles] | None
     _beside: tuple[PatchList, np.ndarray, PatchPairs] | None
     _store: LightmapStore | None = None
 
@@ -160,10 +160,11 @@ class Kept:
 
     def bright_triangles(self, parts: Subdivision) -> BrightTriangles:
         """Return the triangles that are sampled as lights; see `direct.emitters.bright_triangles`."""
-        last, emission = self._bright, parts.surfaces.emission
-        if last is None or last[0] is not emission:
-            self._bright = last = emission, bright_triangles(parts)
-        return last[1]
+        last, surfaces = self._bright, parts.surfaces
+        emission, backs = surfaces.emission, surfaces.back_emission
+        if last is None or last[0] is not emission or last[1] is not backs:
+            self._bright = last = emission, backs, bright_triangles(parts)
+        return last[2]
 
     def split_sky(self, world: np.ndarray) -> Sky:
         """Return both parts of a world, kept until it is another; see `direct.sky.split_sky`."""

@@ -45,7 +45,7 @@ def gather_light_groups(
     """
     light = sampled.copy()
     lit = [number for number, group in enumerate(groups) if group.lit]
-    apart = [number for number in lit if groups[number].emission.any()]
+    apart = [number for number in lit if groups[number].back_emission.any() or groups[number].emission.any()]
     together = [number for number in lit if number not in apart]
     looks = len(apart) + bool(together)
     if together:

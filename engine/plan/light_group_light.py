@@ -31,7 +31,10 @@ def light_by_groups(
         return {name: np.zeros((what.job.count, 3), np.float32) for name in names}, {}
     sampled = yield from part_of(0.0, 0.1, what.lighting.gather_by_group())
     left = map(what.lighting.left_to_hemicubes, range(len(names)))
-    sources = [Sources(*beside, light) for beside, light in zip(left, sampled, strict=True)]
+    sources = [
+        Sources(emission, sky, light, backs)
+        for (emission, sky, backs), light in zip(left, sampled, strict=True)
+    ]
     solving = settled_groups(what.job, what.solved, what.choice, solution, sources)
     groups = yield from part_of(0.1, 0.6, solving)
     patches = {name: group.irradiance for name, group in zip(names, groups, strict=True)}

@@ -38,11 +38,13 @@ class Sources:
     emission       (n, 3) float32
     sky            (h, w, 3) float32
     sampled_light  (n, 3) float32
+    backs          (n, 3) float32, or None
     """
 
     emission: np.ndarray
     sky: np.ndarray
     sampled_light: np.ndarray
+    backs: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,7 @@ def _part_of(job: SolveJob, solved: SolveJob, solution: Solution, sources: Sourc
     return replace(
         solved,
         emission=mean(sources.emission),
+        backs=None if sources.backs is None else mean(sources.backs),
         sky=sources.sky,
         sampled_light=mean(sources.sampled_light),
         part_of=solved,

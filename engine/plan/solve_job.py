@@ -7,7 +7,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+import pyopencl as cl
 
+from ..device.buffers import upload_float4_once
 from ..device.compute import Compute
 from ..device.graphics import Graphics
 from ..device.program_cache import device_digest
@@ -44,6 +46,7 @@ class SolveJob:
     front          (n,) float32, the fraction of each patch's view that no back takes, if that is known
     part_of        the job of all light, of which this one is a part: both begin alike
     near           what faces nearby do to the patches; None if that is not known
+    backs          (n, 3) float32, radiance of the back of each patch; None if it is `emission`
     """
 
     graphics: Graphics
@@ -62,6 +65,7 @@ class SolveJob:
     front: np.ndarray | None = None
     part_of: SolveJob | None = None
     near: NearFaces | None = None
+    backs: np.ndarray | None = None
 
     @property
     def count(self) -> int:
@@ -78,7 +82,19 @@ class SolveJob:
     @cached_property
     def surroundings(self) -> Surroundings:
         """What patches see beside each other's fronts, on the OpenCL device."""
-        return surroundings(self.opencl, self.emission, self.sky, self.kept.open_sky)
+        return surroundings(self.opencl, self.back_emission, self.sky, self.kept.open_sky)
+
+    @cached_property
+    def front_emission(self) -> cl.Buffer:
+        """Radiance of the front of each patch + 1 on the OpenCL device, float4; entry 0 is black."""
+        if self.backs is None:
+            return self.surroundings.emission
+        return upload_float4_once(self.opencl, self.emission, first=1)
+
+    @property
+    def back_emission(self) -> np.ndarray:
+        """Radiance of the back of each patch, (n, 3) float32."""
+        return self.emission if self.backs is None else self.backs
 
     @cached_property
     def checkpoint(self) -> Checkpoint:
@@ -103,7 +119,8 @@ class SolveJob:
         samples = self.kept.samples
         if samples is None or not samples.complete:
             return None
-        return weakref.ref(samples), self.parts.triangles, self.emission, self.sky, self.sampled_light
+        light = self.emission, self.back_emission, self.sky, self.sampled_light
+        return weakref.ref(samples), self.parts.triangles, *light
 
     @cached_property
     def first_radiance(self) -> np.ndarray:
@@ -123,7 +140,7 @@ class SolveJob:
         """All that decides the light of the patches, where it is known what they see and how they gather."""
         settings = self.settings
         reflectance = colors_on_host(self.parts.surfaces.reflectance)
-        arrays = (self.emission, self.sky, self.sampled_light, reflectance, self.area)
+        arrays = (self.emission, self.back_emission, self.sky, self.sampled_light, reflectance, self.area)
         return (*arrays, settings.accelerate, settings.tolerance, self.columns, self.remote is not None)
 
     def _visibility_key(self) -> str:
@@ -132,7 +149,7 @@ class SolveJob:
         if self.compute is not None:
             devices.append(device_digest(self.compute.device))
         where = (parts.patches.texel, parts.patches.atlas, parts.texel_to_patch)
-        points = (parts.geometry.triangle, parts.geometry.barycentric, self.emission)
+        points = (parts.geometry.triangle, parts.geometry.barycentric, self.back_emission)
         made_by = (source_digest(), *devices, self.kept.key, visibility_settings(self.settings))
         return digest_of((*where, *points, *made_by))
 
@@ -160,4 +177,4 @@ class SolveJob:
     @cached_property
     def _is_seen(self) -> bool:
         """True if patches or the sky, as patches see them, send out light of their own."""
-        return bool(self.sky.any() or self.emission.any())
+        return bool(self.sky.any() or self.emission.any() or self.back_emission.any())

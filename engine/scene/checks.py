@@ -165,7 +165,10 @@ def check_material(material: Material) -> None:
     reflects = _values(material.reflectance, material.reflectance_map)
     if not all(_is_light(values, 1) for values in reflects):
         _check_tinted_reflectance(material)
-    if not all(_is_light(values) for values in _values(material.emission, material.emission_map)):
+    emitted = _values(material.emission, material.emission_map)
+    if material.back is not None:
+        emitted += _values(material.back.emission, material.back.emission_map)
+    if not all(_is_light(values) for values in emitted):
         raise SceneError(
             f"Material '{material.name}' has an emission that is {_NO_LIGHT}. "
             "Mend its emission colour and strength."
@@ -249,7 +252,9 @@ def _is_fraction(entry: Transmittance) -> bool:
 
 def _textures(material: Material) -> list[Texture]:
     """Return the textures of a material."""
-    maps = (material.reflectance_map, material.emission_map, *transmission_maps(material))
+    maps = [material.reflectance_map, material.emission_map, *transmission_maps(material)]
+    if material.back is not None:
+        maps += [material.back.reflectance_map, material.back.emission_map]
     return [texture for texture in maps if texture is not None]
 
 

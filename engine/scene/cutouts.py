@@ -80,9 +80,26 @@ class Cutouts:
     @cached_property
     def clear_backs(self) -> np.ndarray:
         """True where the back of a material stops no gathered light at all, (m,) bool."""
-        back = slice(BACK + BOUNCE, None, SETS)
-        clear: np.ndarray = (self.maps[back, 1] == 0) & (self.base[back] <= 0).all(axis=1)
+        clear: np.ndarray = self.stopped(BACK + BOUNCE) == 0
         return clear
+
+    def stopped(self, record: int) -> np.ndarray:
+        """Return the part of rays that each material stops, (m,) float32; 1 where a map varies it.
+
+        record: (0 or BACK) + (SHADOW or BOUNCE)
+        """
+        chosen = slice(record, None, SETS)
+        opacity, threshold = self.base[chosen].min(axis=1).clip(0, 1), self.threshold[chosen]
+        opacity = np.where(threshold < 0, opacity, (opacity >= threshold).astype(np.float32))
+        stopped: np.ndarray = np.where(self.maps[chosen, 1] > 0, np.float32(1), opacity)
+        return stopped
+
+    @cached_property
+    def varies(self) -> np.ndarray:
+        """True where a map varies what a material stops of gathered light, (m,) bool."""
+        mapped = self.maps[:, 1].reshape(-1, SETS) > 0
+        varies: np.ndarray = mapped[:, BOUNCE] | mapped[:, BACK + BOUNCE]
+        return varies
 
 
 def _are_equal(rows: np.ndarray) -> np.ndarray:

@@ -55,7 +55,9 @@ class PatchGroups:
         """Groups as a Subdivision."""
         parts, leader = self._parts, self.leader
         surfaces = PatchSurfaces(
-            self.mean(colors_on_host(parts.surfaces.reflectance)), self.mean(parts.surfaces.emission)
+            self.mean(colors_on_host(parts.surfaces.reflectance)),
+            self.mean(parts.surfaces.emission),
+            None if parts.surfaces.back_emission is None else self.mean(parts.surfaces.back_emission),
         )
         return replace(
             parts,

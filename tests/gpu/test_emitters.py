@@ -62,13 +62,13 @@ def test_the_numbers_of_emissive_triangles_are_exact_however_many_there_are(comp
     numbers = np.array([0, 1, 2**23 - 1, 2**24 + 1, 2**24 + 3, MANY - 1])
     bright = BrightTriangles(
         numbers,
-        np.ones((6, 3), np.float32),
+        *2 * [np.ones((6, 3), np.float32)],
         np.ones(6, bool),
-        np.zeros((0, 3), np.float32),
+        *2 * [np.zeros((0, 3), np.float32)],
         np.zeros(MANY, bool),
     )
     lamp = Light("Lamp", "area", np.zeros(3), np.eye(3), np.ones(3, np.float32), size=np.ones(2))
-    surfaces = surface_records(triangles, bright, np.zeros(1, bool))
+    surfaces = surface_records(triangles, bright)
     records = np.concatenate([lamp_records(lamp), surfaces])
     source = """
     __kernel void numbers(__global const Emitter *records, __global int *result)

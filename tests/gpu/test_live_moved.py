@@ -16,6 +16,7 @@ from engine.patches.subdivision import subdivide
 from engine.resume.checkpoint import Checkpoint, Checkpoints
 from engine.scene.digests import same_values
 from engine.scene.model import OCCLUDER
+from engine.scene.transmission import Transmittance, uniform_transmission
 from engine.visibility.identity import surroundings
 from engine.visibility.rays.identity import RayIdentity
 from engine.visibility.rays.ray_scene import RayScene
@@ -23,7 +24,7 @@ from tests.analytic.scenes import nine_quad_room
 from tests.gpu.graphics_card import GraphicsCard
 from tests.gpu.slice_sizes import fix_slice_size
 from tests.rows import long
-from tests.transparency import CLEAR_BACK, transparent
+from tests.transparency import CLEAR_BACK
 
 SETTINGS = Settings(
     resolution=37, hemicube=8, samples=68, visibility="rays", light_samples=3, texel_samples=1,
@@ -48,10 +49,13 @@ def open_room(offset: float = 0.0) -> Scene:
     return dataclasses.replace(room, meshes=tuple(meshes), world=world)
 
 
+TINTED = uniform_transmission(Transmittance(np.float32([0.7, 0.5, 0.2])))
+
+
 def see_through(scene: Scene) -> Scene:
-    """Return a scene whose board lets half of the light through, and whose panel is clear from behind."""
+    """Return a scene whose board tints light, and whose panel is clear from behind."""
     materials = list(scene.materials)
-    for mesh, changes in ((3, {"transmission": transparent(0.5)}), (2, {"transmission": CLEAR_BACK})):
+    for mesh, changes in ((3, {"transmission": TINTED}), (2, {"transmission": CLEAR_BACK})):
         number = int(scene.meshes[mesh].material[0])
         materials[number] = dataclasses.replace(materials[number], **changes)
     return dataclasses.replace(scene, materials=tuple(materials))

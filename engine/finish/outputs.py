@@ -61,6 +61,9 @@ DOMINANT_DIRECTION = "dominant_direction"
 #: Maps of both signs; all others hold light or fractions.
 SIGNED_MAPS = (*DIRECTIONAL_MAPS, *PROJECTED_MAPS[1:], DOMINANT_DIRECTION)
 
+#: Maps of parts of the light by channel, or of a direction: they are no colours.
+RATIO_MAPS = (*PROJECTED_MAPS[1:], DOMINANT_DIRECTION)
+
 #: Outputs that are several maps.
 MAPS_OF = {"directional": DIRECTIONAL_MAPS, "spherical_harmonics": PROJECTED_MAPS}
 

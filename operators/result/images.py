@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,10 +11,12 @@ import bpy
 import numpy as np
 
 from ...engine.errors import EngineError
+from ...engine.finish.outputs import RATIO_MAPS
 from ..changes import Changes
 from ..lookup import find
+from ..working_space import REC709, from_rec709, is_rec709
 from .destination import Destination
-from .exr import rgba
+from .exr import rgba, write_exr
 from .files import reason, replace_all, staging_folder
 from .lightmap_files import LightmapFile, lightmap_files
 from .manifest import NAME, write_manifest
@@ -21,7 +24,8 @@ from .manifest import NAME, write_manifest
 #: Custom property that marks an image as ours; its value is the atlas name.
 MARK = "hemibake_atlas"
 
-_LINEAR = "Linear Rec.709"
+#: The colour space of images that hold no colours, where the working space is not Rec.709.
+_DATA = "Non-Color"
 
 
 def map_name(atlas: str, output: str) -> str:
@@ -43,6 +47,7 @@ def lightmap_image(scene: bpy.types.Scene, atlas: str, resolution: int, changes:
         changes.add(lambda uid=image.session_uid: _remove(uid))
         return image
     changes.add(_restorer(image))
+    _set_space(image)
     if tuple(image.size) != (resolution, resolution):
         image.scale(resolution, resolution)
     return image
@@ -64,8 +69,8 @@ def remember(scene: bpy.types.Scene, atlas: str, image: bpy.types.Image, beside:
 
 
 def show(image: bpy.types.Image, pixels: np.ndarray) -> None:
-    """Write a lightmap, (h, w, 3) float32 scene-linear, bottom row first, into an image."""
-    image.pixels.foreach_set(rgba(pixels))
+    """Write a lightmap, (h, w, 3) float32 linear Rec.709, bottom row first, into an image."""
+    image.pixels.foreach_set(rgba(from_rec709(pixels) if holds_colours(image) else pixels))
     image.update()
 
 
@@ -82,13 +87,13 @@ def store(
     be written those that were there stay, the images are packed, and an EngineError says so.
     """
     if destination.folder is None:
-        _pack_all(images, destination)
+        _pack_all(images, lightmaps, destination)
         return []
     files = list(lightmap_files(lightmaps, destination, facts))
     try:
         _write_all(files, destination)
     except (OSError, RuntimeError) as error:
-        _pack_all(images, destination)
+        _pack_all(images, lightmaps, destination)
         raise EngineError(
             f"The lightmaps cannot be written to '{destination.folder}': {reason(error)}. They are packed "
             "into the .blend instead: save it, or choose another folder and bake again."
@@ -96,6 +101,20 @@ def store(
     for image, path in zip(images, destination.paths, strict=True):
         _use_file(image, str(path))
     return files
+
+
+def holds_colours(image: bpy.types.Image) -> bool:
+    """Return True if Blender converts the pixels of a lightmap's image to its working space."""
+    return image.colorspace_settings.name != _DATA
+
+
+def _set_space(image: bpy.types.Image) -> None:
+    """Set the colour space of a lightmap's image."""
+    suffixes = tuple(map_name("", output) for output in RATIO_MAPS)
+    is_ratio = not is_rec709() and image[MARK].endswith(suffixes)
+    space = _DATA if is_ratio else REC709
+    if image.colorspace_settings.name != space:
+        image.colorspace_settings.name = space
 
 
 def _belongs_to_another(image: bpy.types.Image, scene: bpy.types.Scene) -> bool:
@@ -108,8 +127,8 @@ def _new_image(scene: bpy.types.Scene, atlas: str, resolution: int) -> bpy.types
     same = bpy.data.images.get(atlas)
     name = f"{atlas} {scene.name}" if same is not None and _belongs_to_another(same, scene) else atlas
     image = bpy.data.images.new(name, resolution, resolution, alpha=True, float_buffer=True)
-    image.colorspace_settings.name = _LINEAR
     image[MARK] = atlas
+    _set_space(image)
     return image
 
 
@@ -131,7 +150,7 @@ def _use_file(image: bpy.types.Image, path: str) -> None:
     image.source = "FILE"
     image.filepath_raw = path
     image.reload()
-    image.colorspace_settings.name = _LINEAR
+    _set_space(image)
     if bpy.data.filepath:
         image.filepath_raw = _relative(path)
 
@@ -151,12 +170,27 @@ def _relative(path: str) -> str:
         return path
 
 
-def _pack_all(images: list[bpy.types.Image], destination: Destination) -> None:
+def _pack_all(images: list[bpy.types.Image], lightmaps: np.ndarray, destination: Destination) -> None:
     """Pack what the images show, under the paths they would have."""
-    for image, name in zip(images, destination.names, strict=True):
+    for image, pixels, name in zip(images, lightmaps, destination.names, strict=True):
         image.filepath_raw = f"{destination.packed_as.rstrip('/')}/{name}"
-        image.pack()
+        if is_rec709():
+            image.pack()
+        else:
+            _pack_file(image, pixels)
         image.packed_files[0].filepath = image.filepath_raw
+
+
+def _pack_file(image: bpy.types.Image, pixels: np.ndarray) -> None:
+    """Pack pixels as a file of the image's colour space; Blender would pack those of its working space."""
+    with tempfile.TemporaryDirectory(prefix="hemibake-") as folder:
+        path = Path(folder) / "lightmap.exr"
+        write_exr(path, pixels, is_colour=holds_colours(image))
+        data, named = path.read_bytes(), image.filepath_raw
+    _forget(image)
+    image.source, image.filepath_raw = "FILE", named
+    image.pack(data=data, data_len=len(data))
+    _set_space(image)
 
 
 def _remove(uid: int) -> None:
@@ -183,7 +217,7 @@ def _restorer(image: bpy.types.Image):
             image.packed_files[0].filepath = path
         elif source == "FILE" and os.path.exists(bpy.path.abspath(path)):
             image.reload()
-        image.colorspace_settings.name = _LINEAR
+        _set_space(image)
         if tuple(image.size) != size:
             image.scale(*size)
         if dirty or (_pixels(image) != pixels).any():

@@ -16,6 +16,8 @@ from ..scene.objects.evaluation import Evaluation, evaluate
 from ..scene.uvs.lightmap_layer import layer_triangles
 from ..scene.uvs.uv_faults import covered_texels, is_finite, is_inside
 from ..scene.uvs.uv_targets import evaluated_mesh
+from ..working_space import to_rec709
+from .images import holds_colours
 
 #: Whose a texel is.
 _NOBODY, _BAKED, _KEPT = range(3)
@@ -133,4 +135,6 @@ def _image_pixels(image: bpy.types.Image | None, resolution: int) -> np.ndarray:
     pixels = np.zeros((resolution, resolution, 4), np.float32)
     if image is not None and tuple(image.size) == (resolution, resolution):
         image.pixels.foreach_get(pixels.reshape(-1))
+        if holds_colours(image):
+            return to_rec709(pixels[..., :3])
     return pixels[..., :3]

@@ -13,6 +13,7 @@ from ...engine.encoding.encoding import Encoding, encode_in_bands
 from ...engine.encoding.png import png_bytes
 from ...engine.encoding.radiance import radiance_bytes
 from ...engine.encoding.srgb import Srgb
+from ...engine.finish.outputs import RATIO_MAPS
 from ..file_format import FileFormat
 from .destination import Destination
 from .exr import write_exr
@@ -38,7 +39,7 @@ class LightmapFile:
     def write(self, path: Path) -> None:
         """Write the file under a path; raises OSError or RuntimeError."""
         if self.encoding is None:
-            write_exr(path, self.light, self.format)
+            write_exr(path, self.light, self.format, self.facts["output"] not in RATIO_MAPS)
             return
         texels = encode_in_bands(self.encoding, self.light)
         if self.format.name == "hdr":

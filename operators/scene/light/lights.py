@@ -9,8 +9,10 @@ import numpy as np
 
 from ....engine.naming import naming
 from ....engine.scene.model import Light
+from ....engine.scene.profile import Profile
 from ...compat import light_nodes, light_power, light_temperature
 from ...lookup import find
+from ...working_space import is_rec709, to_rec709
 from ..materials.sockets import ComplexError
 from ..objects.items import SceneItem, hidden_from
 from ..scene_watch import SceneWatch
@@ -119,10 +121,19 @@ class Lamps:
 def _with_nodes(light: Light, nodes: LampNodes) -> Light:
     """Return a lamp with its nodes."""
     power, smooth = nodes.falloff or (0, 0.0)
-    strength = (light.strength * nodes.colour).astype(np.float32)
-    return replace(
-        light, strength=strength, profile=nodes.profile, falloff_power=power, falloff_smooth=smooth
-    )
+    strength, profile = _in_rec709(light.strength * nodes.colour, nodes.profile)
+    strength = strength.astype(np.float32)
+    return replace(light, strength=strength, profile=profile, falloff_power=power, falloff_smooth=smooth)
+
+
+def _in_rec709(strength: np.ndarray, profile: Profile | None) -> tuple[np.ndarray, Profile | None]:
+    """Return a scene-linear strength, (3,), and the profile that it is multiplied by, in linear Rec.709."""
+    if is_rec709():
+        return strength, profile
+    if profile is None or not np.ptp(profile.factors, axis=2).any():
+        return np.maximum(to_rec709(strength), 0), profile
+    factors = np.maximum(to_rec709(strength * profile.factors), 0).astype(np.float32)
+    return np.ones(3), replace(profile, factors=factors)
 
 
 def _along_axis(nodes: LampNodes) -> LampNodes:

@@ -12,6 +12,7 @@ import numpy as np
 from mathutils import Quaternion, Vector
 
 from ...compat import set_panorama
+from ...working_space import to_rec709
 
 #: Samples of each pixel of a view.
 _ZOOM_SAMPLES = 16
@@ -152,11 +153,12 @@ def _set_up(scene: bpy.types.Scene) -> None:
 
 
 def _read(path: Path) -> np.ndarray:
+    """Return the pixels of a picture, (h, w, 3) float32, linear Rec.709."""
     image = bpy.data.images.load(str(path), check_existing=False)
     try:
         pixels = np.empty(len(image.pixels), np.float32)
         image.pixels.foreach_get(pixels)
         width, height = image.size
-        return pixels.reshape(height, width, -1)[..., :3].copy()
+        return to_rec709(pixels.reshape(height, width, -1)[..., :3]).copy()
     finally:
         bpy.data.images.remove(image)

@@ -15,7 +15,7 @@ import numpy as np
 from ...compat import multiplies_by_alpha
 
 #: Colour spaces of data: their channels do not depend on alpha.
-_DATA = frozenset({"Non-Color", "Raw", "Generic Data"})
+DATA = frozenset({"Non-Color", "Raw", "Generic Data"})
 
 _ASSOCIATED = frozenset({"STRAIGHT", "PREMUL"})
 
@@ -34,7 +34,7 @@ class AlphaMeaning:
     @classmethod
     def of(cls, image: bpy.types.Image) -> AlphaMeaning:
         """Return the meaning for an image."""
-        associated = image.alpha_mode in _ASSOCIATED and image.colorspace_settings.name not in _DATA
+        associated = image.alpha_mode in _ASSOCIATED and image.colorspace_settings.name not in DATA
         return cls(associated, multiplies_by_alpha(image))
 
     def straight(self, pixels: np.ndarray) -> np.ndarray:
@@ -83,4 +83,4 @@ def _is_converted(image: bpy.types.Image) -> bool:
     if image.source != "FILE" or image.packed_file is not None or image.is_dirty:
         return False
     mode = "STRAIGHT" if image.is_float else "PREMUL"
-    return image.alpha_mode == mode and image.colorspace_settings.name not in _DATA
+    return image.alpha_mode == mode and image.colorspace_settings.name not in DATA

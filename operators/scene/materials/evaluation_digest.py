@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
+from ...working_space import working_space
 from ..objects.meshes import read_array
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def evaluation_digest(
     size: width of the textures, texels
     glass: True if refracting closures let light pass straight through
     """
-    digest = hashlib.blake2b(repr((size, list(values), glass)).encode())
+    digest = hashlib.blake2b(repr((working_space(), size, list(values), glass)).encode())
     try:
         _feed_tree(digest, material.node_tree)
         for shape in shapes:
@@ -71,7 +72,7 @@ def evaluation_digest(
 
 def world_digest(world: bpy.types.World) -> bytes | None:
     """Return a digest of the nodes of a world and its name, None if they may change without being seen."""
-    digest = hashlib.blake2b(repr(world.name).encode())
+    digest = hashlib.blake2b(repr((working_space(), world.name)).encode())
     try:
         if world.animation_data is not None:
             raise UnknownError

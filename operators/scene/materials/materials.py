@@ -16,6 +16,7 @@ from .engine_materials import Sides, to_material
 from .object_nodes import Dependence, Source, shown, source_of
 from .pixels import PixelCache
 from .ray_kinds import BOUNCE, RayKind, ray_value
+from .rec709_materials import in_rec709
 from .sockets import ComplexError, feeder
 from .textures import read_texture
 from .values import BLACK, HOLE, ZERO, Surface, Value, constant
@@ -269,6 +270,7 @@ _SHADERS = {
 _INDEPENDENT = Dependence()
 
 
+@in_rec709
 def read_material(
     material: bpy.types.Material | None,
     notes: list[str],

@@ -8,10 +8,12 @@ import numpy as np
 from ....engine.scene.color import srgb_to_linear
 from ....engine.scene.model import Material
 from ...compat import node_tree
+from ...working_space import from_rec709
 from .closures import ADD, MIX
 from .engine_materials import Sides, to_material
 from .materials import ShaderReader
 from .pixels import PixelCache
+from .rec709_materials import in_rec709
 from .sockets import ComplexError, feeder
 from .values import Surface, Value, constant
 
@@ -48,9 +50,11 @@ class _MeanReader(ShaderReader):
             return value
         pixels = value.texture.pixels
         linear = srgb_to_linear(pixels) if value.texture.srgb else pixels
-        return Value(value.constant * linear.mean(axis=(0, 1), dtype=np.float64))
+        mean = linear.mean(axis=(0, 1), dtype=np.float64)
+        return Value(value.constant * (from_rec709(mean) if len(mean) == 3 else mean))
 
 
+@in_rec709
 def mean_color(material: bpy.types.Material, notes: list[str], cache: PixelCache, glass: bool) -> Material:
     """Return a material without textures, as near to it as constants and means of images are.
 

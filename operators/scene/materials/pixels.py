@@ -7,8 +7,9 @@ import numpy as np
 
 from ....engine.scene.color import luminance, srgb_to_linear
 from ...lookup import find
+from ...working_space import is_rec709, to_rec709
 from ..slices import Slices, row_slices
-from .alpha_modes import AlphaMeaning, channels_of
+from .alpha_modes import DATA, AlphaMeaning, channels_of
 from .tilts import CLASSES, count_tilts, image_state, kept_tilts
 
 #: Colour spaces whose pixels are scene-linear Rec.709 as they are, and the one that is converted.
@@ -54,10 +55,12 @@ class PixelCache:
         UnreadError if it has to be read first.
         """
         if image is None:
-            return _part(self.read(image, owner), part, False, AlphaMeaning(False, False))
+            return _part(self.read(image, owner), part, False, AlphaMeaning(False, False), False)
         key = (image.session_uid, part)
         if key not in self._parts:
-            raise UnreadError(self._read_part(key, owner, is_srgb(image), AlphaMeaning.of(image)))
+            meaning = AlphaMeaning.of(image)
+            reading = self._read_part(key, owner, is_srgb(image), meaning, _is_scene_linear(image))
+            raise UnreadError(reading)
         return self._parts[key]
 
     def read(self, image: bpy.types.Image | None, owner: str) -> np.ndarray:
@@ -101,14 +104,16 @@ class PixelCache:
         self._tilts[uid] = counts
         kept_tilts.keep(state, counts)
 
-    def _read_part(self, key: tuple[int, str], owner: str, srgb: bool, meaning: AlphaMeaning) -> Slices[None]:
+    def _read_part(
+        self, key: tuple[int, str], owner: str, srgb: bool, meaning: AlphaMeaning, scene_linear: bool
+    ) -> Slices[None]:
         uid, part = key
         if uid not in self._images:
             yield from self._read(uid, owner)
         pixels = self._images[uid]
         made = np.empty((*pixels.shape[:2], 3 if part.startswith("colour") else 1), np.float32)
         for rows in row_slices(len(pixels), pixels.shape[1] * 4):
-            made[rows] = _part(pixels[rows], part, srgb, meaning)
+            made[rows] = _part(pixels[rows], part, srgb, meaning, scene_linear)
             yield rows.stop / len(pixels)
         self._parts[key] = made
 
@@ -145,14 +150,25 @@ class PixelCache:
             self._notes.append(note)
 
 
-def _part(pixels: np.ndarray, part: str, srgb: bool, meaning: AlphaMeaning) -> np.ndarray:
-    """Return a part of (h, w, 4) pixels; see `PixelCache.read_part`."""
+def _part(pixels: np.ndarray, part: str, srgb: bool, meaning: AlphaMeaning, scene_linear: bool) -> np.ndarray:
+    """Return a part of (h, w, 4) pixels; see `PixelCache.read_part`.
+
+    scene_linear: True if colours are those of the working space; otherwise they are Rec.709. Outside of it
+    they get negative channels.
+    """
     if part == "alpha":
         return pixels[..., 3:]
     colours = meaning.multiplied(pixels) if part.endswith("* alpha") else meaning.straight(pixels)
+    if scene_linear:
+        colours = to_rec709(colours)
     if part.startswith("grey"):
         return luminance(srgb_to_linear(colours) if srgb else colours)[..., None]
     return colours
+
+
+def _is_scene_linear(image: bpy.types.Image) -> bool:
+    """Return True if pixels hold colours of another working space: float images, and data used as colour."""
+    return not is_rec709() and (bool(image.is_float) or image.colorspace_settings.name in DATA)
 
 
 def is_plain(image: bpy.types.Image | None) -> bool:

@@ -1,0 +1,39 @@
+"""The working space of Blender's scene-linear colours (since 5.0), and the engine's, linear Rec.709."""
+
+from __future__ import annotations
+
+import bpy
+import mathutils
+import numpy as np
+
+REC709 = "Linear Rec.709"
+
+
+def working_space() -> str:
+    """Return the name of the space of scene-linear colours; before 5.0 it is always Rec.709."""
+    spaces = getattr(bpy.data, "colorspace", None)
+    return REC709 if spaces is None else str(spaces.working_space)
+
+
+def is_rec709() -> bool:
+    """Return True if scene-linear colours are those of the engine."""
+    return working_space() == REC709
+
+
+def _matrix() -> np.ndarray:
+    """Return the (3, 3) float64 matrix from scene-linear colours to linear Rec.709."""
+    columns = [mathutils.Color(axis).from_scene_linear_to_rec709_linear() for axis in np.eye(3)]
+    return np.array(columns, np.float64).T
+
+
+def to_rec709(colours: np.ndarray) -> np.ndarray:
+    """Return scene-linear colours (..., 3) in linear Rec.709, of the same dtype; may be the same array.
+
+    Colours outside of Rec.709 get negative channels.
+    """
+    return colours if is_rec709() else (colours @ _matrix().T).astype(colours.dtype)
+
+
+def from_rec709(colours: np.ndarray) -> np.ndarray:
+    """Return linear Rec.709 colours (..., 3) as scene-linear ones; see `to_rec709`."""
+    return colours if is_rec709() else (colours @ np.linalg.inv(_matrix()).T).astype(colours.dtype)

@@ -14,6 +14,7 @@ from ....engine.naming import listing
 from ....engine.scene.model import Material
 from ...compat import node_tree
 from ...lookup import find, find_all
+from ...working_space import to_rec709
 from ..objects.evaluation import Evaluation
 from ..objects.items import Hidden, ItemKey, SceneItem, hidden_from
 from ..objects.meshes import LIGHTMAP_UVS
@@ -151,7 +152,7 @@ class MaterialTable:
             entry = read_material(material, self._notes, self._cache, values, depends, self._glass)
         except ComplexError:
             self._hair_materials.append(material.name)
-            color = np.array(material.diffuse_color[:3], np.float32)
+            color = np.maximum(to_rec709(np.array(material.diffuse_color[:3], np.float32)), 0)
             return Material(material.name, color, np.zeros(3, np.float32))
         return without_textures(entry)
 

@@ -269,17 +269,13 @@ __kernel void merge(__global const int *best, const int paired, __global const i
     new_cluster[rank.x] = node;
 }
 
-// The children of wide nodes: the binary node's two, and of those that are no leaves the largest opened as
-// long as there is room. Of each wide node the children that are no leaves, and its packets.
-__kernel void open_nodes(__global const NodeBox *boxes, __global const NodeLink *links, __global const int *roots,
-                         __global int *children, __global int2 *counts, const int count_roots)
+// The children of a wide node: the binary node's two, and of those that are no leaves the largest opened as
+// long as there is room. Returns the number of those that are no leaves, and of the packets of leaves.
+int2 open_node(__global const NodeBox *boxes, __global const NodeLink *links, const int root, __global int *children)
 {
-    const int i = get_global_id(0);
-    if (i >= count_roots)
-        return;
     int open[WIDTH], count = 1;
     float areas[WIDTH];
-    open[0] = roots[i];
+    open[0] = root;
     areas[0] = links[open[0]].leaf ? -1.0f : INFINITY;
     while (count < WIDTH) {
         int widest = 0;
@@ -303,8 +299,74 @@ __kernel void open_nodes(__global const NodeBox *boxes, __global const NodeLink 
         sum += link.leaf ? (int2)(0, (link.triangles + PACKET - 1) / PACKET) : (int2)(1, 0);
     }
     for (int k = 0; k < WIDTH; ++k)
-        children[WIDTH * i + k] = k < count ? open[k] : -1;
-    counts[i] = sum;
+        children[k] = k < count ? open[k] : -1;
+    return sum;
+}
+
+// The children of each wide node of a level, how many of them are no leaves, and its packets.
+__kernel void open_nodes(__global const NodeBox *boxes, __global const NodeLink *links, __global const int *roots,
+                         __global int *children, __global int2 *counts, const int count_roots)
+{
+    const int i = get_global_id(0);
+    if (i < count_roots)
+        counts[i] = open_node(boxes, links, roots[i], children + WIDTH * i);
+}
+
+// All levels from one on while they have at most `limit` wide nodes and there is room for them, one after the other. One
+// work group. roots: the binary nodes of the first level; next, spare: of the levels after it, in turns. before: of each
+// wide node its first child that is no leaf, and its first packet, from the first node and packet of these levels on.
+// made: nodes, levels, nodes of the level that follows, packets.
+__kernel void open_levels(__global const NodeBox *boxes, __global const NodeLink *links, __global const int *roots,
+                          __global int *next, __global int *spare, __global int *children, __global int2 *before,
+                          __global int *made, const int first_count, const int limit, const int room,
+                          __local int2 *sums)
+{
+    const int item = get_local_id(0), items = get_local_size(0);
+    int count = first_count, level = 0, nodes = 0, packets = 0;
+    while (count > 0 && count <= limit && nodes + count <= room) {
+        const int each = (count + items - 1) / items, first = min(item * each, count), last = min(first + each, count);
+        int2 sum = 0;
+        for (int i = first; i < last; ++i) {
+            before[nodes + i] = sum;
+            sum += open_node(boxes, links, roots[i], children + WIDTH * (nodes + i));
+        }
+        sums[item] = sum;
+        barrier(CLK_LOCAL_MEM_FENCE);
+        if (item == 0) {
+            int2 total = 0;
+            for (int i = 0; i < items; ++i) {
+                const int2 value = sums[i];
+                sums[i] = total;
+                total += value;
+            }
+            sums[items] = total;
+        }
+        barrier(CLK_LOCAL_MEM_FENCE);
+        const int2 start = sums[item], total = sums[items];
+        int rank = start.x;
+        for (int i = first; i < last; ++i) {
+            before[nodes + i] += start + (int2)(nodes + count, packets);
+            for (int k = 0; k < WIDTH; ++k) {
+                const int child = children[WIDTH * (nodes + i) + k];
+                if (child >= 0 && !links[child].leaf)
+                    next[rank++] = child;
+            }
+        }
+        barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
+        nodes += count;
+        packets += total.y;
+        count = total.x;
+        ++level;
+        roots = next;
+        next = spare;
+        spare = (__global int *)roots;
+    }
+    if (item == 0) {
+        made[0] = nodes;
+        made[1] = level;
+        made[2] = count;
+        made[3] = packets;
+    }
 }
 
 // The binary nodes that the next level of wide nodes is made of.

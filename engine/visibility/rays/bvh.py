@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl as cl
 
-from ...device.buffers import upload
+from ...device.buffers import download, upload, zeros
 from ...device.compute import Compute
 from ...device.record import Record
 from .treetop import NAMES as TREETOP
@@ -21,6 +21,9 @@ _GROUP = 256
 
 #: Of at most so many triangles none are merged: their tree is split from the top down.
 _TOP = 2048
+
+#: Levels of at most so many wide nodes are opened by one work group, at most so many nodes at once.
+_SMALL, _ROOM = 1024, 1 << 15
 
 #: If a round merges less than this fraction of the clusters, all merge in pairs instead, to bound the depth.
 _FEWEST = 1 / 16
@@ -114,13 +117,24 @@ def build_bvh(
 
 @dataclass(frozen=True)
 class _Level:
-    """Wide nodes of one level: binary nodes that are their children, and their ranks among the next."""
+    """Wide nodes of successive levels.
+
+    children  binary nodes that are their children
+    before    ranks of the children that are no leaves, and of packets
+    totals    what is added to the ranks of each chunk
+    count     nodes
+    packets   of their leaves
+    depth     levels
+    origin    node of which ranks of children count, from the first of these nodes on
+    """
 
     children: cl.Buffer
     before: cl.Buffer
     totals: cl.Buffer
     count: int
     packets: int
+    depth: int
+    origin: int
 
 
 class _Builder:
@@ -133,7 +147,7 @@ class _Builder:
         options += (f"-DLEAF={shape.leaf}", f"-DPACKET_COST={shape.cost}f")
         names = (
             "morton_keys", "single_clusters", "best_neighbours", "count_merges", "sum_chunks",
-            "sum_totals", "merge", "open_nodes", "next_roots", "store_level", *TREETOP,
+            "sum_totals", "merge", "open_nodes", "open_levels", "next_roots", "store_level", *TREETOP,
         )  # fmt: skip
         kernels = compute.kernels((BOX, LINK, "bvh.cl", "treetop.cl"), *names, options=options)
         self._kernels = dict(zip(names, kernels, strict=True))
@@ -209,20 +223,13 @@ class _Builder:
         return top.root
 
     def _widen(self, root: int) -> Bvh:
-        """Join binary nodes to wide ones, level by level, and store them."""
+        """Join binary nodes to wide ones, level by level, and store them; small levels at once."""
         levels, roots = [], upload(self._compute, np.array([root], np.int32))
         count = 1
         while count:
-            level, count_next = self._level(roots, count)
+            widen = self._small_levels if count <= _SMALL else self._level
+            level, roots, count = widen(roots, count)
             levels.append(level)
-            if count_next:
-                following = self._buffer(4 * count_next)
-                ranks = level.before, level.totals
-                self._run(
-                    "next_roots", count, self._links, level.children, *ranks, following, np.int32(count)
-                )
-                roots = following
-            count = count_next
 
         # How much there is is known now.
         record, packet = 32 * self._shape.width, 4 * self._shape.packet * _record(self._shape)
@@ -232,23 +239,42 @@ class _Builder:
         for level in levels:
             self._run(
                 "store_level", level.count, self._positions, self._boxes, self._links,
-                level.children, level.before, level.totals, np.int32(first), np.int32(first + level.count),
+                level.children, level.before, level.totals, np.int32(first), np.int32(first + level.origin),
                 np.int32(first_packet), nodes, packets, margin, np.int32(level.count),
             )  # fmt: skip
             first, first_packet = first + level.count, first_packet + level.packets
-        need = len(levels) * (self._shape.width - 1) + 1
+        depth = sum(level.depth for level in levels)
+        need = depth * (self._shape.width - 1) + 1
         stack = -(-need // _STACK) * _STACK
-        return Bvh(nodes, packets, _layout(self._shape, stack), len(levels), stack, self._top)
+        return Bvh(nodes, packets, _layout(self._shape, stack), depth, stack, self._top)
 
-    def _level(self, roots: cl.Buffer, count: int) -> tuple[_Level, int]:
-        """Return the wide nodes that stand for binary ones, and how many wide nodes are their children."""
+    def _level(self, roots: cl.Buffer, count: int) -> tuple[_Level, cl.Buffer, int]:
+        """Return the wide nodes that stand for binary ones, and the binary nodes of the next level."""
         chunks = -(-count // _CHUNK)
         children = self._buffer(4 * self._shape.width * count)
         before, totals = self._buffer(8 * count), self._buffer(8 * (chunks + 1))
         self._run("open_nodes", count, self._boxes, self._links, roots, children, before, np.int32(count))
         self._run("sum_chunks", chunks, before, totals, np.int32(count))
         count_next, packets = self._sum_totals(totals, chunks)
-        return _Level(children, before, totals, count, packets), count_next
+        following = self._buffer(max(4 * count_next, 4))
+        if count_next:
+            self._run("next_roots", count, self._links, children, before, totals, following, np.int32(count))
+        return _Level(children, before, totals, count, packets, 1, count), following, count_next
+
+    def _small_levels(self, roots: cl.Buffer, count: int) -> tuple[_Level, cl.Buffer, int]:
+        """Return what `_level` does of all levels from one on while they are small."""
+        width, kernel = self._shape.width, self._kernels["open_levels"]
+        (group,) = kernel.group(_GROUP)
+        following = [self._buffer(4 * width * _SMALL) for _ in range(2)]
+        children, before, made = self._buffer(4 * width * _ROOM), self._buffer(8 * _ROOM), self._buffer(16)
+        kernel(
+            self._queue, (group,), (group,), self._boxes, self._links, roots, *following, children, before,
+            made, *map(np.int32, (count, _SMALL, _ROOM)), cl.LocalMemory(8 * (group + 1)),
+        )  # fmt: skip
+        totals = zeros(self._compute, 8 * (_ROOM // _CHUNK))
+        nodes, depth, left, packets = map(int, download(self._compute, made, (4,)).view(np.int32))
+        level = _Level(children, before, totals, nodes, packets, depth, 0)
+        return level, following[(depth + 1) % 2], left
 
     def _sum_totals(self, totals: cl.Buffer, chunks: int) -> tuple[int, int]:
         """Sum up the sums of chunks; return the sum of all."""

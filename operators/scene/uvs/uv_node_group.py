@@ -69,7 +69,7 @@ def keep_viewport_uvs(group: bpy.types.NodeTree, uvs: np.ndarray, digest: str) -
     switch.input_type, count.component = "GEOMETRY", "MESH"
     shown.inputs["Object"].default_value = _new_carrier(points)
     sample, same = _one(group, "GeometryNodeSampleIndex"), _one(group, "FunctionNodeCompare")
-    rendered = sample.inputs["Geometry"].links[0].from_socket
+    rendered = group.nodes[NAME].outputs["Geometry"]
     group.links.new(asks.outputs[0], switch.inputs["Switch"])
     group.links.new(rendered, switch.inputs["False"])
     group.links.new(shown.outputs["Geometry"], switch.inputs["True"])
@@ -97,11 +97,13 @@ def drop_viewport_uvs(group: bpy.types.NodeTree) -> None:
     """Remove what a node group keeps for the viewport, if there is any."""
     if _VIEWPORT not in group:
         return
-    nodes = [group.nodes[name] for name in _VIEWPORT_NODES]
-    carrier, rendered = nodes[0].inputs["Object"].default_value, nodes[2].inputs["False"].links[0].from_socket
+    shown = group.nodes.get(_VIEWPORT_NODES[0])
+    carrier = shown and shown.inputs["Object"].default_value
+    rendered = group.nodes[NAME].outputs["Geometry"]
     group.links.new(rendered, _one(group, "GeometryNodeSampleIndex").inputs["Geometry"])
-    for node in nodes:
-        group.nodes.remove(node)
+    for name in _VIEWPORT_NODES:
+        if name in group.nodes:
+            group.nodes.remove(group.nodes[name])
     if carrier is not None:
         points = carrier.data
         bpy.data.objects.remove(carrier)

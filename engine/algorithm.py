@@ -19,7 +19,8 @@ from .finish.made_outputs import Outputs
 from .finish.outputs import output_names
 from .finish.store import LightmapStore
 from .lightmap import Lightmap, Report
-from .patches.occluders import place_occluders
+from .patches.backs import place_backs
+from .patches.occluders import place_occluders, texel_size
 from .patches.subdivision import Subdivision
 from .plan.choice import Choice
 from .plan.choose import choose_solver
@@ -87,7 +88,8 @@ def _bake(
     """Bake: the paper's algorithm."""
     graphics, compute = devices.graphics, devices.compute
     scene, settings, notes = without_opencl(devices, scene, settings)
-    atlases, scene = scene.atlases, place_occluders(scene, settings.resolution)
+    atlases, resolution, texel = scene.atlases, settings.resolution, texel_size(scene, settings.resolution)
+    scene = place_backs(place_occluders(scene, resolution), resolution, texel)
     check_limits(graphics, compute, scene, settings)
 
     # Other processes make what casts rays through it meanwhile.

@@ -15,7 +15,7 @@ __kernel void look(LOOK_ARGUMENTS, const int start, const int cached_from, __glo
 {
     const int patch = start + get_group_id(0);
     const Rays rays = RAYS;
-    const Lightmaps lightmaps = {uvs, atlases, texel_to_patch, resolution};
+    const Lightmaps lightmaps = {uvs, atlases, texel_to_patch, resolution, backs};
     const Receiver receiver = load_receiver(receivers + patch);
     const View view = view_of(&receiver, patch, samples, salt, rotate);
     Eye eye = {view.eye, -1};
@@ -42,7 +42,7 @@ __kernel void gather_rays(LOOK_ARGUMENTS, const int start, __global const float4
 {
     const int patch = start + get_group_id(0);
     const Rays rays = RAYS;
-    const Lightmaps lightmaps = {uvs, atlases, texel_to_patch, resolution};
+    const Lightmaps lightmaps = {uvs, atlases, texel_to_patch, resolution, backs};
     const Receiver receiver = load_receiver(receivers + patch);
     const View view = view_of(&receiver, patch, samples, salt, rotate);
     Eye eye = {view.eye, -1};

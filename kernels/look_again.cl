@@ -66,7 +66,7 @@ __kernel void look_again(LOOK_ARGUMENTS, const int start, const int cached_from,
     Rays moved = rays;
     moved.nodes = moved_nodes;
     moved.triangles = moved_triangles;
-    const Lightmaps lightmaps = {uvs, atlases, texel_to_patch, resolution};
+    const Lightmaps lightmaps = {uvs, atlases, texel_to_patch, resolution, backs};
     const Receiver receiver = load_receiver(receivers + patch);
     const View view = view_of(&receiver, patch, samples, salt, rotate);
 

@@ -12,6 +12,7 @@ typedef struct {
     __global const int *atlases;         // of each triangle
     __global const uint *texel_to_patch; // patch + 1 of each texel of each lightmap, or 0
     int resolution;
+    __global const int *backs;           // of each triangle: its back face, -1 for none; null if none has any
 } Lightmaps;
 
 #ifdef TINTED
@@ -43,6 +44,18 @@ uint index_of_tint(const Rays *rays, const float3 tint, const uint key)
 #define RAY_TINTS(rays) 0
 #endif
 
+// Exchange a hit of a back face that has patches for a hit of the front of that face: its corners are those of the
+// triangle in the opposite order.
+Hit turned(const Lightmaps *lightmaps, Hit hit)
+{
+    if (hit.front || !lightmaps->backs || lightmaps->backs[hit.triangle] < 0)
+        return hit;
+    hit.triangle = lightmaps->backs[hit.triangle];
+    hit.weights = hit.weights.yx;
+    hit.front = true;
+    return hit;
+}
+
 // The patch, its back or the surroundings, as in identity hemicubes; and the tint of its light, see kernels/identity.cl.
 uint look_along(const Rays *rays, const Lightmaps *lightmaps, const float3 origin, const float3 direction, uint *tint)
 {
@@ -57,12 +70,13 @@ uint look_along(const Rays *rays, const Lightmaps *lightmaps, const float3 origi
 #endif
     if (hit.triangle < 0)
         return SKY;
-    __global const float2 *corner = lightmaps->uvs + 3 * hit.triangle;
-    const float2 w = hit.weights;
+    const Hit shown = turned(lightmaps, hit);
+    __global const float2 *corner = lightmaps->uvs + 3 * shown.triangle;
+    const float2 w = shown.weights;
     const float2 uv = corner[0] * (1.0f - w.x - w.y) + corner[1] * w.x + corner[2] * w.y;
     const int2 texel = clamp(convert_int2(uv * lightmaps->resolution), 0, lightmaps->resolution - 1);
-    const size_t row = (size_t)lightmaps->atlases[hit.triangle] * lightmaps->resolution + texel.y;
-    return lightmaps->texel_to_patch[row * lightmaps->resolution + texel.x] | (hit.front ? 0u : BACK);
+    const size_t row = (size_t)lightmaps->atlases[shown.triangle] * lightmaps->resolution + texel.y;
+    return lightmaps->texel_to_patch[row * lightmaps->resolution + texel.x] | (shown.front ? 0u : BACK);
 }
 
 // Where the ray of a sample starts, and the number of that place; -1 before the first one.
@@ -95,5 +109,6 @@ void move_eye(Eye *eye, const View *view, const Rays *rays, const Receiver *r, c
 
 #define LOOK_ARGUMENTS RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const float2 *uvs, \
     __global const int *atlases, __global const uint *texel_to_patch, const int resolution, \
+    __global const int *backs, \
     __global const float4 *emission, const uint outside, \
     SAMPLES, const int samples, const int n, const uint salt, const int rotate

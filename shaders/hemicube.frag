@@ -3,7 +3,8 @@
 // that patch sends out. The radiosity texture holds two values a patch: the front,
 // a = 1, in its lower half; emission alone, which leaves the back too, a = 0, in its upper half.
 // BACK_TO_BACK is defined for scenes with faces that lie on one another and look apart: of these the front is
-// seen. REVERSED_DEPTH tells that the farthest depth is 0.
+// seen. BACKS is defined for scenes with back faces that are triangles of their own: the atlas of these and of their
+// fronts is stored as -1 - atlas, and only the front of either is drawn. REVERSED_DEPTH tells that the farthest depth is 0.
 in vec3 lightmap_uv;
 uniform usampler2DArray texel_to_patch;
 #ifndef IDENTITY
@@ -34,6 +35,14 @@ void main()
 #ifdef BACK_TO_BACK
     float slope = fwidth(gl_FragCoord.z);
 #endif
+    float atlas = lightmap_uv.z;
+#ifdef BACKS
+    if (atlas < -0.5) {
+        if (!gl_FrontFacing)
+            discard;
+        atlas = -1.0 - atlas;
+    }
+#endif
 #ifdef TRANSMISSION
     if (is_hole(cutout, cutout_back, lightmap_uv.xy))
         discard;
@@ -48,7 +57,7 @@ void main()
 #endif
     ivec2 size = textureSize(texel_to_patch, 0).xy;
     ivec2 texel = clamp(ivec2(lightmap_uv.xy * vec2(size)), ivec2(0), size - 1);
-    int entry = int(texelFetch(texel_to_patch, ivec3(texel, int(lightmap_uv.z + 0.5)), 0).r);
+    int entry = int(texelFetch(texel_to_patch, ivec3(texel, int(atlas + 0.5)), 0).r);
 #ifdef IDENTITY
     out_identity = uint(entry) | (gl_FrontFacing ? 0u : 0x80000000u);
 #else

@@ -113,6 +113,9 @@ def bright_triangles(parts: Subdivision) -> BrightTriangles:
         mean * cutouts.stopped(record)[material][:, None] if cutouts.needed else mean
         for mean, record in ((means[0], BOUNCE), (means[-1], BACK + BOUNCE))
     )
+
+    # Back faces that are triangles of their own shine as these.
+    back = np.where(parts.triangles.one_sided[:, None], 0, back)
     brightness = np.maximum(luminance(front), luminance(back))
     mean = float((brightness * area).sum(dtype=np.float64) / max(area.sum(dtype=np.float64), 1e-30))
     chosen = (brightness > 0) & (brightness >= _BRIGHT * mean)

@@ -29,6 +29,8 @@ def note_enclosed(rays: Rays, scene: Scene, triangles: Triangles, lamps: Sequenc
         mine = slice(index * _RAYS, (index + 1) * _RAYS)
         shines = directions @ -lamp.axes[2] > 0 if lamp.kind in ("spot", "area") else np.full(_RAYS, True)
         back = (hit[mine] >= 0) & ~front[mine] & shines
+        if triangles.backs is not None:
+            back &= triangles.backs[hit[mine]] < 0
         if back.sum() >= _ENCLOSED * shines.sum():
             name = scene.meshes[int(np.bincount(triangles.mesh[hit[mine][back]]).argmax())].name
             sentence = f"Light '{lamp.name}' is inside object '{name}' and lights nothing. Move it."

@@ -28,7 +28,7 @@ def in_contact_on_host(scene: Scene, parts: Subdivision) -> np.ndarray:
     up = eye_heights(triangles, geometry)[:, None] * geometry.geometric
     start = geometry.center + ABOVE * up
     step = -(ABOVE + BELOW) * up
-    corners = triangles.positions.astype(np.float64)
+    corners = triangles.positions[: triangles.solid].astype(np.float64)
     in_contact = np.zeros(len(start), bool)
     for patch, triangle in _neighbours(start, step, corners):
         met, weights = _backs_met(start[patch], step[patch], corners[triangle])

@@ -170,20 +170,27 @@ class DirectLighting:
 
         Without OpenCL none does.
         """
-        shining = self._bright.shining
+        triangles = self._parts.triangles
+        shining = self._bright.shining[: triangles.solid]
         if not (shining.any() and points.possible):
             return np.zeros(points.count, bool)
-        return patches_lit_by_backs(points, points.count, shining, self._parts.triangles.positions)
+        return patches_lit_by_backs(points, points.count, shining, triangles.positions[: triangles.solid])
 
     def _in_contact(self) -> tuple[np.ndarray, np.ndarray]:
         """Return which patches faces hide that touch them, and which lie back to back, (n,) bool each.
 
-        Without OpenCL the latter count as hidden.
+        Without OpenCL the latter count as hidden. A patch of a back face lies on its own front, which hides
+        nothing.
         """
         if self._ray_scene.possible:
-            return patches_in_contact(self._ray_scene, self._ray_scene.count)
-        hidden = in_contact_on_host(self._scene, self._parts)
-        return hidden, np.zeros_like(hidden)
+            hidden, back_to_back = patches_in_contact(self._ray_scene, self._ray_scene.count)
+        else:
+            hidden = in_contact_on_host(self._scene, self._parts)
+            back_to_back = np.zeros_like(hidden)
+        if self._parts.triangles.backs is not None:
+            of_backs = self._parts.geometry.triangle >= self._parts.triangles.solid
+            hidden, back_to_back = hidden & ~of_backs, back_to_back & ~of_backs
+        return hidden, back_to_back
 
     def of(self, points: RayScene, settings: Settings) -> DirectLighting:
         """Return the same light as it comes to the patches of another ray scene, by other numbers of rays."""

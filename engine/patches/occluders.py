@@ -47,11 +47,19 @@ def place_occluders(scene: Scene, resolution: int) -> Scene:
 
     An occluder that lies in several of these becomes a mesh in each.
     """
+    return place_meshes(scene, resolution, "(occluders)", texel_size(scene, resolution))
+
+
+def place_meshes(scene: Scene, resolution: int, name: str, texel: float) -> Scene:
+    """Return the scene with lightmap UVs for its meshes of atlas OCCLUDER in further atlases of a name.
+
+    texel: mean world size of a lightmap texel, m; 0 if nothing has a lightmap
+    """
     meshes = [mesh for mesh in scene.meshes if mesh.atlas == OCCLUDER and len(mesh.positions)]
     if not meshes:
         return scene
     side = 1 << (resolution.bit_length() - 1)
-    atlas, texels = _pack(_fitting_places(scene, meshes, resolution, side * side), side)
+    atlas, texels = _pack(_fitting_places(meshes, resolution, side * side, texel), side)
     atlas += len(scene.atlases)
     ends = np.cumsum([len(mesh.positions) for mesh in meshes])[:-1]
     parts = zip(np.split(atlas, ends), np.split(texels / np.float32(resolution), ends), strict=True)
@@ -61,7 +69,7 @@ def place_occluders(scene: Scene, resolution: int) -> Scene:
             placed += _in_atlases(mesh, *next(parts))
         else:
             placed.append(replace(mesh, atlas=max(mesh.atlas, 0)))
-    names = ["(occluders)"] * (int(atlas.max()) + 1 - len(scene.atlases))
+    names = [name] * (int(atlas.max()) + 1 - len(scene.atlases))
     return replace(scene, meshes=tuple(placed), atlases=(*scene.atlases, *names))
 
 
@@ -71,7 +79,7 @@ def _in_atlases(mesh: Mesh, atlas: np.ndarray, uvs: np.ndarray) -> list[Mesh]:
     return [replace(mesh.part(atlas == index), atlas=int(index)) for index in np.unique(atlas)]
 
 
-def _fitting_places(scene: Scene, meshes: list[Mesh], resolution: int, capacity: int) -> _Places:
+def _fitting_places(meshes: list[Mesh], resolution: int, capacity: int, texel: float) -> _Places:
     """Return places for all triangles of occluders, coarser and coarser until they fit.
 
     They fit into as few atlases, of `capacity` texels each, as hold _LEAST_TEXELS for every cluster that
@@ -88,7 +96,7 @@ def _fitting_places(scene: Scene, meshes: list[Mesh], resolution: int, capacity:
     )
     least = _LEAST_TEXELS * (int(_unique_rows(kinds).max()) + 1)
     texels = -(-least // capacity) * capacity
-    size = _COARSENESS * _texel_size(scene, resolution)
+    size = _COARSENESS * texel
     size = size if size > 0 else float(np.ptp(positions.reshape(-1, 3), axis=0).max()) / resolution + 1e-12
     longest = np.linalg.norm(positions - np.roll(positions, 1, axis=1), axis=2).max(axis=1)
     while True:
@@ -98,7 +106,7 @@ def _fitting_places(scene: Scene, meshes: list[Mesh], resolution: int, capacity:
         size *= _STEP
 
 
-def _texel_size(scene: Scene, resolution: int) -> float:
+def texel_size(scene: Scene, resolution: int) -> float:
     """Return the mean world size of a lightmap texel, m; 0 if nothing has a lightmap."""
     world = charts = 0.0
     for mesh in scene.meshes:

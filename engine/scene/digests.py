@@ -92,7 +92,7 @@ def geometry_digest(scene: Scene, known: ArrayDigests | None = None) -> bytes:
     digest.feed([len(scene.atlases), len(scene.meshes), len(scene.materials)])
     maps = [texture for material in scene.materials for texture in transmission_maps(material)]
     for mesh in scene.meshes:
-        digest.feed([mesh.name, mesh.atlas, *(getattr(mesh, name) for name in _GEOMETRY)])
+        digest.feed([mesh.name, mesh.atlas, mesh.front, *(getattr(mesh, name) for name in _GEOMETRY)])
         digest.feed_uvs(mesh, maps)
     for material in scene.materials:
         for entry in transmittances(material.transmission):

@@ -67,6 +67,8 @@ class Mesh:
     atlas         index of the lightmap that holds the object's charts, or OCCLUDER
     texture_uvs   (t, 3, 2) float32 of each UV map that the materials' textures name
     light_group   name of the light group that what it emits belongs to, see `Scene.light_groups`
+    front         (t,) int32, index among all triangles of the scene: the front of each triangle, if the mesh
+                  holds back faces (engine/patches/backs.py); None for all other meshes
     """
 
     name: str
@@ -79,10 +81,13 @@ class Mesh:
     atlas: int = 0
     texture_uvs: dict[str, np.ndarray] = field(default_factory=dict)
     light_group: str = ""
+    front: np.ndarray | None = None
 
     def part(self, chosen: np.ndarray) -> Mesh:
         """Return the triangles that a mask selects."""
         arrays = {name: getattr(self, name)[chosen] for name in _TRIANGLE_ARRAYS}
+        if self.front is not None:
+            arrays["front"] = self.front[chosen]
         return replace(
             self, texture_uvs={name: uvs[chosen] for name, uvs in self.texture_uvs.items()}, **arrays
         )

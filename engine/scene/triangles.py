@@ -20,6 +20,8 @@ _ALIKE = 1.5
 class Triangles:
     """All triangles of a scene in one array, mesh after mesh.
 
+    Back faces that have patches come last, as triangles of their own: rays and drawings meet the fronts alone.
+
     positions  (t, 3, 3) float32, metres from `origin` along the world's axes
     normals    (t, 3, 3) float32, shading normals of the corners
     uvs        (t, 3, 2) float32, lightmap UV
@@ -28,6 +30,8 @@ class Triangles:
     atlas      (t,) int32
     origin     (3,) float64 that float32 holds, metres from `Scene.origin`: the median corner
     span       metres: what `diagonal` is taken for; None to measure it
+    backs      (s,) int32, of each triangle that is no back face: its back face, -1 for none; None if no
+               triangle has any
     """
 
     positions: np.ndarray
@@ -38,6 +42,21 @@ class Triangles:
     atlas: np.ndarray
     origin: np.ndarray = field(default_factory=lambda: np.zeros(3))
     span: float | None = None
+    backs: np.ndarray | None = None
+
+    @property
+    def solid(self) -> int:
+        """Number of triangles that are no back faces: the first ones."""
+        return len(self.mesh) if self.backs is None else len(self.backs)
+
+    @cached_property
+    def one_sided(self) -> np.ndarray:
+        """Triangles whose other side is a triangle of its own, (t,) bool."""
+        one_sided = np.zeros(len(self.mesh), bool)
+        if self.backs is not None:
+            one_sided[: self.solid] = self.backs >= 0
+            one_sided[self.solid :] = True
+        return one_sided
 
     @cached_property
     def box(self) -> np.ndarray:
@@ -86,7 +105,20 @@ def join_meshes(scene: Scene, before: Triangles | None = None) -> Triangles:
         np.repeat(np.array([mesh.atlas for mesh in scene.meshes], np.int32), counts),
         origin.astype(np.float64),
         span,
+        _backs(scene),
     )
+
+
+def _backs(scene: Scene) -> np.ndarray | None:
+    """Return `Triangles.backs` of a scene, whose meshes of back faces come last."""
+    fronts = [mesh.front for mesh in scene.meshes if mesh.front is not None]
+    if not fronts:
+        return None
+    count = sum(len(mesh.positions) for mesh in scene.meshes if mesh.front is None)
+    front = np.concatenate(fronts)
+    backs = np.full(count, -1, np.int32)
+    backs[front] = np.arange(count, count + len(front), dtype=np.int32)
+    return backs
 
 
 def _median(positions: np.ndarray) -> np.ndarray:

@@ -14,7 +14,8 @@ from ...scene.triangles import Triangles
 class IndexedMesh:
     """What vertex buffers are filled with.
 
-    vertices  (v, 6) float32: position, lightmap uv, atlas
+    vertices  (v, 6) float32: position, lightmap uv, atlas; -1 - atlas where the other side is a triangle of
+              its own
     cutouts   (v, 5) float32: UV on the map of the front, material, UV on the map of the back; None if no
               surface is see-through
     indices   (3 t,) uint32
@@ -31,7 +32,7 @@ def indexed_mesh(triangles: Triangles, cutouts: Cutouts, order: np.ndarray) -> I
     corners = np.empty((count, 3, 11 if cutouts.needed else 6), np.float32)
     corners[:, :, 0:3] = triangles.positions
     corners[:, :, 3:5] = triangles.uvs
-    corners[:, :, 5] = triangles.atlas[:, None]
+    corners[:, :, 5] = np.where(triangles.one_sided, -1 - triangles.atlas, triangles.atlas)[:, None]
     if cutouts.needed:
         corners[:, :, 6:8] = cutouts.uvs_of(triangles.material, BOUNCE)
         corners[:, :, 8] = triangles.material[:, None]

@@ -56,9 +56,12 @@ class HemicubeRaster:
         self._graphics, self._tiles, self.target = graphics, tiles, target
 
         # Triangles in clusters, and all ways to draw them.
-        self._clusters = Clusters(triangles.positions, cutouts.clear_backs[triangles.material], culling)
+        one_sided = cutouts.clear_backs[triangles.material] | triangles.one_sided
+        self._clusters = Clusters(triangles.positions, one_sided, culling)
         mesh = MeshBuffers(graphics, indexed_mesh(triangles, cutouts, self._clusters.order))
         features = (*target.features, *(("transmission",) if cutouts.needed else ()))
+        if triangles.backs is not None:
+            features += ("backs",)
         if back_to_back:
             features += ("back_to_back", *(("reversed_depth",) if graphics.reversed_depth else ()))
         names = available_paths(graphics) if path is None else (path,)

@@ -87,9 +87,10 @@ class RayIdentity:
         triangles = sources.triangles
         arrays = (triangles.uvs, triangles.atlas, sources.texel_to_patch)
         lookups = (upload_once(compute, array) for array in arrays)
+        backs = None if triangles.backs is None else upload_once(compute, triangles.backs)
         self._arguments = (
             *rays.arguments, receivers.receivers, *lookups, np.int32(sources.patches.resolution),
-            surroundings.emission, surroundings.outside,
+            backs, surroundings.emission, surroundings.outside,
             upload(compute, pattern), np.int32(self.samples), np.int32(settings.hemicube),
             np.uint32(rotation_salt(settings.seed)), np.int32(settings.rotate),
         )  # fmt: skip

@@ -46,7 +46,7 @@ class Rays:
         self._compute, self._queue = compute, compute.queue
         self.cutouts = cutouts
         reach = float(np.abs(triangles.box).max())
-        bvh = build_bvh(compute, triangles.positions, reach, top=before)
+        bvh = build_bvh(compute, triangles.positions[: triangles.solid], reach, top=before)
         self._options, self._stack, self.top = bvh.options, bvh.stack, bvh.top
         arrays: list[np.ndarray] = []
         if cutouts.needed:

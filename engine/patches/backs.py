@@ -1,0 +1,88 @@
+"""Back faces of open surfaces as triangles with patches of their own: they reflect and emit like fronts.
+
+Backs of opaque surfaces lie in atlases of the engine's own at the density of occluders. Backs of translucent
+surfaces mirror the atlas of their fronts texel by texel, so that each patch has a partner on the other side.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..scene.model import OCCLUDER, Material, Mesh, Scene
+from ..scene.open_surfaces import open_triangles
+from .occluders import place_meshes, texel_size
+
+#: Order of a triangle's corners seen from its back.
+_FLIPPED = [0, 2, 1]
+
+
+def place_backs(scene: Scene, resolution: int, texel: float) -> Scene:
+    """Return the scene with a mesh for the back faces of each mesh that is open, or parts of which are.
+
+    scene: its occluders have places already; texel: mean world size of a lightmap texel, m
+    """
+    meshes = [mesh for mesh in scene.meshes if len(mesh.positions)]
+    if not meshes:
+        return scene
+    translucent = np.array([is_translucent(material) for material in scene.materials], bool)
+    opaque = ~translucent & ~np.array([material.culled for material in scene.materials], bool)
+    is_open = open_triangles(scene.meshes)
+    materials, numbers = _materials_of_backs(scene.materials)
+    mirrors: dict[int, int] = {}
+    names = list(scene.atlases)
+    backs: list[Mesh] = []
+    first = 0
+    for mesh in scene.meshes:
+        last = first + len(mesh.positions)
+        coarse, mirrored = opaque[mesh.material] & is_open[first:last], translucent[mesh.material]
+        index = np.arange(first, last, dtype=np.int32)
+        if coarse.any():
+            backs.append(replace(_flipped(mesh.part(coarse), index[coarse], numbers), atlas=OCCLUDER))
+        if mirrored.any():
+            if mesh.atlas not in mirrors:
+                mirrors[mesh.atlas] = len(names)
+                names.append("(translucent backs)")
+            back = _flipped(mesh.part(mirrored), index[mirrored], numbers)
+            backs.append(replace(back, atlas=mirrors[mesh.atlas]))
+        first = last
+    if not backs:
+        return scene
+    placed = replace(scene, meshes=(*scene.meshes, *backs), materials=materials, atlases=tuple(names))
+    return place_meshes(placed, resolution, "(backs)", texel)
+
+
+def is_translucent(material: Material) -> bool:
+    """Return True if light that falls on one side of a material leaves the other side diffusely."""
+    return bool(np.any(material.translucency))
+
+
+def _materials_of_backs(materials: tuple[Material, ...]) -> tuple[tuple[Material, ...], np.ndarray]:
+    """Return all materials with those of backs that differ from fronts, and the back's of each, (m,) int32."""
+    joined, numbers = list(materials), np.arange(len(materials), dtype=np.int32)
+    for index, material in enumerate(materials):
+        if material.back is not None:
+            back = material.back
+            numbers[index] = len(joined)
+            joined.append(replace(
+                material, reflectance=back.reflectance, emission=back.emission,
+                reflectance_map=back.reflectance_map, emission_map=back.emission_map,
+            ))  # fmt: skip
+    return tuple(joined), numbers
+
+
+def _flipped(mesh: Mesh, index: np.ndarray, materials: np.ndarray) -> Mesh:
+    """Return the back faces of a mesh.
+
+    index: (t,) int32, of its triangles among all; materials: (m,) int32, the back's of each material
+    """
+    return replace(
+        mesh,
+        positions=mesh.positions[:, _FLIPPED],
+        normals=-mesh.normals[:, _FLIPPED],
+        uvs=mesh.uvs[:, _FLIPPED],
+        material=materials[mesh.material],
+        texture_uvs={name: uvs[:, _FLIPPED] for name, uvs in mesh.texture_uvs.items()},
+        front=index,
+    )

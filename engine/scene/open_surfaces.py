@@ -1,0 +1,78 @@
+"""Open surfaces: connected triangles whose edges are not all paired, so that their backs can be seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .model import Mesh
+
+#: Vertices nearer than this fraction of the scene's largest coordinate are one: float32 rounding of the world
+#: positions of objects that touch, as the bodies that glTF splits by material.
+_WELD = 2.0**-18
+
+#: Fraction of a cell by which the welding grid is shifted: modelled coordinates are round numbers, which
+#: must not lie on borders of cells.
+_SHIFT = 0.3819660112501051
+
+
+def open_triangles(meshes: Sequence[Mesh]) -> np.ndarray:
+    """Return the triangles of open surfaces, (t,) bool, of all meshes one after another.
+
+    Vertices are welded across meshes. A set of triangles connected by edges is closed if an even number of
+    them meets at each edge.
+    """
+    positions = np.concatenate([mesh.positions for mesh in meshes])
+    count = len(positions)
+    edge, triangle = _edges(_welded(positions.reshape(-1, 3)).reshape(count, 3))
+    is_odd = np.zeros(count, bool)
+    is_odd[triangle[np.bincount(edge)[edge] % 2 == 1]] = True
+    if not is_odd.any() or is_odd.all():
+        return is_odd
+    label = _components(edge, triangle, count)
+    open_labels = np.zeros(count, bool)
+    open_labels[label[is_odd]] = True
+    result: np.ndarray = open_labels[label]
+    return result
+
+
+def _welded(corners: np.ndarray) -> np.ndarray:
+    """Return the number of the welded vertex of each corner, (3 t,) int64; corners: (3 t, 3) float32, m."""
+    cell = _WELD * max(float(np.abs(corners).max(initial=0)), 1e-30)
+    cells = np.floor(corners / cell + _SHIFT).astype(np.int64)
+    keys = (cells[:, 0] << 42) ^ (cells[:, 1] << 21) ^ cells[:, 2]
+    vertex: np.ndarray = np.unique(keys, return_inverse=True)[1].reshape(-1)
+    return vertex
+
+
+def _edges(vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the number of each edge of each triangle, (k,) int64, and the triangle, (k,) int64.
+
+    Edges without a length are left out. vertices: (t, 3) int64
+    """
+    ends = np.stack([vertices, np.roll(vertices, -1, axis=1)], axis=-1).reshape(-1, 2)
+    low, high = ends.min(axis=1), ends.max(axis=1)
+    some = np.flatnonzero(low < high)
+    keys = low[some] * (int(vertices.max(initial=0)) + 1) + high[some]
+    return np.unique(keys, return_inverse=True)[1].reshape(-1), some // 3
+
+
+def _components(edge: np.ndarray, triangle: np.ndarray, count: int) -> np.ndarray:
+    """Return a label of the connected component of each triangle, (count,) int64.
+
+    Minimum labels spread over shared edges, with pointer jumping (Shiloach and Vishkin 1982).
+    """
+    order = np.argsort(edge, kind="stable")
+    shared = np.flatnonzero(edge[order[1:]] == edge[order[:-1]])
+    one, other = triangle[order[shared]], triangle[order[shared + 1]]
+    label = np.arange(count)
+    while True:
+        differ = label[one] != label[other]
+        one, other = one[differ], other[differ]
+        if not len(one):
+            return label
+        low, high = np.minimum(label[one], label[other]), np.maximum(label[one], label[other])
+        np.minimum.at(label, high, low)
+        while not np.array_equal(further := label[label], label):
+            label = further

@@ -19,8 +19,8 @@ from .finish.made_outputs import Outputs
 from .finish.outputs import output_names
 from .finish.store import LightmapStore
 from .lightmap import Lightmap, Report
-from .patches.backs import place_backs
-from .patches.occluders import place_occluders, texel_size
+from .patches.backs import with_places
+from .patches.sides import both_sides
 from .patches.subdivision import Subdivision
 from .plan.choice import Choice
 from .plan.choose import choose_solver
@@ -88,8 +88,7 @@ def _bake(
     """Bake: the paper's algorithm."""
     graphics, compute = devices.graphics, devices.compute
     scene, settings, notes = without_opencl(devices, scene, settings)
-    atlases, resolution, texel = scene.atlases, settings.resolution, texel_size(scene, settings.resolution)
-    scene = place_backs(place_occluders(scene, resolution), resolution, texel)
+    atlases, scene = scene.atlases, with_places(scene, settings.resolution)
     check_limits(graphics, compute, scene, settings)
 
     # Other processes make what casts rays through it meanwhile.
@@ -115,6 +114,7 @@ def _bake(
     lighting.follow(kept.sampled if settings.warm_start else None)
     sampled = yield from _direct_light(stages, store, outputs, lighting, last)
     kept.sampled = lighting.sampled_light(sampled) if settings.warm_start else None
+    sampled = both_sides(parts.sides, sampled)
 
     # Threads beside the devices; they would hold up the first image of a scene that changes.
     areas, seams = kept.begin(compute, parts, len(atlases), settings)
@@ -150,8 +150,10 @@ def _bake(
     passes = yield from finishing.images(stages, seams)
     warnings = (*notes, *parts.warnings, *lighting.warnings, *finishing.warnings)
     choice = replace(choice, reasons=(*choice.reasons, *finishing.reasons))
-    facts = (settings, choice, len(parts.patches), stages.seconds, devices, warnings)
-    report = _summary(solution, solved.parts.surfaces.emission, *facts)
+    report = _summary(
+        solution, solved.parts.surfaces.emission,
+        settings, choice, len(parts.patches), stages.seconds, devices, warnings,
+    )  # fmt: skip
     return Lightmap(
         atlases,
         store.image(next(iter(made.values()))) if settings.centres else store.no_image,

@@ -187,10 +187,8 @@ class DirectLighting:
         else:
             hidden = in_contact_on_host(self._scene, self._parts)
             back_to_back = np.zeros_like(hidden)
-        if self._parts.triangles.backs is not None:
-            of_backs = self._parts.geometry.triangle >= self._parts.triangles.solid
-            hidden, back_to_back = hidden & ~of_backs, back_to_back & ~of_backs
-        return hidden, back_to_back
+        seen = ~self._ray_scene.on_backs
+        return hidden & seen, back_to_back & seen
 
     def of(self, points: RayScene, settings: Settings) -> DirectLighting:
         """Return the same light as it comes to the patches of another ray scene, by other numbers of rays."""

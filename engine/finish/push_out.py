@@ -48,6 +48,10 @@ class WaysOut:
             array[rows] = nothing
         return WaysOut(*others)
 
+    def part(self, chosen: slice) -> WaysOut:
+        """Return the ways of some points."""
+        return WaysOut(*(some_rows(getattr(self, name), chosen) for name in self.__dataclass_fields__))
+
 
 def joined_ways(several: list[WaysOut]) -> WaysOut:
     """Return ways of points, then those of others; there are some at least."""

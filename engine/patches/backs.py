@@ -12,10 +12,16 @@ import numpy as np
 
 from ..scene.model import OCCLUDER, Material, Mesh, Scene
 from ..scene.open_surfaces import open_triangles
-from .occluders import place_meshes, texel_size
+from .occluders import place_meshes, place_occluders, texel_size
 
 #: Order of a triangle's corners seen from its back.
 _FLIPPED = [0, 2, 1]
+
+
+def with_places(scene: Scene, resolution: int) -> Scene:
+    """Return the scene with lightmap UVs for what has none: occluders, and back faces of open surfaces."""
+    texel = texel_size(scene, resolution)
+    return place_backs(place_occluders(scene, resolution), resolution, texel)
 
 
 def place_backs(scene: Scene, resolution: int, texel: float) -> Scene:
@@ -26,7 +32,7 @@ def place_backs(scene: Scene, resolution: int, texel: float) -> Scene:
     meshes = [mesh for mesh in scene.meshes if len(mesh.positions)]
     if not meshes:
         return scene
-    translucent = np.array([is_translucent(material) for material in scene.materials], bool)
+    translucent = np.array([material.translucent for material in scene.materials], bool)
     opaque = ~translucent & ~np.array([material.culled for material in scene.materials], bool)
     is_open = open_triangles(scene.meshes)
     materials, numbers = _materials_of_backs(scene.materials)
@@ -53,13 +59,8 @@ def place_backs(scene: Scene, resolution: int, texel: float) -> Scene:
     return place_meshes(placed, resolution, "(backs)", texel)
 
 
-def is_translucent(material: Material) -> bool:
-    """Return True if light that falls on one side of a material leaves the other side diffusely."""
-    return bool(np.any(material.translucency))
-
-
 def _materials_of_backs(materials: tuple[Material, ...]) -> tuple[tuple[Material, ...], np.ndarray]:
-    """Return all materials with those of backs that differ from fronts, and the back's of each, (m,) int32."""
+    """Return all materials with those of backs that differ, and the number of each one's back, (m,) int32."""
     joined, numbers = list(materials), np.arange(len(materials), dtype=np.int32)
     for index, material in enumerate(materials):
         if material.back is not None:

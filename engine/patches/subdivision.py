@@ -16,6 +16,7 @@ from ..settings import Settings
 from .charts import Charts, read_charts
 from .geometry import PatchGeometry, texel_steps
 from .patch_list import PatchList
+from .sides import Sides, pair_sides
 from .surfaces import KnownSurfaces, PatchSurfaces, patch_surfaces
 from .texel_to_patch import IndexMap, index_map
 
@@ -29,6 +30,7 @@ class Subdivision:
     warnings        sentences for the user
     back_to_back    whether faces lie on one another that look apart
     charts, index   what the next subdivision may start from, if they are known
+    sides           pairs of patches on both sides of translucent surfaces; None if there are none
     """
 
     triangles: Triangles
@@ -41,6 +43,7 @@ class Subdivision:
     back_to_back: bool = False
     charts: Charts | None = None
     index: IndexMap | None = None
+    sides: Sides | None = None
 
     def part(self, chosen: np.ndarray | slice) -> Subdivision:
         """Return some patches, which see all of them."""
@@ -48,11 +51,17 @@ class Subdivision:
 
     def seen_from(self, patches: PatchList, geometry: PatchGeometry) -> Subdivision:
         """Return other patches on the same triangles, which see these ones."""
-        others = replace(self, patches=patches, geometry=geometry)
+        others = replace(self, patches=patches, geometry=geometry, sides=None)
 
         # The index map is the same: its largest number is not looked for again.
         vars(others)["sources"] = self.sources
         return others
+
+    def with_surfaces(self, surfaces: PatchSurfaces) -> Subdivision:
+        """Return the same patches of other materials."""
+        own = surfaces.own
+        sides = None if own is None else pair_sides(self.triangles, self.patches, own)
+        return replace(self, surfaces=surfaces, sides=sides)
 
     @cached_property
     def sources(self) -> int:
@@ -91,7 +100,7 @@ def subdivide(
     return Subdivision(
         triangles, read_cutouts(scene), patches, geometry, surfaces, index.texel_to_patch, charts.warnings,
         charts=charts, index=index,
-    )  # fmt: skip
+    ).with_surfaces(surfaces)  # fmt: skip
 
 
 def _same_materials(before: Subdivision, triangles: Triangles, patches: PatchList) -> bool:

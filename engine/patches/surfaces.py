@@ -36,14 +36,17 @@ _Multiplier = Callable[[Any, Sequence[tuple[TexturedPatches, Texture]]], None]
 class PatchSurfaces:
     """Surfaces as the solver needs them.
 
-    reflectance  (n, 3) float32, where it was made
-    emission     (n, 3) float32, radiance of the front
+    reflectance    (n, 3) float32, where it was made: of translucent surfaces the sum of diffuse reflectance and
+                   transmittance
+    emission       (n, 3) float32, radiance of the front
     back_emission  (n, 3) float32, radiance of the back; None if it is that of the front
+    own            (n, 3) float32, the part of `reflectance` that is reflected; None if all of it is
     """
 
     reflectance: Values
     emission: np.ndarray
     back_emission: np.ndarray | None = None
+    own: np.ndarray | None = None
 
     @property
     def emission_of_backs(self) -> np.ndarray:
@@ -111,6 +114,8 @@ def patch_surfaces(
 
     known: of the same patches in a scene of the same geometry; None to read all textures
     """
+    if any(material.translucent for material in scene.materials):
+        return _translucent_surfaces(compute, scene, geometry, resolution)
     if known is None:
         return _made_surfaces(compute, scene, geometry, resolution)
     values: dict[str, Values] = {}
@@ -171,6 +176,23 @@ def _back_emission(
     device = compute if compute is not None and _fits(compute, [maps]) else None
     _multiply(device, turned, geometry, resolution, [(emission, maps)])
     return emission
+
+
+def _translucent_surfaces(
+    compute: Compute | None, scene: Scene, geometry: PatchGeometry, resolution: int
+) -> PatchSurfaces:
+    """Return what `patch_surfaces` does where some materials are translucent."""
+    surfaces = _made_surfaces(compute, scene, geometry, resolution)
+    transmitted = _constants(scene, "translucency", geometry)
+    maps = _maps(scene, "translucency")
+    device = compute if compute is not None and _fits(compute, [maps]) else None
+    _multiply(device, scene, geometry, resolution, [(transmitted, maps)])
+    reflected = colors_on_host(surfaces.reflectance)
+    total = reflected + transmitted
+    own = np.divide(reflected, total, out=np.ones_like(total), where=transmitted > 0)
+    made = replace(surfaces, reflectance=total, own=own)
+    vars(made)["shining"] = surfaces.shining
+    return made
 
 
 def _maps(scene: Scene, kind: str) -> list[Texture | None]:

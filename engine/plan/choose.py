@@ -200,7 +200,7 @@ def _device_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
     radiosity = DeviceRadiosity(
         job.opencl, sweep, job.parts.surfaces.reflectance, job.front_emission, job.area,
         job.sampled_light, job.gathers_direct, job.columns, job.indirect, _begins_sparse(job, sweep),
-        job.direct,
+        job.direct, job.parts.sides,
     )  # fmt: skip
     return radiosity, choice
 
@@ -224,6 +224,7 @@ def _host_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
         gather, reflectance, job.emission, job.area,
         job.sampled_light, job.gathers_direct, job.columns,
         *(None if light is None else colors_on_host(light) for light in (job.indirect, job.direct)),
+        job.parts.sides,
     )  # fmt: skip
     return radiosity, choice
 

@@ -28,6 +28,7 @@ from ..finish.texel_means import TexelMeans
 from ..finish.thin_walls import in_thin_walls, note_thin_walls
 from ..finish.wall_fit import WallFit
 from ..gather.half_light import HalfLight
+from ..patches.sides import both_sides
 from ..progress import part_of
 from ..runs import run_starts
 from ..scene.color import channel_sum
@@ -37,7 +38,7 @@ from ..solve.device_light import sent_light
 from ..solve.solution import Solution
 from ..visibility.samples import ray_count
 from .choice import Choice
-from .display_points import DisplayJob, DisplayPoints
+from .display_points import DisplayJob, DisplayPoints, with_other_sides
 from .hidden_light import HiddenLight
 from .light_group_gather import gather_light_groups, of_all_light
 from .light_group_solver import SettledGroup
@@ -113,6 +114,9 @@ def light_in_texels(
         return _nothing("No texel shows more than its centre.")
     settings = _settings_of_samples(what.job.settings, count)
     radiance, remote = radiance_of(what.solved, solution.settled), what.job.remote
+    if what.job.parts.sides is not None:
+        # Other processes do not hold what both sides of a surface weigh.
+        what, remote = replace(what, solved=replace(what.solved, remote=None)), None
     HiddenLight(what, known.hidden).replace(radiance, solution.settled)
     if remote is not None:
         sent = HalfLight.of(compute, radiance, what.solved.count)
@@ -157,8 +161,10 @@ def light_groups_in_texels(
     solved = [hidden.on_surfaces(group.solved) for group in groups]
     light: list[np.ndarray] = []
     for batch, done in _batches(lit.samples):
-        points = DisplayPoints(what, batch, settings)
-        light.append((yield from part_of(*done, _gather_groups(what, solved, seen, points))))
+        both, sides = with_other_sides(batch, what.job.parts)
+        points = DisplayPoints(what, both, settings)
+        found = yield from part_of(*done, _gather_groups(what, solved, seen, points))
+        light.append(np.stack([both_sides(sides, group)[: len(batch)] for group in found]))
     return list(np.concatenate(light, axis=1))
 
 
@@ -220,6 +226,8 @@ def light_at(
 
     radiance: on the device, float4 of each patch that sends light out, between two black entries
     """
+    count = len(samples)
+    samples, sides = with_other_sides(samples, what.job.parts)
     points = DisplayPoints(what, samples, settings)
     ways = points.push_out(what.lighting.lit_by_backs(points.rays))
     yield 0.1
@@ -233,9 +241,14 @@ def light_at(
     outputs, geometry = Outputs(what.scene, settings, lighting), points.parts.geometry
     made = yield from part_of(0.8, 1.0, outputs.make(last, geometry))
     values = {name: np.asarray(light) for name, light in made.items()}
+    light = last.irradiance
+    if sides is not None:
+        blended = {name: sides.blend(values[name]) for name in settings.light_outputs if name in values}
+        values, light = values | blended, sides.blend(light)
     normals = geometry.normal if settings.denoise else np.zeros((0, 3), np.float32)
     visible = ~(is_hidden(last.gathered[:, 3], lighting.near_faces()) | ways.inside)
-    return LitSamples(points.samples, ways, visible, normals, last.irradiance, values)
+    lit = LitSamples(points.samples, ways, visible, normals, light, values)
+    return lit if sides is None else lit.part(slice(count))
 
 
 def _joined(what: DisplayJob, lit: list[LitSamples], known: PatchLight, count: int) -> DisplayLight:

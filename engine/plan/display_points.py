@@ -8,10 +8,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..direct.lighting import DirectLighting
-from ..finish.display_samples import DisplaySamples, on_lightmap
+from ..finish.display_samples import DisplaySamples, joined_samples, on_lightmap
 from ..finish.push_out import WaysOut, pushed_barycentrics, ways_out
 from ..patches.geometry import PatchGeometry, TexelSteps
 from ..patches.patch_list import PatchList
+from ..patches.sides import Sides, own_sides
+from ..patches.subdivision import Subdivision
 from ..scene.model import Scene
 from ..settings import Settings
 from ..short_rows import any_in_rows, some_rows
@@ -42,6 +44,28 @@ class DisplayJob:
         if side not in self._steps:
             self._steps[side] = self.job.parts.geometry.steps.scaled(1 / side)
         return self._steps[side]
+
+
+def with_other_sides(samples: DisplaySamples, parts: Subdivision) -> tuple[DisplaySamples, Sides | None]:
+    """Return samples followed by points on the other sides of those on translucent surfaces, and the pairs.
+
+    None if there are none. parts: the patches that the samples' texels belong to
+    """
+    if parts.sides is None:
+        return samples, None
+    resolution = parts.patches.resolution
+    row, column = np.divmod(samples.texel, resolution)
+    entry = parts.texel_to_patch[samples.atlas, row, column].astype(np.int64)
+    own = np.concatenate([np.ones((1, 3), np.float32), own_sides(len(parts.patches), parts.sides)])[entry]
+    chosen = np.flatnonzero((own < 1).any(axis=1))
+    if not len(chosen):
+        return samples, None
+    there = samples.part(chosen)
+    backs = parts.triangles.backs
+    triangle = there.triangle if backs is None else backs[there.triangle]
+    others = replace(there, triangle=triangle, barycentric=there.barycentric[:, [0, 2, 1]])
+    pairs = np.stack([chosen, len(samples) + np.arange(len(chosen))], axis=1)
+    return joined_samples([samples, others]), Sides(pairs, np.repeat(own[chosen, None], 2, axis=1))
 
 
 class DisplayPoints:

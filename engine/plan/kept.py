@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -130,7 +130,7 @@ class Kept:
             made = patch_surfaces(compute, scene, self._parts.geometry, settings.resolution, known)
             if not made.shine_as(self._parts.surfaces):
                 self._near = None
-            self._parts = replace(self._parts, surfaces=made)
+            self._parts = self._parts.with_surfaces(made)
         self.key, self._surfaces_key = key, surfaces
         self._surfaces_of = scene if settings.warm_start else None
         return self._parts

@@ -7,6 +7,7 @@ from collections.abc import Generator
 import numpy as np
 
 from ..finish.outputs import light_group_maps
+from ..patches.sides import both_sides
 from ..progress import part_of
 from ..solve.solution import Solution
 from .display_light import DisplayLight, light_groups_in_texels
@@ -30,6 +31,7 @@ def light_by_groups(
     if what.choice.method == "none":
         return {name: np.zeros((what.job.count, 3), np.float32) for name in names}, {}
     sampled = yield from part_of(0.0, 0.1, what.lighting.gather_by_group())
+    sampled = np.stack([both_sides(what.job.parts.sides, light) for light in sampled])
     left = map(what.lighting.left_to_hemicubes, range(len(names)))
     sources = [
         Sources(emission, sky, light, backs)

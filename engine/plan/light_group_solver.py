@@ -190,7 +190,7 @@ def _solved_together(
         for part, scale in zip(parts, scales, strict=True)
     ]
     sweep = LightGroupSweep(job.opencl, kept, [static_light(part, kept.sampling) for part in bright])
-    sampled = _beside(part.sampled_light for part in bright)
+    sampled, sides = _beside(part.sampled_light for part in bright), job.parts.sides
     radiosity = _Radiosity(
         job.opencl,
         sweep,
@@ -200,6 +200,7 @@ def _solved_together(
         sampled,
         job.gathers_direct,
         job.columns,
+        sides=sides and sides.repeated(len(parts)),
     )
     stands_in = None if stand_in is None else _side_by_side(stand_in, len(parts))
     solver = Solver(radiosity, sampled, job.settings, job.gathers_direct, find_stand_ins=lambda _: stands_in)

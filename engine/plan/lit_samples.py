@@ -24,3 +24,9 @@ class LitSamples(Portable):
     normals: np.ndarray
     irradiance: np.ndarray
     values: dict[str, np.ndarray]
+
+    def part(self, chosen: slice) -> LitSamples:
+        """Return some of them."""
+        some = self.samples.part(chosen), self.ways.part(chosen)
+        rest = self.visible[chosen], self.normals[chosen], self.irradiance[chosen]
+        return LitSamples(*some, *rest, {name: light[chosen] for name, light in self.values.items()})

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Generator
 from dataclasses import replace
 
+import numpy as np
+
 from ..device.values import Values
 from ..finish.made_outputs import light_output
+from ..patches.sides import both_sides
 from ..progress import part_of
 from ..settings import Settings
 from ..solve.solution import Solution
@@ -40,7 +43,11 @@ def look_twice(
     radiance = radiance_of(what.solved, solution.settled, solution.stand_in)
     yield from part_of(0.5, 1.0, last.gather_from(radiance))
     rays = ray_count(settings)
-    light = {name: light_output(name, last) for name in job.settings.light_outputs}
+    outputs = {name: light_output(name, last) for name in job.settings.light_outputs}
+    sides = job.parts.sides
+    light: dict[str, Values] = {
+        name: both_sides(sides, np.asarray(values)) if sides else values for name, values in outputs.items()
+    }
     return light, rays / (rays + ray_count(job.settings))
 
 

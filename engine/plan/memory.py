@@ -64,6 +64,7 @@ def _interpolates(job: SolveJob) -> bool:
         and job.compute.processor
         and settings.bounces
         and settings.patch_groups != 1
+        and job.parts.sides is None
         and settings.method in ("auto", "cached")
     )
 
@@ -73,6 +74,8 @@ def group_width(job: SolveJob) -> tuple[int, tuple[str, ...]]:
     settings, count = job.settings, job.count
     if job.compute is None or settings.method == "paper" or not settings.bounces:
         return 1, ()
+    if job.parts.sides is not None:
+        return 1, ("Every patch is solved on its own: some surfaces are translucent.",)
     if settings.patch_groups:
         return settings.patch_groups, ("The settings ask for groups of patches.",)
     if is_adaptive(job):

@@ -140,7 +140,8 @@ class SolveJob:
         """All that decides the light of the patches, where it is known what they see and how they gather."""
         settings = self.settings
         reflectance = colors_on_host(self.parts.surfaces.reflectance)
-        arrays = (self.emission, self.back_emission, self.sky, self.sampled_light, reflectance, self.area)
+        own = self.parts.surfaces.own
+        arrays = (self.emission, self.back_emission, self.sky, self.sampled_light, reflectance, own, self.area)
         return (*arrays, settings.accelerate, settings.tolerance, self.columns, self.remote is not None)
 
     def _visibility_key(self) -> str:

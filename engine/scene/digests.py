@@ -111,7 +111,7 @@ def surfaces_digest(scene: Scene, known: ArrayDigests | None = None) -> bytes:
     for mesh in scene.meshes:
         digest.feed_uvs(mesh, maps)
     for material in scene.materials:
-        digest.feed([material.reflectance, material.emission, material.back is None])
+        digest.feed([material.reflectance, material.emission, material.translucency, material.back is None])
         if material.back is not None:
             digest.feed([material.back.reflectance, material.back.emission])
         for texture in _maps(material):
@@ -143,10 +143,10 @@ def digest_of(values: Iterable[object]) -> str:
     return digest.value().hex()
 
 
-def _maps(material: Material) -> list[Texture | None]:
+def _maps(material: Material) -> tuple[Texture | None, ...]:
+    maps = material.reflectance_map, material.emission_map, material.translucency_map
     back = material.back
-    maps = [material.reflectance_map, material.emission_map]
-    return maps if back is None else [*maps, back.reflectance_map, back.emission_map]
+    return maps if back is None else (*maps, back.reflectance_map, back.emission_map)
 
 
 def _bytes_of(array: np.ndarray) -> memoryview:

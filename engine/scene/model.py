@@ -45,6 +45,11 @@ class Material:
     transmission: Transmission = field(default_factory=Transmission)
     back: BackSide | None = None
 
+    @property
+    def translucent(self) -> bool:
+        """True if light that falls on one side leaves the other side diffusely."""
+        return bool(np.any(self.translucency))
+
 
 #: The arrays of a mesh, one entry a triangle.
 _TRIANGLE_ARRAYS = ("positions", "normals", "uvs", "face", "subface", "material")

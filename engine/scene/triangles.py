@@ -20,7 +20,7 @@ _ALIKE = 1.5
 class Triangles:
     """All triangles of a scene in one array, mesh after mesh.
 
-    Back faces that have patches come last, as triangles of their own: rays and drawings meet the fronts alone.
+    Back faces that have patches come last, as triangles of their own: rays meet their fronts.
 
     positions  (t, 3, 3) float32, metres from `origin` along the world's axes
     normals    (t, 3, 3) float32, shading normals of the corners

@@ -13,6 +13,8 @@ from ..device.compute import Compute
 from ..device.values import DeviceValues, Values, float4_on_device, float4_once
 from ..gather.device_l1 import L1
 from ..gather.sweep import Sweep
+from ..patches.sides import Sides
+from .device_sides import DeviceSides
 from .radiosity import Balance, Step, Sums
 
 #: Work items of the kernels that sum over patches, and of a group that adds their sums up: on a graphics
@@ -37,6 +39,8 @@ class DeviceRadiosity:
     radiance      float4 of each patch + 1; entry 0 and the last, of the surroundings, are black
     patches_seen  float of each patch: the fraction of its view that other patches take
     sparse        see `solve.Radiosity`: True for sweeps that can be sparse
+    sides         pairs of patches of translucent surfaces, of whose light `sampled_light` is blended already;
+                  None if there are none
     """
 
     def __init__(
@@ -52,7 +56,9 @@ class DeviceRadiosity:
         indirect: Values | None = None,
         sparse: bool = False,
         direct: Values | None = None,
+        sides: Sides | None = None,
     ) -> None:
+        self._sides = None if sides is None else DeviceSides(compute, sides)
         self._compute, self._queue, self._sweep, self.sparse = compute, compute.queue, sweep, sparse
         self.count, self.area = len(reflectance), float(area.sum(dtype=np.float64))
         self.columns, self._pairs = columns, np.triu_indices(columns)
@@ -100,6 +106,8 @@ class DeviceRadiosity:
     def sweep(self, column: int) -> Generator[float, None, None]:
         """Gather from the current radiance into a column of the ring; yield the fraction done."""
         yield from self._sweep.gather(self, column)
+        if self._sides is not None:
+            self._sides.blend(self.outputs(column))
 
     def sums(self, newest: int, least: float) -> Sums:
         """Return the sums after a sweep; see `solve.Radiosity.sums`."""

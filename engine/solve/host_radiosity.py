@@ -9,6 +9,7 @@ import numpy as np
 from ..device.values import Values
 from ..errors import DeviceError
 from ..gather.hemicube_gather import Gather
+from ..patches.sides import Sides
 from .radiosity import PLAIN_COLUMNS, Step, Sums
 from .reflected_light import reflected_light
 
@@ -24,6 +25,7 @@ class HostRadiosity:
     columns         see `solve.Radiosity`
     indirect        (n, 3) float32, E/pi of reflected light to begin with; None for none
     direct          (n, 3) float32, E/pi of all other light to begin with it, if that is known
+    sides           pairs of patches of translucent surfaces; None if there are none
     """
 
     sparse = False
@@ -39,7 +41,9 @@ class HostRadiosity:
         columns: int = PLAIN_COLUMNS,
         indirect: np.ndarray | None = None,
         direct: np.ndarray | None = None,
+        sides: Sides | None = None,
     ) -> None:
+        self._sides = sides
         self._gather, self._reflectance, self._emission = gather, reflectance, emission
         self._areas = area.astype(np.float64)
         self._sampled_light = np.zeros_like(emission) if sampled_light is None else sampled_light
@@ -66,6 +70,8 @@ class HostRadiosity:
         """Gather from the current radiance into a column of the ring; yield the fraction done."""
         gathered = yield from self._gather.iteration(self.radiance)
         self._gathered[column] = gathered
+        if self._sides is not None:
+            self._gathered[column, :, :3] = self._sides.blend(gathered[:, :3])
         self._gathered[column, :, :3] += self._sampled_light
         self._defects[column] = self._gathered[column, :, :3] - self._irradiance
 

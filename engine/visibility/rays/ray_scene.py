@@ -35,6 +35,12 @@ class RayScene:
         return len(self._parts.patches)
 
     @property
+    def on_backs(self) -> np.ndarray:
+        """Patches of back faces, (n,) bool."""
+        on_backs: np.ndarray = self._parts.geometry.triangle >= self._parts.triangles.solid
+        return on_backs
+
+    @property
     def possible(self) -> bool:
         """True if there is a device to cast rays."""
         return self._compute is not None

@@ -220,11 +220,12 @@ def _host_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
     """Return the light of all patches in host memory, gathered by OpenGL or as the paper does."""
     gather, choice = _choose_gather(job)
     reflectance = colors_on_host(job.parts.surfaces.reflectance)
+    indirect, direct = (
+        None if light is None else colors_on_host(light) for light in (job.indirect, job.direct)
+    )
     radiosity = HostRadiosity(
         gather, reflectance, job.emission, job.area,
-        job.sampled_light, job.gathers_direct, job.columns,
-        *(None if light is None else colors_on_host(light) for light in (job.indirect, job.direct)),
-        job.parts.sides,
+        job.sampled_light, job.gathers_direct, job.columns, indirect, direct, job.parts.sides,
     )  # fmt: skip
     return radiosity, choice
 

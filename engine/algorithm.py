@@ -35,6 +35,7 @@ from .plan.memory import shared_width
 from .plan.remote_devices import RemoteDevices
 from .plan.solve_job import SolveJob
 from .plan.stages import BakeStages
+from .plan.valid_patches import valid_front
 from .plan.without_opencl import without_opencl
 from .progress import Progress
 from .scene.model import Scene
@@ -139,11 +140,11 @@ def _bake(
 
     # Every patch gathers what all others send out, until the light has settled (III.B, IV.C). The first
     # iteration tells which patches lie inside objects; after groups were solved, the last one does.
-    yield from _settle(stages, store, outputs, solution, job, near)
+    texels = DisplayJob(scene, job, solved, choice, lighting)
+    front = yield from _settle(stages, store, outputs, solution, texels, near, len(atlases))
 
     # What was asked for; where a texel shows more than its centre, at several points of it.
-    texels = DisplayJob(scene, job, solved, choice, lighting)
-    made, lit = yield from _made(stages, outputs, texels, len(atlases), near, solution)
+    made, lit = yield from _made(stages, outputs, texels, len(atlases), near, solution, front)
 
     # Images without noise and seams, and with dilated charts (VI.B).
     finishing = Finishing(store, texels, solution, made, lit)
@@ -196,14 +197,17 @@ def _settle(
     store: LightmapStore,
     outputs: Outputs,
     solution: Solution,
-    job: SolveJob,
+    texels: DisplayJob,
     near: NearFaces,
-) -> Generator[Progress, None, None]:
-    """Iterate until the light has settled; near: of the patches.
+    atlases: int,
+) -> Generator[Progress, None, np.ndarray]:
+    """Iterate until the light has settled; near: of the patches. Return `valid_front` of the solution.
 
     A warm start leaves what it has found to the next one with each image, of which some may be left out: that
     of direct light, if it was shown, and others where sweeps are fast.
     """
+    job = texels.job
+    front = None
     warm, shows = job.settings.warm_start, job.settings.intermediates
     job.kept.light = job.kept.light if warm else None
     hidden = False
@@ -217,10 +221,14 @@ def _settle(
         if warm:
             light = LastLight.of(solution, job.parts.patches, job.sampled_light, near, job.direct_sources)
             job.kept.light = light.prepared() if done else light
-        if done or (shows and not hidden):
+        if done:
+            front = valid_front(texels, atlases, near, solution)
+            store.hide(front, near)
+        elif shows and not hidden:
             store.hide(solution.front, near)
             hidden = True
         yield stages.iterated(solution, store.display(outputs.light(solution)) if shows else None)
+    return solution.front if front is None else front
 
 
 def _made(
@@ -230,14 +238,15 @@ def _made(
     atlases: int,
     near: NearFaces,
     solution: Solution,
+    front: np.ndarray,
 ) -> Generator[Progress, None, tuple[dict[str, Values], DisplayLight]]:
     """Return every output of the patches, (n, 3) or (n,) float32, by name; and of the samples of texels.
 
-    atlases: lightmaps of the user's; near: of the patches
+    atlases: lightmaps of the user's; near: of the patches; front: from `valid_front`
     """
     job = texels.job
     made = yield from stages.run(stages.outputs, outputs.make(solution, job.parts.geometry))
-    lit = yield from stages.run(stages.texels, light_in_texels(texels, atlases, near, solution))
+    lit = yield from stages.run(stages.texels, light_in_texels(texels, atlases, near, solution, front))
 
     # The light of each light group on its own, over what was found of all light.
     groups, samples = yield from stages.run(stages.light_groups, light_by_groups(texels, solution, lit))

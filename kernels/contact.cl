@@ -1,6 +1,6 @@
 #include "rays.cl"
 #include "receiver.cl"
-#include "looks.cl"
+#include "validity.cl"
 
 // How far apart faces are, in heights of the eye, that lie on one another.
 #define ON 0.25f

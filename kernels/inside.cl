@@ -1,16 +1,14 @@
 #include "rays.cl"
 #include "receiver.cl"
-#include "looks.cl"
+#include "validity.cl"
 
-// A patch of whose first looks, all around, none meets a back is not inside of anything.
-#define FIRST 4
-
+// True if one of the first looks, all around, meets a back: else a patch is not inside of anything.
 bool sees_backs(const Rays *rays, const float3 start, const float3 normal)
 {
     float3 x, y;
     basis(normal, &x, &y);
     bool back = false;
-    for (int i = 0; i < FIRST && !back; ++i) {
+    for (int i = 0; i < FIRST_PROBES_OPEN && !back; ++i) {
         const Hit hit = nearest_hit(rays, start, look(7 * i % LOOKS, x, y, normal), false);
         back = hit.triangle >= 0 && !hit.front;
     }

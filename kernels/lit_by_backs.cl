@@ -1,9 +1,6 @@
 #include "rays.cl"
 #include "receiver.cl"
-#include "looks.cl"
-
-// A point is not inside of anything if more than this many of its looks meet something else than a back.
-#define OTHERS 3
+#include "validity.cl"
 
 // Whether a point is behind one of the planes, normal and distance from the origin. Without planes it may be.
 bool is_behind_any(const float3 point, __global const float4 *planes, const int count)
@@ -31,7 +28,7 @@ __kernel void lit_by_backs(RAYS_ARGUMENTS, __global const ReceiverRecord *receiv
     basis(r.geometric, &x, &y);
     int others = 0;
     bool lit = false;
-    for (int i = 0; i < looks && !lit && others <= OTHERS; ++i) {
+    for (int i = 0; i < looks && !lit && others <= MAX_OTHERS_BACKLIT; ++i) {
         const Hit hit = nearest_hit(&rays, start, look(i, x, y, r.geometric), false);
         const bool back = hit.triangle >= 0 && !hit.front;
         lit = back && shines[hit.triangle];

@@ -1,6 +1,6 @@
 #include "rays.cl"
 #include "receiver.cl"
-#include "looks.cl"
+#include "validity.cl"
 
 // Points inside of something: what they see are backs, and fronts that are inside, too. Rays in the plane of the
 // surface look for the nearest back; of points that see nothing but backs the way out ends just outside of it.
@@ -8,50 +8,42 @@
 #define WAYS 8  // rays in the plane; opposite ones tell how thick the thing is
 #define MARGIN 0.05f  // how far outside a point is moved, in widths of its texel
 
-// A point is inside of something if at least one of its FIRST looks meets a back, and at most OUT of all its looks
-// see out.
-#define FIRST 3
-#define OUT 1
-
-// A front that is met is not inside itself if at most this many looks from it meet backs; in a corner where a wall
-// ends, fronts see one another.
-#define FEW_BACKS (LOOKS / 4)
-
 // Whether a look sees out: it meets nothing, or a front that itself sees more than backs. From between the sides of
 // a thin wall that ends in another wall, the front of the other one is seen, too; it sees nothing but backs.
-bool looks_out(const Rays *rays, const Hit *hit, const float3 at, const float height, __global const float *normals)
+bool looks_out(const Rays *rays, const Hit *hit, const float3 at, const float height, __global const float *normals,
+               __global const uchar *lit)
 {
     if (hit->triangle < 0 || !hit->front)
-        return hit->triangle < 0;
+        return !meets_dark_back(hit, lit);
     const float3 normal = vload3(hit->triangle, normals);
-    return sees_few_backs(rays, at + height * normal, normal, FEW_BACKS);
+    return sees_few_backs(rays, at + height * normal, normal, lit, MAX_BACKS_OUTSIDE);
 }
 
 bool is_inside(const Rays *rays, const Receiver *r, const float3 start, const float3 x, const float3 y,
-               __global const float *normals, bool *backs_only)
+               __global const float *normals, __global const uchar *lit, bool *backs_only)
 {
     int backs = 0, out = 0, fronts = 0;
-    Hit first[FIRST];
-    for (int i = 0; i < FIRST; ++i) {
+    Hit first[FIRST_PROBES];
+    for (int i = 0; i < FIRST_PROBES; ++i) {
         first[i] = nearest_hit(rays, start, look(i, x, y, r->geometric), false);
-        backs += first[i].triangle >= 0 && !first[i].front;
+        backs += meets_dark_back(&first[i], lit);
     }
-    for (int i = 0; i < LOOKS && backs > 0 && out <= OUT; ++i) {
+    for (int i = 0; i < LOOKS && backs > 0 && out <= MAX_ESCAPES; ++i) {
         const float3 direction = look(i, x, y, r->geometric);
-        const Hit hit = i < FIRST ? first[i] : nearest_hit(rays, start, direction, false);
-        fronts += hit.triangle < 0 || hit.front;
-        out += looks_out(rays, &hit, start + hit.distance * direction, r->height, normals);
+        const Hit hit = i < FIRST_PROBES ? first[i] : nearest_hit(rays, start, direction, false);
+        fronts += !meets_dark_back(&hit, lit);
+        out += looks_out(rays, &hit, start + hit.distance * direction, r->height, normals, lit);
     }
     *backs_only = fronts == 0;
-    return backs > 0 && out <= OUT;
+    return backs > 0 && out <= MAX_ESCAPES;
 }
 
 // ways: xyz the way out, m, 0 for none; w how thick the thing is that the point is in, m, INFINITY if its sides are
 // farther than `reach`. walls: a triangle of it, -1 if none is near. sides: the two triangles that the thickness is
 // measured between. inside: 1 for points inside of something; of others nothing else is written. normals: of the
-// triangles.
+// triangles; lit: see meets_dark_back.
 __kernel void push_out(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const float *normals,
-                       const float reach, __global float4 *ways, __global int *walls, __global int2 *sides,
+                       __global const uchar *lit, const float reach, __global float4 *ways, __global int *walls, __global int2 *sides,
                        __global uchar *inside, const int count)
 {
     const int point = get_global_id(0);
@@ -63,7 +55,7 @@ __kernel void push_out(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers,
     float3 x, y;
     basis(r.geometric, &x, &y);
     bool backs_only;
-    inside[point] = is_inside(&rays, &r, start, x, y, normals, &backs_only);
+    inside[point] = is_inside(&rays, &r, start, x, y, normals, lit, &backs_only);
     if (!inside[point])
         return;
     ways[point] = (float4)(0.0f, 0.0f, 0.0f, INFINITY);

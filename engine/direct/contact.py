@@ -8,6 +8,7 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import download_bytes, upload, words_of
+from ..validity.thresholds import KERNEL_OPTIONS
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receivers import RECEIVER
 
@@ -48,7 +49,7 @@ def patches_in_contact(scene: RayScene, count: int) -> tuple[np.ndarray, np.ndar
     """
     rays, compute = scene.rays, scene.compute
     codes = tuple(f"-D{name}={code}" for code, name in enumerate(("NONE", "HIDDEN", "BACK_TO_BACK")))
-    (kernel,) = rays.kernels((RECEIVER, "contact.cl"), "in_contact", options=codes)
+    (kernel,) = rays.kernels((RECEIVER, "contact.cl"), "in_contact", options=(*KERNEL_OPTIONS, *codes))
     output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, words_of(count))
     limits = (np.float32(ABOVE), np.float32(BELOW))
     rays.run(kernel, count, scene.receivers, *limits, output, np.int32(count))
@@ -65,7 +66,7 @@ def patches_lit_by_backs(
     positions  (t, 3, 3) float, of their corners, metres, relative to `Triangles.origin`
     """
     rays, compute = scene.rays, scene.compute
-    (kernel,) = rays.kernels((RECEIVER, "lit_by_backs.cl"), "lit_by_backs")
+    (kernel,) = rays.kernels((RECEIVER, "lit_by_backs.cl"), "lit_by_backs", options=KERNEL_OPTIONS)
     output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, words_of(count))
     shining, planes = upload(compute, shines.astype(np.uint8)), _planes_in_front(positions[shines])
     planes_buffer = upload(compute, planes if len(planes) else np.zeros((1, 4), np.float32))
@@ -89,12 +90,3 @@ def _planes_in_front(corners: np.ndarray) -> np.ndarray:
     before = _BEFORE * np.abs(corners).max(initial=0.0)
     distance = np.einsum("kd,kd->k", normal, first) + before
     return np.concatenate([normal, distance[:, None]], axis=1).astype(np.float32)
-
-
-def patches_inside(scene: RayScene, count: int) -> np.ndarray:
-    """Return which patches are inside of something, (n,) bool: of what they see most are backs."""
-    rays, compute = scene.rays, scene.compute
-    (kernel,) = rays.kernels((RECEIVER, "inside.cl"), "inside")
-    output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, words_of(count))
-    rays.run(kernel, count, scene.receivers, output, np.int32(count))
-    return download_bytes(compute, output, count).view(bool)

@@ -9,11 +9,11 @@ import numpy as np
 from ..naming import Note
 from ..scene.model import Light, Scene
 from ..scene.triangles import Triangles
+from ..validity.thresholds import ENCLOSED
 from ..visibility.rays.rays import Rays
 
-#: Rays from each lamp, and the fraction of them that meets backs if it is enclosed.
+#: Rays from each lamp.
 _RAYS = 256
-_ENCLOSED = 0.98
 
 
 def note_enclosed(rays: Rays, scene: Scene, triangles: Triangles, lamps: Sequence[Light]) -> list[str]:
@@ -31,7 +31,7 @@ def note_enclosed(rays: Rays, scene: Scene, triangles: Triangles, lamps: Sequenc
         back = (hit[mine] >= 0) & ~front[mine] & shines
         if triangles.backs is not None:
             back &= triangles.backs[hit[mine]] < 0
-        if back.sum() >= _ENCLOSED * shines.sum():
+        if back.sum() >= ENCLOSED * shines.sum():
             name = scene.meshes[int(np.bincount(triangles.mesh[hit[mine][back]]).argmax())].name
             sentence = f"Light '{lamp.name}' is inside object '{name}' and lights nothing. Move it."
             warnings.append(Note(sentence, (lamp.name, name)))

@@ -12,6 +12,7 @@ from ..device.compute import Compute
 from ..device.kernel import Kernel
 from ..patches.geometry import PatchGeometry
 from ..short_rows import joined_rows, row_products, some_rows
+from ..validity.thresholds import KERNEL_OPTIONS
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receivers import RECEIVER
 
@@ -59,16 +60,19 @@ def joined_ways(several: list[WaysOut]) -> WaysOut:
     return WaysOut(*(joined_rows([getattr(ways, name) for ways in several]) for name in names))
 
 
-def ways_out(scene: RayScene, count: int, reach: float, normals: np.ndarray) -> WaysOut:
+def ways_out(
+    scene: RayScene, count: int, reach: float, normals: np.ndarray, lit: cl.Buffer | None = None
+) -> WaysOut:
     """Return the ways out of a ray scene's points; rays are as long as `reach` times the points' texels.
 
-    normals: (t, 3) float32, unit, of the triangles.
+    normals: (t, 3) float32, unit, of the triangles; lit: see `validity.lit_backs`, None if no back face has
+    patches
     """
     compute, rays = scene.compute, scene.rays
-    push, take = rays.kernels((RECEIVER, "push_out.cl"), "push_out", "take_ways")
+    push, take = rays.kernels((RECEIVER, "push_out.cl"), "push_out", "take_ways", options=KERNEL_OPTIONS)
     found = [cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size * count) for size in (16, 4, 8)]
     marks, number = zeros(compute, words_of(count)), np.int32(count)
-    inputs = scene.receivers, upload_once(compute, normals), np.float32(reach)
+    inputs = scene.receivers, upload_once(compute, normals), lit, np.float32(reach)
     rays.run(push, count, *inputs, *found, marks, number)
     inside = download_bytes(compute, marks, count).view(bool)
     offset, thickness = np.zeros((count, 3), np.float32), np.full(count, np.inf, np.float32)

@@ -12,6 +12,7 @@ from ..direct.contact import NearFaces
 from ..patches.patch_list import PatchList
 from ..patches.seams import Seams
 from ..scene.digests import same_values
+from ..validity.invalid import is_hidden
 from .device_display import DeviceDisplay
 from .device_fill import DeviceFill
 from .device_images import DeviceImages, DevicePatches, DeviceTexels, light_at, texels_of
@@ -20,15 +21,6 @@ from .display_fit import DisplayFit
 from .lightmap_points import LightmapPoints
 from .texel_means import TexelMeans
 from .wall_fit import WallFit
-
-#: A patch whose view holds more than this fraction of backs lies inside something and is filled for display.
-_HIDDEN = 0.9
-
-
-def is_hidden(front: np.ndarray, near: NearFaces) -> np.ndarray:
-    """Return which points nobody sees, (n,) bool; see `LightmapStore.hide`."""
-    hidden: np.ndarray = near.hide | ((front < 1 - _HIDDEN) & ~near.shine)
-    return hidden
 
 
 class LightmapStore:

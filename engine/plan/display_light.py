@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pyopencl as cl
 
-from ..device.buffers import upload_float4
 from ..device.compute import Compute
 from ..device.values import Values, channel_sums
 from ..direct.contact import NearFaces
@@ -22,8 +21,7 @@ from ..finish.display_samples import (
 )
 from ..finish.light_edges import PatchLight
 from ..finish.made_outputs import Outputs
-from ..finish.push_out import joined_ways, ways_out
-from ..finish.store import is_hidden
+from ..finish.push_out import joined_ways
 from ..finish.texel_means import TexelMeans
 from ..finish.thin_walls import in_thin_walls, note_thin_walls
 from ..finish.wall_fit import WallFit
@@ -34,8 +32,8 @@ from ..runs import run_starts
 from ..scene.color import channel_sum
 from ..settings import Settings
 from ..short_rows import joined_rows
-from ..solve.device_light import sent_light
 from ..solve.solution import Solution
+from ..validity.invalid import is_hidden
 from ..visibility.samples import ray_count
 from .choice import Choice
 from .display_points import DisplayJob, DisplayPoints, with_other_sides
@@ -45,15 +43,13 @@ from .light_group_solver import SettledGroup
 from .lit_samples import LitSamples
 from .receivers import Receivers, last_gather
 from .solve_job import SolveJob
+from .valid_patches import invalid_patches, lit_backs_of, radiance_of
 
 #: Least rays of a sample, and to each light.
 _LEAST_RAYS, _LEAST_LIGHT_RAYS = 16, 4
 
 #: Points that gather together: what they take of the device's memory, about 0.5 KiB each, is bounded.
 _BATCH = 1 << 19
-
-#: Patches that see more than this fraction of backs are looked at closer: they may be inside of something.
-_MANY_BACKS = 0.4
 
 
 @dataclass(frozen=True)
@@ -96,18 +92,18 @@ class DisplayLight:
 
 
 def light_in_texels(
-    what: DisplayJob, atlases: int, near: NearFaces, solution: Solution
+    what: DisplayJob, atlases: int, near: NearFaces, solution: Solution, front: np.ndarray
 ) -> Generator[float, None, DisplayLight]:
     """Return the light at the display samples of a solution; yield the fraction done.
 
-    atlases: lightmaps of the user's; near: of the patches
+    atlases: lightmaps of the user's; near: of the patches; front: from `valid_front`
     """
     if what.job.settings.texel_samples == 1 or what.choice.method == "none":
         return _nothing()
     compute, why = what.job.compute, _why_centres_only(what.job, what.choice)
     if why or compute is None:
         return _nothing(why)
-    known = PatchLight(channel_sums(solution.light), solution.front, _nobody_sees(what, solution.front, near))
+    known = PatchLight(channel_sums(solution.light), front, invalid_patches(what, front, near))
     asked, clipper = what.job.settings.texel_samples, what.job.kept.clipper(compute, what.job.parts)
     samples, count = display_samples(clipper, what.job.parts, atlases, known, asked)
     if not len(samples):
@@ -126,23 +122,6 @@ def light_in_texels(
         for batch, done in _batches(samples):
             lit.append((yield from part_of(*done, light_at(what, radiance, batch, settings))))
     return _joined(what, lit, known, count)
-
-
-def _nobody_sees(what: DisplayJob, front: np.ndarray, near: NearFaces) -> np.ndarray:
-    """Return which patches nobody sees, (n,) bool.
-
-    Those inside of something may see the front of what ends there, as a wall's inside that of a ceiling.
-    front: (n,) float32, the fraction of each patch's view that no back takes
-    """
-    hidden = is_hidden(front, near)
-    unsure = np.flatnonzero(front < 1 - _MANY_BACKS)
-    unsure = unsure[~(hidden[unsure] | near.shine[unsure])]
-    if len(unsure):
-        parts = what.job.parts
-        points = what.job.rays.of(parts.part(unsure))
-        ways = ways_out(points, len(unsure), 1.0, parts.geometry.steps.geometric)
-        hidden[unsure] = ways.without(what.lighting.lit_by_backs(points)).inside
-    return hidden
 
 
 def light_groups_in_texels(
@@ -208,17 +187,6 @@ def _nothing(*reasons: str) -> DisplayLight:
     return DisplayLight(*found, {}, nothing > 0, 1, reasons)
 
 
-def radiance_of(solved: SolveJob, settled: Values, stand_in: np.ndarray | None = None) -> cl.Buffer:
-    """Return the radiance of patches of E/pi (m, 3) on the device; see `FinalGather.gather_from`.
-
-    stand_in: (m,) int64, see `sent_light`
-    """
-    if not solved.settings.bounces:
-        return upload_float4(solved.opencl, solved.emission, first=1, last=1)
-    reflectance = solved.parts.surfaces.reflectance
-    return sent_light(solved.opencl, solved.emission, reflectance, settled, stand_in)
-
-
 def light_at(
     what: DisplayJob, radiance: cl.Buffer, samples: DisplaySamples, settings: Settings
 ) -> Generator[float, None, LitSamples]:
@@ -229,7 +197,7 @@ def light_at(
     count = len(samples)
     samples, sides = with_other_sides(samples, what.job.parts)
     points = DisplayPoints(what, samples, settings)
-    ways = points.push_out(what.lighting.lit_by_backs(points.rays))
+    ways = points.push_out(what.lighting.lit_by_backs(points.rays), lit_backs_of(what, radiance))
     yield 0.1
 
     # Direct light, then all other light from what the patches send out.

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import pyopencl as cl
 
 from ..direct.lighting import DirectLighting
 from ..finish.display_samples import DisplaySamples, joined_samples, on_lightmap
@@ -93,13 +94,15 @@ class DisplayPoints:
         self.samples, self.parts = samples, parts.seen_from(patches, geometry)
         self.rays = self._job.rays.of(self.parts)
 
-    def push_out(self, lit: np.ndarray) -> WaysOut:
+    def push_out(self, lit: np.ndarray, lit_backs: cl.Buffer | None) -> WaysOut:
         """Move samples that are inside of something to just outside of it; return the ways.
 
-        Those that are moved are not inside any more. lit: (s,) bool, those that a back lights never are.
+        Those that are moved are not inside any more. lit: (s,) bool, those that a back lights never are;
+        lit_backs: see `validity.lit_backs`
         """
         samples, parts = self.samples, self.parts
-        ways = ways_out(self.rays, len(samples), self._side, self._steps.geometric).without(lit)
+        ways = ways_out(self.rays, len(samples), self._side, self._steps.geometric, lit_backs)
+        ways = ways.without(lit)
         inside = np.flatnonzero(ways.inside)
         inside = inside[any_in_rows(some_rows(ways.offset, inside))]
         if not len(inside):

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..device.compute import Compute
 from ..device.graphics import Graphics
-from ..direct.contact import NearFaces, patches_inside
+from ..direct.contact import NearFaces
 from ..direct.emitters import BrightTriangles, bright_triangles
 from ..direct.lighting import DirectLighting
 from ..direct.sampled_light import SampledLight
@@ -32,6 +32,7 @@ from ..resume.checkpoint import Checkpoints
 from ..scene.digests import ArrayDigests, geometry_digest, surfaces_digest
 from ..scene.model import Scene
 from ..settings import Settings
+from ..validity.invalid import patches_inside
 from ..visibility.identity import directional_options
 from ..visibility.open_sky import open_sky
 from ..visibility.rays.ray_scene import RayScene
@@ -188,7 +189,7 @@ class Kept:
         return last[2]
 
     def inside(self, rays: RayScene) -> np.ndarray:
-        """Return which patches are inside of something, (n,) bool; see `direct.contact.patches_inside`."""
+        """Return which patches are inside of something, (n,) bool; see `validity.invalid.patches_inside`."""
         if self._inside is None:
             self._inside = patches_inside(rays, rays.count)
         return self._inside

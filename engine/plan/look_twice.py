@@ -14,9 +14,9 @@ from ..progress import part_of
 from ..settings import Settings
 from ..solve.solution import Solution
 from ..visibility.samples import ray_count
-from .display_light import radiance_of
 from .display_points import DisplayJob
 from .receivers import Receivers, last_gather
+from .valid_patches import radiance_of
 
 #: Rays of a patch, and those to each light.
 _RAYS, _LIGHT_RAYS = 32, 16

@@ -7,13 +7,13 @@ from collections.abc import Callable
 import numpy as np
 
 from ..direct.contact import NearFaces
-from ..finish.store import is_hidden
 from ..patches.subdivision import Subdivision
 from ..patches.texels_around import beside_any, entries_around
 from ..scene.color import channel_sum
 from ..short_rows import nonzero_entries
 from ..slabs import taken
 from ..solve.solver import Seen
+from ..validity.invalid import is_hidden
 
 #: Texels that are looked around at once.
 _TEXELS = 1 << 18

@@ -7,9 +7,9 @@ import pytest
 
 from engine import Settings
 from engine.device.compute import Compute
-from engine.direct.contact import patches_inside
 from engine.patches.subdivision import subdivide
 from engine.solve.patch_groups import PatchGroups, leaders
+from engine.validity.invalid import patches_inside
 from engine.visibility.rays.ray_scene import RayScene
 from tests.analytic.scenes import nine_quad_room
 

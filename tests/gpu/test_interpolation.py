@@ -8,12 +8,12 @@ import pytest
 from benchmarks.rooms import cornell_box
 from engine import Settings
 from engine.device.compute import Compute
-from engine.direct.contact import patches_inside
 from engine.finish.outputs import MAPS_OF
 from engine.patches.subdivision import subdivide
 from engine.plan import memory
 from engine.solve.interpolation import Interpolation
 from engine.solve.patch_groups import PatchGroups, leaders, numbered
+from engine.validity.invalid import patches_inside
 from engine.visibility.rays.openness import openness
 from engine.visibility.rays.ray_scene import RayScene
 from tests.analytic.drive import drive

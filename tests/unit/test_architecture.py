@@ -13,9 +13,9 @@ ROOT = Path(__file__).resolve().parents[2]
 ORDERS = {
     "engine": [
         "worker", "__init__", "warm_up", "self_test", "session", "live", "cluster", "algorithm", "plan",
-        "finish", "solve", "gather", "direct", "reference", "visibility", "patches", "denoise", "device",
-        "unwrap", "encoding", "scene", "resume", "settings", "setting", "quality", "lightmap", "naming",
-        "progress", "errors", "short_rows", "runs", "segment_sums", "portable", "slabs",
+        "finish", "solve", "gather", "direct", "reference", "validity", "visibility", "patches", "denoise",
+        "device", "unwrap", "encoding", "scene", "resume", "settings", "setting", "quality", "lightmap",
+        "naming", "progress", "errors", "short_rows", "runs", "segment_sums", "portable", "slabs",
     ],
     "operators/scene": [
         "__init__", "overlaps", "light_changes", "targets", "density", "read_moved", "read", "read_lamps",

@@ -1,0 +1,33 @@
+#pragma once
+#include "rays.cl"
+#include "receiver.cl"
+#include "looks.cl"
+
+// Whether points are inside of something, by what a few rays from them meet. The thresholds are options of the program
+// (engine/validity/thresholds.py).
+
+// True if a ray meets a back face that is dark. lit: 1 for each triangle whose back face sends out light, null if
+// none does.
+bool meets_dark_back(const Hit *hit, __global const uchar *lit)
+{
+    return hit->triangle >= 0 && !hit->front && !(lit && lit[hit->triangle]);
+}
+
+// True if at most `most` of the looks from a point meet dark back faces. No more are cast than it takes to decide.
+bool sees_few_backs(const Rays *rays, const float3 start, const float3 normal, __global const uchar *lit, const int most)
+{
+    float3 x, y;
+    basis(normal, &x, &y);
+    int backs = 0;
+    for (int i = 0; backs <= most && i - backs < LOOKS - most; ++i) {
+        const Hit hit = nearest_hit(rays, start, look(i, x, y, normal), false);
+        backs += meets_dark_back(&hit, lit);
+    }
+    return backs <= most;
+}
+
+// True if no more than half of the looks from a point meet back faces.
+bool sees_out(const Rays *rays, const float3 start, const float3 normal)
+{
+    return sees_few_backs(rays, start, normal, 0, MAX_BACKS_OPEN);
+}

@@ -53,6 +53,7 @@ class Outputs:
         groups = light_group_maps(scene) if settings.by_light_groups else []
         self._names = [name for name in output_names(scene, settings) if name not in groups]
         self._settings, self._lighting = settings, lighting
+        self._translucent = np.array([material.translucent for material in scene.materials], bool)
 
     @property
     def begin_with_direct(self) -> bool:
@@ -86,6 +87,8 @@ class Outputs:
         directional: dict[str, Values] = {}
         if self._settings.directional:
             l1 = self._lighting.l1, (yield from solution.gather_l1())
+            if self._translucent.any():
+                l1 = self._without_direction(*l1, solution.irradiance, geometry)
             directional = maps_of_directions(self._settings, solution.irradiance, *l1, geometry)
         for name in self._names:
             if name in directional:
@@ -97,6 +100,24 @@ class Outputs:
             else:
                 made[name] = yield from self._lighting.shadow_mask(next(masks))
         return made
+
+    def _without_direction(
+        self, sampled: np.ndarray, gathered: L1, irradiance: np.ndarray, geometry: PatchGeometry
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return both parts of L1, (n, 3, 3) float32, so that translucent points have no direction.
+
+        Light that comes through from the other side is the same for any normal. Projected on spherical
+        harmonics, it is as that of a hemisphere of one radiance: its sum along the normal is E / 2.
+
+        sampled, gathered: see `maps_of_directions`; irradiance: (n, 3) float32, E/pi, of both sides
+        """
+        points = np.flatnonzero(self._translucent[geometry.material])
+        sampled, gathered = sampled.copy(), np.array(gathered)
+        sampled[points] = gathered[points] = 0
+        if self._settings.projected:
+            normal, light = geometry.normal[points], irradiance[points]
+            gathered[points] = 0.5 * normal[:, :, None] * light[:, None, :]
+        return sampled, gathered
 
 
 def light_output(name: str, solution: Light) -> Values:

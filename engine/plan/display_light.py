@@ -12,6 +12,7 @@ import pyopencl as cl
 from ..device.compute import Compute
 from ..device.values import Values, channel_sums
 from ..direct.contact import NearFaces
+from ..finish.blended_light import BlendedLight
 from ..finish.device_images import DeviceTexels
 from ..finish.display_samples import (
     DisplaySamples,
@@ -207,15 +208,12 @@ def light_at(
     last, _ = last_gather(what.solved, what.choice, receivers, settings)
     yield from part_of(0.3, 0.8, last.gather_from(radiance))
     outputs, geometry = Outputs(what.scene, settings, lighting), points.parts.geometry
-    made = yield from part_of(0.8, 1.0, outputs.make(last, geometry))
+    received = last if sides is None else BlendedLight(last, sides)
+    made = yield from part_of(0.8, 1.0, outputs.make(received, geometry))
     values = {name: np.asarray(light) for name, light in made.items()}
-    light = last.irradiance
-    if sides is not None:
-        blended = {name: sides.blend(values[name]) for name in settings.light_outputs if name in values}
-        values, light = values | blended, sides.blend(light)
     normals = geometry.normal if settings.denoise else np.zeros((0, 3), np.float32)
     visible = ~(is_hidden(last.gathered[:, 3], lighting.near_faces()) | ways.inside)
-    lit = LitSamples(points.samples, ways, visible, normals, light, values)
+    lit = LitSamples(points.samples, ways, visible, normals, received.irradiance, values)
     return lit if sides is None else lit.part(slice(count))
 
 

@@ -12,9 +12,9 @@ from .model import Mesh
 #: positions of objects that touch, as the bodies that glTF splits by material.
 _WELD = 2.0**-18
 
-#: Fraction of a cell by which the welding grid is shifted: modelled coordinates are round numbers, which
-#: must not lie on borders of cells.
-_SHIFT = 0.3819660112501051
+#: Fractions of a cell by which two welding grids are shifted: a border of cells of one grid is the middle of
+#: cells of the other. Modelled coordinates are round numbers, which should not lie on borders.
+_SHIFTS = (0.3819660112501051, 0.8819660112501051)
 
 
 def open_triangles(meshes: Sequence[Mesh]) -> np.ndarray:
@@ -25,9 +25,15 @@ def open_triangles(meshes: Sequence[Mesh]) -> np.ndarray:
     """
     positions = np.concatenate([mesh.positions for mesh in meshes])
     count = len(positions)
-    edge, triangle = _edges(_welded(positions.reshape(-1, 3)).reshape(count, 3))
-    is_odd = np.zeros(count, bool)
-    is_odd[triangle[np.bincount(edge)[edge] % 2 == 1]] = True
+    unpaired = np.ones((count, 3), bool)
+    for shift in _SHIFTS:
+        edge, triangle, side = _edges(_welded(positions.reshape(-1, 3), shift).reshape(count, 3))
+        paired = np.ones((count, 3), bool)
+        paired[triangle, side] = np.bincount(edge)[edge] % 2 == 0
+        unpaired &= ~paired
+        if not unpaired.any():
+            break
+    is_odd: np.ndarray = unpaired.any(axis=1)
     if not is_odd.any() or is_odd.all():
         return is_odd
     label = _components(edge, triangle, count)
@@ -37,17 +43,20 @@ def open_triangles(meshes: Sequence[Mesh]) -> np.ndarray:
     return result
 
 
-def _welded(corners: np.ndarray) -> np.ndarray:
-    """Return the number of the welded vertex of each corner, (3 t,) int64; corners: (3 t, 3) float32, m."""
+def _welded(corners: np.ndarray, shift: float) -> np.ndarray:
+    """Return the number of the welded vertex of each corner, (3 t,) int64.
+
+    corners: (3 t, 3) float32, m; shift: of the grid, cells
+    """
     cell = _WELD * max(float(np.abs(corners).max(initial=0)), 1e-30)
-    cells = np.floor(corners / cell + _SHIFT).astype(np.int64)
+    cells = np.floor(corners / cell + shift).astype(np.int64)
     keys = (cells[:, 0] << 42) ^ (cells[:, 1] << 21) ^ cells[:, 2]
     vertex: np.ndarray = np.unique(keys, return_inverse=True)[1].reshape(-1)
     return vertex
 
 
-def _edges(vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the number of each edge of each triangle, (k,) int64, and the triangle, (k,) int64.
+def _edges(vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the number of each edge of each triangle, the triangle, and which of its sides, (k,) int64 each.
 
     Edges without a length are left out. vertices: (t, 3) int64
     """
@@ -55,7 +64,7 @@ def _edges(vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     low, high = ends.min(axis=1), ends.max(axis=1)
     some = np.flatnonzero(low < high)
     keys = low[some] * (int(vertices.max(initial=0)) + 1) + high[some]
-    return np.unique(keys, return_inverse=True)[1].reshape(-1), some // 3
+    return np.unique(keys, return_inverse=True)[1].reshape(-1), some // 3, some % 3
 
 
 def _components(edge: np.ndarray, triangle: np.ndarray, count: int) -> np.ndarray:

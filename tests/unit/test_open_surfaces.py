@@ -1,0 +1,92 @@
+"""Which triangles belong to open surfaces, and the back faces that these get."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from engine import Scene
+from engine.patches.backs import with_places
+from engine.scene.model import OCCLUDER, BackSide
+from engine.scene.open_surfaces import open_triangles
+from engine.scene.triangles import join_meshes
+from tests.analytic.rooms import Atlas, block, room
+from tests.analytic.scenes import material, quads, rectangle
+
+X, Y, Z = np.eye(3)
+RESOLUTION = 127
+
+
+def box(low=(0.4, 0.2, 0.3), high=(0.7, 0.6, 0.9)):
+    return block(Atlas(RESOLUTION), low, high, "Box")
+
+
+def sheet(corner=(3, 1, 2), name="Sheet", atlas=0):
+    mesh = quads(rectangle(corner, X, Y)[None], [(90, 90, 20, 20)], [0], RESOLUTION, name)
+    return replace(mesh, atlas=atlas)
+
+
+def test_closed_meshes_have_no_open_triangle():
+    inwards = room(Atlas(RESOLUTION), (-1, -1, -1), (0, 0.5, 0.25), "Room")
+    assert not open_triangles([inwards, box()]).any()
+
+
+def test_all_triangles_of_an_open_surface_are_open_and_those_of_closed_ones_are_not():
+    lidless = box((2, 0, 0), (2.5, 0.3, 0.3)).part(np.arange(12) > 1)
+    found = open_triangles([box(), lidless, box((5, 5, 5), (5.5, 5.7, 5.3)), sheet()])
+    assert found.tolist() == [False] * 12 + [True] * 10 + [False] * 12 + [True] * 2
+
+
+def test_parts_of_a_body_in_several_meshes_close_each_other_far_from_the_origin():
+    """glTF splits bodies by material; world positions are off by rounding."""
+    far = replace(box(), positions=box().positions + np.float32(1000.1))
+    some = np.arange(12) < 5
+    other = far.part(~some)
+    other = replace(other, positions=np.nextafter(other.positions, np.float32(np.inf)))
+    assert not open_triangles([far.part(some), other]).any()
+    assert open_triangles([far.part(some)]).all()
+
+
+def test_triangles_without_an_area_do_not_open_a_mesh():
+    flat = box()
+    flat = replace(flat, positions=flat.positions[:1, [0, 1, 1]])
+    assert not open_triangles([box(), flat])[:12].any()
+
+
+def test_a_closed_scene_stays_as_it_is():
+    scene = Scene((box(),), (material("Grey", 0.5),))
+    assert with_places(scene, RESOLUTION) is scene
+    assert join_meshes(scene).backs is None
+
+
+def test_backs_are_the_fronts_turned_over_in_atlases_of_the_engine():
+    scene = Scene((box(), sheet(), sheet((7, 7, 7), "Hidden", OCCLUDER)), (material("Grey", 0.5),))
+    placed = with_places(scene, RESOLUTION)
+    triangles = join_meshes(placed)
+    assert triangles.solid == 16 and len(triangles.mesh) == 20
+    assert triangles.backs[:12].tolist() == [-1] * 12
+    fronts = np.arange(12, 16)
+    backs = triangles.backs[fronts]
+    assert (triangles.positions[backs] == triangles.positions[fronts][:, [0, 2, 1]]).all()
+    assert (triangles.normals[backs] == -triangles.normals[fronts][:, [0, 2, 1]]).all()
+    assert (triangles.atlas[backs] == 2).all() and placed.atlases[0] == scene.atlases[0]
+    assert triangles.one_sided.tolist() == [False] * 12 + [True] * 8
+
+
+def test_backs_of_translucent_surfaces_mirror_the_texels_of_their_fronts():
+    cloth = replace(material("Cloth", 0.2), translucency=np.full(3, 0.5, np.float32))
+    closed = replace(box(), material=np.ones(12, np.int32))
+    placed = with_places(Scene((sheet(), closed), (material("Grey", 0.5), cloth)), RESOLUTION)
+    triangles = join_meshes(placed)
+    backs = triangles.backs[2:14]
+    assert (triangles.uvs[backs] == triangles.uvs[2:14][:, [0, 2, 1]]).all()
+    assert (triangles.atlas[backs] == 1).all() and (triangles.atlas[triangles.backs[:2]] == 2).all()
+
+
+def test_a_back_has_its_own_material_where_it_differs_and_none_where_it_is_culled():
+    back = BackSide(np.zeros(3, np.float32), np.ones(3, np.float32))
+    two = replace(material("Two", 0.5), back=back)
+    placed = with_places(Scene((sheet(),), (two,)), RESOLUTION)
+    of_back = placed.materials[placed.meshes[1].material[0]]
+    assert (of_back.emission == 1).all() and (of_back.reflectance == 0).all()
+    culled = Scene((sheet(),), (replace(two, culled=True),))
+    assert with_places(culled, RESOLUTION) is culled

@@ -10,8 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..scene.model import OCCLUDER, Material, Mesh, Scene
+from ..scene.model import OCCLUDER, BackSide, Material, Mesh, Scene
 from ..scene.open_surfaces import open_triangles
+from ..scene.transmission import Transmission
 from .occluders import place_meshes, place_occluders, texel_size
 
 #: Order of a triangle's corners seen from its back.
@@ -63,14 +64,25 @@ def _materials_of_backs(materials: tuple[Material, ...]) -> tuple[tuple[Material
     """Return all materials with those of backs that differ, and the number of each one's back, (m,) int32."""
     joined, numbers = list(materials), np.arange(len(materials), dtype=np.int32)
     for index, material in enumerate(materials):
-        if material.back is not None:
-            back = material.back
-            numbers[index] = len(joined)
-            joined.append(replace(
-                material, reflectance=back.reflectance, emission=back.emission,
-                reflectance_map=back.reflectance_map, emission_map=back.emission_map,
-            ))  # fmt: skip
+        passed = material.transmission
+        if material.back is None and passed.shadow_back is None and passed.bounce_back is None:
+            continue
+        back = material.back or BackSide(
+            material.reflectance, material.emission, material.reflectance_map, material.emission_map
+        )
+        numbers[index] = len(joined)
+        joined.append(replace(
+            material, reflectance=back.reflectance, emission=back.emission,
+            reflectance_map=back.reflectance_map, emission_map=back.emission_map,
+            transmission=_turned(passed),
+        ))  # fmt: skip
     return tuple(joined), numbers
+
+
+def _turned(passed: Transmission) -> Transmission:
+    """Return the transmittance of a surface seen from its other side."""
+    shadow, bounce = passed.shadow_back or passed.shadow, passed.bounce_back or passed.bounce
+    return Transmission(shadow, bounce, passed.shadow, passed.bounce)
 
 
 def _flipped(mesh: Mesh, index: np.ndarray, materials: np.ndarray) -> Mesh:

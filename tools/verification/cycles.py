@@ -20,9 +20,6 @@ _SHINY = ("Specular IOR Level", "Specular", "Coat Weight", "Sheen Weight")
 #: Passes of E/pi.
 _LIGHT = {"DIRECT", "INDIRECT"}
 
-#: Inputs that hold what a shader reflects diffusely.
-_COLOURS = {"ShaderNodeBsdfPrincipled": "Base Color", "ShaderNodeBsdfDiffuse": "Color"}
-
 
 @contextmanager
 def realised(context: bpy.types.Context, read, resolution: int) -> Iterator[RealisedScene]:
@@ -160,7 +157,6 @@ class RealisedScene:
             for node in copy.node_tree.nodes:
                 if node.bl_idname == "ShaderNodeBsdfPrincipled":
                     _make_dull(copy.node_tree, node)
-            _blacken_backs(copy.node_tree)
             node = copy.node_tree.nodes.new("ShaderNodeTexImage")
             node.image = self._images[atlas or 0]
             copy.node_tree.nodes.active = node
@@ -237,23 +233,6 @@ def _make_dull(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
             for link in list(socket.links):
                 tree.links.remove(link)
             socket.default_value = 0.0
-
-
-def _blacken_backs(tree: bpy.types.NodeTree) -> None:
-    """Let surfaces reflect nothing from their backs, as in Hemibake: Cycles shows both sides alike."""
-    geometry = tree.nodes.new("ShaderNodeNewGeometry")
-    for node in list(tree.nodes):
-        socket = node.inputs.get(_COLOURS.get(node.bl_idname, ""))
-        if socket is None:
-            continue
-        mix = tree.nodes.new("ShaderNodeMix")
-        mix.data_type = "RGBA"
-        factor, first, second = (item for item in mix.inputs if item.enabled)
-        first.default_value, second.default_value = socket.default_value, (0, 0, 0, 1)
-        if socket.is_linked:
-            tree.links.new(socket.links[0].from_socket, first)
-        tree.links.new(geometry.outputs["Backfacing"], factor)
-        tree.links.new(next(item for item in mix.outputs if item.enabled), socket)
 
 
 def _set_up(scene: bpy.types.Scene, samples: int, seed: int) -> None:

@@ -89,7 +89,7 @@ def _bake(
     """Bake: the paper's algorithm."""
     graphics, compute = devices.graphics, devices.compute
     scene, settings, notes = without_opencl(devices, scene, settings)
-    atlases, scene = scene.atlases, with_places(scene, settings.resolution)
+    atlases, scene = scene.atlases, with_places(scene, settings.resolution, kept.surfaces)
     check_limits(graphics, compute, scene, settings)
 
     # Other processes make what casts rays through it meanwhile.

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..scene.model import OCCLUDER, BackSide, Material, Mesh, Scene
-from ..scene.open_surfaces import open_triangles
+from ..scene.open_surfaces import OpenSurfaces
 from ..scene.transmission import Transmission
 from .occluders import place_meshes, place_occluders, texel_size
 
@@ -19,23 +19,27 @@ from .occluders import place_meshes, place_occluders, texel_size
 _FLIPPED = [0, 2, 1]
 
 
-def with_places(scene: Scene, resolution: int) -> Scene:
-    """Return the scene with lightmap UVs for what has none: occluders, and back faces of open surfaces."""
-    texel = texel_size(scene, resolution)
-    return place_backs(place_occluders(scene, resolution), resolution, texel)
+def with_places(scene: Scene, resolution: int, surfaces: OpenSurfaces | None = None) -> Scene:
+    """Return the scene with lightmap UVs for what has none: occluders, and back faces of open surfaces.
+
+    surfaces: of the scene before, if there was one
+    """
+    texel, surfaces = texel_size(scene, resolution), surfaces or OpenSurfaces()
+    placed = place_occluders(scene, resolution)
+    return place_backs(placed, surfaces.of(placed.meshes), resolution, texel)
 
 
-def place_backs(scene: Scene, resolution: int, texel: float) -> Scene:
+def place_backs(scene: Scene, is_open: np.ndarray, resolution: int, texel: float) -> Scene:
     """Return the scene with a mesh for the back faces of each mesh that is open, or parts of which are.
 
-    scene: its occluders have places already; texel: mean world size of a lightmap texel, m
+    scene: its occluders have places already; is_open: (t,) bool, triangles of open surfaces
+    texel: mean world size of a lightmap texel, m
     """
     meshes = [mesh for mesh in scene.meshes if len(mesh.positions)]
     if not meshes:
         return scene
     translucent = np.array([material.translucent for material in scene.materials], bool)
     opaque = ~translucent & ~np.array([material.culled for material in scene.materials], bool)
-    is_open = open_triangles(scene.meshes)
     materials, numbers = _materials_of_backs(scene.materials)
     mirrors: dict[int, int] = {}
     names = list(scene.atlases)

@@ -31,6 +31,7 @@ from ..patches.texel_pieces import TexelClipper
 from ..resume.checkpoint import Checkpoints
 from ..scene.digests import ArrayDigests, geometry_digest, surfaces_digest
 from ..scene.model import Scene
+from ..scene.open_surfaces import OpenSurfaces
 from ..settings import Settings
 from ..validity.invalid import patches_inside
 from ..visibility.identity import directional_options
@@ -65,6 +66,7 @@ class Kept:
     light        of the last bake that left it for a warm start, whatever its geometry; None if none did
     sampled      by shadow rays in that bake
     key          of the scene and settings that it serves
+    surfaces     which surfaces of the last scene are open
     checkpoints  what a bake that was interrupted has left in files, and what the current one writes
     """
 
@@ -92,7 +94,7 @@ class Kept:
     _store: LightmapStore | None = None
 
     def __init__(self) -> None:
-        self.key = None
+        self.key, self.surfaces = None, OpenSurfaces()
         self.checkpoints = Checkpoints()
         self._surfaces_key, self._surfaces_of, self._arrays = b"", None, ArrayDigests()
         self.clear()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,6 +16,41 @@ _WELD = 2.0**-18
 #: Fractions of a cell by which two welding grids are shifted: a border of cells of one grid is the middle of
 #: cells of the other. Modelled coordinates are round numbers, which should not lie on borders.
 _SHIFTS = (0.3819660112501051, 0.8819660112501051)
+
+
+class OpenSurfaces:
+    """Finds the open surfaces of scenes that follow each other: meshes that stay are not examined again."""
+
+    def __init__(self) -> None:
+        self._closed: dict[int, tuple[np.ndarray, bool]] = {}
+        self._open: tuple[list[np.ndarray], np.ndarray] = [], np.zeros(0, bool)
+
+    def of(self, meshes: Sequence[Mesh]) -> np.ndarray:
+        """Return `open_triangles` of meshes; those that are closed on their own do not close others."""
+        known = {id(mesh.positions): (mesh.positions, self._is_closed(mesh)) for mesh in meshes}
+        self._closed = known
+        closed = np.array([known[id(mesh.positions)][1] for mesh in meshes], bool)
+        others = [mesh for mesh, alone in zip(meshes, closed, strict=True) if not alone]
+        found = np.zeros(sum(len(mesh.positions) for mesh in meshes), bool)
+        if others:
+            lengths = [len(mesh.positions) for mesh in meshes]
+            found[np.repeat(~closed, lengths)] = self._of_open(others)
+        return found
+
+    def _is_closed(self, mesh: Mesh) -> bool:
+        """Return True if a mesh is closed on its own."""
+        last = self._closed.get(id(mesh.positions))
+        return not open_triangles([mesh]).any() if last is None else last[1]
+
+    def _of_open(self, meshes: list[Mesh]) -> np.ndarray:
+        """Return `open_triangles` of meshes that are not closed on their own."""
+        positions = [mesh.positions for mesh in meshes]
+        before, found = self._open
+        same = len(before) == len(positions) and all(map(operator.is_, before, positions))
+        if not same:
+            found = open_triangles(meshes)
+            self._open = positions, found
+        return found
 
 
 def open_triangles(meshes: Sequence[Mesh]) -> np.ndarray:

@@ -39,7 +39,7 @@ def place_backs(scene: Scene, is_open: np.ndarray, resolution: int, texel: float
     if not meshes:
         return scene
     translucent = np.array([material.translucent for material in scene.materials], bool)
-    opaque = ~translucent & ~np.array([material.culled for material in scene.materials], bool)
+    opaque = ~translucent & ~np.array([_has_clear_back(material) for material in scene.materials], bool)
     materials, numbers = _materials_of_backs(scene.materials)
     mirrors: dict[int, int] = {}
     names = list(scene.atlases)
@@ -62,6 +62,12 @@ def place_backs(scene: Scene, is_open: np.ndarray, resolution: int, texel: float
         return scene
     placed = replace(scene, meshes=(*scene.meshes, *backs), materials=materials, atlases=tuple(names))
     return place_meshes(placed, resolution, "(backs)", texel)
+
+
+def _has_clear_back(material: Material) -> bool:
+    """Return True if gathered light passes straight through all of the back of a material."""
+    entry = material.transmission.bounce_back or material.transmission.bounce
+    return entry.texture is None and bool((entry.offset >= 1).all())
 
 
 def _materials_of_backs(materials: tuple[Material, ...]) -> tuple[tuple[Material, ...], np.ndarray]:

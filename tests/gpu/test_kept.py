@@ -59,6 +59,8 @@ RELIT = {
     "black world": (dataclasses.replace(ROOM, world=np.zeros(3, np.float32)), {}),
     "reflectance": (coloured(ROOM, 0, reflectance=RED), {}),
     "emission of fronts": (coloured(ROOM, 1, emission=WARM), {}),
+    "emission of backs": (coloured(ROOM, 3, emission=WARM), {}),
+    "light whose back is seen": (ROOM, {"sample_emission": False}),
     "iterations": (ROOM, {"iterations": 3, "accelerate": False}),
     "outputs": (ROOM, {"outputs": ("combined", "direct", "indirect")}),
     "samples of direct light": (ROOM, {"light_samples": 11}),
@@ -79,14 +81,12 @@ CHANGED = {
     "UVs": (moved(ROOM, "uvs", 0.99), {}),
     "transparency": (coloured(ROOM, 3, transmission=transparent(0.4)), {}),
     "clear back": (coloured(ROOM, 3, transmission=CLEAR_BACK), {}),
-    "emission of backs": (coloured(ROOM, 3, emission=WARM), {}),
     "resolution": (ROOM, {"resolution": 53}),
     "rays": (ROOM, {"samples": 256}),
     "seed": (ROOM, {"seed": 7}),
     "groups": (ROOM, {"patch_groups": 2}),
     "directional maps": (ROOM, {"outputs": ("combined", "directional")}),
     "drawing": (ROOM, {"visibility": "raster"}),
-    "light whose back is seen": (ROOM, {"sample_emission": False}),
     "no bounces": (ROOM, {"outputs": ("direct",)}),
 }
 

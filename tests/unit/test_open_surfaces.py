@@ -8,6 +8,7 @@ from engine import Scene
 from engine.patches.backs import with_places
 from engine.scene.model import OCCLUDER, BackSide
 from engine.scene.open_surfaces import open_triangles
+from engine.scene.transmission import CLEAR, OPAQUE, Transmission, from_opacity
 from engine.scene.triangles import join_meshes
 from tests.analytic.rooms import Atlas, block, room
 from tests.analytic.scenes import material, quads, rectangle
@@ -82,11 +83,16 @@ def test_backs_of_translucent_surfaces_mirror_the_texels_of_their_fronts():
     assert (triangles.atlas[backs] == 1).all() and (triangles.atlas[triangles.backs[:2]] == 2).all()
 
 
-def test_a_back_has_its_own_material_where_it_differs_and_none_where_it_is_culled():
+def test_a_back_has_its_own_material_where_it_differs_and_no_patches_where_it_is_clear():
     back = BackSide(np.zeros(3, np.float32), np.ones(3, np.float32))
     two = replace(material("Two", 0.5), back=back)
     placed = with_places(Scene((sheet(),), (two,)), RESOLUTION)
     of_back = placed.materials[placed.meshes[1].material[0]]
     assert (of_back.emission == 1).all() and (of_back.reflectance == 0).all()
-    culled = Scene((sheet(),), (replace(two, culled=True),))
-    assert with_places(culled, RESOLUTION) is culled
+    clear = Scene((sheet(),), (replace(two, transmission=Transmission(bounce_back=CLEAR)),))
+    assert with_places(clear, RESOLUTION) is clear
+    glass = replace(
+        material("Glass", 0.5), transmission=Transmission(OPAQUE, OPAQUE, CLEAR, from_opacity(0.25))
+    )
+    turned = with_places(Scene((sheet(),), (glass,)), RESOLUTION).materials[1].transmission
+    assert turned == Transmission(CLEAR, glass.transmission.bounce_back, OPAQUE, OPAQUE)

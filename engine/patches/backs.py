@@ -84,7 +84,7 @@ def _materials_of_backs(materials: tuple[Material, ...]) -> tuple[tuple[Material
         joined.append(replace(
             material, reflectance=back.reflectance, emission=back.emission,
             reflectance_map=back.reflectance_map, emission_map=back.emission_map,
-            transmission=_turned(passed),
+            transmission=_turned(passed), back=None,
         ))  # fmt: skip
     return tuple(joined), numbers
 

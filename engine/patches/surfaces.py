@@ -36,8 +36,8 @@ _Multiplier = Callable[[Any, Sequence[tuple[TexturedPatches, Texture]]], None]
 class PatchSurfaces:
     """Surfaces as the solver needs them.
 
-    reflectance    (n, 3) float32, where it was made: of translucent surfaces the sum of diffuse reflectance and
-                   transmittance
+    reflectance    (n, 3) float32, where it was made: of translucent surfaces the sum of diffuse reflectance
+                   and transmittance
     emission       (n, 3) float32, radiance of the front
     back_emission  (n, 3) float32, radiance of the back; None if it is that of the front
     own            (n, 3) float32, the part of `reflectance` that is reflected; None if all of it is

@@ -141,8 +141,8 @@ class SolveJob:
         settings = self.settings
         reflectance = colors_on_host(self.parts.surfaces.reflectance)
         own = self.parts.surfaces.own
-        arrays = (self.emission, self.back_emission, self.sky, self.sampled_light, reflectance, own, self.area)
-        return (*arrays, settings.accelerate, settings.tolerance, self.columns, self.remote is not None)
+        arrays = (self.emission, self.back_emission, self.sky, self.sampled_light, reflectance, self.area)
+        return (*arrays, own, settings.accelerate, settings.tolerance, self.columns, self.remote is not None)
 
     def _visibility_key(self) -> str:
         """Return a digest of all that decides what the patches see of each other."""

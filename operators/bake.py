@@ -21,7 +21,7 @@ from .run import Run
 from .scene.targets import NothingChangedError
 from .telling import tell
 from .user_files import kept_checkpoint_since
-from .viewports import restart_renders
+from .viewports import restart_renders, show_materials
 from .warm_up import warm_up
 from .window_bake import WindowBake
 from .worker_owner import owner, poll_idle
@@ -100,7 +100,8 @@ class HEMIBAKE_OT_bake(ModalBake, bpy.types.Operator):
 
     def _ended(self, context: bpy.types.Context, value: Lightmap) -> set[str]:
         report = self._window.run.finish(value)
-        self._window.run.show_preview_anew()
+        if self._window.run.show_lightmaps():
+            show_materials(context)
         self._window.leave()
         restart_renders(context.window_manager)
         tell_report(self, report, self._window.run.failure)

@@ -125,6 +125,11 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
             ("VIEWPORT", "Viewport", "Meshes as in the viewport; of objects hidden there as in renders"),
         ],
     )
+    show_when_done: BoolProperty(
+        name="Show When Done",
+        description="Show the lightmaps on the objects once a bake in a window has ended",
+        default=True,
+    )
     directory: StringProperty(
         name="Folder",
         description="Where lightmaps are written; packed into the .blend while that has not been saved",

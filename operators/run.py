@@ -35,7 +35,7 @@ from .result.clipping import clipping_notes
 from .result.contents import chosen_names, lightmap_contents
 from .result.destination import Destination, choose_destination
 from .result.kept_texels import KeptTexels
-from .result.preview import renew_preview, shows_preview
+from .result.preview import renew_preview, show_preview, shows_preview
 from .result.shown_images import ShownImages, image_names
 from .run_stages import RunStages
 from .scene import SceneChangedError, SceneContext, read_scene, visible_meshes
@@ -314,6 +314,18 @@ class Run:
         with suppress(SceneError):
             if shows_preview(self._context.scene):
                 renew_preview(self._context.scene, self._context.evaluated_depsgraph_get())
+
+    def show_lightmaps(self) -> bool:
+        """Show what was baked in place of materials, as the scene demands; an undo step must follow.
+
+        Returns True if objects start to show their lightmaps.
+        """
+        self.show_preview_anew()
+        with suppress(SceneError):
+            scene = self._context.scene
+            if scene.hemibake.show_when_done and not shows_preview(scene):
+                return show_preview(scene, self._context.evaluated_depsgraph_get())[0] > 0
+        return False
 
     def _show_finished(self, lightmap: Lightmap) -> np.ndarray:
         """Put finished lightmaps into all images; return their pixels, (images, h, w, 3)."""

@@ -33,6 +33,7 @@ class HEMIBAKE_PT_bake(Sidebar, bpy.types.Panel):
         button = layout.row()
         button.scale_y = 1.6
         draw_bake_button(button)
+        layout.prop(settings, "show_when_done")
         shown, row = shows_preview(context.scene), layout.row(align=True)
         text = "Hide Preview" if shown else "Preview"
         row.operator("hemibake.preview", text=text, depress=shown, icon="SHADING_TEXTURE")

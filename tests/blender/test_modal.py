@@ -114,6 +114,7 @@ def context(window):
         view_layer=bpy.context.view_layer,
         evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get,
         window=None,
+        area=None,
         window_manager=window,
         workspace=window.workspaces[0],
         screen=SimpleNamespace(areas=[area("OUTLINER", 400), area("VIEW_3D", 0)]),
@@ -173,6 +174,36 @@ def test_bake_runs_to_its_end_between_events(operator, context, window):
     assert "Saving" in texts[-1]
     assert operator.reports[-1][1].startswith("Baked 1 object,")
     assert pixels(bpy.data.images["Lightmap"])[..., :3].max() == pytest.approx(2, rel=0.01)
+
+
+@pytest.mark.parametrize("wanted", [True, False])
+def test_lightmaps_are_shown_when_a_bake_in_a_window_is_done(operator, context, window, wanted):
+    import bpy
+
+    bpy.context.scene.hemibake.show_when_done = wanted
+    bpy.context.scene.hemibake.resolution = 16
+    room, preview = furnace(), part("operators.result.preview")
+    own = room.material_slots[0].material
+    operator.invoke(context, None)
+    drive(operator, context, until=image_shown)
+    assert not preview.shows_preview(bpy.context.scene)
+    assert drive(operator, context) == {"FINISHED"}
+    assert preview.shows_preview(bpy.context.scene) == wanted
+    if wanted:
+        operator.invoke(context, None)
+        assert drive(operator, context) == {"FINISHED"} and preview.shows_preview(bpy.context.scene)
+        bpy.ops.hemibake.preview()
+    assert room.material_slots[0].material == own
+
+
+def test_a_bake_that_is_cancelled_shows_nothing(operator, context, window):
+    import bpy
+
+    furnace()
+    operator.invoke(context, None)
+    drive(operator, context, until=image_shown)
+    assert operator.modal(context, ESCAPE) == {"CANCELLED"}
+    assert not part("operators.result.preview").shows_preview(bpy.context.scene)
 
 
 def test_nothing_to_bake_is_told_without_a_pop_up(operator, context, window):
@@ -372,6 +403,7 @@ def test_bake_of_objects_whose_uvs_were_all_undone_ends(operator, context, windo
         room.location.x = step
         bpy.ops.ed.undo_push(message=f"Moved to {step}")
     before = snapshot()
+    handlers = [list(getattr(bpy.app.handlers, f"{step}_post")) for step in ("undo", "redo")]
     operator.invoke(context, None)
     drive(operator, context, until=image_shown)
     assert "Lightmap" in bpy.data.objects["Furnace"].data.uv_layers
@@ -381,7 +413,7 @@ def test_bake_of_objects_whose_uvs_were_all_undone_ends(operator, context, windo
         {"INFO"}, "Bake cancelled: the lightmap UVs of all objects were undone"
     )  # fmt: skip
     assert snapshot() == before and not part("operators.worker_owner").owner.busy
-    assert bpy.app.handlers.undo_post[:] == bpy.app.handlers.redo_post[:] == []
+    assert handlers == [bpy.app.handlers.undo_post[:], bpy.app.handlers.redo_post[:]]
 
 
 def test_an_undo_that_takes_nothing_of_what_is_baked_ends_nothing(operator, context, window):

@@ -95,6 +95,8 @@ def test_panels_show_every_setting_once(devices):
         "directory",
         "quality",
         "target",
+        "meshes",
+        "show_when_done",
         "size_mode",
         "lightmap_count",
         "padding",

@@ -22,7 +22,7 @@ with bpy.context.temp_override(**view3d()):
     scene.render.engine, scene.cycles.preview_samples = "CYCLES", 4
     shading = view3d()["area"].spaces.active.shading
     shading.type, shading.use_scene_lights, shading.use_scene_world = "RENDERED", True, True
-    scene.hemibake.resolution = 64
+    scene.hemibake.resolution, scene.hemibake.show_when_done = 64, False
     scene.hemibake.makes_light_groups = True
     bpy.ops.ed.undo_push(message="Stage")
 """

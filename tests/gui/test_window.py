@@ -28,7 +28,8 @@ with bpy.context.temp_override(**view3d()):
     bpy.context.scene.render.engine, bpy.context.scene.cycles.preview_samples = "CYCLES", 4
     shading = view3d()["area"].spaces.active.shading
     shading.type, shading.use_scene_lights, shading.use_scene_world = "RENDERED", True, True
-    bpy.context.scene.hemibake.resolution = 1024
+    settings = bpy.context.scene.hemibake
+    settings.resolution, settings.show_when_done = 1024, False
     bpy.ops.ed.undo_push(message="Stage")
 """
 

@@ -28,6 +28,7 @@ room["build"]()
 #: Starts to bake it.
 _BAKE = """
 bpy.context.scene.hemibake.resolution = 192
+bpy.context.scene.hemibake.show_when_done = False
 with bpy.context.temp_override(**view3d()):
     bpy.ops.hemibake.bake("INVOKE_DEFAULT")
 """

@@ -247,6 +247,18 @@ def world_gradient():
 
 
 @scene
+def sky_sun():
+    """A sky whose sun disc is narrower than the pixels of a picture of the world."""
+    stage()
+    tree = world(strength=0.3).node_tree
+    sky = tree.nodes.new("ShaderNodeTexSky")
+    types = {item.identifier for item in sky.bl_rna.properties["sky_type"].enum_items}
+    sky.sky_type = "MULTIPLE_SCATTERING" if "MULTIPLE_SCATTERING" in types else "NISHITA"
+    sky.sun_elevation, sky.sun_rotation, sky.sun_size = (math.radians(angle) for angle in (52, 140, 0.3))
+    tree.links.new(sky.outputs[0], tree.nodes["Background"].inputs["Color"])
+
+
+@scene
 def textured():
     """An image with its own UV map, turned and repeated."""
     surface = material("Tiles")
@@ -330,6 +342,26 @@ def alpha_clipped():
 @scene
 def alpha_blended():
     _holes(None)
+
+
+@scene
+def alpha_modes():
+    """Images of each alpha mode around a lamp, two of them with a linked alpha."""
+    lamp("POINT", (0, 0, 1.5), energy=60, shadow_soft_size=0.1)
+    pixels = checker(8, 5)
+    pixels[..., 3] = np.random.default_rng(6).uniform(0.2, 1, (8, 8))
+    for index, mode in enumerate(("STRAIGHT", "PREMUL", "CHANNEL_PACKED", "NONE")):
+        surface = material(mode)
+        image = picture(mode, pixels)
+        image.alpha_mode = mode
+        node = link_image(surface, image, "Base Color")
+        if index % 2:
+            surface.node_tree.links.new(
+                node.outputs["Alpha"], surface.node_tree.nodes["Principled BSDF"].inputs["Alpha"]
+            )
+        place = (index % 2 - 0.5, index // 2 - 0.5, 0)
+        add(mode, bpy.ops.mesh.primitive_plane_add, surface, size=0.9, location=place)
+    add("Ground", bpy.ops.mesh.primitive_plane_add, material("Ground"), size=4, location=(0, 0, -0.3))
 
 
 @scene

@@ -76,7 +76,7 @@ class UnwrapOperator(ModalOperator):
         except EngineError as error:
             return self._refuse(error)
         try:
-            return self._tell(run.drain(), run.count)
+            return self._end(run, run.drain())
         except EngineError as error:
             run.cancel()
             return self._refuse(error)
@@ -95,7 +95,14 @@ class UnwrapOperator(ModalOperator):
 
     def _ended(self, context: bpy.types.Context, value: Made) -> set[str]:
         self._window.leave()
-        return self._tell(value, self._window.run.count)
+        return self._end(self._window.run, value)
+
+    def _end(self, run: Unwrapping, made: Made) -> set[str]:
+        """Report what was done; without a result the charts of others go back to where they were, too."""
+        if not made.objects:
+            run.cancel()
+            made.moved = []
+        return self._tell(made, run.count)
 
     def _failed(self, context: bpy.types.Context, error: EngineError) -> set[str]:
         self.cancel(context)

@@ -352,3 +352,23 @@ def test_collapsed_faces_take_no_room_from_the_others(unit):
     found = part("operators.checks").last_check(bpy.context.scene).findings
     assert [one.objects for one in found if "without an area" in one.text] == [("Plate",)]
     assert not any("room" in one.text or "too small" in one.text for one in found)
+
+
+def test_a_refused_unwrap_leaves_the_charts_of_others():
+    import bpy
+
+    bpy.context.scene.hemibake.resolution = 32
+    other = square("Other", uvs=None)
+    other.scale = (3, 1, 1)
+    gone = bumpy_grid(3)
+    assert unwrap() == {"FINISHED"}
+    bpy.data.objects.remove(gone)
+    count = 900
+    left = np.arange(count) * 2.0
+    points = [(x + dx, 5 + y, x % 7) for x in left for dx, y in ((0, 0), (1, 0), (0, 1))]
+    mesh_object("Shards", points, np.arange(3 * count).reshape(-1, 3).tolist())
+    before, known = snapshot(), loop_uvs(other)
+    with pytest.raises(RuntimeError, match="too many charts"):
+        unwrap()
+    assert (loop_uvs(other) == known).all()
+    assert snapshot() == before

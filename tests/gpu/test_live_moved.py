@@ -11,7 +11,7 @@ from engine.device.compute import Compute
 from engine.device.devices import Devices
 from engine.gather.kept_samples import KeptSamples
 from engine.patches import chart_raster, coverage, patch_list
-from engine.patches.occluders import place_occluders
+from engine.patches.backs import with_places
 from engine.patches.subdivision import subdivide
 from engine.resume.checkpoint import Checkpoint, Checkpoints
 from engine.scene.digests import same_values
@@ -214,7 +214,7 @@ def test_charts_that_stay_are_not_drawn_again(lively, monkeypatch):
         finished(live.settle())
         parts = session._kept._parts
         assert bool(drawn) == (not np.array_equal(charts, parts.triangles.uvs))
-        scene = place_occluders(live.scene, SETTINGS.resolution)
+        scene = with_places(live.scene, SETTINGS.resolution)
         unknown = dataclasses.replace(parts, charts=None), None
         expected = subdivide(session._devices.graphics, session._devices.compute, scene, SETTINGS, unknown)
         for found, wanted in (

@@ -7,7 +7,7 @@ import pytest
 
 from engine import Changes, Light, Scene, Session, Settings, finished
 from engine.direct.lighting import DirectLighting
-from engine.patches.occluders import place_occluders
+from engine.patches.backs import with_places
 from engine.visibility.rays.ray_scene import RayScene
 from tests.gpu.test_live_moved import edit, open_room, see_through
 from tests.rows import long
@@ -68,7 +68,7 @@ def cast_anew(session: Session, scene: Scene, settings: Settings) -> tuple[np.nd
     """Return the light of shadow rays from all patches that a session keeps, and its L1."""
     parts = session._kept._parts
     rays = RayScene(session._devices.compute, parts)
-    lighting = DirectLighting(place_occluders(scene, settings.resolution), parts, rays, settings)
+    lighting = DirectLighting(with_places(scene, settings.resolution), parts, rays, settings)
     return finished(lighting.gather()), lighting.l1
 
 

@@ -72,13 +72,11 @@ def visible_texels(scene, settings) -> np.ndarray:
 def subdivided(scene, settings):
     """Return the patches of a scene as a bake has them."""
     engine = importlib.import_module(f"{MODULE}.engine")
-    names = ("device.graphics", "patches.occluders", "patches.subdivision")
-    graphics, occluders, subdivision = (
-        importlib.import_module(f"{engine.__name__}.{name}") for name in names
-    )
+    names = ("device.graphics", "patches.backs", "patches.subdivision")
+    graphics, backs, subdivision = (importlib.import_module(f"{engine.__name__}.{name}") for name in names)
     context = graphics.Graphics()
     try:
-        placed = occluders.place_occluders(scene, settings.resolution)
+        placed = backs.with_places(scene, settings.resolution)
         return subdivision.subdivide(context, None, placed, settings)
     finally:
         context.release()

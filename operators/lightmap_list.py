@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import bpy
 
+from .result.instance_places import baked_instances, instance_image
+from .scene.places import is_page
+
 
 def members(scene: bpy.types.Scene, atlas: str) -> list[bpy.types.Object]:
     """Return the objects that belong to an atlas, or show it as they were baked last."""
@@ -19,9 +22,37 @@ def members(scene: bpy.types.Scene, atlas: str) -> list[bpy.types.Object]:
 
 
 def unlisted(scene: bpy.types.Scene) -> list[str]:
-    """Return the atlases that objects name and that are not in the scene's list."""
-    baked = [obj for obj in scene.objects if obj.type == "MESH" and obj.hemibake.role == "BAKED"]
+    """Return the atlases that objects name and that are not in the scene's list.
+
+    Objects that share a mesh are not counted once they have been baked: they have tiles in another lightmap.
+    """
+    tiled = _tiled(scene)
+    baked = [
+        obj
+        for obj in scene.objects
+        if obj.type == "MESH" and obj.hemibake.role == "BAKED" and obj not in tiled
+    ]
     return sorted({obj.hemibake.atlas for obj in baked} - {entry.name for entry in scene.hemibake.lightmaps})
+
+
+def counts(scene: bpy.types.Scene, atlas: str) -> tuple[int, int]:
+    """Return how many objects, and how many instances of objects, a lightmap holds.
+
+    Objects with a tile in another lightmap are counted there alone.
+    """
+    entry, tiled = scene.hemibake.lightmaps.get(atlas), _tiled(scene)
+    objects = [obj for obj in members(scene, atlas) if tiled.get(obj, atlas) == atlas]
+    if entry is None or entry.image is None:
+        return len(objects), 0
+    shown = baked_instances(scene).values()
+    return len(objects), sum(instance_image(scene, known) == entry.image for known in shown)
+
+
+def _tiled(scene: bpy.types.Scene) -> dict[bpy.types.Object, str]:
+    """Return the lightmap of each object that was baked into a tile, apart from the atlas it names."""
+    lightmaps = {entry.image: entry.name for entry in scene.hemibake.lightmaps if entry.image is not None}
+    homes = ((obj, lightmaps.get(obj.hemibake.image)) for obj in scene.objects)
+    return {obj: name for obj, name in homes if name is not None and is_page(name, obj.hemibake.atlas)}
 
 
 def active_lightmap(scene: bpy.types.Scene) -> bpy.types.PropertyGroup | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..engine.naming import counted
-from ..operators.lightmap_list import active_lightmap, members, unlisted
+from ..operators.lightmap_list import active_lightmap, counts, unlisted
 from .sidebar import SubPanel
 from .wrapped_text import draw_text, line_width
 
@@ -60,8 +60,7 @@ class HEMIBAKE_PT_lightmaps(SubPanel, bpy.types.Panel):
         buttons.operator("hemibake.lightmap_add", text="", icon="ADD")
         buttons.operator("hemibake.lightmap_remove", text="", icon="REMOVE")
         for name in unlisted(scene):
-            objects = counted(len(members(scene, name)), "object")
-            layout.label(text=f"{name}: {objects}, not baked yet", icon="BLANK1")
+            layout.label(text=f"{name}: {_counted(scene, name)}, not baked yet", icon="BLANK1")
         entry = active_lightmap(scene)
         if entry is not None:
             draw_text(layout, _facts(scene, entry), line_width(context))
@@ -78,18 +77,25 @@ class HEMIBAKE_PT_lightmaps(SubPanel, bpy.types.Panel):
 def _figures(scene: bpy.types.Scene, entry: bpy.types.PropertyGroup) -> tuple[str, str, str]:
     """Return width, objects and used part of a lightmap, as a row of the list has them."""
     width = str(entry.image.size[0]) if entry.image else "–"
-    return width, str(len(members(scene, entry.name))), f"{entry.used:.0f}%" if entry.image else "–"
+    return width, str(sum(counts(scene, entry.name))), f"{entry.used:.0f}%" if entry.image else "–"
 
 
 def _facts(scene: bpy.types.Scene, entry: bpy.types.PropertyGroup) -> str:
     """Return the same in words, with the image and the maps beside it."""
-    known = counted(len(members(scene, entry.name)), "object")
+    known = _counted(scene, entry.name)
     if entry.image is None:
         return f"{known}, not baked yet"
     width, height = entry.image.size
     facts = f"'{entry.image.name}': {width} x {height} texels, {known}, {entry.used:.0f}% used"
     beside = sum(other.beside == entry.name for other in scene.hemibake.lightmaps)
     return f"{facts}, and {counted(beside, 'map')} of other outputs" if beside else facts
+
+
+def _counted(scene: bpy.types.Scene, name: str) -> str:
+    """Return how many objects and instances a lightmap holds, in words."""
+    objects, instances = counts(scene, name)
+    parts = [counted(objects, "object")] if objects or not instances else []
+    return ", ".join([*parts, counted(instances, "instance")] if instances else parts)
 
 
 CLASSES = (HEMIBAKE_UL_lightmaps, HEMIBAKE_PT_lightmaps)

@@ -6,6 +6,7 @@ side by side. Several objects or instances that show one mesh get a tile each, i
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
@@ -126,6 +127,11 @@ def _free_name(atlas: str, taken: set[str | None]) -> str:
     while any(_page_name(atlas, page) in taken for page in range(_MOST_PAGES)):
         atlas += " shared"
     return atlas
+
+
+def is_page(name: str, atlas: str) -> bool:
+    """Return True if a name is that of a page of tiles for objects of an atlas."""
+    return re.fullmatch(re.escape(atlas) + "( shared)* instances( [0-9]+)?", name) is not None
 
 
 def _page_name(atlas: str, page: int) -> str:

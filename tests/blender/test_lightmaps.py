@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 
 from tests.blender.test_panels import draw
-from tests.blender.things import SQUARE, furnace, loop_uvs, mesh_object, part, report, snapshot, square
+from tests.blender.things import (
+    SQUARE,
+    bpy_link,
+    furnace,
+    loop_uvs,
+    mesh_object,
+    part,
+    report,
+    snapshot,
+    square,
+)
 
 
 def settings():
@@ -97,6 +107,33 @@ def test_list_shows_what_was_baked():
     assert f"'Lightmap': 32 x 32 texels, 1 object, {share:.0f}% used" in " ".join(shown)
     call("add")
     assert draw("HEMIBAKE_PT_lightmaps")[4:8] == ["Lightmap.001", "–", "0", "–"]
+
+
+def test_objects_and_instances_of_one_mesh_are_counted_where_they_were_baked():
+    import bpy
+
+    bpy.context.scene.hemibake.resolution = 32
+    first = square("First")
+    second = bpy_link(bpy.data.objects.new("Second", first.data))
+    second.location.x = 2
+    chair, chairs = mesh_object("Chair", SQUARE, [(0, 1, 2, 3)]), bpy.data.collections.new("Chairs")
+    bpy.context.scene.collection.objects.unlink(chair)
+    chairs.objects.link(chair)
+    for number in range(3):
+        row = bpy_link(bpy.data.objects.new(f"Row {number}", None))
+        row.instance_type, row.instance_collection, row.location.y = "COLLECTION", chairs, 3 + 2 * number
+    bpy.context.view_layer.update()
+    assert "Lightmap: 2 objects, not baked yet" in draw("HEMIBAKE_PT_lightmaps")
+    bpy.ops.hemibake.bake()
+    counts = part("operators.lightmap_list").counts
+    held = [counts(bpy.context.scene, each.name) for each in settings().lightmaps]
+    assert np.sum(held, axis=0).tolist() == [2, 3]
+    assert all(name.startswith("Lightmap instances") for name in names())
+    for number, (objects, instances) in enumerate(held):
+        settings().active_lightmap = number
+        shown = " ".join(map(str, draw("HEMIBAKE_PT_lightmaps")))
+        assert "not baked yet" not in shown
+        assert ("1 object," in shown) == (objects == 1) and ("1 instance," in shown) == (instances == 1)
 
 
 def test_assigned_objects_find_room_in_the_next_bake():

@@ -98,7 +98,7 @@ def _bake(
     # Texture space subdivision: which texels are patches, and where they are (III.A, IV.A).
     yield stages.begin(stages.patches)
     parts = kept.subdivide(graphics, compute, scene, settings)
-    check_patch_count(len(parts.patches), parts.cutouts.tinted)
+    check_patch_count(len(parts.patches))
     store = kept.store(parts.patches, len(atlases), settings, compute)
     last = kept.light_on(compute, parts, len(atlases), settings)
     yield stages.listed(len(parts.patches), parts.surfaces.mean_reflectance)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..naming import Note
+from ..scene.cutouts import SHADOW
 from ..scene.model import Light, Scene
 from ..scene.triangles import Triangles
 from ..validity.thresholds import ENCLOSED
@@ -23,7 +24,7 @@ def note_enclosed(rays: Rays, scene: Scene, triangles: Triangles, lamps: Sequenc
         return []
     directions = _directions()
     origins = np.repeat([lamp.position for lamp in lamps], _RAYS, axis=0)
-    hit, front, _ = rays.cast(origins, np.tile(directions, (len(lamps), 1)))
+    hit, front, _ = rays.cast(origins, np.tile(directions, (len(lamps), 1)), kind=SHADOW)
     warnings: list[str] = []
     for index, lamp in enumerate(lamps):
         mine = slice(index * _RAYS, (index + 1) * _RAYS)

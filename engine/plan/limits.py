@@ -6,12 +6,8 @@ from ..device.compute import Compute
 from ..device.graphics import Graphics
 from ..errors import SettingsError
 from ..scene.model import Scene
-from ..scene.tints import ENTRY_BITS
 from ..settings import Settings
 from ..visibility.raster.targets import MAX_PATCHES
-
-#: Most patches whose entries, one for nothing and one for the surroundings leave bits for a tint.
-MAX_TINTED = (1 << ENTRY_BITS) - 2
 
 #: Bytes that a lightmap texel takes while the patches of one atlas are listed: two RGBA32F targets, which the
 #: host has a copy of.
@@ -53,11 +49,10 @@ def check_limits(graphics: Graphics, compute: Compute | None, scene: Scene, sett
         )
 
 
-def check_patch_count(patches: int, tinted: bool = False) -> None:
-    """Raise SettingsError if there are more patches than the radiosity texture or samples with tints hold."""
-    largest = min(MAX_PATCHES, MAX_TINTED) if tinted else MAX_PATCHES
-    if patches > largest:
+def check_patch_count(patches: int) -> None:
+    """Raise SettingsError if there are more patches than the radiosity texture holds."""
+    if patches > MAX_PATCHES:
         raise SettingsError(
-            f"The lightmaps hold {patches:,} patches; at most {largest:,} can be baked at once. "
+            f"The lightmaps hold {patches:,} patches; at most {MAX_PATCHES:,} can be baked at once. "
             "Lower the resolution, or bake fewer objects at once."
         )

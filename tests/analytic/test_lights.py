@@ -8,6 +8,7 @@ import pytest
 from engine import Light, Material, Scene, Settings, Texture
 from engine.reference.analytic import polygon
 from engine.scene.profile import Profile
+from engine.scene.transmission import CLEAR, Transmission
 from tests.analytic.drive import drive, drive_with_progress
 from tests.analytic.scenes import quads, rectangle
 from tests.transparency import transparent
@@ -261,14 +262,20 @@ def test_shadow_masks_and_occlusion():
     assert open_share.mean() == pytest.approx(0.5, abs=0.02)
 
 
-def test_a_lamp_inside_a_box_is_named():
+@pytest.mark.parametrize(("transmission", "warnings"), [
+    (Transmission(), ("Light 'Lamp' is inside object 'Box' and lights nothing. Move it.",)),
+    (Transmission(shadow=CLEAR), ()),
+])  # fmt: skip
+def test_a_lamp_inside_a_box_is_named(transmission, warnings):
+    """Unless its shadow rays pass the box."""
     corners = np.array([(x, y, z) for z in (1, 3) for y in (-1, 1) for x in (-1, 1)], float)
     faces = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
     charts = [(9, 1, 2, 2), (12, 1, 2, 2), (9, 4, 2, 2), (12, 4, 2, 2), (9, 7, 2, 2), (12, 7, 2, 2)]
     box = quads(corners[np.array(faces)], charts, [0] * 6, 16, "Box")
     floor = quads(rectangle((-1, -1, 0), 2 * X, 2 * Y)[None], [(1, 1, 6, 6)], [0], 16, "Floor")
-    report = drive(Scene((floor, box), (BLACK,), lights=(light("point"),)), SETTINGS).report
-    assert report.warnings == ("Light 'Lamp' is inside object 'Box' and lights nothing. Move it.",)
+    surface = dataclasses.replace(BLACK, transmission=transmission)
+    report = drive(Scene((floor, box), (surface,), lights=(light("point"),)), SETTINGS).report
+    assert report.warnings == warnings
 
 
 def test_without_light_the_lightmap_is_black_and_says_so():

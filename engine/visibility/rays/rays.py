@@ -69,11 +69,12 @@ class Rays:
         return (bvh.nodes, bvh.triangles) if bvh.stack <= self._stack else None
 
     def cast(
-        self, origins: np.ndarray, directions: np.ndarray, backs: bool = False
+        self, origins: np.ndarray, directions: np.ndarray, backs: bool = False, kind: int = BOUNCE
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the nearest triangle along each ray; of those that show their backs if `backs`.
 
-        origins, directions: (m, 3) float, metres from `Triangles.origin` along the world's axes. Returns
+        origins, directions: (m, 3) float, metres from `Triangles.origin` along the world's axes; kind: SHADOW
+        or BOUNCE of engine/scene/cutouts.py, the transmittance that counts. Returns
         triangle (m,) int32, -1 for none; front (m,) bool; distance (m,) float32 in lengths of the direction.
         """
         count = len(origins)
@@ -82,7 +83,7 @@ class Rays:
         outputs = [cl.Buffer(self._compute.context, write, array.nbytes) for array in (hits, distances)]
         rays = self._rays(origins, directions, 0.0)
         (kernel,) = self.kernels(("cast.cl",), "cast")
-        self.run(kernel, count, *rays, np.int32(backs), *outputs, np.int32(count))
+        self.run(kernel, count, *rays, np.int32(backs), np.int32(kind), *outputs, np.int32(count))
         for array, buffer in zip((hits, distances), outputs, strict=True):
             cl.enqueue_copy(self._queue, array, buffer)
         return hits[:, 0], hits[:, 1] != 0, distances

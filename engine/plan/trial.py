@@ -47,7 +47,12 @@ def choose_identity(job: SolveJob) -> tuple[Identity, list[str], float]:
     """
     wanted, makers = job.settings.visibility, _makers(job)
     if wanted != "auto":
-        return makers[wanted](), [f"The settings ask for {wanted}."], math.nan
+        why = (
+            "Surfaces tint light: rays follow it."
+            if job.parts.cutouts.tinted
+            else f"The settings ask for {wanted}."
+        )
+        return makers[wanted](), [why], math.nan
     tried: dict[str, Identity] = {}
     rates: dict[str, float] = {}
     why_alone = ""

@@ -19,6 +19,8 @@ from engine.cluster import admission, found_block, local_workers, prepared_scene
 from engine.cluster.blocks import cut
 from engine.errors import DeviceError, OverlapError, SettingsError
 from engine.progress import finished
+from engine.scene.model import BackSide
+from engine.scene.transmission import Transmittance, uniform_transmission
 from engine.session import Session
 from tests.analytic.scenes import nine_quad_room
 from tests.gpu.schedulers import ONE_THREAD, running_scheduler
@@ -83,10 +85,19 @@ def test_workers_bring_the_light_of_one_device(by_two):
     assert any("2 Dask workers" in reason for reason in by_two.report.reasons)
 
 
+def two_sided_room():
+    """Return a room whose light has a bluish back, and whose blue panel tints light."""
+    *others, panel, yellow, light = nine_quad_room().materials
+    tinted = uniform_transmission(Transmittance(np.float32([0.6, 0.4, 0.1])))
+    light = replace(light, back=BackSide(light.reflectance, light.emission * np.float32([0.1, 0.3, 1])))
+    materials = (*others, replace(panel, transmission=tinted), yellow, light)
+    return replace(nine_quad_room(), materials=materials)
+
+
 def test_workers_make_every_output_and_points_of_texels(two):
     names = ("combined", "direct", "directional", "ambient_occlusion", "shadow_mask")
     lamp = Light("Lamp", "point", np.array([0.4, 0.5, 0.6]), np.eye(3), np.full(3, 2, np.float32), 0.1)
-    scene = replace(nine_quad_room(), lights=(lamp,))
+    scene = replace(two_sided_room(), lights=(lamp,))
     settings = replace(SETTINGS, samples=256, outputs=names, texel_samples=4)
     alone = finished(engine.bake(scene, replace(settings, seed=1)))
     by_two = baked(two, settings, scene)

@@ -27,18 +27,15 @@ _METHODS = {
     "auto": Option("Automatic", "Cached if there is memory for it, else Stream"),
     "cached": Option(
         "Cached",
-        "Find once what each patch sees; iterations only look radiance up. "
-        "Needs memory: where it is not enough, as Stream",
+        "Compute visibility once and reuse it for every bounce. Needs memory",
     ),
-    "stream": Option(
-        "Stream", "Find anew in every iteration what each patch sees: slow, but needs no memory"
-    ),
+    "stream": Option("Stream", "Recompute visibility for every bounce. Slow, needs no memory"),
     "paper": Option("Paper", "Draw radiance hemicubes anew in every iteration, as in the paper"),
 }
 _VISIBILITIES = {
     "auto": Option(
         "Automatic",
-        "Take the faster one, found by a trial on the scene; bakes are repeatable with the others",
+        "Time both on the scene and use the faster. Fix one for repeatable results",
     ),
     "raster": Option("Raster", "Draw hemicubes with OpenGL"),
     "rays": Option("Rays", "Cast rays with OpenCL"),
@@ -134,19 +131,21 @@ class Settings:
         256, "Resolution", "Width and height of each lightmap", Span(8, 16384, "texels"), "bake"
     )
     hemicube: int = described(
-        32, "Hemicube", "Width of the hemicubes: what each patch sees, in texels", OneOf(_HEMICUBES)
+        32,
+        "Hemicube Resolution",
+        "Width of hemicubes in texels; also sets the default number of samples",
+        OneOf(_HEMICUBES),
     )
     iterations: int = described(
         50,
-        "Iterations",
-        "Largest number of light bounces",
+        "Max Bounces",
+        "Maximum number of light bounces",
         Span(1, 1000, "iterations"),
     )
     tolerance: float = described(
         0.002,
         "Tolerance",
-        "Stop once the estimated remaining error of the patches, each relative to its own light, is below "
-        "this on average; 0 never stops early",
+        "Stop when the mean convergence error per texel is below this. 0 bakes all bounces",
         Span(0, 1, "of the mean"),
     )
     outputs: tuple[str, ...] = described(
@@ -166,43 +165,38 @@ class Settings:
         "auto", "Method", "How the light that a patch receives is computed", OneOf(_METHODS)
     )
     visibility: str = described(
-        "auto", "Visibility", "How it is found what a patch sees; the paper's method only draws",
+        "auto", "Visibility", "How visibility is computed. Method Paper always uses Raster",
         OneOf(_VISIBILITIES),
     )  # fmt: skip
     directions: str = described("cosine", "Directions", "Where the rays of a patch go", OneOf(_DIRECTIONS))
     samples: int = described(
         0,
         "Samples",
-        "Rays of each patch, where rays are cast; 0 for as many as give the error of a hemicube",
+        "Rays per texel for indirect light. 0 matches the noise of a hemicube",
         Span(4, 65536, "rays", automatic=0),
     )
     adaptive: bool = described(
         False,
         "Adaptive",
-        "On a processor, solve bounces for squares of 4 x 4 patches with three times the rays; only patches "
-        "around which the light of these does not lie in a plane gather for themselves. In maps of fewer "
-        "than 16,384 texels on surfaces all gather and, without Denoise, have the light of planes through "
-        "that of their neighbors where these fit. Off, and on a card, every patch gathers",
+        "On the CPU, interpolate indirect light where it is smooth and trace the rest",
         Switch(),
     )
     light_samples: int = described(
         64,
         "Light Samples",
-        "Shadow rays from each patch to each light; four times as many where only part of them arrives",
+        "Shadow rays per texel and light, four times as many in penumbrae",
         Span(1, 4096, "rays"),
     )
     texel_samples: int = described(
         4,
         "Texel Samples",
-        "Points at which light is gathered in each texel that shows more than one thing: at borders of "
-        "charts, on edges of light, where surfaces cut each other; 1 for the texel's centre alone",
+        "Supersampling of texels at chart borders, shadow edges and intersections. 1 is off",
         OneOf(_TEXEL_SAMPLES),
     )
     sample_emission: bool = described(
         True,
         "Sample Emission",
-        "Sample small bright emissive surfaces and bright sky as lights; off leaves them to the hemicubes, "
-        "as in the paper",
+        "Sample small bright emissive faces and bright sky as lights. Less noise",
         Switch(),
     )
     glass_transmits: bool = described(
@@ -223,18 +217,16 @@ class Settings:
     hide_seams: bool = described(
         True,
         "Hide Seams",
-        "Fit the texels at borders of charts so that the interpolated light is the same on both sides of a "
-        "seam, of one object or of two that touch; off leaves every texel the light of its centre",
+        "Match light across UV seams, also between objects that touch",
         Switch(),
     )
     dilation: int = described(
-        8, "Dilation", "How far charts are extended in the stored image", Span(0, 256, "texels")
+        8, "Margin", "Texels by which charts are extended into the space around them", Span(0, 256, "texels")
     )
     denoise: bool = described(
         False,
         "Denoise",
-        "Remove the noise of few rays from maps of light with Open Image Denoise, which comes with Blender; "
-        "texels are compared with those around them, so details smaller than the noise are lost",
+        "Denoise with Open Image Denoise. Removes detail smaller than the noise",
         Switch(),
         "quality",
     )
@@ -269,16 +261,15 @@ class Settings:
     )
     memory_budget: int = described(
         0,
-        "Memory Budget",
-        "Device memory for what patches see; 0 for half of the device's",
+        "Visibility Memory",
+        "Device memory for visibility data. 0 uses half of the device",
         _BYTES,
         PREFERENCES,
     )
     kept_budget: int = described(
         0,
-        "Kept Memory",
-        "Device memory that what patches see may take between bakes: after a change of lights, emission, "
-        "colors or the world a bake then starts with direct light; 0 for a quarter of the device's",
+        "Cached Visibility",
+        "Device memory for visibility kept between bakes, for fast relighting. 0 uses a quarter",
         _BYTES,
         PREFERENCES,
     )
@@ -300,8 +291,8 @@ class Settings:
     )
     patch_groups: int = described(
         0,
-        "Patch Groups",
-        "Squares of patches that are solved as one; each patch then gathers once more for itself",
+        "Texel Groups",
+        "Compute bounces for groups of texels to save memory; the last gather is per texel",
         OneOf(_PATCH_GROUPS),
         "memory",
     )

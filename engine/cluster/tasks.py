@@ -171,7 +171,7 @@ class Tasks:
         except KilledWorker as error:
             raise DeviceError(
                 f"Workers died again and again while they found what a block of patches sees ({error}). "
-                "Their logs tell why; less memory is needed with Patch Groups or fewer samples."
+                "Their logs tell why; less memory is needed with Texel Groups or fewer samples."
             ) from error
         except (ClosedClientError, CommClosedError, CancelledError, TimeoutError, OSError) as error:
             why = "the connection was lost" if isinstance(error, CancelledError) else error

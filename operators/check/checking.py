@@ -147,7 +147,7 @@ def _check_memory(expected: Estimate, settings: Settings, survey: DeviceSurvey |
         return []
     remedy = (
         "The bake will use texel groups or recompute visibility. Lower Resolution or Quality, or raise "
-        "Memory Budget in the preferences"
+        "Visibility Memory in the preferences"
     )
     return [Finding(WARNING, f"{needs}. {remedy}.")]
 

@@ -1,4 +1,3 @@
-#pragma once
 #define STEPS_2D (uint2)(3242174889u, 2447445414u)  // of the R2 sequence (engine/visibility/views/directions.py)
 
 // What back faces send out (engine/validity/lit_backs.py).

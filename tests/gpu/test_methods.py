@@ -286,13 +286,20 @@ def test_half_floats_are_for_opengl_alone(paper, monkeypatch):
 @pytest.mark.parametrize("method", ["paper", "cached"])
 def test_later_sweeps_leave_direct_light_alone(method):
     outputs = ("direct", "indirect")
+    """Backs of the panels reflect bounced light alone, so texels beside them are valid after later sweeps only.
+
+    Invalid texels are filled from others, and hidden seams pass the difference on: there are none here.
+    """
     settings = dataclasses.replace(
-        SETTINGS, method=method, outputs=outputs, iterations=9, tolerance=0, accelerate=False
+        SETTINGS, method=method, outputs=outputs, tolerance=0, accelerate=False, hide_seams=False
     )
     once, often = (
-        drive(nine_quad_room(), dataclasses.replace(settings, iterations=count)).passes for count in (1, 9)
+        drive(nine_quad_room(), dataclasses.replace(settings, iterations=count)) for count in (1, 9)
     )
-    assert (often["direct"] == once["direct"]).all() and often["indirect"].sum() > 0
+    both = once.known & often.known
+    assert both.sum() >= 0.998 * once.has_patch.sum() and often.known[once.known].all()
+    assert (often.passes["direct"][both] == once.passes["direct"][both]).all()
+    assert often.passes["indirect"].sum() > 0
 
 
 def test_memory_that_is_not_enough_is_a_clear_error(monkeypatch):

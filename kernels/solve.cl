@@ -45,12 +45,13 @@ __kernel void products(__global const float4 *gathered, __global const float4 *d
 }
 
 // The next irradiance: iterates mixed, and the ambient light behind their weights where patches see others.
-// Sums: the change, the change relative to each patch's own light, and the flux that is added.
+// Sums: the change, the change of the first `fronts` patches relative to each one's own light, and the flux that is
+// added.
 __kernel void mix_iterates(__global const float4 *gathered, __global const float4 *weights,
                            __global const float *patches_seen,
                            __global const float4 *reflectance, __global const float *area,
-                           const float least, const int count, __global float4 *irradiance,
-                           __global float4 *sums)
+                           const float least, const int fronts, const int count,
+                           __global float4 *irradiance, __global float4 *sums)
 {
     float4 acc = (float4)(0.0f);
     for (int i = get_global_id(0); i < count; i += get_global_size(0)) {
@@ -61,7 +62,7 @@ __kernel void mix_iterates(__global const float4 *gathered, __global const float
         const float4 before = irradiance[i];
         const float change = sum3(fabs(next - before));
         const float flux = area[i] * sum3(reflectance[i] * (next - before));
-        acc += (float4)(change, change / fmax(sum3(next), least), flux, 0.0f);
+        acc += (float4)(change, i < fronts ? change / fmax(sum3(next), least) : 0.0f, flux, 0.0f);
         irradiance[i] = next;
     }
     sums[get_global_id(0)] = acc;

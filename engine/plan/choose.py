@@ -200,7 +200,7 @@ def _device_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
     radiosity = DeviceRadiosity(
         job.opencl, sweep, job.parts.surfaces.reflectance, job.front_emission, job.area,
         job.sampled_light, job.gathers_direct, job.columns, job.indirect, _begins_sparse(job, sweep),
-        job.direct, job.parts.sides,
+        job.direct, job.parts.sides, job.fronts,
     )  # fmt: skip
     return radiosity, choice
 
@@ -225,7 +225,7 @@ def _host_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
     )
     radiosity = HostRadiosity(
         gather, reflectance, job.emission, job.area,
-        job.sampled_light, job.gathers_direct, job.columns, indirect, direct, job.parts.sides,
+        job.sampled_light, job.gathers_direct, job.columns, indirect, direct, job.parts.sides, job.fronts,
     )  # fmt: skip
     return radiosity, choice
 

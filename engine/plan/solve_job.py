@@ -73,6 +73,14 @@ class SolveJob:
         return len(self.parts.patches)
 
     @property
+    def fronts(self) -> int:
+        """Patches that are no back faces: the first ones, as backs have the last atlases. All if none is."""
+        triangles = self.parts.triangles
+        if triangles.backs is None:
+            return self.count
+        return int(np.count_nonzero(self.parts.geometry.triangle < triangles.solid)) or self.count
+
+    @property
     def opencl(self) -> Compute:
         """The OpenCL device; raises DeviceError if there is none."""
         if self.compute is None:

@@ -41,6 +41,8 @@ class DeviceRadiosity:
     sparse        see `solve.Radiosity`: True for sweeps that can be sparse
     sides         pairs of patches of translucent surfaces, of whose light `sampled_light` is blended already;
                   None if there are none
+    fronts        number of patches that are no back faces, the first ones: the relative change is their mean;
+                  None for all
     """
 
     def __init__(
@@ -57,10 +59,12 @@ class DeviceRadiosity:
         sparse: bool = False,
         direct: Values | None = None,
         sides: Sides | None = None,
+        fronts: int | None = None,
     ) -> None:
         self._sides = None if sides is None else DeviceSides(compute, sides)
         self._compute, self._queue, self._sweep, self.sparse = compute, compute.queue, sweep, sparse
         self.count, self.area = len(reflectance), float(area.sum(dtype=np.float64))
+        self._fronts = self.count if fronts is None else fronts
         self.columns, self._pairs = columns, np.triu_indices(columns)
         names = ("products", "mix_iterates", "balance", "add_up")
         options = (f"-DCOLUMNS={columns}",)
@@ -129,12 +133,12 @@ class DeviceRadiosity:
         self._compute.run(
             self._mix, self._items,
             self._gathered, self._weights, self.patches_seen,
-            self._reflectance, self._area, np.float32(least), np.int32(self.count),
+            self._reflectance, self._area, np.float32(least), np.int32(self._fronts), np.int32(self.count),
             self._irradiance, self._sums,
         )  # fmt: skip
         self._make_radiance()
         change, relative, flux = self._read_sums(1)[0]
-        return Step(change / self.count, relative / self.count, np.pi * flux * self.area)
+        return Step(change / self.count, relative / self._fronts, np.pi * flux * self.area)
 
     def let_stand_in(self, stand_in: np.ndarray) -> None:
         """Let patches send out what others reflect; see `solve.Radiosity.let_stand_in`."""

@@ -26,6 +26,7 @@ class HostRadiosity:
     indirect        (n, 3) float32, E/pi of reflected light to begin with; None for none
     direct          (n, 3) float32, E/pi of all other light to begin with it, if that is known
     sides           pairs of patches of translucent surfaces; None if there are none
+    fronts          see `DeviceRadiosity`
     """
 
     sparse = False
@@ -42,8 +43,9 @@ class HostRadiosity:
         indirect: np.ndarray | None = None,
         direct: np.ndarray | None = None,
         sides: Sides | None = None,
+        fronts: int | None = None,
     ) -> None:
-        self._sides = sides
+        self._sides, self._fronts = sides, fronts
         self._gather, self._reflectance, self._emission = gather, reflectance, emission
         self._areas = area.astype(np.float64)
         self._sampled_light = np.zeros_like(emission) if sampled_light is None else sampled_light
@@ -99,7 +101,7 @@ class HostRadiosity:
         relative = change / np.maximum(following.sum(axis=1, dtype=np.float64), least)
         flux = np.pi * (self._areas * (self._reflectance * step).sum(axis=1, dtype=np.float64)).sum()
         self._irradiance = following
-        return Step(float(change.mean()), float(relative.mean()), float(flux))
+        return Step(float(change.mean()), float(relative[: self._fronts].mean()), float(flux))
 
     def balance(self, newest: int, emission: np.ndarray, direct: Values) -> None:
         """Return None: hemicubes that are summed at once do not tell sky from patches."""

@@ -64,7 +64,7 @@ class Step:
     """What the next irradiance differs by, mean over the patches.
 
     change    of E/pi, sum of the channels
-    relative  to each patch's own light
+    relative  to each patch's own light, mean over fronts: lightmaps show no back faces
     flux      added to what leaves the patches, W, sum of all patches and channels
     """
 

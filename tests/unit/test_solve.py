@@ -32,13 +32,16 @@ def solve(
     area=None,
     sampled_light=None,
     gathers_direct=True,
+    fronts=None,
 ):
     count = len(factors)
     colours = [np.broadcast_to(np.float32(x).reshape(-1, 1), (count, 3)) for x in (reflectance, emission)]
     sampled_light = np.zeros((count, 3), np.float32) if sampled_light is None else sampled_light
     area = np.full(count, 1 / count, np.float32) if area is None else area
     columns = COLUMNS if accelerate else PLAIN_COLUMNS
-    radiosity = HostRadiosity(Views(factors), *colours, area, sampled_light, gathers_direct, columns)
+    radiosity = HostRadiosity(
+        Views(factors), *colours, area, sampled_light, gathers_direct, columns, fronts=fronts
+    )
     solution = Solver(radiosity, sampled_light, settings, gathers_direct)
     while not solution.done:
         for _ in solution.iteration():
@@ -63,6 +66,18 @@ def test_estimated_residual_is_the_true_remaining_error(rho):
     true = (1 / (1 - rho) - solution.irradiance.mean()) / solution.irradiance.mean()
     assert solution.iterations == 12
     assert solution.residual == pytest.approx(true, rel=0.02)
+
+
+def test_back_faces_do_not_lower_the_estimated_residual():
+    """Four back faces see nothing, so their light never changes."""
+    factors = np.zeros((8, 8))
+    factors[:4, :4] = 0.25
+    settings = Settings(iterations=5, tolerance=0)
+    (alone, _), (fronts, _), (together, _) = (
+        solve(factors[:n, :n], 0.6, 1.0, settings, fronts=k) for n, k in ((4, None), (8, 4), (8, None))
+    )
+    assert fronts.residual == pytest.approx(alone.residual, rel=1e-6)
+    assert together.residual == pytest.approx(alone.residual / 2, rel=1e-6)
 
 
 def test_stops_at_the_tolerance_and_sums_the_energy():

@@ -285,11 +285,11 @@ def test_half_floats_are_for_opengl_alone(paper, monkeypatch):
 
 @pytest.mark.parametrize("method", ["paper", "cached"])
 def test_later_sweeps_leave_direct_light_alone(method):
-    outputs = ("direct", "indirect")
-    """Backs of the panels reflect bounced light alone, so texels beside them are valid after later sweeps only.
+    """Backs of panels reflect bounced light alone: some texels beside them are valid after later sweeps only.
 
-    Invalid texels are filled from others, and hidden seams pass the difference on: there are none here.
+    Invalid texels are filled from others, and smoothed seams would spread the difference.
     """
+    outputs = ("direct", "indirect")
     settings = dataclasses.replace(
         SETTINGS, method=method, outputs=outputs, tolerance=0, accelerate=False, hide_seams=False
     )

@@ -75,5 +75,7 @@ def _step_records(steps: TexelSteps) -> np.ndarray:
 
 def _points(patches: PatchList) -> int:
     """Return how many patches share a texel: 1, or more where these are samples of texels."""
-    runs = 1 + np.count_nonzero(patches.texel[1:] != patches.texel[:-1])
+    # The last texel of one atlas and the first of the next may have the same number.
+    starts = (patches.texel[1:] != patches.texel[:-1]) | (patches.atlas[1:] != patches.atlas[:-1])
+    runs = 1 + np.count_nonzero(starts)
     return math.ceil(len(patches) / runs)

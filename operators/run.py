@@ -235,6 +235,10 @@ class Run:
         """Do what is left of the check."""
         while self._check.step():
             yield self._stages.progress(0.0)
+        self._read_findings()
+
+    def _read_findings(self) -> None:
+        """Set `findings` to the findings of the scene's last check."""
         checked = last_check(self._context.scene)
         self.findings = () if checked is None else checked.findings
 
@@ -295,6 +299,7 @@ class Run:
         lost = self._uvs.lost()
         mark_objects(self._read, targets, self._uv_layer, lost)
         forget_moved_charts(self._context.scene, self._baked_names(lost))
+        self._read_findings()
         self._remember_light(lost)
         self._seconds["store"] = time.perf_counter() - start
         self._stages.has_saved()

@@ -11,8 +11,7 @@ from .strands import Strands
 #: 2 / pi of its width wide on the mean (Cauchy).
 _HALF = np.pi / 2
 
-#: Length by which ribbons begin off the root, in radii, so that they do not cut the texels they stand on. A
-#: carpet of 3,000 strands is then off by 0.5 % of Cycles' light below it, and by 8 % without (measured).
+#: Length by which ribbons begin off the root, in radii, so that they do not cut the texels below them.
 _LIFT = 0.1
 
 #: Triangles of a piece between two points.

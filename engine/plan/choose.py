@@ -28,8 +28,9 @@ from ..solve.radiosity import Radiosity
 from ..solve.resumed_solver import ResumedSolver
 from ..solve.solution import Solution
 from ..solve.solver import FindStandIns, Solver
+from ..validity.thresholds import MAX_BACKS_INTERPOLATED
 from ..visibility.raster.tiles import IDENTITY_BYTES, plan_tiles
-from ..visibility.rays.openness import openness
+from ..visibility.rays.openness import backs_met, openness
 from ..visibility.samples import ray_count
 from .choice import Choice
 from .choose_sweep import choose_sweep
@@ -175,11 +176,12 @@ def _interpolated(
 
     # Only groups know nothing of what is near the patches between them.
     opening = openness(job.rays, _NEAR) if widths else None
+    backs = None if job.parts.triangles.backs is None else backs_met(job.rays) > MAX_BACKS_INTERPOLATED
     patches = np.arange(job.count)
     return InterpolatedGather(
         solver,
-        [Interpolation(job.rays, job.parts, *squares, opening) for squares in widths],
-        Interpolation(job.rays, job.parts, patches, patches, 1, opening),
+        [Interpolation(job.rays, job.parts, *squares, opening, backs) for squares in widths],
+        Interpolation(job.rays, job.parts, patches, patches, 1, opening, backs),
         job.sampled_light,
         solved.sampled_light,
         _TOLERANCE / math.sqrt(ray_count(job.settings)),

@@ -29,12 +29,16 @@ class Interpolation:
         leader: np.ndarray,
         width: int,
         opening: cl.Buffer | None,
+        beside_backs: np.ndarray | None = None,
     ) -> None:
         """Take the group of each patch, (n,) int64, and the width of groups, texels; see `numbered`.
 
-        opening: float32 of each patch, see `openness`; None not to ask what is near
+        opening       float32 of each patch, see `openness`; None not to ask what is near
+        beside_backs  (n,) bool, patches in whose view back faces with patches of their own are: light changes
+                      quickly there, so that no plane is fitted to it; None if there are none
         """
         self.leader, self._opening = leader, opening
+        self._apart = None if beside_backs is None else beside_backs[leader]
         self._compute, self._receivers = rays.compute, rays.receivers
         source = RECEIVER, "interpolate.cl"
         self._interpolate, self._spread = self._compute.kernels(source, "interpolate", "spread")
@@ -65,9 +69,12 @@ class Interpolation:
         values = cl.Buffer(compute.context, write, 16 * count * len(layers))
         fits = cl.Buffer(compute.context, write, 4 * count)
         mean = channel_sum(layers[0][:, :3]).mean() + beside.mean()
+        light = np.stack(layers)
+        if self._apart is not None:
+            light[0, self._apart, 3] = 0
         compute.run(
             self._interpolate, count, *self._where, self._receivers,
-            upload(compute, np.stack(layers)), np.int32(len(layers)), np.int32(len(layers[0])),
+            upload(compute, light), np.int32(len(layers)), np.int32(len(layers[0])),
             upload(compute, beside), self._opening,
             *map(np.float32, (_DARK * mean, _BRIGHT * mean, tolerance, lowest)),
             values, fits, np.int32(count),

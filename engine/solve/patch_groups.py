@@ -144,6 +144,8 @@ def leaders(
 ) -> np.ndarray:
     """Return the patch that each patch follows, (n,) uint32; kernels/patch_groups.cl.
 
+    Patches of back faces stay alone: they are as coarse as a group already.
+
     radiance  (n,) float32, what each sends out before any bounce, sum of the channels
     inside    (n,) bool, patches inside of something, see `patches_inside`
     width     of a square, texels
@@ -163,4 +165,7 @@ def leaders(
     )  # fmt: skip
     result = np.empty(len(patches), np.uint32)
     cl.enqueue_copy(compute.queue, result, leaders)
+    if parts.triangles.backs is not None:
+        backs = np.flatnonzero(parts.geometry.triangle >= parts.triangles.solid)
+        result[backs] = backs
     return result

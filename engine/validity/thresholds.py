@@ -48,6 +48,10 @@ ENCLOSED = 0.98
 #: light around its foot; backs that are lit on purpose send out more than a tenth of the mean.
 DARK_BACK = 0.03
 
+#: Light is not interpolated to patches with more than this fraction of back faces in view: something stands
+#: close to the surface, as a panel below a ceiling. FRONTS of kernels/interpolate.cl is the same number.
+MAX_BACKS_INTERPOLATED = 0.1
+
 #: The same numbers for kernels that include probes.
 KERNEL_OPTIONS = (
     f"-DMAX_ESCAPES={MAX_ESCAPES}",

@@ -149,6 +149,8 @@ def test_edits_show_and_the_light_is_that_of_a_bake(operator, context, window): 
 
 def test_escape_before_the_first_bake_is_done_leaves_nothing_behind(operator, context, window):  # noqa: F811
     furnace()
+    settings = context.scene.hemibake
+    settings.tolerance, settings.iterations = 0, 500  # so that the bake goes on after its first image
     before = snapshot()
     operator.invoke(context, None)
     drive(operator, context, until=image_shown)

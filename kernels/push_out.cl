@@ -11,28 +11,29 @@
 // Whether a look sees out: it meets nothing, or a front that itself sees more than backs. From between the sides of
 // a thin wall that ends in another wall, the front of the other one is seen, too; it sees nothing but backs.
 bool looks_out(const Rays *rays, const Hit *hit, const float3 at, const float height, __global const float *normals,
-               __global const uchar *lit)
+               __global const uchar *lit, const float near)
 {
     if (hit->triangle < 0 || !hit->front)
-        return !meets_dark_back(hit, lit);
+        return !meets_dark_back(hit, lit, near);
     const float3 normal = vload3(hit->triangle, normals);
-    return sees_few_backs(rays, at + height * normal, normal, lit, MAX_BACKS_OUTSIDE);
+    return sees_few_backs(rays, at + height * normal, normal, lit, near, MAX_BACKS_OUTSIDE);
 }
 
 bool is_inside(const Rays *rays, const Receiver *r, const float3 start, const float3 x, const float3 y,
                __global const float *normals, __global const uchar *lit, bool *backs_only)
 {
+    const float near = LIT_FROM * r->size;
     int backs = 0, out = 0, fronts = 0;
     Hit first[FIRST_PROBES];
     for (int i = 0; i < FIRST_PROBES; ++i) {
         first[i] = nearest_hit(rays, start, look(i, x, y, r->geometric), false);
-        backs += meets_dark_back(&first[i], lit);
+        backs += meets_dark_back(&first[i], lit, near);
     }
     for (int i = 0; i < LOOKS && backs > 0 && out <= MAX_ESCAPES; ++i) {
         const float3 direction = look(i, x, y, r->geometric);
         const Hit hit = i < FIRST_PROBES ? first[i] : nearest_hit(rays, start, direction, false);
-        fronts += !meets_dark_back(&hit, lit);
-        out += looks_out(rays, &hit, start + hit.distance * direction, r->height, normals, lit);
+        fronts += !meets_dark_back(&hit, lit, near);
+        out += looks_out(rays, &hit, start + hit.distance * direction, r->height, normals, lit, near);
     }
     *backs_only = fronts == 0;
     return backs > 0 && out <= MAX_ESCAPES;

@@ -45,13 +45,13 @@ ENCLOSED = 0.98
 
 #: A back face is dark, and tells of the inside of something, if it sends out less than this fraction of
 #: the mean radiance of the scene. Texels that the wall of a hollow pillar crosses let in 1 to 2 % of the
-#: light around its foot, those below a low mound more; backs that are lit on purpose send out more than a
-#: tenth of the mean.
-DARK_BACK = 0.1
+#: light around its foot; backs that are lit on purpose send out more than a tenth of the mean.
+DARK_BACK = 0.03
 
 #: A lit back face counts as dark up to this distance, texels. Below the rim of a shell that lies on a floor,
-#: light leaks in through texels that it crosses: dark fringes showed around the mounds of a garden.
-LIT_FROM = 6.0
+#: light leaks in through texels that it crosses: dark fringes showed around the mounds of a garden. With 6,
+#: the floor 1.5 texels below a roof of one plane is taken for an inside.
+LIT_FROM = 3.0
 
 #: Light is not interpolated to patches with more than this fraction of back faces in view: something stands
 #: close to the surface, as a panel below a ceiling. FRONTS of kernels/interpolate.cl is the same number.

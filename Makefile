@@ -46,8 +46,9 @@ test-4.2 test-4.5 test-5.1 test-5.2: test-%:
 	@tools/system_packages.sh .venv-bpy$(subst .,,$*)/bin/python
 	.venv-bpy$(subst .,,$*)/bin/python -m pytest tests/blender -m "not long and not one_version" $(PARALLEL)
 
+# Tests of workers depend on which of them is faster: no more processes than cores.
 test-long: setup ## the tests that take minutes
-	.venv/bin/python -m pytest -m long $(PARALLEL)
+	.venv/bin/python -m pytest -m long --numprocesses auto --maxprocesses 4 --dist loadfile
 
 fuzz-short: setup ## 300 random scenes and 60 random .blend files, the same ones in every run
 	.venv/bin/python -m pytest tests/fuzz $(PARALLEL)

@@ -22,14 +22,14 @@ class OpenSurfaces:
     """Finds the open surfaces of scenes that follow each other: meshes that stay are not examined again."""
 
     def __init__(self) -> None:
-        self._closed: dict[int, tuple[np.ndarray, bool]] = {}
+        self._alone: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         self._open: tuple[list[np.ndarray], np.ndarray] = [], np.zeros(0, bool)
 
     def of(self, meshes: Sequence[Mesh]) -> np.ndarray:
         """Return `open_triangles` of meshes; those that are closed on their own do not close others."""
-        known = {id(mesh.positions): (mesh.positions, self._is_closed(mesh)) for mesh in meshes}
-        self._closed = known
-        closed = np.array([known[id(mesh.positions)][1] for mesh in meshes], bool)
+        known = {id(mesh.positions): (mesh.positions, self._open_alone(mesh)) for mesh in meshes}
+        self._alone = known
+        closed = np.array([not known[id(mesh.positions)][1].any() for mesh in meshes], bool)
         others = [mesh for mesh, alone in zip(meshes, closed, strict=True) if not alone]
         found = np.zeros(sum(len(mesh.positions) for mesh in meshes), bool)
         if others:
@@ -37,13 +37,15 @@ class OpenSurfaces:
             found[np.repeat(~closed, lengths)] = self._of_open(others)
         return found
 
-    def _is_closed(self, mesh: Mesh) -> bool:
-        """Return True if a mesh is closed on its own."""
-        last = self._closed.get(id(mesh.positions))
-        return not open_triangles([mesh]).any() if last is None else last[1]
+    def _open_alone(self, mesh: Mesh) -> np.ndarray:
+        """Return `open_triangles` of a mesh without the others."""
+        last = self._alone.get(id(mesh.positions))
+        return open_triangles([mesh]) if last is None else last[1]
 
     def _of_open(self, meshes: list[Mesh]) -> np.ndarray:
         """Return `open_triangles` of meshes that are not closed on their own."""
+        if len(meshes) == 1:
+            return self._open_alone(meshes[0])
         positions = [mesh.positions for mesh in meshes]
         before, found = self._open
         same = len(before) == len(positions) and all(map(operator.is_, before, positions))

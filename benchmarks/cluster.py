@@ -35,9 +35,9 @@ from distributed.utils import key_split
 
 from benchmarks.rooms import hilly_room
 from engine import Settings
+from engine.bake_result import Lightmap
 from engine.cluster.local_workers import LocalWorkers, local_environments
 from engine.device.freed_memory import keep_freed_memory
-from engine.lightmap import Lightmap
 from engine.progress import Progress
 from engine.scene.model import Scene
 from engine.session import Session

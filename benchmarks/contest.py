@@ -38,7 +38,7 @@ def operator_bake(context: bpy.types.Context, values: dict[str, Any]) -> tuple[f
     Devices and what they run are kept from the bake before, but nothing that patches see.
     """
     session = importlib.import_module(f"{MODULE}.engine.session")
-    runs = importlib.import_module(f"{MODULE}.operators.run")
+    runs = importlib.import_module(f"{MODULE}.operators.bake_run")
     for name, value in values.items():
         setattr(context.scene.hemibake, name, str(value) if name == "hemicube" else value)
     session.forget()

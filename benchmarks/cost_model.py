@@ -28,7 +28,7 @@ from engine.cluster.blocks import Span, cut
 #: Points of texels in a task, at least; see engine/cluster/cluster_devices.py.
 _FEWEST_POINTS = 2048
 
-#: Points of texels at most; see engine/finish/display_samples.py.
+#: Points of texels at most; see engine/postprocess/texel_samples.py.
 _MOST_POINTS = 1 << 22
 
 #: Bytes of a patch: its radiance on the way to a worker, its light on the way back, a kept sample, itself.

@@ -23,9 +23,9 @@ _PASS = 20e-6
 #: Callers that are not the reason for an entry: functions that many others call.
 _HELPERS = (
     "engine.device.",
-    "engine.short_rows",
-    "engine.runs",
-    "engine.slabs",
+    "engine.row_ops",
+    "engine.sorted_runs",
+    "engine.threaded_slabs",
     "benchmarks.",
     "numpy",
     "unittest.mock",

@@ -1,4 +1,4 @@
-"""How fast the kernel of `engine.gather.cached` reads what it has kept."""
+"""How fast the kernel of `engine.gather.cached_gather` reads what it has kept."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from benchmarks.configurations import settings
 from benchmarks.profiled import ProfiledCompute
 from benchmarks.rooms import cornell_box
 from benchmarks.solving import solving
-from engine.visibility.samples import sample_bytes
+from engine.visibility.sample_counts import sample_bytes
 
 #: Name of the kernel that sums what patches see.
 _KERNEL = "gather"

@@ -15,8 +15,8 @@ from typing import Any
 import pyopencl as cl
 
 from benchmarks.options import ROOT
-from engine.device.compute import Compute
-from engine.device.graphics import Graphics
+from engine.device.cl_device import Compute
+from engine.device.gl_context import Graphics
 
 _PACKAGES = ("numpy", "moderngl", "pyopencl", "pocl-binary-distribution", "bpy", "xatlas")
 

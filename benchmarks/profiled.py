@@ -10,11 +10,11 @@ from typing import Any
 import pyopencl as cl
 
 from engine import Lightmap, Scene, Settings, finished
-from engine.algorithm import bake
-from engine.device.compute import Compute
+from engine.device.cl_device import Compute
 from engine.device.devices import Devices
 from engine.device.kernel import Kernel
-from engine.plan.kept import Kept
+from engine.pipeline import bake
+from engine.plan.session_cache import Kept
 from engine.plan.stages import BakeStages, Extent
 
 

@@ -15,14 +15,14 @@ from typing import Any
 
 import numpy as np
 
-from engine.device.compute import Compute
-from engine.device.graphics import Graphics
+from engine.device.cl_device import Compute
+from engine.device.gl_context import Graphics
 from engine.device.slice_limits import drawing_limits
-from engine.device.slices import SliceSize
+from engine.device.time_slicer import SliceSize
 from engine.errors import DeviceError
-from engine.gather.glsl import GlslIntegrator
-from engine.gather.opencl import CopiedIntegrator
-from engine.gather.protocol import Integrator
+from engine.gather.glsl_integrator import GlslIntegrator
+from engine.gather.integrator import Integrator
+from engine.gather.opencl_integrator import CopiedIntegrator
 from engine.scene.cutouts import read_cutouts
 from engine.scene.model import Scene
 from engine.scene.triangles import Triangles, join_meshes

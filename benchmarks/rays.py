@@ -16,11 +16,11 @@ import numpy as np
 import pyopencl as cl
 
 from engine.device.buffers import upload
-from engine.device.compute import Compute
+from engine.device.cl_device import Compute
 from engine.scene.cutouts import read_cutouts
 from engine.scene.model import Material, Scene
 from engine.scene.triangles import Triangles
-from engine.visibility.rays.rays import Rays
+from engine.visibility.rays.ray_tracer import Rays
 
 _REPEATS = 5
 _PER_POINT = 256

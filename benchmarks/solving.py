@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine import Scene, Settings
-from engine.device.compute import Compute
-from engine.device.graphics import Graphics
+from engine.device.cl_device import Compute
+from engine.device.gl_context import Graphics
 from engine.direct.sky import whole_sky
-from engine.patches.subdivision import subdivide
-from engine.plan.choose import choose_solver
+from engine.patches.patch_scene import subdivide
+from engine.plan.choose_solver import choose_solver
 from engine.plan.solve_job import SolveJob
 from engine.solve.solver import Solver
 from engine.visibility.rays.ray_scene import RayScene

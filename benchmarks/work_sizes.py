@@ -27,14 +27,14 @@ from benchmarks.rooms import cornell_box
 from benchmarks.solving import solve_job
 from benchmarks.tables import table
 from engine.device.buffers import upload
-from engine.device.compute import Compute
+from engine.device.cl_device import Compute
 from engine.device.work_sizes import WorkSizes
-from engine.gather.kept_samples import Backs
-from engine.gather.opencl import HemicubeIntegrator
-from engine.plan.choose import choose_solver
+from engine.gather.opencl_integrator import HemicubeIntegrator
+from engine.gather.visibility_cache import Backs
+from engine.plan.choose_solver import choose_solver
 from engine.plan.solve_job import SolveJob
 from engine.visibility.raster.tiles import Tiles
-from engine.visibility.rays.identity import RayIdentity
+from engine.visibility.rays.ray_sampler import RayIdentity
 
 #: A shape has to be faster than the usual one by this part, and each is timed so often.
 _LEAST_GAIN, _ROUNDS = 0.03, 7

@@ -8,17 +8,17 @@ Conventions, stated once for every module below:
   reflectance rho [1]; a patch sends out L = emission + rho * E/pi
 
 The package never imports bpy: `operators` turns a Blender scene into an `engine.scene.Scene`. It imports
-OpenGL and OpenCL when it bakes for the first time; the algorithm is in `engine.algorithm`.
+OpenGL and OpenCL when it bakes for the first time; the algorithm is in `engine.pipeline`.
 """
 
 from collections.abc import Generator
 
+from .bake_result import Lightmap
 from .errors import DeviceError, EngineError, PatchFileError, SceneError, SettingsError
-from .lightmap import Lightmap
 from .live import Live
 from .progress import Progress, finished
-from .scene.changes import Changes
 from .scene.model import Light, Material, Mesh, Scene
+from .scene.scene_changes import Changes
 from .scene.texture import Texture
 from .session import Session
 from .settings import Settings

@@ -6,11 +6,11 @@ from collections.abc import Callable, Generator
 from contextlib import closing
 from dataclasses import replace
 
-from .lightmap import Lightmap
+from .bake_result import Lightmap
 from .progress import Progress
-from .scene.changes import Changes
 from .scene.checks import check_scene
 from .scene.model import Scene
+from .scene.scene_changes import Changes
 from .settings import Settings, check_settings
 
 #: Bakes a scene that has been checked; see `Session.bake`.

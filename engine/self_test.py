@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .bake_result import Lightmap
 from .errors import DeviceError
-from .lightmap import Lightmap
 from .progress import Progress, Schedule, Stage
 from .scene.model import Light, Material, Mesh, Scene
 from .settings import Settings

@@ -14,23 +14,23 @@ from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from .device.found import DeviceSurvey
+from .bake_result import Lightmap
+from .device.device_info import DeviceSurvey
 from .device.packages import require_packages
 from .errors import DeviceError, DeviceMemoryError, SettingsError
-from .lightmap import Lightmap
 from .live import Live
 from .plan.stages import BakeStages, Extent
 from .progress import Progress, finished
 from .resume.checkpoint import Checkpoints
-from .scene.changes import Changes
 from .scene.checks import check_scene
 from .scene.model import Scene
+from .scene.scene_changes import Changes
 from .settings import Settings, check_settings
 
 if TYPE_CHECKING:
     from .cluster.workers import Workers
     from .device.devices import Devices
-    from .plan.kept import Kept
+    from .plan.session_cache import Kept
 
 
 #: Nothing was measured before.
@@ -105,8 +105,8 @@ class Session:
         stages = BakeStages(Extent.of(scene), settings, self._paces)
         devices = self._take(scene, settings)
 
-        from .algorithm import bake
-        from .plan.kept import Kept
+        from .pipeline import bake
+        from .plan.session_cache import Kept
 
         kept, self._kept = self._kept or Kept(), None
         kept.checkpoints = _checkpoints(settings)
@@ -151,7 +151,7 @@ class Session:
         devices, self._devices = self._devices, None
         wanted = (settings.cache_dir, settings.opencl_device)
         if devices is not None and (devices.cache_dir, devices.opencl_device) == wanted:
-            from .plan.usual_programs import usual_programs
+            from .plan.common_programs import usual_programs
 
             if devices.compute is not None:
                 devices.compute.build_ahead(usual_programs(scene, settings))
@@ -168,10 +168,10 @@ def _opened(scene: Scene, settings: Settings) -> Devices:
 
     wanted = settings.cache_dir, settings.opencl_device
     with Devices.begin_opening(*wanted) as opening:
-        from .plan.usual_programs import usual_programs
+        from .plan.common_programs import usual_programs
 
         opening.build_ahead(usual_programs(scene, settings))
-        from . import algorithm  # noqa: F401 - takes as long to import as a device takes to open
+        from . import pipeline  # noqa: F401 - takes as long to import as a device takes to open
 
         return Devices(*wanted, opening)
 

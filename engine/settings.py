@@ -8,7 +8,7 @@ from functools import cache
 from types import MappingProxyType
 
 from .errors import SettingsError
-from .setting import (
+from .setting_types import (
     PREFERENCES,
     Address,
     Description,

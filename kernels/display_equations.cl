@@ -2,7 +2,7 @@
 #include "links.cl"
 
 // Equations of the texels whose bilinear display is nearest to the light at points, and the same on both sides of
-// seams (engine/finish/display_equations.py).
+// seams (engine/postprocess/bilinear_equations.py).
 
 // Marks of texels: a point tells about it; it is an unknown; one look-up reads it and its right, or upper
 // neighbour.

@@ -1,7 +1,7 @@
 #include "footprint.cl"
 #include "links.cl"
 
-// Texels of several outputs, by conjugate gradients with bounds (engine/finish/bounded_gradients.py). Light is scaled
+// Texels of several outputs, by conjugate gradients with bounds (engine/postprocess/bounded_cg.py). Light is scaled
 // to at most 1; all channels run at once, each with its own steps. Work items are unknowns, or seams, and images: vectors
 // have a plane for each image.
 

@@ -1,6 +1,6 @@
 #include "texel_corners.cl"
 
-// Patches on the very edge of a chart, as engine/patches/edge_patches.py finds them on the host.
+// Patches on the very edge of a chart, as engine/patches/edge_patch_points.py finds them on the host.
 
 #define ON_EDGE 0.02f  // nearer to an edge than this, texels, is on it
 #define LEADING 0.3f   // components of a unit vector that are larger lead to a neighbour

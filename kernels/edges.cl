@@ -1,7 +1,7 @@
 #include "texel.cl"
 
 // Texels of lightmaps whose light or view is not the mean of their neighbours', so that they show more than their
-// centre (engine/finish/light_edges.py).
+// centre (engine/postprocess/irradiance_edges.py).
 
 #define ON_EDGE 1
 #define AT_AN_END 2

@@ -1,7 +1,7 @@
 #include "texel.cl"
 
-// Fills unknown texels of images: rings that grow from charts (engine/finish/dilation.py), and a membrane over known
-// texels from coarse to fine (engine/finish/smooth_fill.py).
+// Fills unknown texels of images: rings that grow from charts (engine/postprocess/dilation.py), and a membrane over known
+// texels from coarse to fine (engine/postprocess/membrane_fill.py).
 
 #define EMPTY 0
 #define UNKNOWN 1

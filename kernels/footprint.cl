@@ -1,6 +1,6 @@
 #pragma once
 
-// What a bilinear look-up of a lightmap reads: the four texels around a point (engine/finish/bilinear.py).
+// What a bilinear look-up of a lightmap reads: the four texels around a point (engine/postprocess/bilinear.py).
 
 // A point this near to the centres of a row or column of texels, in texels, lies on them.
 #define ON_CENTRE 0.001953125f

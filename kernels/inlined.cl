@@ -1,7 +1,7 @@
 // Functions of OpenCL C that kernels call most, in the language's own terms. PoCL comes with a library of them for each
 // family of processors; where that has other instructions than the code it is linked with, as on processors newer than
 // PoCL, LLVM inlines none of it, and each `min` of a ray is a call that saves all vectors. Values are the same, but for
-// rounding. engine/device/compute.py puts this before the source of a program.
+// rounding. engine/device/cl_device.py puts this before the source of a program.
 
 #define INLINED __attribute__((overloadable, always_inline)) inline
 

@@ -24,7 +24,7 @@ bool is_between(const float3 centre, const float radius, const float here, const
     return length(t * to - centre) <= here + t * (there - here) + radius;
 }
 
-// lights: balls around all that shadow rays go to (engine/direct/moved_shadows.py). before, now: records of the patches.
+// lights: balls around all that shadow rays go to (engine/direct/stale_shadows.py). before, now: records of the patches.
 // moved: centre and radius of a ball around what has moved, as it was and as it is. 1 for patches to be lit anew.
 __kernel void mark_moved_shadows(__global const ReceiverRecord *before, __global const ReceiverRecord *now,
                                  __global const LightBall *lights, const int light_count, const float4 moved,

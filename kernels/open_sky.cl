@@ -6,7 +6,7 @@
 // known, so that samples only tell what part of it comes through (a ratio estimator; Heitz, Hill and McGuire,
 // "Combining Analytic Direct Illumination and Stochastic Shadows", 2018).
 
-// Rows and columns of the table (engine/visibility/open_sky.py).
+// Rows and columns of the table (engine/visibility/unoccluded_sky.py).
 #define OPEN_ROWS 49
 #define OPEN_COLUMNS 96
 

@@ -2,7 +2,7 @@
 
 // Where light is received: a patch, the start of its rays, directions around its normal.
 
-// A record (engine/visibility/rays/receivers.py), and what follows from it.
+// A record (engine/visibility/rays/receiver_records.py), and what follows from it.
 typedef struct {
     float3 at, normal, geometric, edge_u, edge_v;  // world space, metres; steps of a texel
     float3 corner, edge1, edge2;                   // its triangle

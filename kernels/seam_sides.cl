@@ -1,6 +1,6 @@
 #include "footprint.cl"
 
-// What both sides of seams show: light that differs may be parted by what stands there (engine/finish/parted_seams.py).
+// What both sides of seams show: light that differs may be parted by what stands there (engine/postprocess/blocked_seams.py).
 
 // Marks: light of both sides differs, or is not known of both; one side at least reads what nobody sees.
 #define OTHER_LIGHT 1

@@ -1,6 +1,6 @@
 #include "footprint.cl"
 
-// What texels show that have several display samples (engine/finish/texel_means.py): the mean of those that are seen;
+// What texels show that have several display samples (engine/postprocess/texel_means.py): the mean of those that are seen;
 // where something cuts a texel, what a plane through the samples of 3 x 3 texels has at its centre; beyond that, what
 // makes the display right at the samples.
 //

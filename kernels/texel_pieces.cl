@@ -2,7 +2,7 @@
 #include "texel_clip.cl"
 
 // What triangles cover of texels that they do not fill: conservative rasterisation of lightmap UVs, and points within
-// (engine/patches/texel_pieces.py). Positions are relative to a texel or row, so that large lightmaps stay exact.
+// (engine/patches/texel_fragments.py). Positions are relative to a texel or row, so that large lightmaps stay exact.
 
 // Multipliers of the R2 sequence (Roberts 2018), in parts of 2^32.
 #define R2 (uint2)(3242174889u, 2447445414u)

@@ -1,7 +1,7 @@
 #include "texel_corners.cl"
 
 // Patches that are farther from the centre of their texels, in texels, than rounding explains
-// (engine/finish/lightmap_points.py).
+// (engine/postprocess/lightmap_points.py).
 __kernel void find_thin(__global const float *uvs, __global const int *triangles, __global const float *barycentrics,
                         __global const int *texels, const int resolution, const float rounding,
                         __global uchar *thin, const int count)

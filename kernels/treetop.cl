@@ -1,6 +1,6 @@
 #include "bvh.cl"
 
-// The tree over clusters of triangles (engine/visibility/rays/treetop.py): ranges of clusters are split from the top down,
+// The tree over clusters of triangles (engine/visibility/rays/upper_levels.py): ranges of clusters are split from the top down,
 // all of a level at a time, where the surface area heuristic finds it cheapest (binned; Wald 2007).
 //
 // A range is some successive places in `order`: the first, how many, and which node has it as which child. Nodes are

@@ -24,7 +24,7 @@ def unregister() -> None:
 
     from . import command_line, file_handlers, properties, translations, warm_up
     from .devices import finder
-    from .worker_owner import owner
+    from .worker_manager import owner
 
     warm_up.unbind()
     finder.stop()

@@ -10,21 +10,21 @@ from pathlib import Path
 
 import bpy
 
+from ..engine.bake_result import Lightmap
 from ..engine.errors import EngineError, WorkerError
-from ..engine.lightmap import Lightmap
+from .bake_run import Run
 from .check.finding import INFO, Finding
 from .console import Console
 from .last_bake import last_failure, summary
 from .log import log
 from .modal import ModalOperator
-from .run import Run
-from .scene.targets import NothingChangedError
-from .telling import tell
+from .report_message import tell
+from .scene.bake_targets import NothingChangedError
 from .user_files import kept_checkpoint_since
 from .viewports import restart_renders, show_materials
 from .warm_up import warm_up
 from .window_bake import WindowBake
-from .worker_owner import owner, poll_idle
+from .worker_manager import owner, poll_idle
 
 
 class ModalBake(ModalOperator):

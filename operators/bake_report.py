@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
-from ..engine.lightmap import Energy, Report
-from ..engine.naming import fix_of, objects_of
+from ..engine.bake_result import Energy, Report
+from ..engine.object_message import fix_of, objects_of
 from .scene import ReadScene
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..engine.setting import Span
+from ..engine.setting_types import Span
 from ..engine.settings import Settings, check_settings, descriptions, kept_with_scene
 from .denoise_library import denoise_library
 from .preferences import machine_settings

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from .worker_owner import owner
+from .worker_manager import owner
 
 
 class HEMIBAKE_OT_cancel(bpy.types.Operator):

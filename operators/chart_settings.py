@@ -7,7 +7,7 @@ import math
 import bpy
 from bpy.props import BoolProperty, FloatProperty, IntProperty
 
-from ..engine.unwrap.cutting import USUAL, Cutting
+from ..engine.unwrap.chart_options import USUAL, Cutting
 
 #: Properties of a `Cutting`, by its fields.
 _FIELDS = {

@@ -9,15 +9,15 @@ from collections.abc import Collection, Generator
 import bpy
 
 from ..engine.errors import EngineError, SceneError
-from ..engine.naming import counted
+from ..engine.object_message import counted
 from ..engine.progress import finished
-from .changes import Changes
 from .check import Checked, check_scene, without_moved
 from .check.fixes import FIXES
+from .report_message import tell
+from .rollback import Changes
 from .scene import SceneContext
 from .scene.uvs.uv_node_group import remove_unused_uvs
-from .telling import tell
-from .worker_owner import poll_idle
+from .worker_manager import poll_idle
 
 #: How long a check goes on in a pause of other work, s.
 _SLICE = 0.01

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 from ..engine.progress import Progress
-from .telling import progress_line
+from .report_message import progress_line
 
 #: Time between two lines, s: shorter bakes print none.
 _PERIOD = 1.0

@@ -7,11 +7,11 @@ from contextlib import closing
 
 import bpy
 
-from ..engine.device.found import DeviceSurvey
+from ..engine.device.device_info import DeviceSurvey
 from ..engine.errors import EngineError
 from ..engine.progress import Progress, finished
 from .log import log
-from .worker_owner import new_worker
+from .worker_manager import new_worker
 
 #: How long the window is left alone between two looks at the process, s.
 _INTERVAL = 0.1

@@ -10,9 +10,9 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper
 
 from ..engine.errors import EngineError
-from ..engine.naming import counted
-from .telling import tell
-from .worker_owner import poll_idle
+from ..engine.object_message import counted
+from .report_message import tell
+from .worker_manager import poll_idle
 
 #: Encodings of lightmaps in the file, by the names that people choose.
 _KINDS = {"HDR": "image/vnd.radiance", "PNG": "image/png", "NONE": ""}
@@ -73,7 +73,7 @@ class HEMIBAKE_OT_export_for_engine(bpy.types.Operator, ExportHelper):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         # Imports Blender's exporter, which takes a while.
-        from .gltf.engine_file import export_for_engine
+        from .gltf.gltf_export import export_for_engine
 
         path = Path(bpy.path.abspath(self.filepath))
         try:

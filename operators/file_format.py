@@ -7,15 +7,15 @@ from dataclasses import dataclass
 import bpy
 from bpy.props import EnumProperty, FloatProperty, StringProperty
 
-from ..engine.encoding.biased import Biased
 from ..engine.encoding.encoding import Encoding, Limits
 from ..engine.encoding.half import Half
 from ..engine.encoding.logluv import LogLuv
 from ..engine.encoding.rgbd import Rgbd
 from ..engine.encoding.rgbe import Rgbe
 from ..engine.encoding.rgbm import Rgbm
+from ..engine.encoding.signed_norm import Biased
 from ..engine.encoding.srgb import Srgb
-from ..engine.finish.outputs import PROJECTED_MAPS, SIGNED_MAPS
+from ..engine.postprocess.outputs import PROJECTED_MAPS, SIGNED_MAPS
 from .translations import CONTEXT
 
 #: By name: label and description.

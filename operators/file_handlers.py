@@ -10,10 +10,10 @@ from bpy.app.handlers import persistent
 from .compat import FILE_EVENTS
 from .handlers import Handlers
 from .scene.light.kept_worlds import kept_worlds
-from .scene.materials.kept_evaluations import kept_evaluations
+from .scene.materials.evaluation_cache import kept_evaluations
 from .scene.objects.instancing import forget_instances
 from .scene.uvs.uv_node_group import remove_unused_uvs
-from .worker_owner import owner
+from .worker_manager import owner
 
 
 @persistent

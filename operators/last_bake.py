@@ -7,7 +7,7 @@ from typing import Any
 
 import bpy
 
-from ..engine.naming import counted
+from ..engine.object_message import counted
 
 #: Figures of a report that its copy leaves to the line that sums them up.
 _SUMMED_UP = ("warnings", "objects_of_warnings", "fixes_of_warnings")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import bpy
 
-from .result.instance_places import baked_instances, instance_image
-from .scene.places import is_page
+from .result.instance_uv_table import baked_instances, instance_image
+from .scene.uv_layout import is_page
 
 
 def members(scene: bpy.types.Scene, atlas: str) -> list[bpy.types.Object]:

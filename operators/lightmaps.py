@@ -5,12 +5,12 @@ from __future__ import annotations
 import bpy
 
 from ..engine.errors import EngineError
-from ..engine.naming import counted, naming
+from ..engine.object_message import counted, naming
 from .lightmap_list import active_lightmap, members, unlisted
+from .report_message import tell
 from .scene.uvs.unwrap import Anew, Made
-from .telling import tell
 from .unwrap import UnwrapOperator, Unwrapping
-from .worker_owner import poll_idle
+from .worker_manager import poll_idle
 
 #: Name of a new lightmap.
 _NAME = "Lightmap"

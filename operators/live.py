@@ -16,7 +16,7 @@ from .result.preview import show_preview, shows_preview
 from .viewports import restart_renders, show_materials
 from .warm_up import warm_up
 from .window_bake import QUICK, WindowBake
-from .worker_owner import owner
+from .worker_manager import owner
 
 
 class WindowLive(WindowBake):

@@ -10,24 +10,24 @@ from functools import partial
 
 import bpy
 
+from ..engine.bake_result import Lightmap
 from ..engine.errors import EngineError
-from ..engine.finish.outputs import output_names
-from ..engine.lightmap import Lightmap
+from ..engine.postprocess.outputs import output_names
 from ..engine.progress import Progress, finished
-from ..engine.scene.changes import changes_between
 from ..engine.scene.model import Scene
+from ..engine.scene.scene_changes import changes_between
 from ..engine.settings import Settings
+from .bake_run import ATTEMPTS, Bake, Run, Steps
 from .bake_settings import read_settings
 from .live_watch import LiveWatch
 from .lookup import find_all
 from .result.preview import refresh_preview
-from .result.shown_images import image_names
-from .run import ATTEMPTS, Bake, Run, Steps
+from .result.progress_images import image_names
 from .scene import SceneChangedError, read_lamps, read_moved, read_scene, store_edits, visible_meshes
 from .scene.objects.render_differences import uses_render
 from .scene.units import texels_per_unit
 from .scene.uvs.uv_modifier import has_uvs
-from .worker_owner import owner
+from .worker_manager import owner
 
 #: What is shown while the worker has nothing to do.
 RESTING = Progress("Live", 1.0, 1.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import datetime
 
 from .user_files import append_to_log
-from .worker_owner import owner
+from .worker_manager import owner
 
 
 def log(text: str) -> None:

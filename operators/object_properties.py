@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import bpy
 
-from .changes import Changes
 from .lookup import find
+from .rollback import Changes
 
 
 def set_property(obj: bpy.types.Object, name: str, value: object, changes: Changes) -> None:

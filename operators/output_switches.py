@@ -11,7 +11,7 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty
 
-from ..engine.setting import Option
+from ..engine.setting_types import Option
 from ..engine.settings import descriptions, with_output, without_output
 
 

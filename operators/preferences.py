@@ -7,15 +7,15 @@ from typing import Any
 
 import bpy
 
-from ..engine.device.found import DeviceSurvey
-from ..engine.setting import PREFERENCES
+from ..engine.device.device_info import DeviceSurvey
+from ..engine.setting_types import PREFERENCES
 from ..engine.settings import Settings, shown_in
 from .devices import finder
 from .extension import EXTENSION
+from .report_message import tell
 from .setting_properties import setting_properties, setting_values
-from .telling import tell
 from .user_files import clear_cache
-from .worker_owner import poll_idle
+from .worker_manager import poll_idle
 
 
 class HemibakePreferences:

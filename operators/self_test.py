@@ -14,10 +14,10 @@ from ..engine.unwrap.segmentation import has_xatlas
 from .bake_settings import machine_defaults
 from .log import log
 from .modal import ModalOperator
+from .report_message import tell
 from .scene.messages import WITHOUT_XATLAS
-from .telling import tell
 from .window_bake import WindowBake
-from .worker_owner import owner, poll_idle
+from .worker_manager import owner, poll_idle
 
 
 class LastTest:

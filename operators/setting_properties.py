@@ -18,7 +18,7 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..engine.setting import (
+from ..engine.setting_types import (
     Address,
     Description,
     DeviceName,

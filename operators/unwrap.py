@@ -7,17 +7,17 @@ from collections.abc import Sequence
 import bpy
 
 from ..engine.errors import EngineError
-from ..engine.naming import counted
+from ..engine.object_message import counted
 from ..engine.progress import Progress, finished
 from .bake_settings import read_settings
-from .changes import Changes
 from .lightmap_size import chosen_width
 from .modal import ModalOperator
+from .report_message import tell
+from .rollback import Changes
 from .scene import SceneContext, visible_meshes
 from .scene.uvs.unwrap import Anew, Made, unwrap_missing
-from .telling import tell
 from .window_bake import WindowBake
-from .worker_owner import poll_idle
+from .worker_manager import poll_idle
 
 
 class Unwrapping:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import bpy
 
-from ..engine.naming import counted
+from ..engine.object_message import counted
 from .applied_copies import apply_on_copies
+from .report_message import tell
 from .result.preview import hide_preview
 from .scene.uvs.uv_modifier import remove_uv_modifiers, uv_modifiers
 from .scene.uvs.uv_node_group import remove_unused_uvs
-from .telling import tell
-from .worker_owner import poll_idle
+from .worker_manager import poll_idle
 
 
 class _OnSelectedMeshes:

@@ -8,7 +8,7 @@ import bpy
 
 from ..engine.errors import EngineError
 from .bake_settings import machine_defaults
-from .worker_owner import owner
+from .worker_manager import owner
 
 #: The panel is shown so long before the worker starts, s: drawing does not wait for it.
 _DELAY = 0.5

@@ -7,9 +7,9 @@ import time
 import bpy
 
 from ..engine.progress import Progress
-from .run import Run
-from .telling import progress_line
-from .worker_owner import owner
+from .bake_run import Run
+from .report_message import progress_line
+from .worker_manager import owner
 
 #: Time between two events, s: of a bake that somebody waits for, and of one that follows somebody's hand.
 INTERVAL, QUICK = 0.05, 0.02

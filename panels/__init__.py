@@ -11,14 +11,24 @@ from . import (
     light_groups,
     lightmaps,
     menus,
+    original_materials,
     outputs,
-    own_materials,
     preferences,
     presets,
 )  # fmt: skip
 
 #: In the order of the sidebar.
-_PANELS = (bake, own_materials, light_groups, check, lightmaps, active_object, outputs, advanced, last_bake)
+_PANELS = (
+    bake,
+    original_materials,
+    light_groups,
+    check,
+    lightmaps,
+    active_object,
+    outputs,
+    advanced,
+    last_bake,
+)
 
 #: Every class that Blender has to know.
 CLASSES = tuple(cls for module in (preferences, presets, menus, *_PANELS) for cls in module.CLASSES)

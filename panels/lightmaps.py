@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..engine.naming import counted
+from ..engine.object_message import counted
 from ..operators.lightmap_list import active_lightmap, counts, unlisted
 from .sidebar import SubPanel
 from .wrapped_text import draw_text, line_width

@@ -6,8 +6,8 @@ from importlib.util import find_spec
 
 import bpy
 
-from ..engine.device.found import FoundDevice
-from ..engine.setting import PREFERENCES
+from ..engine.device.device_info import FoundDevice
+from ..engine.setting_types import PREFERENCES
 from ..engine.settings import shown_in
 from ..operators.preferences import HemibakePreferences, guide, known_devices
 from ..operators.self_test import last_test

@@ -7,7 +7,7 @@ import math
 import bpy
 
 from ..engine.progress import format_seconds_left
-from ..operators.worker_owner import owner
+from ..operators.worker_manager import owner
 
 
 def draw_bake_button(layout: bpy.types.UILayout) -> None:

@@ -21,12 +21,12 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from engine import Settings
-from engine.device.compute import Compute
-from engine.device.graphics import Graphics
+from engine.device.cl_device import Compute
+from engine.device.gl_context import Graphics
 from engine.direct.sky import whole_sky
 from engine.gather.hemicube_gather import PaperGather
-from engine.patches.subdivision import Subdivision
-from engine.patches.surfaces import PatchSurfaces
+from engine.patches.patch_materials import PatchSurfaces
+from engine.patches.patch_scene import Subdivision
 from engine.reference.cpu_patches import map_texels
 from engine.reference.form_factors import form_factors
 from engine.reference.gauss_seidel import gather, gauss_seidel

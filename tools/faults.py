@@ -32,8 +32,8 @@ import numpy as np
 
 from benchmarks.rooms import panel_box
 from engine import Settings
+from engine.bake_result import Lightmap
 from engine.cluster.local_workers import LocalWorkers
-from engine.lightmap import Lightmap
 from engine.progress import Progress
 from engine.session import Session
 

@@ -20,7 +20,6 @@ import numpy as np
 from headless import MODULE, ROOT, blender
 
 sys.path.insert(0, str(ROOT))
-from engine.encoding.biased import Biased
 from engine.encoding.encoding import Encoding
 from engine.encoding.logluv import LogLuv
 from engine.encoding.png import png_bytes
@@ -28,6 +27,7 @@ from engine.encoding.radiance import radiance_bytes
 from engine.encoding.rgbd import Rgbd
 from engine.encoding.rgbe import Rgbe
 from engine.encoding.rgbm import Rgbm
+from engine.encoding.signed_norm import Biased
 from engine.encoding.srgb import Srgb
 
 PAGE = ROOT / "docs" / "formats.md"

@@ -88,4 +88,4 @@ def disable() -> None:
     addon_utils.disable(MODULE)
 
 
-quiet_stdout = load("operators.command_line.quiet").quiet_stdout
+quiet_stdout = load("operators.command_line.stdout_guard").quiet_stdout

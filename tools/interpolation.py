@@ -26,10 +26,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.rooms import cornell_box, hilly_room
 from engine import Scene, Session, Settings, finished
-from engine.device.compute import Compute
-from engine.patches.subdivision import Subdivision
+from engine.device.cl_device import Compute
+from engine.patches.patch_scene import Subdivision
 from engine.reference.irradiance_caching import IrradianceCache, Records, records
-from engine.visibility.identity import Sampling
+from engine.visibility.sampler import Sampling
 from engine.visibility.views.hemicube import frames, rotations
 from tests.analytic.drive import drive
 from tests.analytic.scenes import nine_quad_room

@@ -26,15 +26,15 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.tables import table
 from engine import Settings
-from engine.device import sharing
+from engine.device import gl_interop
+from engine.device.cl_device import Compute, device_name, found_devices
 from engine.device.cl_library import ClLibrary
-from engine.device.compute import Compute, device_name, found_devices
-from engine.device.graphics import Graphics
-from engine.device.share import HostCopy
+from engine.device.gl_context import Graphics
+from engine.device.host_copy import HostCopy
 from engine.errors import EngineError
-from engine.gather.glsl import GlslIntegrator
-from engine.gather.opencl import HemicubeIntegrator
-from engine.patches.subdivision import subdivide
+from engine.gather.glsl_integrator import GlslIntegrator
+from engine.gather.opencl_integrator import HemicubeIntegrator
+from engine.patches.patch_scene import subdivide
 from engine.visibility.raster.targets import RadianceTarget
 from engine.visibility.raster.tiles import COPIED_RADIANCE_BYTES, plan_tiles
 from engine.visibility.views.hemicubes import Hemicubes
@@ -96,8 +96,8 @@ def _ladder(
 ) -> list[tuple[str | None, ...]]:
     """Return a row for each way, from the best to the host's."""
     opencl, rows = device.extensions.split(), []
-    for rung in sharing.RUNGS:
-        missing = sharing.missing_extensions(rung, opencl, graphics.context.extensions)
+    for rung in gl_interop.RUNGS:
+        missing = gl_interop.missing_extensions(rung, opencl, graphics.context.extensions)
         if missing:
             rows.append((rung, None, None, None, f"not offered: no {', '.join(missing)}"))
             continue
@@ -134,7 +134,7 @@ def _alone(rung: str, kind: str, options: argparse.Namespace) -> None:
         right = _hands_over(share, compute, texture)
         seconds = _time(lambda: (share.update(), compute.queue.finish()))
         share.release()
-        rate = sharing.texture_bytes(texture) / seconds / 1e9
+        rate = gl_interop.texture_bytes(texture) / seconds / 1e9
         row = [1000 * seconds, rate, "works" if right else "WRONG VALUES"]
     except (EngineError, cl.Error, OSError) as error:
         row = [None, None, str(error).splitlines()[0]]
@@ -149,26 +149,26 @@ def _share(
         return HostCopy(compute, texture), compute
     library = ClLibrary(compute.device.platform.int_ptr)
     if rung == "external memory":
-        handover = sharing.Finish(graphics, compute)
+        handover = gl_interop.Finish(graphics, compute)
         export = VulkanMemory().export
-        return sharing.ExternalShare(graphics, compute, library, handover, texture, export), compute
+        return gl_interop.ExternalShare(graphics, compute, library, handover, texture, export), compute
     graphics.use()
-    properties = sharing.current_gl_context()
-    context_of = partial(sharing.shared_context, library=library, properties=properties)
+    properties = gl_interop.current_gl_context()
+    context_of = partial(gl_interop.shared_context, library=library, properties=properties)
     compute = Compute(opencl_device=device_name(compute.device), context_of=context_of)
-    handover = sharing.Finish(graphics, compute)
+    handover = gl_interop.Finish(graphics, compute)
     if kind == "events":
-        handover = sharing.Events(graphics, compute, library)
+        handover = gl_interop.Events(graphics, compute, library)
     if rung == "texture":
-        return sharing.TextureShare(compute, library, handover, texture), compute
-    return sharing.BufferShare(graphics, compute, library, handover, texture), compute
+        return gl_interop.TextureShare(compute, library, handover, texture), compute
+    return gl_interop.BufferShare(graphics, compute, library, handover, texture), compute
 
 
 def _hands_over(share: Any, compute: Compute, texture: moderngl.TextureArray) -> bool:
     """Return whether OpenCL sees what was drawn, twice."""
     random = np.random.default_rng(5)
     for _ in range(2):
-        drawn = random.random(sharing.texture_bytes(texture) // 4, np.float32)
+        drawn = random.random(gl_interop.texture_bytes(texture) // 4, np.float32)
         texture.write(drawn.tobytes())
         seen = np.empty_like(drawn)
         cl.enqueue_copy(compute.queue, seen, share.update())

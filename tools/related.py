@@ -23,17 +23,17 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.rooms import panel_box
 from engine import Settings
-from engine.device.compute import Compute
-from engine.device.graphics import Graphics
+from engine.device.cl_device import Compute
+from engine.device.gl_context import Graphics
 from engine.direct.sky import whole_sky
-from engine.patches.subdivision import Subdivision, subdivide
-from engine.plan.choose import choose_solver
+from engine.patches.patch_scene import Subdivision, subdivide
+from engine.plan.choose_solver import choose_solver
 from engine.plan.solve_job import SolveJob
 from engine.reference.instant_radiosity import InstantRadiosity
 from engine.reference.shooting import Shooting
-from engine.visibility.identity import SeenBuffers
-from engine.visibility.rays.identity import RayIdentity
+from engine.visibility.rays.ray_sampler import RayIdentity
 from engine.visibility.rays.ray_scene import RayScene
+from engine.visibility.sampler import SeenBuffers
 from engine.visibility.views.viewpoints import viewpoints
 from tests.analytic.drive import drive, irradiance
 

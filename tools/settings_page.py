@@ -13,7 +13,7 @@ from headless import ROOT
 
 sys.path.insert(0, str(ROOT))
 from engine.quality import QUALITIES
-from engine.setting import PREFERENCES, Description, OneOf, SomeOf, Span
+from engine.setting_types import PREFERENCES, Description, OneOf, SomeOf, Span
 from engine.settings import Settings, descriptions, kept_with_scene, shown_in
 
 PAGE = ROOT / "docs" / "settings.md"

@@ -32,7 +32,7 @@ class Stalls:
     """
 
     def __init__(self, ended: Callable[[], None] = lambda: None) -> None:
-        self._owner = importlib.import_module(f"{_MODULE}.operators.worker_owner").owner
+        self._owner = importlib.import_module(f"{_MODULE}.operators.worker_manager").owner
         self._ended = ended
         self._gaps: list[tuple[float, str]] = []
         self._events: list[tuple[float, str]] = []

@@ -14,13 +14,13 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from engine.algorithm import bake
-from engine.device.compute import Compute, Source
+from engine.device.cl_device import Compute, Source
 from engine.device.devices import Devices
 from engine.device.kernel import Kernel
-from engine.plan.kept import Kept
+from engine.pipeline import bake
+from engine.plan.common_programs import PROGRAMS
+from engine.plan.session_cache import Kept
 from engine.plan.stages import BakeStages, Extent
-from engine.plan.usual_programs import PROGRAMS
 from engine.progress import finished
 from engine.settings import Settings
 from engine.warm_up import SMALL, usual_room

@@ -5,7 +5,7 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 
-from engine.device.graphics import Graphics
+from engine.device.gl_context import Graphics
 
 from .framework import MissingError
 from .kernel_texts import KernelText, glsl_text

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pyopencl as cl
 
-from engine.device.compute import Compute
+from engine.device.cl_device import Compute
 
 from .kernel_texts import KernelText, opencl_text
 

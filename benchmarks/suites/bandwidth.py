@@ -11,7 +11,7 @@ import pyopencl as cl
 from benchmarks.gather_rate import gather_bytes_per_second
 from benchmarks.options import Options
 from benchmarks.tables import table
-from engine.device.compute import Compute
+from engine.device.cl_device import Compute
 
 _REPEATS = 10
 

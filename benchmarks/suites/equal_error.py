@@ -200,7 +200,7 @@ def _whiten_world() -> None:
     """Give the open scene a constant background."""
     from tools.headless import load
 
-    load("operators.command_line.opening").replace_world((1.0, 1.0, 1.0))
+    load("operators.command_line.open_scene").replace_world((1.0, 1.0, 1.0))
 
 
 _OPENERS: dict[str, Callable] = {

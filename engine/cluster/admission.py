@@ -8,7 +8,7 @@ from functools import cache
 from distributed import Worker
 from distributed.diagnostics.plugin import WorkerPlugin
 
-from ..device.compute import Compute
+from ..device.cl_device import Compute
 from ..device.source import source_digest
 from ..errors import DeviceError
 from .prepared_scene import DEVICE

@@ -11,12 +11,12 @@ from dask.config import get
 from dask.utils import parse_bytes
 from distributed.config import config
 
-from ..gather.half_light import HalfLight
-from .found_block import FoundBlock
+from ..gather.half_radiance import HalfLight
+from .block_visibility import FoundBlock
 from .patch_rows import SentRows
 from .patch_table import PatchTable
-from .shipment import Shipment
-from .sweep_memory import MappedLight
+from .radiance_exchange import MappedLight
+from .scene_payload import Shipment
 
 #: Bytes that Dask expects to travel in a second.
 _BANDWIDTH = parse_bytes(get("distributed.scheduler.bandwidth", config=config))

@@ -9,24 +9,24 @@ from distributed import Future
 
 from ..direct.contact import patches_in_contact
 from ..direct.emitters import BrightTriangles
-from ..finish.display_samples import DisplaySamples
-from ..gather.half_light import HalfLight
-from ..patches.subdivision import Subdivision
-from ..plan.choice import Choice
-from ..plan.lit_samples import LitSamples
+from ..gather.half_radiance import HalfLight
+from ..numpy_pickle import portable_bytes
+from ..patches.patch_scene import Subdivision
+from ..plan.gathered_samples import LitSamples
 from ..plan.memory import shared_width
-from ..plan.trial import untried_visibility
-from ..portable import portable_bytes
+from ..plan.solver_choice import Choice
+from ..plan.visibility_trial import untried_visibility
+from ..postprocess.texel_samples import DisplaySamples
 from ..scene.color import colors_of
 from ..settings import Settings
 from ..visibility.rays.ray_scene import RayScene
 from . import block, final_tasks, shadow_tasks
 from .blocks import Span, cut
+from .distributed_scene import Shipped
 from .local_workers import LOCAL
 from .patch_table import Glow, PatchTable, SceneTable
-from .shipped import Shipped
+from .radiance_exchange_pair import SweepMemories
 from .shipped_patches import ShippedPatches
-from .sweep_memories import SweepMemories
 from .tasks import EARLY, Tasks
 
 #: Columns of light without directions.

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..finish.display_samples import DisplaySamples
-from ..gather.final_gather import FinalGather
-from ..gather.half_light import HalfLight
-from ..plan.choice import Choice
-from ..plan.display_light import light_at
-from ..plan.lit_samples import LitSamples
+from ..gather.gather_pass import FinalGather
+from ..gather.half_radiance import HalfLight
+from ..plan.gathered_samples import LitSamples
 from ..plan.receivers import Receivers, final_gather
-from ..plan.trial import untried_visibility
+from ..plan.solver_choice import Choice
+from ..plan.visibility_trial import untried_visibility
+from ..postprocess.texel_samples import DisplaySamples
 from ..progress import finished
 from ..settings import Settings
+from ..texel_gather.texel_sample_gather import light_at
 from .patch_rows import SentRows
 from .patch_table import PatchTable, SceneTable
 from .prepared_scene import prepared
-from .shipment import Shipment
+from .scene_payload import Shipment
 
 #: The patches of a scene, and groups of them.
 Both = tuple[SceneTable, PatchTable]
@@ -61,7 +61,7 @@ def light_at_samples(
     light: HalfLight,
     how: tuple[Choice, Settings],
 ) -> LitSamples:
-    """Return what samples gather from the light of all sources; see `display_light.light_at`.
+    """Return what samples gather from the light of all sources; see `texel_sample_gather.light_at`.
 
     solved  the patches, or the groups of them, that send light out
     how     the way that was chosen for patches, and the settings of samples

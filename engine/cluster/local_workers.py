@@ -13,7 +13,7 @@ from pathlib import Path
 from distributed import Client, LocalCluster
 from pyopencl import device_type
 
-from ..device.compute import device_name, found_devices
+from ..device.cl_device import device_name, found_devices
 from ..device.egl_devices import egl_devices
 from ..errors import DeviceError
 from .event_loop import event_loop

@@ -6,9 +6,9 @@ import pickle
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
+from ..numpy_pickle import Portable
 from ..patches.geometry import PatchGeometry, TexelSteps
 from ..patches.patch_list import PatchList
-from ..portable import Portable
 from ..scene.triangles import Triangles
 from .stored_array import StoredArray
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..direct.emitters import BrightTriangles
-from ..patches.subdivision import Subdivision
-from ..portable import Portable
-from ..short_rows import any_in_rows, nonzero_rows
+from ..numpy_pickle import Portable
+from ..patches.patch_scene import Subdivision
+from ..row_ops import any_in_rows, nonzero_rows
 from .stored_array import StoredArray
 
 

@@ -8,12 +8,12 @@ from functools import cache
 
 from ..device.devices import Devices
 from ..device.freed_memory import keep_freed_memory
-from ..direct.split_light import sky_of
-from ..plan.choice import Choice
-from ..plan.display_points import DisplayJob
+from ..direct.emitter_split import sky_of
+from ..plan.solver_choice import Choice
+from ..texel_gather.texel_sample_points import DisplayJob
 from .patch_table import PatchTable, SceneTable
-from .shipment import Shipment
-from .sources import Patches, Sources
+from .scene_payload import Shipment
+from .source_patches import Patches, Sources
 from .triangle_scene import KeptTriangles
 
 #: Environment variable that names the OpenCL device of a worker.

@@ -11,7 +11,7 @@ from ..progress import Made, finished
 from .patch_rows import SentRows
 from .patch_table import SceneTable
 from .prepared_scene import prepared
-from .shipment import Shipment
+from .scene_payload import Shipment
 
 
 def sampled(shipment: Shipment, table: SceneTable, rows: SentRows) -> np.ndarray:

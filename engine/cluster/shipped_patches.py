@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from distributed import Future
 
+from ..numpy_pickle import portable_bytes
 from ..patches.patch_list import PatchList
-from ..portable import portable_bytes
 from .blocks import Span
 from .patch_rows import PatchRows
 from .patch_table import PatchTable, SceneTable

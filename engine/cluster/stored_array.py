@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..portable import Portable
+from ..numpy_pickle import Portable
 from .machine_files import file_bytes
 from .memory_folder import file_with
 

@@ -21,7 +21,7 @@ from distributed.comm import CommClosedError
 from distributed.scheduler import KilledWorker
 
 from ..errors import DeviceError
-from ..portable import portable_bytes
+from ..numpy_pickle import portable_bytes
 from .blocks import Span
 
 #: A bake that waits for workers can be cancelled this often, s.

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..device.compute import Compute
+from ..device.cl_device import Compute
 from ..patches.geometry import PatchGeometry, TexelSteps, texel_steps
 from ..patches.patch_list import PatchList
-from ..patches.subdivision import Subdivision
-from ..patches.surfaces import PatchSurfaces
+from ..patches.patch_materials import PatchSurfaces
+from ..patches.patch_scene import Subdivision
 from ..scene.cutouts import Cutouts, read_cutouts
 from ..scene.digests import geometry_digest
 from ..scene.model import Scene

@@ -11,18 +11,18 @@ from distributed import Client
 
 from ..direct.emitters import BrightTriangles
 from ..errors import DeviceError
-from ..patches.subdivision import Subdivision
+from ..patches.patch_scene import Subdivision
 from ..scene.model import Scene
 from ..settings import Settings
 from ..visibility.rays.ray_scene import RayScene
 from .admission import REFUSED, Admission, refusal
 from .cluster_devices import ClusterDevices
 from .connection import connected, is_of_this_machine, is_private
+from .distributed_scene import Shipped
 from .event_loop import event_loop
 from .local_workers import LOCAL, RESULTS, LocalWorkers, local_environments
 from .memory_folder import is_at_hand, memory_folder
-from .shipment import Shipment
-from .shipped import Shipped
+from .scene_payload import Shipment
 from .tasks import Tasks
 
 #: Seconds in which a first worker has to join.

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pyopencl as cl
 
-from ..short_rows import any_in_rows, nonzero_rows
-from .compute import Compute
+from ..row_ops import any_in_rows, nonzero_rows
+from .cl_device import Compute
 
 #: Of arrays with this many rows about so many are looked at: if fewer than this part of them are not black,
 #: the rows that are not are uploaded alone.

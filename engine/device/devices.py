@@ -9,9 +9,9 @@ import moderngl
 import pyopencl as cl
 
 from ..errors import DeviceError, DeviceMemoryError
-from .compute import Compute
-from .graphics import Graphics
-from .opening import Opening
+from .async_open import Opening
+from .cl_device import Compute
+from .gl_context import Graphics
 
 #: What OpenCL says of a buffer that is larger than any may be.
 _TOO_LARGE = "INVALID_BUFFER_SIZE"

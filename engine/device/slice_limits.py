@@ -6,7 +6,7 @@ import pyopencl as cl
 
 from .display import may_have_display
 from .kernel import ITEMS
-from .slices import SliceLimits
+from .time_slicer import SliceLimits
 
 #: Longest slice where a display may wait for the device, and elsewhere, s. Chosen: ten images a second are
 #: still usable, and a bake is to be cancelled within half a second.

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
-from .record import Record
+from .device_struct import Record
 
 _ROOT = Path(__file__).resolve().parents[2]
 

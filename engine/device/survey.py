@@ -7,9 +7,9 @@ from dataclasses import replace
 import pyopencl as cl
 
 from ..errors import DeviceError
-from .compute import Compute, device_name, found_devices, trouble_with
-from .found import DeviceSurvey, FoundDevice
-from .graphics import Graphics
+from .cl_device import Compute, device_name, found_devices, trouble_with
+from .device_info import DeviceSurvey, FoundDevice
+from .gl_context import Graphics
 
 
 def survey(opencl_device: str | None) -> DeviceSurvey:

@@ -10,7 +10,7 @@ import pyopencl as cl
 from ..device.buffers import download_bytes, upload, words_of
 from ..validity.thresholds import KERNEL_OPTIONS
 from ..visibility.rays.ray_scene import RayScene
-from ..visibility.rays.receivers import RECEIVER
+from ..visibility.rays.receiver_records import RECEIVER
 
 #: How far above and below its surface a patch looks for the other face, in heights of its eye.
 ABOVE, BELOW = 2.0, 1.0

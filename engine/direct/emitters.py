@@ -6,16 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.record import Record
+from ..device.device_struct import Record
 from ..patches.geometry import PatchGeometry
-from ..patches.subdivision import Subdivision
+from ..patches.patch_scene import Subdivision
+from ..row_ops import any_in_rows, largest_in_rows
 from ..scene.color import luminance
 from ..scene.cutouts import BACK, BOUNCE
 from ..scene.model import Light
 from ..scene.triangles import Triangles
 from ..segment_sums import segment_sums
-from ..short_rows import any_in_rows, largest_in_rows
-from ..visibility.rays.receivers import RECEIVER
+from ..visibility.rays.receiver_records import RECEIVER
 from .modulation import MODULATION, is_modulated
 
 #: A triangle is sampled if its radiance is at least this multiple of the mean that surfaces emit.

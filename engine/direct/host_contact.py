@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..patches.subdivision import Subdivision
+from ..patches.patch_scene import Subdivision
 from ..scene.cutouts import BACK, BOUNCE, SETS, Cutouts, transmittances
 from ..scene.model import Scene
 from ..scene.textures import sample
-from ..visibility.raster.clusters import morton_codes
+from ..visibility.raster.triangle_clusters import morton_codes
 from ..visibility.views.viewpoints import eye_heights
 from .contact import ABOVE, BELOW
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.record import Record
+from ..device.device_struct import Record
 from .emitters import EMITTER, EMITTER_RECORDS, POINT, SKY_MAP, SUN
 
 #: An inner node: what all emitters below it send out. Along a unit vector w that is

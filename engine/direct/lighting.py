@@ -8,17 +8,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..patches.subdivision import Subdivision
+from ..patches.patch_scene import Subdivision
 from ..scene.light_groups import light_groups
 from ..scene.model import Scene, shining_lights
 from ..settings import Settings
 from ..visibility.rays.ray_scene import RayScene
 from .contact import NearFaces, patches_in_contact, patches_lit_by_backs
-from .enclosed import note_enclosed
+from .direct_light_cache import SampledLight
+from .emitter_split import SplitLight, split_light
+from .enclosed_lights import note_enclosed
 from .host_contact import in_contact_on_host
-from .sampled_light import SampledLight
 from .shadow_rays import Casting, ShadowRays
-from .split_light import SplitLight, split_light
 
 #: Shadow rays to each light for a glimpse of it.
 _FEW = 4

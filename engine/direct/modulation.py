@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..device.record import Record
+from ..device.device_struct import Record
 from ..scene.model import Light
 
 #: What a lamp's nodes make of its strength along a direction away from it, at a distance.

@@ -18,15 +18,15 @@ from ..device.buffers import (
     zeros,
 )
 from ..device.kernel import Kernel
-from ..device.slices import sliced
-from ..patches.subdivision import Subdivision
+from ..device.time_slicer import sliced
+from ..patches.patch_scene import Subdivision
 from ..progress import part_of
 from ..scene.color import luminance
 from ..scene.light_groups import LightGroups
 from ..scene.model import Light
 from ..settings import MOST_LIGHTS, Settings
-from ..visibility.identity import directional_options
 from ..visibility.rays.ray_scene import RayScene
+from ..visibility.sampler import directional_options
 from .emitters import EMITTER, EMITTER_RECORDS, BrightTriangles, lamp_records, sky_record, surface_records
 from .light_tree import LIGHT_NODE, LIGHT_TREE_RECORDS, build_light_tree
 from .modulation import pack_modulations

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import moderngl
 import numpy as np
 
-from ..device.graphics import Graphics
+from ..device.gl_context import Graphics
 from ..device.raw_gl import DepthArray
 from ..visibility.raster.tiles import Tiles
 from ..visibility.views.hemicube import multiplier_map

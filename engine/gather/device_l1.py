@@ -8,7 +8,7 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import download_colors
-from ..device.compute import Compute
+from ..device.cl_device import Compute
 
 
 class DeviceL1:

@@ -6,10 +6,10 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import upload
-from ..device.compute import Compute
-from ..visibility.identity import Sampling
-from .kept_samples import Rows
-from .sweep import Light
+from ..device.cl_device import Compute
+from ..visibility.sampler import Sampling
+from .device_gather import Light
+from .visibility_cache import Rows
 
 
 class GatherKernels:
@@ -35,7 +35,7 @@ class GatherKernels:
         """Gather for the patches whose samples these are.
 
         radiance  float4 of each group of each patch that is seen + 1
-        outputs   as `sweep.Light.outputs` has them
+        outputs   as `device_gather.Light.outputs` has them
         stride    one in this many groups of four samples is read; 1 unless all weigh the same
         """
         (group,) = self._gather.group(*self._compute.work_sizes.gather)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 
-from ..device.graphics import Graphics
+from ..device.gl_context import Graphics
 from ..visibility.raster.tiles import Tiles
 from .compute_shader import ComputeShader, HemicubeTables, four, sky_texture
 

@@ -7,17 +7,17 @@ from typing import Protocol
 
 import numpy as np
 
-from ..device.compute import Compute
-from ..device.graphics import Graphics
-from ..patches.subdivision import Subdivision
+from ..device.cl_device import Compute
+from ..device.gl_context import Graphics
+from ..patches.patch_scene import Subdivision
 from ..settings import Settings
 from ..visibility.raster.targets import IdentityTarget, RadianceTarget
 from ..visibility.raster.tiles import COPIED_RADIANCE_BYTES, IDENTITY_BYTES, RADIANCE_BYTES, plan_tiles
 from ..visibility.views.hemicubes import Hemicubes
-from .glsl import GlslIntegrator
 from .glsl_cached import GlslCachedIntegrator
-from .opencl import CopiedIntegrator
-from .protocol import Integrator
+from .glsl_integrator import GlslIntegrator
+from .integrator import Integrator
+from .opencl_integrator import CopiedIntegrator
 
 #: Stands in hemicubes where the integrator has to look the sky up.
 _LOOK_UP = (0.0, 0.0, 0.0, 2.0)

@@ -8,13 +8,13 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import zeros
-from ..device.compute import Compute
+from ..device.cl_device import Compute
 from ..settings import Settings
-from ..visibility.identity import Sampling
+from ..visibility.sampler import Sampling
 from ..visibility.views.directions import r2_sequence
 from .device_l1 import DeviceL1
-from .kept_samples import Rows
 from .row_kernel import RowKernel
+from .visibility_cache import Rows
 
 
 class NoL1:

@@ -8,13 +8,13 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import upload
-from ..device.compute import Compute
-from ..device.slices import sliced
+from ..device.cl_device import Compute
+from ..device.time_slicer import sliced
 from ..settings import Settings
-from ..visibility.identity import Sampling, directional_options
-from ..visibility.rays.receivers import RECEIVER
+from ..visibility.rays.receiver_records import RECEIVER
+from ..visibility.sampler import Sampling, directional_options
 from ..visibility.views.hemicube import rotation_salt
-from .kept_samples import Rows
+from .visibility_cache import Rows
 
 
 class RowKernel:

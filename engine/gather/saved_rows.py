@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl as cl
 
-from ..device.compute import Compute
+from ..device.cl_device import Compute
 from ..resume.checkpoint import Arrays, Checkpoint
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..runs import run_starts
 from ..scene.triangles import Triangles
-from .connected_texels import connected_texels
+from ..sorted_runs import run_starts
 from .geometry import PatchGeometry
 from .patch_list import PatchList
+from .texel_components import connected_texels
 
 #: Keys are numbered by a table unless it would be so many times as long as they are many.
 _SPARSE = 4

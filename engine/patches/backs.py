@@ -13,7 +13,7 @@ import numpy as np
 from ..scene.model import OCCLUDER, BackSide, Material, Mesh, Scene
 from ..scene.open_surfaces import OpenSurfaces
 from ..scene.transmission import Transmission
-from .occluders import place_meshes, place_occluders, texel_size
+from .unmapped_meshes import place_meshes, place_occluders, texel_size
 
 #: Order of a triangle's corners seen from its back.
 _FLIPPED = [0, 2, 1]

@@ -8,7 +8,7 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import upload, upload_once
-from ..device.compute import Compute
+from ..device.cl_device import Compute
 from .geometry import PatchGeometry
 from .patch_list import PatchList
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
-from ..device.graphics import Graphics
+from ..device.gl_context import Graphics
 
 #: What is kept where several fragments meet in a texel.
 _LAST, _NEAREST, _SUM = range(3)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..device.compute import Compute
+from ..device.cl_device import Compute
 from .border_texels import OPTIONS, SOURCE
 from .edge_boxes import FACTORS, EdgeBoxes
 

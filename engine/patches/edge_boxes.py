@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..short_rows import largest_in_rows
+from ..row_ops import largest_in_rows
 from .chart_edges import ChartEdges
 
 #: Edges lie on each other where they are nearer than this many texels, or than float32 tells them apart.

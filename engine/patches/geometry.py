@@ -7,9 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ..runs import run_counts
+from ..row_ops import some_rows
 from ..scene.triangles import Triangles
-from ..short_rows import some_rows
+from ..sorted_runs import run_counts
 from .patch_list import PatchList
 
 #: Patches whose corners are interpolated at once: what a processor's caches hold.

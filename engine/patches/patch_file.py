@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..device.graphics import Graphics
+from ..device.gl_context import Graphics
 from ..errors import PatchFileError
 from ..scene.model import Scene
 from ..scene.triangles import Triangles

@@ -7,12 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
-from ..device.graphics import Graphics
+from ..device.gl_context import Graphics
 from ..errors import SceneError
+from ..row_ops import some_rows
 from ..scene.model import Scene
 from ..scene.triangles import Triangles
-from ..short_rows import some_rows
-from ..slabs import in_slabs, taken
+from ..threaded_slabs import in_slabs, taken
 from .chart_raster import ALIGNED, PATCHES, Drawing, draw_charts
 
 #: The arrays of a patch list, one entry a patch.

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..device.buffers import insert_rows_once
-from ..device.compute import Compute
-from ..slabs import taken
+from ..device.cl_device import Compute
+from ..threaded_slabs import taken
 from .border_texels import BorderTexels, DeviceBorder
-from .charts import Charts
+from .chart_texels import Charts
 from .geometry import PatchGeometry
 from .host_border_texels import HostBorder
 from .patch_list import PatchList

@@ -8,8 +8,8 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import upload, upload_once
-from ..device.compute import Compute
-from ..device.values import DeviceValues, Values
+from ..device.cl_device import Compute
+from ..device.device_array import DeviceValues, Values
 from ..scene.cutouts import EXTENSIONS
 from ..scene.model import Mesh
 from ..scene.texture import Texture

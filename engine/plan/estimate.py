@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ..settings import Settings
-from ..visibility.samples import most_samples, sample_bytes
+from ..visibility.sample_counts import most_samples, sample_bytes
 from .stages import BakeStages, Extent
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ..device.compute import Compute
-from ..device.graphics import Graphics
+from ..device.cl_device import Compute
+from ..device.gl_context import Graphics
 from ..errors import SettingsError
 from ..scene.model import Scene
 from ..settings import Settings

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from ..settings import Settings
-from ..visibility.identity import Identity
-from ..visibility.samples import most_samples, sample_bytes
+from ..visibility.sample_counts import most_samples, sample_bytes
+from ..visibility.sampler import Identity
 from .solve_job import SolveJob
 
 #: Width of the squares of patches that are solved as one, texels.

@@ -6,16 +6,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..gather.final_gather import FinalGather, LightGather
-from ..gather.remote import RemoteFinal
-from ..patches.subdivision import Subdivision
+from ..gather.gather_pass import FinalGather, LightGather
+from ..gather.remote_gather import RemoteFinal
+from ..patches.patch_scene import Subdivision
 from ..settings import Settings
-from ..solve.last_gather import LastGather
+from ..solve.final_gather import LastGather
 from ..visibility.rays.ray_scene import RayScene
-from .choice import Choice
-from .choose_sweep import stream_sweep
+from .choose_gather import stream_sweep
 from .solve_job import SolveJob
-from .trial import make_identity
+from .solver_choice import Choice
+from .visibility_trial import make_identity
 
 
 @dataclass(frozen=True)

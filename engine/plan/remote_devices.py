@@ -6,12 +6,12 @@ from collections.abc import Generator
 from typing import Protocol
 
 from ..direct.shadow_rays import Casting
-from ..finish.display_samples import DisplaySamples
-from ..gather.half_light import HalfLight
-from ..gather.remote import RemoteGather
+from ..gather.half_radiance import HalfLight
+from ..gather.remote_gather import RemoteGather
+from ..postprocess.texel_samples import DisplaySamples
 from ..settings import Settings
-from .choice import Choice
-from .lit_samples import LitSamples
+from .gathered_samples import LitSamples
+from .solver_choice import Choice
 
 
 class RemoteDevices(Casting, RemoteGather, Protocol):
@@ -23,5 +23,5 @@ class RemoteDevices(Casting, RemoteGather, Protocol):
     def light_at(
         self, samples: DisplaySamples, light: HalfLight, choice: Choice, settings: Settings
     ) -> Generator[float, None, list[LitSamples]]:
-        """Return what points of texels gather from the light of all; see `display_light.light_at`."""
+        """Return what points of texels gather from the light of all; see `texel_sample_gather.light_at`."""
         ...

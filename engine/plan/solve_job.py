@@ -10,25 +10,25 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import upload_float4_once
-from ..device.compute import Compute
-from ..device.graphics import Graphics
+from ..device.cl_device import Compute
+from ..device.device_array import Values, colors_on_host
+from ..device.gl_context import Graphics
 from ..device.program_cache import device_digest
 from ..device.source import source_digest
-from ..device.values import Values, colors_on_host
 from ..direct.contact import NearFaces
 from ..errors import DeviceError
-from ..patches.subdivision import Subdivision
+from ..patches.patch_scene import Subdivision
 from ..resume.checkpoint import Checkpoint
 from ..scene.color import channel_sum
 from ..scene.digests import digest_of
 from ..settings import Settings
 from ..solve.anderson import COLUMNS
-from ..solve.radiosity import PLAIN_COLUMNS
-from ..visibility.identity import Surroundings, surroundings
+from ..solve.radiosity_state import PLAIN_COLUMNS
 from ..visibility.rays.ray_scene import RayScene
-from .kept import Kept, visibility_settings
-from .last_light import LastLight
+from ..visibility.sampler import Surroundings, surroundings
+from .previous_solution import LastLight
 from .remote_devices import RemoteDevices
+from .session_cache import Kept, visibility_settings
 
 
 @dataclass(frozen=True)

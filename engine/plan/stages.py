@@ -14,12 +14,12 @@ from ..progress import Progress, Schedule, Stage
 from ..scene.light_groups import light_group_names
 from ..scene.model import Scene, shining_lights
 from ..settings import MOST_LIGHTS, Settings
-from ..visibility.samples import expected_samples
-from .sweeps import sweeps_left
+from ..visibility.sample_counts import expected_samples
+from .iterations_left import sweeps_left
 
 if TYPE_CHECKING:
     from ..solve.solution import Solution
-    from .choice import Choice
+    from .solver_choice import Choice
 
 #: Seconds, guessed until they are measured, to open devices and to choose a method;
 _OPENING, _CHOOSING = 0.5, 0.5
@@ -79,7 +79,10 @@ class Extent:
 
 
 def _filtered_images(settings: Settings) -> int:
-    """Return how many images Denoise filters of a lightmap: two a signed map, see `finish.carried_maps`."""
+    """Return how many images Denoise filters of a lightmap: two a signed map.
+
+    See `postprocess.directional_denoising`.
+    """
     carried = {"directional": 6, "spherical_harmonics": 7, "dominant_direction": 2, "light_groups": 1}
     return len(settings.light_outputs) + sum(carried.get(name, 0) for name in settings.outputs)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..naming import listing
+from ..object_message import listing
 from ..scene.cutouts import is_tinted_material
 from ..scene.model import Scene
 from ..settings import Settings

@@ -14,7 +14,7 @@ import numpy as np
 from ..patches.geometry import PatchGeometry
 from ..scene.model import Scene
 from .analytic import polygon
-from .surfaces import Surfaces, blockers, surfaces
+from .planar_pieces import Surfaces, blockers, surfaces
 
 #: Patches nearer than this many edge lengths get Lambert's formula: beyond it, the point formula
 #: A cos cos / (pi r^2) errs by less than edge^2 / (3 r^2) = 0.17 %.

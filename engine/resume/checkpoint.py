@@ -11,7 +11,7 @@ import numpy as np
 
 from .array_file import read_arrays
 from .checkpoint_folder import CheckpointFolder
-from .writing_time import WritingTime
+from .write_throttle import WritingTime
 
 #: Names of files of rows: that of an identity, the first patch, and the one after the last.
 _ROWS = re.compile(r"([a-z]+)-(\d+)-(\d+)")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..slabs import in_slabs
+from ..threaded_slabs import in_slabs
 
 #: What each channel brings to luminance (ITU-R BT.709).
 _LUMINANCE = (0.2126, 0.7152, 0.0722)

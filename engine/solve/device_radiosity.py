@@ -9,13 +9,13 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import download, upload, upload_float4_once, zeros
-from ..device.compute import Compute
-from ..device.values import DeviceValues, Values, float4_on_device, float4_once
+from ..device.cl_device import Compute
+from ..device.device_array import DeviceValues, Values, float4_on_device, float4_once
+from ..gather.device_gather import Sweep
 from ..gather.device_l1 import L1
-from ..gather.sweep import Sweep
 from ..patches.sides import Sides
 from .device_sides import DeviceSides
-from .radiosity import Balance, Step, Sums
+from .radiosity_state import Balance, Step, Sums
 
 #: Work items of the kernels that sum over patches, and of a group that adds their sums up: on a graphics
 #: card, where many items hide how long loads take, and on a processor. Many items keep float32 sums exact;

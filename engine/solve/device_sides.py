@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..device.buffers import upload
-from ..device.compute import Compute
+from ..device.cl_device import Compute
 from ..patches.sides import Sides
 
 

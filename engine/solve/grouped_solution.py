@@ -6,12 +6,12 @@ from collections.abc import Generator
 
 import numpy as np
 
-from ..device.values import Values
+from ..bake_result import Energy
+from ..device.device_array import Values
 from ..gather.device_l1 import L1
-from ..lightmap import Energy
 from ..scene.color import rest_of
+from .final_gather import LastGather
 from .interpolated_gather import InterpolatedGather
-from .last_gather import LastGather
 from .patch_groups import PatchGroups, SinglePatches
 from .solver import Solver
 
@@ -75,7 +75,7 @@ class GroupedSolution:
         return self._solver.energy(emission)
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the L1 of the last gather; see `radiosity.Radiosity.gather_l1`."""
+        """Return the L1 of the last gather; see `radiosity_state.Radiosity.gather_l1`."""
         return (yield from self.last.gather_l1())
 
     @property

@@ -6,12 +6,12 @@ from collections.abc import Generator, Mapping
 
 import numpy as np
 
-from ..device.values import Values
+from ..device.device_array import Values
 from ..errors import DeviceError
 from ..gather.hemicube_gather import Gather
 from ..patches.sides import Sides
-from .radiosity import PLAIN_COLUMNS, Step, Sums
-from .reflected_light import reflected_light
+from .radiosity_state import PLAIN_COLUMNS, Step, Sums
+from .reflected_radiance import reflected_light
 
 
 class HostRadiosity:

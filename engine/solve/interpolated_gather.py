@@ -8,8 +8,8 @@ import numpy as np
 
 from ..progress import part_of
 from ..scene.color import add_colors, channel_sum, colors_of
+from .final_gather import LastGather
 from .interpolation import Interpolation
-from .last_gather import LastGather
 from .solver import Solver
 
 #: What fits planes, and what gathers; see `InterpolatedGather._by_squares`.

@@ -6,10 +6,10 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import download, upload, upload_once
-from ..patches.subdivision import Subdivision
+from ..patches.patch_scene import Subdivision
 from ..scene.color import channel_sum
 from ..visibility.rays.ray_scene import RayScene
-from ..visibility.rays.receivers import RECEIVER
+from ..visibility.rays.receiver_records import RECEIVER
 
 #: Light that is less or more than these parts of the mean counts as if it were that bright.
 _DARK, _BRIGHT = 0.05, 2.0

@@ -15,12 +15,12 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import download, upload, upload_once
-from ..device.compute import Compute
-from ..device.values import colors_on_host
-from ..patches.subdivision import Subdivision
-from ..patches.surfaces import PatchSurfaces
+from ..device.cl_device import Compute
+from ..device.device_array import colors_on_host
+from ..patches.patch_materials import PatchSurfaces
+from ..patches.patch_scene import Subdivision
 from ..visibility.rays.ray_scene import RayScene
-from ..visibility.rays.receivers import RECEIVER
+from ..visibility.rays.receiver_records import RECEIVER
 
 #: Squares of patches that a work group has along u and v, where the device allows that size.
 _SQUARES = 8

@@ -6,10 +6,10 @@ from collections.abc import Callable, Generator
 
 import numpy as np
 
-from ..device.values import Values
+from ..device.device_array import Values
 from ..resume.checkpoint import Arrays, Checkpoint
 from ..settings import Settings
-from .radiosity import Radiosity, Step
+from .radiosity_state import Radiosity, Step
 from .solver import FindStandIns, Solver
 
 

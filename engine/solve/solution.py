@@ -7,9 +7,9 @@ from typing import Protocol
 
 import numpy as np
 
-from ..device.values import Values
+from ..bake_result import Energy
+from ..device.device_array import Values
 from ..gather.device_l1 import L1
-from ..lightmap import Energy
 
 
 class Solution(Protocol):

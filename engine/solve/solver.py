@@ -7,13 +7,13 @@ from typing import Protocol
 
 import numpy as np
 
-from ..device.values import DeviceValues, Values, colors_on_host, rows_of
+from ..bake_result import Energy
+from ..device.device_array import DeviceValues, Values, colors_on_host, rows_of
 from ..gather.device_l1 import L1
-from ..lightmap import Energy
 from ..scene.color import rest_of
 from ..settings import Settings
 from .anderson import Anderson
-from .radiosity import PLAIN_COLUMNS, Radiosity, Step, Sums
+from .radiosity_state import PLAIN_COLUMNS, Radiosity, Step, Sums
 
 
 class Seen(Protocol):

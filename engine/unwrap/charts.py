@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..scene.degenerate import is_collapsed
-from .layers import sheets
+from .coincident_faces import sheets
 from .polygon_mesh import Charts, PolygonMesh, areas, signed_areas
 
 #: Part of its area that a polygon keeps in the plane, unless it is folded.

@@ -8,11 +8,11 @@ import numpy as np
 
 from ..progress import finished
 from .alignment import Alignment
-from .loose import Loose, loosen
-from .page import Page, Shape
+from .atlas_bitmap import Page, Shape
 from .polygon_mesh import Charts, PolygonMesh
 from .quarter_turns import may_be_turned, turned_points
 from .row_spans import border_spans
+from .unplaced_charts import Loose, loosen
 
 #: Least distance of two charts, texels: bilinear filtering reads one beyond each.
 PADDING = 2

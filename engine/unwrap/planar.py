@@ -12,9 +12,9 @@ import numpy as np
 
 from ..segment_sums import segment_sums
 from .adjacency import components, find_adjacency, polygon_normals, triangle_normals, weld
-from .coverage import doubly_covered
-from .cutting import USUAL
-from .facing import split_by_facing
+from .chart_options import USUAL
+from .chart_overlap import doubly_covered
+from .normal_clustering import split_by_facing
 from .polygon_mesh import PolygonMesh, areas, signed_areas
 
 #: Smooth parts are projected that keep this fraction of their area, and each of whose triangles keeps that

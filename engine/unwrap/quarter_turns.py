@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .page import Shape
+from .atlas_bitmap import Shape
 
 #: Charts that take less than this part of a page waste little, whichever way they lie.
 _LITTLE = 1 / 1024

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from .cutting import USUAL, Cutting
-from .layers import make_layers, sheets
+from .chart_options import USUAL, Cutting
+from .coincident_faces import make_layers, sheets
 from .planar import PlanarCharts, project_flat
 from .polygon_mesh import PolygonMesh, areas, signed_areas
 

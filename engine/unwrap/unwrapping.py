@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..progress import Progress, Schedule, Stage, part_of
+from .chart_options import USUAL, Cutting
 from .charts import make_charts
-from .cutting import USUAL, Cutting
 from .packing import PADDING, pack_charts
 from .polygon_mesh import Charts, PolygonMesh, signed_areas
 from .segmentation import segment

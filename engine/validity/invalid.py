@@ -9,7 +9,7 @@ import pyopencl as cl
 
 from ..device.buffers import download_bytes, words_of
 from ..visibility.rays.ray_scene import RayScene
-from ..visibility.rays.receivers import RECEIVER
+from ..visibility.rays.receiver_records import RECEIVER
 from .thresholds import DOUBTFUL, INVALID, KERNEL_OPTIONS
 
 

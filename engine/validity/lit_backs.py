@@ -6,8 +6,8 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import download, upload, upload_once
-from ..device.compute import Compute
-from ..patches.subdivision import Subdivision
+from ..device.cl_device import Compute
+from ..patches.patch_scene import Subdivision
 from ..scene.color import luminance
 from .thresholds import DARK_BACK
 

@@ -35,8 +35,8 @@ from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import Any, NoReturn
 
+from ..bake_result import Lightmap
 from ..device.freed_memory import give_back_freed_memory, keep_freed_memory
-from ..lightmap import Lightmap
 from ..progress import Progress
 from . import messages
 from .shared_block import BorrowedBlock

@@ -18,17 +18,17 @@ from operator import attrgetter
 from typing import Any
 
 from .. import errors
-from ..device.found import DeviceSurvey, FoundDevice
-from ..lightmap import Energy, Lightmap, Report
-from ..naming import Note
+from ..bake_result import Energy, Lightmap, Report
+from ..device.device_info import DeviceSurvey, FoundDevice
+from ..object_message import Note
 from ..progress import Progress
-from ..scene.changes import Changes
 from ..scene.model import BackSide, Light, Material, Mesh, Scene
 from ..scene.profile import Profile
+from ..scene.scene_changes import Changes
 from ..scene.texture import Texture
 from ..scene.transmission import Transmission, Transmittance
 from ..settings import Settings
-from ..unwrap.cutting import Cutting
+from ..unwrap.chart_options import Cutting
 from ..unwrap.polygon_mesh import Charts, PolygonMesh
 from ..unwrap.unwrapping import FilledSquare, Square, Unwrapped
 

@@ -7,8 +7,8 @@ import sys
 from collections.abc import Generator, Sequence
 from typing import Any, Self
 
+from ..bake_result import Lightmap
 from ..errors import WorkerError
-from ..lightmap import Lightmap
 from ..progress import Progress
 from ..scene.model import Scene
 from ..settings import Settings

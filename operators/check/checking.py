@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator, Sequence
 from dataclasses import replace
 
-from ...engine.device.found import DeviceSurvey
+from ...engine.device.device_info import DeviceSurvey
 from ...engine.errors import SceneError, SettingsError
 from ...engine.plan.estimate import Estimate, estimate
 from ...engine.plan.stages import Extent
@@ -14,9 +14,9 @@ from ..bake_settings import read_settings
 from ..devices import finder
 from ..lightmap_size import chosen_width
 from ..scene import SceneContext, visible_meshes
+from ..scene.bake_targets import target_uids
 from ..scene.objects.visible import visible_objects
-from ..scene.targets import target_uids
-from ..worker_owner import owner
+from ..worker_manager import owner
 from .faces import (
     centres_of,
     check_coordinates,

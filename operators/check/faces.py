@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from ...engine.scene.degenerate import is_degenerate
-from ..scene.objects.extent import middle_of, trouble_with
+from ..scene.objects.coordinate_limits import middle_of, trouble_with
 from .finding import ERROR, WARNING, Finding, found
 from .meshes import CheckedMesh
 

@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
-from ...engine.naming import naming
+from ...engine.object_message import naming
 from ...engine.plan.estimate import Estimate
 
 ERROR, WARNING, INFO = "ERROR", "WARNING", "INFO"

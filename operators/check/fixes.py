@@ -8,13 +8,13 @@ import bmesh
 import bpy
 
 from ...engine.errors import SceneError
-from ...engine.naming import naming
+from ...engine.object_message import naming
 from ...engine.progress import finished
 from ..applied_copies import apply_on_copies
-from ..changes import Changes
 from ..lightmap_size import chosen_width
 from ..object_properties import set_property
 from ..result.preview import hide_preview
+from ..rollback import Changes
 from ..scene import SceneContext, visible_meshes
 from ..scene.objects.render_settings import show_as_rendered
 from ..scene.uvs.lightmap_layer import lightmap_layer

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from ..lookup import find_all
-from ..result.instance_places import baked_instances
+from ..result.instance_uv_table import baked_instances
 from ..result.moved_charts import has_moved_charts
 from ..scene import SceneContext
 from ..scene.objects.evaluation import Evaluation, evaluate

@@ -10,9 +10,9 @@ import numpy as np
 
 from ..lookup import find
 from ..result.moved_charts import MOVED_CHARTS
-from ..scene.crowds import make_footprints, place_apart
-from ..scene.place import Charted, Place, make_charted
-from ..scene.uvs.footprint import LARGEST_GRID, Footprint, make_footprint
+from ..scene.overlap_layout import make_footprints, place_apart
+from ..scene.uv_transform import Charted, Place, make_charted
+from ..scene.uvs.coverage_grid import LARGEST_GRID, Footprint, make_footprint
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from ..scene.uvs.uv_faults import is_finite
 from ..scene.uvs.uv_modifier import uv_modifiers

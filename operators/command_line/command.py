@@ -15,12 +15,12 @@ import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from .opening import check_scene, open_scene, replace_world
+from .open_scene import check_scene, open_scene, replace_world
 from .option_values import apply_settings
 from .options import CommandError, Parser, parse
-from .part import choose_part
-from .quiet import end_stdout, quiet_stdout
+from .scene_subset import choose_part
 from .signals import Signals, Stopped
+from .stdout_guard import end_stdout, quiet_stdout
 
 #: Endings of files that a scene can be exported to.
 _EXPORTED = (".glb", ".gltf")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from ...engine.setting import PREFERENCES
+from ...engine.setting_types import PREFERENCES
 from ...engine.settings import kept_with_scene, shown_in
 from .options import OWN, CommandError
 

@@ -9,7 +9,17 @@ from pathlib import Path
 from typing import Any
 
 from ...engine.quality import QUALITIES
-from ...engine.setting import Address, Description, DeviceName, FilePath, OneOf, Size, SomeOf, Span, Switch
+from ...engine.setting_types import (
+    Address,
+    Description,
+    DeviceName,
+    FilePath,
+    OneOf,
+    Size,
+    SomeOf,
+    Span,
+    Switch,
+)
 from ...engine.settings import Settings, chosen_by_people, descriptions
 
 #: Options that set what the add-on adds to the engine's settings: the type, what stands for it, and the help.

@@ -16,8 +16,8 @@ from io_scene_gltf2.io.com import gltf2_io
 from mathutils import Matrix, Quaternion
 
 from .encoded import EncodedLightmap
+from .export_items import LitPlace, Surface, Surfaces
 from .materials import LitMaterials
-from .surfaces import LitPlace, Surface, Surfaces
 
 #: From Blender's axes, z up, to those of glTF, y up.
 _Y_UP = Matrix(((1, 0, 0, 0), (0, 0, 1, 0), (0, -1, 0, 0), (0, 0, 0, 1)))

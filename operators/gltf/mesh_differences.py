@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...engine.naming import naming
+from ...engine.object_message import naming
 from ..scene import SceneContext
 from ..scene.objects.render_differences import uses_render
 from ..scene.uvs.uv_projection import UvMesh, UvProjection
 from ..scene.uvs.viewport_uvs import read_pairs
-from .surfaces import Surface
+from .export_items import Surface
 
 _OFF = (
     "Exported as in the viewport, whose mesh differs from that of renders, which was baked: {}. Its light is "

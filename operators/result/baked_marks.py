@@ -7,14 +7,14 @@ from collections.abc import Mapping, Sequence
 
 import bpy
 
-from ...engine.finish.outputs import DOMINANT_DIRECTION
-from ...engine.lightmap import Lightmap
+from ...engine.bake_result import Lightmap
+from ...engine.postprocess.outputs import DOMINANT_DIRECTION
 from ...engine.scene.light_groups import light_group_names
 from ...engine.settings import Settings
 from ..scene import ReadScene
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from .directional_images import directional_kind
-from .kept_texels import KeptTexels
+from .preserved_texels import KeptTexels
 
 
 def mark_lightmaps(

@@ -9,7 +9,7 @@ import numpy as np
 from ...engine.encoding.clipping import find_clipping
 from ...engine.encoding.encoding import Limits
 from ...engine.encoding.srgb import Srgb
-from ...engine.naming import Note, naming
+from ...engine.object_message import Note, naming
 from ..file_format import RANGED
 from ..scene import ReadScene
 from ..scene.uvs.uv_faults import covered_texels

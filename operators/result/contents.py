@@ -7,14 +7,14 @@ from pathlib import Path
 
 import bpy
 
-from ...engine.finish.outputs import DECODING, output_names
+from ...engine.postprocess.outputs import DECODING, output_names
 from ...engine.settings import Settings
 from ..lookup import find_all
 from ..scene import ReadScene
-from ..scene.place import Place
+from ..scene.uv_transform import Place
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from .file_names import names_by_template
-from .kept_texels import KeptTexels
+from .preserved_texels import KeptTexels
 
 
 def lightmap_contents(read: ReadScene, settings: Settings, uv_layer: str, kept: KeptTexels) -> list[dict]:

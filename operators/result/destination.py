@@ -11,8 +11,8 @@ from pathlib import Path
 import bpy
 
 from ...engine.errors import EngineError
-from ..changes import Changes
 from ..file_format import PLAIN, FileFormat
+from ..rollback import Changes
 from .file_names import file_name
 from .files import reason
 from .manifest import NAME, is_ours, read_manifest

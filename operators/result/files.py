@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from ..changes import Changes
+from ..rollback import Changes
 
 #: How the name of a folder of unfinished files starts, and the file in it that its process holds locked.
 _PREFIX, _LOCK = ".hemibake-", "lock"

@@ -11,9 +11,9 @@ import bpy
 import numpy as np
 
 from ...engine.errors import EngineError
-from ...engine.finish.outputs import RATIO_MAPS
-from ..changes import Changes
+from ...engine.postprocess.outputs import RATIO_MAPS
 from ..lookup import find
+from ..rollback import Changes
 from ..working_space import REC709, from_rec709, is_rec709
 from .destination import Destination
 from .exr import rgba, write_exr

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ...engine.encoding.biased import Biased
 from ...engine.encoding.encoding import Encoding, encode_in_bands
 from ...engine.encoding.png import png_bytes
 from ...engine.encoding.radiance import radiance_bytes
+from ...engine.encoding.signed_norm import Biased
 from ...engine.encoding.srgb import Srgb
-from ...engine.finish.outputs import RATIO_MAPS
+from ...engine.postprocess.outputs import RATIO_MAPS
 from ..file_format import FileFormat
 from .destination import Destination
 from .exr import write_exr

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import bpy
 
-from ...engine.naming import naming
+from ...engine.object_message import naming
 from ..scene import SceneContext
 from ..scene.objects.evaluation import Evaluation, evaluate
 from ..scene.objects.meshes import read_uvs

@@ -12,11 +12,11 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ..own_slots import is_filled, own_slots
+from ..original_slots import is_filled, own_slots
 from ..scene.objects.meshes import read_array
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from .directional_images import images_beside
-from .instance_places import InstancePlace, instance_places, place_table
+from .instance_uv_table import InstancePlace, instance_places, place_table
 from .light_mixer import group_images, light_mixer
 from .lightmap_nodes import ShownLightmap
 from .preview_material import MARK, preview_material, remove_unused_previews

@@ -2,7 +2,7 @@
 
 from .objects.instancing import visible_meshes
 from .read import ReadScene, read_scene, store_edits
-from .read_lamps import read_lamps
+from .read_lights import read_lamps
 from .read_moved import read_moved
 from .scene_context import SceneContext
 from .scene_watch import SceneChangedError

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from ...engine.scene.model import Light, Material, emits
-from .place import Place
 from .scene_objects import Reading
-from .slices import Slices, row_slices
+from .slice_timer import Slices, row_slices
+from .uv_transform import Place
 
 #: Digits of a lamp's position behind the point, m: it was moved to the scene's origin and back.
 _DIGITS = 6

@@ -6,15 +6,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...engine.finish.carried_maps import CARRIED, carried_maps
-from ...engine.finish.outputs import SIGNED_MAPS, is_of_light_group
-from ...engine.lightmap import Lightmap
+from ...engine.bake_result import Lightmap
+from ...engine.postprocess.directional_denoising import CARRIED, carried_maps
+from ...engine.postprocess.outputs import SIGNED_MAPS, is_of_light_group
 from ...engine.scene.digests import same_values
 from ...engine.scene.light_groups import light_group_names
 from ...engine.scene.model import OCCLUDER, Scene, without_emission
 from ...engine.settings import Settings
+from .bake_targets import source_of
 from .read import ReadScene
-from .targets import source_of
 from .uvs.uv_faults import covered_texels
 
 #: Rays of each patch, and to each light, of a quick bake; and those for ambient occlusion.

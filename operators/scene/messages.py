@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ...engine.naming import naming
+from ...engine.object_message import naming
 from ...engine.scene.checks import LARGEST
 
 #: What becomes of the object.

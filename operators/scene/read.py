@@ -9,11 +9,11 @@ import bpy
 import numpy as np
 
 from ...engine.errors import SceneError
-from ...engine.naming import first_line, naming
+from ...engine.object_message import first_line, naming
 from ...engine.progress import Progress, finished
 from ...engine.scene.model import OCCLUDER, Mesh, Scene
-from .faults import without_faults
 from .fingerprints import combined, find_fingerprints, in_the_world
+from .invalid_values import without_faults
 from .light.lights import Lamps
 from .light.world import read_world
 from .materials.engine_materials import textures_of
@@ -26,14 +26,14 @@ from .objects.items import SceneItem, scene_items
 from .objects.render_differences import uses_render
 from .objects.skipped import note_skipped
 from .objects.strands import has_strands
-from .place import Place, takes_textures
-from .places import choose_places
 from .read_stages import ReadStages
 from .scene_context import SceneContext
 from .scene_objects import ItemReader, Reading
 from .scene_watch import SceneWatch
-from .slices import Slice, Slices
+from .slice_timer import Slice, Slices
 from .units import metres_per_unit
+from .uv_layout import choose_places
+from .uv_transform import Place, takes_textures
 from .uvs.multi_user import multi_user_sources
 from .world_mesh import world_mesh
 

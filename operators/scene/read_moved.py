@@ -9,8 +9,8 @@ import bpy
 import numpy as np
 
 from ...engine.errors import SceneError
-from ...engine.scene.changes import moved as moved_mesh
 from ...engine.scene.model import Mesh
+from ...engine.scene.scene_changes import moved as moved_mesh
 from .read import ReadScene
 from .scene_context import SceneContext
 

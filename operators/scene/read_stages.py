@@ -6,7 +6,7 @@ from collections.abc import Generator
 from typing import TypeVar
 
 from ...engine.progress import Progress, Schedule, Stage
-from .slices import Slices
+from .slice_timer import Slices
 
 Made = TypeVar("Made")
 

@@ -8,17 +8,17 @@ from dataclasses import dataclass, replace
 import bpy
 import numpy as np
 
-from ...engine.naming import naming
-from ..own_slots import own_slots, shown_materials
+from ...engine.object_message import naming
+from ..original_slots import own_slots, shown_materials
 from .materials.displacement import displaces
 from .materials.material_table import MaterialTable
 from .messages import NO_FACES, NO_UVS, NORMALS_NOT_FINITE, NOT_FINITE, NOT_FINITE_UVS, Troubles
-from .objects.extent import middle_of, trouble_with
+from .objects.coordinate_limits import middle_of, trouble_with
 from .objects.items import ItemKey, SceneItem
 from .objects.meshes import LIGHTMAP_UVS, Corners, MeshArrays, make_corners, read_mesh
 from .objects.strand_ribbons import make_ribbons, thin_out
 from .objects.strands import read_strands
-from .slices import Slices
+from .slice_timer import Slices
 from .uvs.lightmap_layer import lightmap_layer
 from .uvs.uv_digest import digest_of
 from .uvs.uv_faults import is_finite

@@ -6,9 +6,9 @@ import numpy as np
 
 from ...engine.scene.model import Mesh
 from .objects.meshes import LIGHTMAP_UVS
-from .place import Place, takes_textures
 from .scene_objects import Reading
-from .slices import Slices, row_slices
+from .slice_timer import Slices, row_slices
+from .uv_transform import Place, takes_textures
 
 
 def world_mesh(reading: Reading, origin: np.ndarray, atlas: int, place: Place | None) -> Slices[Mesh]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine.scene.bumps import reflected_by_bumps
+from engine.scene.bump_reflectance import reflected_by_bumps
 from tests.analytic.tilts import directions, received
 
 

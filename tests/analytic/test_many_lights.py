@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from engine import Light, Material, Scene, Settings, finished
-from engine.device.compute import Compute
-from engine.device.graphics import Graphics
+from engine.device.cl_device import Compute
+from engine.device.gl_context import Graphics
 from engine.direct.lighting import DirectLighting
-from engine.patches.subdivision import Subdivision, subdivide
+from engine.patches.patch_scene import Subdivision, subdivide
 from engine.reference.analytic import polygon
 from engine.visibility.rays.ray_scene import RayScene
 from tests.analytic.scenes import quads, rectangle

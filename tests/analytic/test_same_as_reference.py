@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from engine import Scene, Settings
-from engine.device.compute import Compute
-from engine.device.graphics import Graphics
-from engine.device.share import HostCopy
+from engine.device.cl_device import Compute
+from engine.device.gl_context import Graphics
+from engine.device.host_copy import HostCopy
 from engine.device.slice_limits import drawing_limits
-from engine.device.slices import SliceSize
-from engine.gather.opencl import HemicubeIntegrator
+from engine.device.time_slicer import SliceSize
+from engine.gather.opencl_integrator import HemicubeIntegrator
 from engine.patches.patch_list import list_patches
 from engine.reference import cpu_hemicubes
 from engine.reference.cpu_patches import map_texels

@@ -7,13 +7,13 @@ import pyopencl as cl
 import pytest
 
 from engine import Light, Material, Mesh, Scene, Settings
-from engine.device.compute import Compute
-from engine.patches.subdivision import Subdivision
-from engine.patches.surfaces import PatchSurfaces
+from engine.device.cl_device import Compute
+from engine.patches.patch_materials import PatchSurfaces
+from engine.patches.patch_scene import Subdivision
 from engine.reference.cpu_patches import map_texels
 from engine.scene.cutouts import read_cutouts
 from engine.visibility.rays.ray_scene import RayScene
-from engine.visibility.rays.receivers import RECEIVER
+from engine.visibility.rays.receiver_records import RECEIVER
 from tests.analytic.drive import drive, prepare
 from tests.analytic.scenes import quads, rectangle
 from tests.rows import long

@@ -144,7 +144,7 @@ def test_what_was_made_for_a_bake_that_fails_is_removed(monkeypatch):
     mesh_object("New", SQUARE, [(0, 1, 2, 3)])
     mesh_object("Copied", SQUARE, [(0, 1, 2, 3)]).modifiers.new("Array", "ARRAY")
     before = snapshot()
-    monkeypatch.setattr(part("operators.run"), "read_scene", refuse)
+    monkeypatch.setattr(part("operators.bake_run"), "read_scene", refuse)
     assert "Refused" in bake()
     assert snapshot() == before
 

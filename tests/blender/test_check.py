@@ -59,7 +59,7 @@ def light(monkeypatch):
     """Something that emits light, so that a scene in order has no findings, and no bake so far."""
     import bpy
 
-    monkeypatch.setattr(part("operators.worker_owner").owner, "paces", {})
+    monkeypatch.setattr(part("operators.worker_manager").owner, "paces", {})
     lamp = bpy.data.lights.new("Lamp", "POINT")
     obj = bpy.data.objects.new("Lamp", lamp)
     obj.location.z = 3
@@ -489,12 +489,12 @@ def test_bake_in_a_window_checks_the_scene_while_the_worker_works():
 
     # So many rays that they take time: what is done at once has no pace.
     bpy.context.scene.hemibake.samples = 2048
-    worker = part("operators.worker_owner").owner.worker()
-    run = part("operators.run").Run(bpy.context, worker.bake)
+    worker = part("operators.worker_manager").owner.worker()
+    run = part("operators.bake_run").Run(bpy.context, worker.bake)
     run.finish(run.drain())
     kept = part("operators.checks").last_check(bpy.context.scene).findings
     assert [one.objects for one in kept if one.severity == "ERROR"] == [("Folded",)]
-    assert "Visibility" in " ".join(part("operators.worker_owner").owner.paces)
+    assert "Visibility" in " ".join(part("operators.worker_manager").owner.paces)
 
 
 def test_nasty_scenes_are_checked():
@@ -697,7 +697,9 @@ def test_a_cancelled_bake_mends_no_moved_charts():
     obj = furnace()
     bpy.ops.hemibake.bake()
     shrink_charts(obj)
-    run = part("operators.run").Run(bpy.context, part("operators.worker_owner").owner.bake(), watched=False)
+    run = part("operators.bake_run").Run(
+        bpy.context, part("operators.worker_manager").owner.bake(), watched=False
+    )
     while run._check is None or run._check.step():
         run.step()
     run.cancel()

@@ -24,8 +24,8 @@ def no_library(monkeypatch):
     """A Blender that brings no Open Image Denoise along, and a Python without a package of it."""
     monkeypatch.setattr(part("operators.bake_settings"), "denoise_library", lambda: None)
     monkeypatch.setattr(part("panels.bake"), "denoise_library", lambda: None)
-    monkeypatch.setattr(part("operators.worker_owner").owner, "_bake_without_window", bake_here)
-    monkeypatch.setattr(part("engine.finish.denoising"), "library_of_packages", lambda: None)
+    monkeypatch.setattr(part("operators.worker_manager").owner, "_bake_without_window", bake_here)
+    monkeypatch.setattr(part("engine.postprocess.denoising"), "library_of_packages", lambda: None)
 
 
 def bake_here(scene, settings):
@@ -64,7 +64,7 @@ def test_a_bake_denoises_in_the_worker(settings):
     assert not warnings()
     assert any("Open Image Denoise 2" in reason for reason in report()["reasons"])
     assert report()["seconds"]["denoising"] > 0
-    assert part("operators.worker_owner").owner.worker().alive and libraries_in_this_process() == before
+    assert part("operators.worker_manager").owner.worker().alive and libraries_in_this_process() == before
     values = pixels(bpy.data.images["Lightmap"])[..., :3]
     np.testing.assert_allclose(values[values[..., 0] > 0], 2.0, rtol=0.05)
 
@@ -87,7 +87,7 @@ def test_without_a_library_the_panel_gives_the_reason_and_a_bake_warns(settings,
 
 def test_a_bake_that_does_not_denoise_is_done_in_this_process(settings):
     settings.denoise = False
-    part("operators.worker_owner").owner.stop()
+    part("operators.worker_manager").owner.stop()
     furnace()
     assert bake() == {"FINISHED"}
-    assert not part("operators.worker_owner").owner.worker().alive
+    assert not part("operators.worker_manager").owner.worker().alive

@@ -53,7 +53,7 @@ with blender():
     from tests.blender.things import SQUARE_UVS, part, report, square
     names = {"moderngl", "glcontext", "pyopencl"}
     print("register", sorted(names & sys.modules.keys()))
-    part("operators.worker_owner").bpy = SimpleNamespace(app=SimpleNamespace(background=False))
+    part("operators.worker_manager").bpy = SimpleNamespace(app=SimpleNamespace(background=False))
     square()
     bpy.context.scene.hemibake.resolution = 16
     bpy.context.scene.world = bpy.data.worlds.new("White")

@@ -206,7 +206,7 @@ def test_every_instance_has_its_place(tmp_path, show):
     bpy.context.scene.hemibake.resolution = 128
     bake()
     file = export(tmp_path / "instances.glb")
-    surfaces = part("operators.gltf.surfaces").Surfaces(bpy.context)
+    surfaces = part("operators.gltf.export_items").Surfaces(bpy.context)
     wanted = [
         surface
         for surface in surfaces.all
@@ -590,7 +590,7 @@ def test_errors_in_the_middle_leave_everything(tmp_path, monkeypatch):
     for name, where in (
         ("_moved", "gltf.hooks"),
         ("write_exr", "result.lightmap_files"),
-        ("replace_all", "gltf.engine_file"),
+        ("replace_all", "gltf.gltf_export"),
     ):
         with monkeypatch.context() as patch:
             patch.setattr(part(f"operators.{where}"), name, fail)

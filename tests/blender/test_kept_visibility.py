@@ -15,7 +15,7 @@ def lit_room():
     furnace()
     lamp = bpy_link(bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT")))
     lamp.location, lamp.data.energy = (0.3, 0.5, 0.6), 10
-    part("operators.worker_owner").owner.forget()
+    part("operators.worker_manager").owner.forget()
     assert not bakes_from_kept()
     return lamp
 
@@ -50,7 +50,7 @@ def test_another_file_frees_what_is_kept(lit_room):
 def test_the_worker_is_not_started_ahead_without_a_window():
     import bpy
 
-    warm_up, owner = part("operators.warm_up"), part("operators.worker_owner").owner
+    warm_up, owner = part("operators.warm_up"), part("operators.worker_manager").owner
     owner.stop()
     warm_up.warm_up_soon()
     assert not bpy.app.timers.is_registered(warm_up.warm_up)

@@ -407,5 +407,5 @@ def test_lightmaps_stay_as_they_are_while_a_bake_runs(monkeypatch):
     square()
     call("add")
     assert poll("add") and poll("assign") and poll("repack")
-    monkeypatch.setattr(part("operators.worker_owner").owner, "running", object())
+    monkeypatch.setattr(part("operators.worker_manager").owner, "running", object())
     assert not any(poll(name) for name in ("add", "remove", "assign", "select", "repack", "unwrap"))

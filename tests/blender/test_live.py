@@ -34,7 +34,7 @@ def operator(monkeypatch):
     monkeypatch.setattr(part("operators.live"), "push_undo", lambda message: undo_steps.append(message))
     undo_steps.clear()
     yield live
-    running = part("operators.worker_owner").owner.running
+    running = part("operators.worker_manager").owner.running
     if running is not None:
         running.cancel()
 
@@ -64,7 +64,7 @@ def lit_room():
 def start(operator, context) -> None:  # noqa: F811
     """Start Live, and wait until the first bake has come to its end."""
     assert operator.invoke(context, None) == {"RUNNING_MODAL"}
-    running = part("operators.worker_owner").owner.running
+    running = part("operators.worker_manager").owner.running
     assert drive(operator, context, until=lambda: running.following) == {"PASS_THROUGH"}
 
 
@@ -73,7 +73,7 @@ def settle(operator, context) -> np.ndarray:  # noqa: F811
     import bpy
 
     bpy.context.view_layer.update()
-    run = part("operators.worker_owner").owner.running.run
+    run = part("operators.worker_manager").owner.running.run
     for _ in range(3):
         operator.modal(context, TIMER)
     drive(operator, context, until=lambda: run.settled)
@@ -168,7 +168,7 @@ def test_escape_later_is_for_whatever_else_happens_and_cancel_ends_live(operator
     assert bake_button()[-1] == "hemibake.cancel"
     bpy.ops.hemibake.cancel()
     assert drive(operator, context) == {"FINISHED"} and window.is_as_before()
-    assert not part("operators.worker_owner").owner.busy
+    assert not part("operators.worker_manager").owner.busy
 
 
 def test_nothing_happens_while_nothing_changes(operator, context, window, monkeypatch):  # noqa: F811
@@ -179,7 +179,7 @@ def test_nothing_happens_while_nothing_changes(operator, context, window, monkey
     start(operator, context)
     settle(operator, context)
     sent = []
-    owner = part("operators.worker_owner").owner
+    owner = part("operators.worker_manager").owner
     monkeypatch.setattr(owner.worker(), "update", sent.append)
     room.select_set(True)
     bpy.context.scene.cursor.location.x = 3
@@ -195,7 +195,7 @@ def test_only_what_has_changed_is_sent(operator, context, window, monkeypatch): 
     start(operator, context)
     settle(operator, context)
     sent = []
-    monkeypatch.setattr(part("operators.worker_owner").owner.worker(), "update", sent.append)
+    monkeypatch.setattr(part("operators.worker_manager").owner.worker(), "update", sent.append)
     lamp.data.energy = 20
     for _ in range(6):
         import bpy
@@ -214,7 +214,7 @@ def test_a_dead_worker_ends_live_and_stores_the_lightmap(operator, context, wind
     start(operator, context)
     lamp.data.energy = 40
     shown = settle(operator, context).copy()
-    part("operators.worker_owner").owner.worker().process.kill()
+    part("operators.worker_manager").owner.worker().process.kill()
     assert drive(operator, context) == {"CANCELLED"} and window.is_as_before()
     assert operator.reports[-1][0] == {"ERROR"} and "process" in operator.reports[-1][1]
     image = bpy.data.images["Lightmap"]
@@ -246,7 +246,7 @@ def test_what_changes_while_live_ends_counts_as_changed(operator, context, windo
     room, _ = lit_room()
     start(operator, context)
     settle(operator, context)
-    running = part("operators.worker_owner").owner.running
+    running = part("operators.worker_manager").owner.running
     before = running.run._read
     room.location.x = 0.5
     bpy.context.view_layer.update()
@@ -286,7 +286,7 @@ def test_an_undo_of_its_beginning_ends_it(operator, context, window):  # noqa: F
     assert drive(operator, context) == {"CANCELLED"} and window.is_as_before()
     assert "was undone" in operator.reports[-1][1]
     assert bpy.data.objects["Room"].material_slots[0].material.name == "Grey"
-    assert not part("operators.worker_owner").owner.busy
+    assert not part("operators.worker_manager").owner.busy
 
 
 @pytest.mark.usefixtures("window")
@@ -309,7 +309,7 @@ def test_an_undo_in_edit_mode_goes_on(operator, context):  # noqa: F811
     settle(operator, context)
     room = bpy.data.objects["Room"]
     assert room.mode == "EDIT" and len(operator.reports) == told
-    assert part("operators.worker_owner").owner.running is not None
+    assert part("operators.worker_manager").owner.running is not None
     assert room.material_slots[0].material.name == "Grey (lightmap)"
     bpy.ops.object.mode_set(mode="OBJECT")
 
@@ -321,11 +321,13 @@ def test_light_shows_however_fast_changes_follow_each_other(operator, context, w
     room, _ = lit_room()
     start(operator, context)
     settle(operator, context)
-    run, shown = part("operators.worker_owner").owner.running.run, []
-    show, sent = run._images.show, part("operators.worker_owner").owner.worker().update
+    run, shown = part("operators.worker_manager").owner.running.run, []
+    show, sent = run._images.show, part("operators.worker_manager").owner.worker().update
     run._images.show = lambda images: shown.append(1) or show(images)
     updates = []
-    part("operators.worker_owner").owner.worker().update = lambda changes: updates.append(1) or sent(changes)
+    part("operators.worker_manager").owner.worker().update = lambda changes: (
+        updates.append(1) or sent(changes)
+    )
     for step in range(300):
         room.location.x = 0.001 * (step % 7)
         bpy.context.view_layer.update()
@@ -333,7 +335,7 @@ def test_light_shows_however_fast_changes_follow_each_other(operator, context, w
         if len(shown) >= 3:
             break
     assert len(shown) >= 3 and len(updates) <= len(shown) + 1
-    del part("operators.worker_owner").owner.worker().update
+    del part("operators.worker_manager").owner.worker().update
     settle(operator, context)
 
 
@@ -401,8 +403,8 @@ def test_disabling_the_extension_ends_live_and_stores_the_lightmap(operator, con
     lit_room()
     start(operator, context)
     settle(operator, context)
-    part("operators.worker_owner").owner.stop()
-    assert window.is_as_before() and not part("operators.worker_owner").owner.busy
+    part("operators.worker_manager").owner.stop()
+    assert window.is_as_before() and not part("operators.worker_manager").owner.busy
     assert bpy.data.images["Lightmap"].packed_file is not None
     handlers = [*bpy.app.handlers.depsgraph_update_post, *bpy.app.handlers.undo_post]
     assert not any("live_watch" in handler.__module__ for handler in handlers)
@@ -416,7 +418,7 @@ def test_lightmaps_or_groups_that_are_added_start_it_anew(operator, context, win
     bpy.context.scene.hemibake.outputs = {"combined", "light_groups"}
     start(operator, context)
     settle(operator, context)
-    owner = part("operators.worker_owner").owner
+    owner = part("operators.worker_manager").owner
     before = owner.running
     if what == "lightmap":
         room.hemibake.atlas, room.location.x = "Another", 0.01
@@ -533,7 +535,7 @@ def test_a_mesh_in_edit_mode_is_followed_and_settles(operator, context, window):
             vertex.co.z += 0.3
         bmesh.update_edit_mesh(pillar.data)
         moved = settle(operator, context).copy()
-        run = part("operators.worker_owner").owner.running.run
+        run = part("operators.worker_manager").owner.running.run
         for _ in range(5):
             operator.modal(context, TIMER)
         assert run.settled and bpy.context.mode == "EDIT_MESH"
@@ -579,7 +581,7 @@ def test_only_the_button_cancels_a_start_by_other_settings(operator, context, wi
     lit_room()
     start(operator, context)
     before = settle(operator, context).copy()
-    owner = part("operators.worker_owner").owner
+    owner = part("operators.worker_manager").owner
     first = owner.running
     bpy.context.scene.hemibake.resolution = 48
     drive(operator, context, until=lambda: owner.running is not first)
@@ -598,10 +600,10 @@ def test_other_settings_start_it_anew(operator, context, window):  # noqa: F811
     _, lamp = lit_room()
     start(operator, context)
     settle(operator, context)
-    before = part("operators.worker_owner").owner.running
+    before = part("operators.worker_manager").owner.running
     bpy.context.scene.hemibake.resolution = 40
     bpy.context.view_layer.update()
-    owner = part("operators.worker_owner").owner
+    owner = part("operators.worker_manager").owner
     drive(operator, context, until=lambda: owner.running is not before and owner.running.following)
     assert len(window.timers) == 1 and undo_steps == ["Make Lightmap UVs", "Live", "Live", "Live"]
     image = bpy.data.images["Lightmap"]

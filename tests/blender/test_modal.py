@@ -162,7 +162,7 @@ def image_shown() -> bool:
 def test_bake_runs_to_its_end_between_events(operator, context, window):
     import bpy
 
-    owner = part("operators.worker_owner").owner
+    owner = part("operators.worker_manager").owner
     furnace()
     assert operator.invoke(context, None) == {"RUNNING_MODAL"}
     assert window.handlers == [operator] and owner.busy and not bpy.ops.hemibake.bake.poll()
@@ -322,7 +322,7 @@ def bake_button() -> list[str]:
 
 
 def test_dead_worker_is_a_short_error_and_the_image_stays(operator, context, window):
-    owner = part("operators.worker_owner").owner
+    owner = part("operators.worker_manager").owner
     furnace()
     operator.invoke(context, None)
     drive(operator, context, until=image_shown)
@@ -360,7 +360,7 @@ def test_disabling_the_extension_in_mid_bake_leaves_nothing_behind(operator, con
     before = snapshot()
     operator.invoke(context, None)
     drive(operator, context, until=image_shown)
-    process = part("operators.worker_owner").owner.worker().process
+    process = part("operators.worker_manager").owner.worker().process
     disable()
     try:
         assert window.is_as_before() and process.poll() is not None
@@ -412,7 +412,7 @@ def test_bake_of_objects_whose_uvs_were_all_undone_ends(operator, context, windo
     assert operator.reports[-1] == (
         {"INFO"}, "Bake cancelled: the lightmap UVs of all objects were undone"
     )  # fmt: skip
-    assert snapshot() == before and not part("operators.worker_owner").owner.busy
+    assert snapshot() == before and not part("operators.worker_manager").owner.busy
     assert handlers == [bpy.app.handlers.undo_post[:], bpy.app.handlers.redo_post[:]]
 
 
@@ -464,7 +464,7 @@ def test_image_that_stays_after_a_failure_is_known_to_undo_and_to_the_next_bake(
     import bpy
 
     bake_with_history(operator, context)
-    part("operators.worker_owner").owner.worker().process.kill()
+    part("operators.worker_manager").owner.worker().process.kill()
     assert drive(operator, context) == {"CANCELLED"}
     bpy.ops.ed.undo()
     assert not image_shown() and len(bpy.context.scene.hemibake.lightmaps) == 0
@@ -497,10 +497,10 @@ def test_undo_in_mid_bake_takes_the_uv_modifier_back_with_all_it_refers_to(opera
 def test_script_in_a_window_has_the_worker_bake_and_waits(monkeypatch):
     import bpy
 
-    owner_module = part("operators.worker_owner")
+    owner_module = part("operators.worker_manager")
     in_process = []
     monkeypatch.setattr(owner_module, "bpy", SimpleNamespace(app=SimpleNamespace(background=False)))
-    monkeypatch.setattr(part("engine.device.graphics"), "_create_context", lambda: in_process.append(True))
+    monkeypatch.setattr(part("engine.device.gl_context"), "_create_context", lambda: in_process.append(True))
     furnace()
     assert bpy.ops.hemibake.bake() == {"FINISHED"}
     assert owner_module.owner.worker().alive and not in_process
@@ -511,13 +511,13 @@ def test_scene_that_cannot_be_baked_gives_the_window_back(operator, context, win
     operator.invoke(context, None)
     assert drive(operator, context) == {"CANCELLED"}
     assert operator.reports[0][0] == {"ERROR"} and window.is_as_before()
-    assert not part("operators.worker_owner").owner.busy
+    assert not part("operators.worker_manager").owner.busy
 
 
 def test_unwrap_runs_to_its_end_between_events(unwrap_operator, context, window):
     obj = furnace()
     assert unwrap_operator.invoke(context, None) == {"RUNNING_MODAL"}
-    assert part("operators.worker_owner").owner.busy
+    assert part("operators.worker_manager").owner.busy
     assert drive(unwrap_operator, context) == {"FINISHED"}
     assert window.is_as_before() and "Lightmap" in obj.data.uv_layers
     assert any("Unwrapping" in text for text in window.workspaces[0].texts)
@@ -534,7 +534,7 @@ def test_escape_while_unwrapping_leaves_nothing_behind(unwrap_operator, context,
         assert unwrap_operator.modal(context, TIMER) == {"PASS_THROUGH"}
     assert unwrap_operator.modal(context, ESCAPE) == {"CANCELLED"}
     assert window.is_as_before() and snapshot() == before
-    assert not part("operators.worker_owner").owner.busy
+    assert not part("operators.worker_manager").owner.busy
 
 
 @pytest.mark.parametrize("name", ["repack", "unwrap"])

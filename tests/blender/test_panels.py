@@ -118,7 +118,7 @@ def test_panels_show_every_setting_once(devices):
 @pytest.fixture
 def devices(monkeypatch):
     """The devices of a machine that this is not."""
-    found = part("engine.device.found")
+    found = part("engine.device.device_info")
     survey = found.DeviceSurvey(
         (
             found.FoundDevice("OpenGL", "Card A", "4.6", use="drawing hemicubes"),

@@ -213,7 +213,7 @@ def test_button_shows_whether_there_is_a_preview(baked):
 @pytest.mark.parametrize("count", [1, 2, 3, 1009])
 def test_every_number_of_an_instance_has_its_place(count):
     """The table is read as the shader reads it."""
-    places = part("operators.result.instance_places")
+    places = part("operators.result.instance_uv_table")
     random = np.random.default_rng(count)
     chosen = [
         places.InstancePlace(int(bits), index % 3, float(index), (float(-index), 0.5))

@@ -13,7 +13,7 @@ def checkpoints():
     """Let every slice of work be written; return the folder."""
     preferences = part("operators.preferences").machine_properties()
     preferences.checkpoint_interval = 0
-    part("operators.worker_owner").owner.forget()
+    part("operators.worker_manager").owner.forget()
     part("operators.user_files").clear_cache()
     yield part("operators.user_files").cache_folder() / "resume"
     preferences.property_unset("checkpoint_interval")
@@ -27,7 +27,7 @@ def test_an_interrupted_bake_goes_on_from_its_checkpoint(checkpoints, monkeypatc
     settings.resolution, settings.visibility, settings.iterations, settings.tolerance = 37, "rays", 6, 0
     assert bpy.ops.hemibake.bake() == {"FINISHED"}
     whole = pixels(bpy.data.images["Lightmap"]).copy()
-    part("operators.worker_owner").owner.forget()
+    part("operators.worker_manager").owner.forget()
     bake = part("engine.session").bake
 
     def interrupted(*arguments):

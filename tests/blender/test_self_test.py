@@ -40,7 +40,7 @@ def test_machine_that_works_is_right_and_nothing_changes(log):
 
 
 def test_window_goes_on_meanwhile(operator, context, window):  # noqa: F811
-    owner = part("operators.worker_owner").owner
+    owner = part("operators.worker_manager").owner
     assert operator.invoke(context, None) == {"RUNNING_MODAL"}
     assert told() == (None, "Testing …")
     assert owner.busy and operator.modal(context, SimpleNamespace(type="MOUSEMOVE", value="")) == {
@@ -54,18 +54,18 @@ def test_window_goes_on_meanwhile(operator, context, window):  # noqa: F811
 @pytest.mark.parametrize("way", ["escape", "disable"])
 def test_test_that_is_cancelled_leaves_nothing(operator, context, window, way):  # noqa: F811
     operator.invoke(context, None)
-    drive(operator, context, until=lambda: part("operators.worker_owner").owner.worker().alive)
+    drive(operator, context, until=lambda: part("operators.worker_manager").owner.worker().alive)
     if way == "escape":
         assert operator.modal(context, ESCAPE) == {"CANCELLED"}
     else:
         disable()
         enable()
-    assert window.is_as_before() and not part("operators.worker_owner").owner.busy
+    assert window.is_as_before() and not part("operators.worker_manager").owner.busy
     assert told() == (None, "")
 
 
 def test_dead_worker_is_told_with_what_to_do(operator, context, window, log):  # noqa: F811
-    owner = part("operators.worker_owner").owner
+    owner = part("operators.worker_manager").owner
     operator.invoke(context, None)
     drive(operator, context, until=lambda: owner.worker().alive)
     owner.worker().process.kill()
@@ -97,7 +97,7 @@ def wrong_light(scene, settings):
 def test_what_is_wrong_is_an_error_with_the_remedy(monkeypatch, log, bake, words):
     import bpy
 
-    monkeypatch.setattr(part("operators.worker_owner").owner, "bake", lambda: bake)
+    monkeypatch.setattr(part("operators.worker_manager").owner, "bake", lambda: bake)
     with pytest.raises(RuntimeError, match=words):
         bpy.ops.hemibake.self_test()
     right, text = told()
@@ -137,7 +137,7 @@ def test_log_has_bakes_and_what_went_wrong_and_is_cut(log):
 
 
 def test_what_the_worker_prints_goes_into_the_log_once(operator, context, window, log, monkeypatch):  # noqa: F811
-    owner = part("operators.worker_owner").owner
+    owner = part("operators.worker_manager").owner
     operator.invoke(context, None)
     drive(operator, context)
     process = owner.worker()._child

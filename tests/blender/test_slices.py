@@ -41,7 +41,7 @@ def room():
 @pytest.fixture(autouse=True)
 def short_slices(monkeypatch):
     """Yield wherever that is possible."""
-    monkeypatch.setattr(part("operators.scene.slices"), "_SLICE", 0.0)
+    monkeypatch.setattr(part("operators.scene.slice_timer"), "_SLICE", 0.0)
     monkeypatch.setattr(part("engine.progress"), "_STEP", 0.0)
 
 
@@ -59,7 +59,7 @@ def quick_cycles(monkeypatch):
 def new_run():
     import bpy
 
-    return part("operators.run").Run(bpy.context, part("engine").bake)
+    return part("operators.bake_run").Run(bpy.context, part("engine").bake)
 
 
 def steps_of_reading() -> int:

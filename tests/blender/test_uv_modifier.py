@@ -219,7 +219,7 @@ def test_bake_that_ends_early_leaves_everything_as_before(how, again):
     before = snapshot()
     uvs = evaluated_uvs(chair) if again else None
     if how == "cancel":
-        run = part("operators.run").Run(bpy.context, part("engine").bake)
+        run = part("operators.bake_run").Run(bpy.context, part("engine").bake)
         run.drain()
         run.cancel()
     else:

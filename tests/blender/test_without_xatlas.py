@@ -135,7 +135,7 @@ def test_nothing_of_the_user_changes_and_what_is_made_can_be_taken_back(mode):
     bpy.context.view_layer.objects.active = obj
     bpy.ops.object.mode_set(mode=mode)
     before, datablocks = snapshot(), names()
-    changes = part("operators.changes").Changes()
+    changes = part("operators.rollback").Changes()
     made = unwrap_missing([obj, copied, other], RESOLUTION, changes)
     after = snapshot()
     assert len(made.objects) == 3 and after != before

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from engine import EngineError, Lightmap, PatchFileError, Progress, Scene, Settings
-from engine.finish.outputs import DECODING, output_names
+from engine.postprocess.outputs import DECODING, output_names
 from engine.scene.cutouts import has_cutouts
 from engine.session import Session
 from tests.fuzz.engine_cases import Case, build

@@ -4,8 +4,8 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from engine.device.compute import Compute
-from engine.device.graphics import Graphics
+from engine.device.cl_device import Compute
+from engine.device.gl_context import Graphics
 from tests.gpu.graphics_card import GraphicsCard
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from engine.device.compute import Compute
+from engine.device.cl_device import Compute
 from engine.device.kernel import Kernel
 
 #: Work items that the least of graphics cards has in a group.

@@ -2,8 +2,8 @@
 
 import pytest
 
-from engine.device.compute import Compute
-from engine.device.slices import SliceLimits, SliceSize
+from engine.device.cl_device import Compute
+from engine.device.time_slicer import SliceLimits, SliceSize
 
 
 def fix_slice_size(monkeypatch: pytest.MonkeyPatch, count: int) -> None:

@@ -8,8 +8,8 @@ import numpy as np
 
 from engine import Light, Scene, Settings
 from engine.device import devices
-from engine.device.compute import Compute
-from engine.device.graphics import Graphics
+from engine.device.cl_device import Compute
+from engine.device.gl_context import Graphics
 from engine.scene.model import OCCLUDER
 from tests.analytic.drive import drive
 from tests.analytic.scenes import furnace, quads, rectangle

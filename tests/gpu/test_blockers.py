@@ -8,10 +8,10 @@ import pytest
 from benchmarks.interiors import sealed_rooms
 from benchmarks.rooms import hilly_room
 from engine import Light, Settings, finished
-from engine.algorithm import bake
-from engine.device.compute import Compute
+from engine.device.cl_device import Compute
 from engine.device.devices import Devices
-from engine.plan.kept import Kept
+from engine.pipeline import bake
+from engine.plan.session_cache import Kept
 from engine.plan.stages import BakeStages, Extent
 from tests.gpu.graphics_card import GraphicsCard
 from tests.rows import long

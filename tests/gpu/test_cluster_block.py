@@ -7,9 +7,9 @@ from engine import Settings
 from engine.cluster.block import find
 from engine.cluster.patch_rows import PatchRows
 from engine.cluster.patch_table import SceneTable
-from engine.cluster.shipment import Shipment
-from engine.direct.split_light import split_light
-from engine.plan.kept import Kept
+from engine.cluster.scene_payload import Shipment
+from engine.direct.emitter_split import split_light
+from engine.plan.session_cache import Kept
 from tests.analytic.scenes import nine_quad_room
 
 

@@ -15,9 +15,9 @@ from engine import Settings
 from engine.cluster import local_workers
 from engine.cluster.machine_files import file_bytes
 from engine.cluster.memory_folder import file_with, memory_folder
-from engine.cluster.sweep_memory import SweepMemory, write_rows
+from engine.cluster.radiance_exchange import SweepMemory, write_rows
 from engine.errors import DeviceError
-from engine.gather.half_light import HalfLight
+from engine.gather.half_radiance import HalfLight
 from engine.progress import finished
 from engine.session import Session
 from tests.analytic.scenes import nine_quad_room

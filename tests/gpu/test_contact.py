@@ -10,7 +10,7 @@ from engine.device import devices
 from engine.direct import contact
 from engine.direct.contact import patches_in_contact, patches_lit_by_backs
 from engine.direct.host_contact import in_contact_on_host
-from engine.patches.subdivision import subdivide
+from engine.patches.patch_scene import subdivide
 from engine.session import Session
 from engine.visibility.rays.ray_scene import RayScene
 from tests.analytic.scenes import material, quads, rectangle, room_walls

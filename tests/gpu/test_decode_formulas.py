@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.encoding.biased import Biased
 from engine.encoding.logluv import LogLuv
 from engine.encoding.rgbd import Rgbd
 from engine.encoding.rgbe import Rgbe
 from engine.encoding.rgbm import Rgbm
+from engine.encoding.signed_norm import Biased
 from engine.encoding.srgb import Srgb
 
 ROOT = Path(__file__).resolve().parents[2]

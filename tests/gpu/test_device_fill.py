@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from engine.device.buffers import download, upload
-from engine.finish import device_fill
-from engine.finish.device_fill import DeviceFill
+from engine.postprocess import device_fill
+from engine.postprocess.device_fill import DeviceFill
 
 
 def filled(compute, monkeypatch, shape, small, known_part):

@@ -6,8 +6,8 @@ import os
 import pytest
 
 from engine import DeviceError, Settings, finished
-from engine.device import compute, survey
-from engine.device.compute import Compute, device_name, found_devices
+from engine.device import cl_device, survey
+from engine.device.cl_device import Compute, device_name, found_devices
 from engine.session import Session, find_devices
 from engine.worker.worker import Worker
 from tests.analytic.scenes import furnace
@@ -60,7 +60,7 @@ def workstation(monkeypatch):
         Platform("Portable Computing Language ", "PoCL 6.0"),
     )
     card = Platform("CUDA", "OpenCL 3.0")
-    kinds = compute.cl.device_type
+    kinds = cl_device.cl.device_type
     devices = [
         Device(card, "Card A ", kinds.GPU),
         Device(card, "Card B", kinds.GPU),
@@ -70,14 +70,14 @@ def workstation(monkeypatch):
 
     def probed(context):
         if not context.devices[0].works:
-            raise compute.cl.RuntimeError("error: unknown target CPU 'generic'")
+            raise cl_device.cl.RuntimeError("error: unknown target CPU 'generic'")
         return context
 
-    for module in (compute, survey):
+    for module in (cl_device, survey):
         monkeypatch.setattr(module, "found_devices", lambda: devices)
-    monkeypatch.setattr(compute, "_probed", probed)
-    monkeypatch.setattr(compute.cl, "Context", lambda devices: type("Context", (), {"devices": devices})())
-    monkeypatch.setattr(compute.cl, "CommandQueue", lambda context: None)
+    monkeypatch.setattr(cl_device, "_probed", probed)
+    monkeypatch.setattr(cl_device.cl, "Context", lambda devices: type("Context", (), {"devices": devices})())
+    monkeypatch.setattr(cl_device.cl, "CommandQueue", lambda context: None)
     return devices
 
 
@@ -119,9 +119,9 @@ Internal compilation error: nir_shader not fully linked
 
     def build(context, source, options=()):
         if "sin(" in source and "fma(" in source:
-            raise compute.cl.RuntimeError(answer)
+            raise cl_device.cl.RuntimeError(answer)
 
-    monkeypatch.setattr(compute, "build", build)
+    monkeypatch.setattr(cl_device, "build", build)
     with pytest.raises(DeviceError, match="Internal compilation error: nir_shader not fully linked"):
         Compute()
 
@@ -132,7 +132,7 @@ def test_drivers_are_asked_for_what_works_unless_the_user_says_otherwise(own, mo
     monkeypatch.delenv(name, raising=False)
     if own is not None:
         monkeypatch.setenv(name, own)
-    assert compute.found_devices() and os.environ[name] == (own or "1")
+    assert cl_device.found_devices() and os.environ[name] == (own or "1")
 
 
 def test_device_that_is_not_there_is_told_with_those_that_are(workstation):

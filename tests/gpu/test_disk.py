@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from engine.device import compute as module
+from engine.device import cl_device as module
 from engine.device.buffers import download, upload, zeros
-from engine.device.compute import Compute
-from engine.visibility.rays.receivers import RECEIVER
+from engine.device.cl_device import Compute
+from engine.visibility.rays.receiver_records import RECEIVER
 
 _PROBE = """
 __kernel void probe(__global const float2 *square, __global float2 *points)

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from engine.device.beside import Beside
-from engine.finish.seam_sides import display_seams
+from engine.device.side_queue import Beside
 from engine.patches import device_edge_neighbours, host_edge_neighbours
 from engine.patches.chart_edges import chart_edges
 from engine.patches.device_edge_neighbours import DeviceNeighbours
 from engine.patches.edge_boxes import EdgeBoxes, edge_boxes
 from engine.patches.host_edge_neighbours import HostNeighbours
+from engine.postprocess.seam_lookups import display_seams
 from tests.unit.test_seams import R, cylinder, joined, tile
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from engine import DeviceError, Settings, finished
 from engine.device import devices
-from engine.device.graphics import Graphics
+from engine.device.gl_context import Graphics
 from engine.session import Session
 from tests.analytic.scenes import furnace
 from tests.gpu.test_methods import NoCompute

@@ -7,12 +7,12 @@ from collections import Counter
 import pytest
 
 from engine import Settings, finished
-from engine.algorithm import bake
 from engine.device import devices, raw_gl
-from engine.device.compute import Compute
+from engine.device.cl_device import Compute
 from engine.device.devices import Devices
-from engine.plan import trial
-from engine.plan.kept import Kept
+from engine.pipeline import bake
+from engine.plan import visibility_trial
+from engine.plan.session_cache import Kept
 from engine.plan.stages import BakeStages, Extent
 from engine.visibility.raster import raster
 from tests.analytic.scenes import furnace
@@ -58,14 +58,14 @@ def at_the_first_sweep(opened, settings):
 def test_a_rejected_trial_leaves_nothing_behind(opened, monkeypatch, best):
     monkeypatch.setattr(raster, "available_paths", lambda graphics: ("geometry",))
     alone, _ = at_the_first_sweep(opened, dataclasses.replace(QUICK, visibility=best))
-    monkeypatch.setattr(trial, "_SHORT", 0)
-    measured = trial._patches_per_second
+    monkeypatch.setattr(visibility_trial, "_SHORT", 0)
+    measured = visibility_trial._patches_per_second
 
     def rigged(job, identity):
         measured(job, identity)
         return 2.0 if identity.name == best else 1.0
 
-    monkeypatch.setattr(trial, "_patches_per_second", rigged)
+    monkeypatch.setattr(visibility_trial, "_patches_per_second", rigged)
     tried, report = at_the_first_sweep(opened, dataclasses.replace(QUICK, visibility="auto"))
     assert report.visibility == best and all(way in report.reasons[0] for way in ("rays", "raster"))
     assert tried == alone

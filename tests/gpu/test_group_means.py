@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from engine import Settings
-from engine.device.compute import Compute
-from engine.patches.subdivision import subdivide
+from engine.device.cl_device import Compute
+from engine.patches.patch_scene import subdivide
 from engine.solve.patch_groups import PatchGroups, leaders
 from engine.validity.invalid import patches_inside
 from engine.visibility.rays.ray_scene import RayScene

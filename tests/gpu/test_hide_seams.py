@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from engine import Light, Scene, Settings
-from engine.finish.bilinear import footprints
 from engine.patches.seams import find_seams
+from engine.postprocess.bilinear import footprints
 from engine.scene.triangles import join_meshes
 from tests.analytic.drive import drive
 from tests.analytic.scenes import material, quads, rectangle

@@ -5,7 +5,7 @@ import pyopencl as cl
 import pytest
 
 from engine.device.buffers import upload
-from engine.device.compute import Compute
+from engine.device.cl_device import Compute
 from engine.device.source import program_source
 
 #: Of two numbers a, b, and a vector v of a, b and their difference.

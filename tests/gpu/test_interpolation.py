@@ -7,14 +7,14 @@ import pytest
 
 from benchmarks.rooms import cornell_box
 from engine import Settings
-from engine.device.compute import Compute
-from engine.finish.outputs import MAPS_OF
-from engine.patches.subdivision import subdivide
+from engine.device.cl_device import Compute
+from engine.patches.patch_scene import subdivide
 from engine.plan import memory
+from engine.postprocess.outputs import MAPS_OF
 from engine.solve.interpolation import Interpolation
 from engine.solve.patch_groups import PatchGroups, leaders, numbered
 from engine.validity.invalid import patches_inside
-from engine.visibility.rays.openness import openness
+from engine.visibility.rays.near_openness import openness
 from engine.visibility.rays.ray_scene import RayScene
 from tests.analytic.drive import drive
 from tests.analytic.rooms import Atlas, block, scene_of

@@ -8,7 +8,7 @@ from benchmarks.device_log import COPY, DOWNLOAD, FILL, LAUNCH, UPLOAD, DeviceLo
 from benchmarks.launches import WORK, by_caller, by_kernel, by_stage, report
 from engine import Settings, finished
 from engine.device.buffers import download, upload, zeros
-from engine.device.compute import Compute
+from engine.device.cl_device import Compute
 from engine.session import Session
 from tests.analytic.scenes import nine_quad_room
 from tests.gpu.slice_sizes import fix_slice_size

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from engine import Light, Lightmap, Scene, Settings, SettingsError, bake, finished
-from engine.device.compute import Compute
-from engine.plan import choose_sweep, memory
+from engine.device.cl_device import Compute
+from engine.plan import choose_gather, memory
 from engine.scene.model import OCCLUDER
 from tests.analytic.drive import drive
 from tests.analytic.scenes import nine_quad_room
@@ -115,7 +115,7 @@ def test_light_is_the_sum_of_groups_before_anything_makes_it_so(changes, monkeyp
 
     All light is that of a bake without groups, bit for bit.
     """
-    monkeypatch.setattr("engine.plan.finishing.summing_up", lambda maps, combined: maps)
+    monkeypatch.setattr("engine.texel_gather.finishing.summing_up", lambda maps, combined: maps)
     settings = dataclasses.replace(SETTINGS, **changes)
     several = drive(room(), settings)
     assert list(several.passes) == ["combined", *MAPS]
@@ -187,9 +187,9 @@ def test_accelerated_groups_settle_each_on_its_own():
 def test_what_patches_see_is_found_once(monkeypatch):
     """As long as no back that is seen shines."""
     found = []
-    choose_identity = choose_sweep.choose_identity
+    choose_identity = choose_gather.choose_identity
     monkeypatch.setattr(
-        choose_sweep, "choose_identity", lambda job: found.append(job) or choose_identity(job)
+        choose_gather, "choose_identity", lambda job: found.append(job) or choose_identity(job)
     )
     drive(room(), SETTINGS)
     assert len(found) == 1

@@ -4,11 +4,11 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from engine.device.compute import Compute
+from engine.device.cl_device import Compute
 from engine.device.source import program_source
 from engine.direct.emitters import EMITTER, NO_CONE, POINT
 from engine.direct.light_tree import LIGHT_TREE_RECORDS, build_light_tree
-from engine.visibility.rays.receivers import RECEIVER
+from engine.visibility.rays.receiver_records import RECEIVER
 
 #: Counts what patches look at, and how often emitters are chosen; the widths are summed up, too.
 COUNTING = """

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from engine import Changes, Light, Lightmap, Scene, SceneError, Session, Settings, finished
-from engine.device import values
-from engine.gather.cached import CachedSweep
+from engine.device import device_array
+from engine.gather.cached_gather import CachedSweep
 from engine.plan import stages
 from engine.scene.model import OCCLUDER
-from engine.visibility.rays.identity import RayIdentity
+from engine.visibility.rays.ray_sampler import RayIdentity
 from tests.analytic.scenes import material, nine_quad_room, quads, rectangle
 from tests.gpu.slice_sizes import fix_slice_size
 
@@ -253,8 +253,8 @@ def test_light_stays_on_the_device_until_the_first_image(session, other, edit, m
     live, came = session.live(ROOM, SETTINGS), []
     finished(live.settle())
     live.update(Changes(**edit))
-    fetch = values.download
-    monkeypatch.setattr(values, "download", lambda *where: came.append(where[2]) or fetch(*where))
+    fetch = device_array.download
+    monkeypatch.setattr(device_array, "download", lambda *where: came.append(where[2]) or fetch(*where))
     work = live.settle()
     image = next(step.intermediate for step in work if step.intermediate is not None)
     assert all(shape[1] == 3 for shape in came) and image.any()

@@ -7,19 +7,19 @@ import pyopencl as cl
 import pytest
 
 from engine import Changes, Scene, Session, Settings, finished
-from engine.device.compute import Compute
+from engine.device.cl_device import Compute
 from engine.device.devices import Devices
-from engine.gather.kept_samples import KeptSamples
-from engine.patches import chart_raster, coverage, patch_list
+from engine.gather.visibility_cache import KeptSamples
+from engine.patches import chart_raster, patch_list, texel_coverage
 from engine.patches.backs import with_places
-from engine.patches.subdivision import subdivide
+from engine.patches.patch_scene import subdivide
 from engine.resume.checkpoint import Checkpoint, Checkpoints
 from engine.scene.digests import same_values
 from engine.scene.model import OCCLUDER
 from engine.scene.transmission import Transmittance, uniform_transmission
-from engine.visibility.identity import surroundings
-from engine.visibility.rays.identity import RayIdentity
+from engine.visibility.rays.ray_sampler import RayIdentity
 from engine.visibility.rays.ray_scene import RayScene
+from engine.visibility.sampler import surroundings
 from tests.analytic.scenes import nine_quad_room
 from tests.gpu.graphics_card import GraphicsCard
 from tests.gpu.slice_sizes import fix_slice_size
@@ -204,7 +204,7 @@ def test_charts_that_stay_are_not_drawn_again(lively, monkeypatch):
     live = session.live(open_room(), SETTINGS)
     finished(live.settle())
     draw = chart_raster.draw_charts
-    for module in (patch_list, coverage):
+    for module in (patch_list, texel_coverage):
         monkeypatch.setattr(module, "draw_charts", lambda *drawing: drawn.append(1) or draw(*drawing))
     for _ in range(6):
         charts = session._kept._parts.triangles.uvs

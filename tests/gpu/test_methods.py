@@ -9,20 +9,20 @@ import pytest
 
 from engine import DeviceError, Light, Scene, Settings
 from engine.device import devices
-from engine.device.graphics import Graphics
-from engine.device.share import HostCopy
+from engine.device.gl_context import Graphics
+from engine.device.host_copy import HostCopy
 from engine.gather.glsl_cached import GlslCachedIntegrator
-from engine.gather.kept_samples import Backs
-from engine.patches.subdivision import subdivide
-from engine.plan import choose, trial
+from engine.gather.visibility_cache import Backs
+from engine.patches.patch_scene import subdivide
+from engine.plan import choose_solver, visibility_trial
 from engine.scene.transmission import CLEAR
-from engine.visibility import samples
-from engine.visibility.identity import surroundings
-from engine.visibility.raster.identity import RasterIdentity
+from engine.visibility import sample_counts
+from engine.visibility.raster.raster_sampler import RasterIdentity
 from engine.visibility.raster.targets import IdentityTarget
 from engine.visibility.raster.tiles import Tiles
-from engine.visibility.rays.identity import RayIdentity
+from engine.visibility.rays.ray_sampler import RayIdentity
 from engine.visibility.rays.ray_scene import RayScene
+from engine.visibility.sampler import surroundings
 from tests.analytic.drive import drive
 from tests.analytic.scenes import furnace, material, nine_quad_room, quads, rectangle, room_walls
 from tests.analytic.test_sky_and_cutouts import sky
@@ -120,7 +120,7 @@ def test_hemicubes_are_drawn_in_whole_batches_however_little_memory_there_is(pap
 
 
 def test_the_faster_visibility_is_chosen_and_both_rates_are_told(paper, monkeypatch):
-    monkeypatch.setattr(trial, "_SHORT", 0)
+    monkeypatch.setattr(visibility_trial, "_SHORT", 0)
     report = drive(paper[0], dataclasses.replace(SETTINGS, visibility="auto")).report
     rates = re.search(r"rays ([\d,]+) .*raster ([\d,]+) ", " ".join(report.reasons)).groups()
     rays, raster = (int(rate.replace(",", "")) for rate in rates)
@@ -129,7 +129,7 @@ def test_the_faster_visibility_is_chosen_and_both_rates_are_told(paper, monkeypa
 
 
 def test_drawing_is_not_tried_where_rays_take_a_moment(paper, monkeypatch):
-    monkeypatch.setattr(trial, "_SHORT", 1e6)
+    monkeypatch.setattr(visibility_trial, "_SHORT", 1e6)
     report = drive(paper[0], dataclasses.replace(SETTINGS, visibility="auto")).report
     assert report.visibility == "rays" and "Nothing else was tried" in " ".join(report.reasons)
 
@@ -167,7 +167,7 @@ def test_ten_accelerated_sweeps_light_a_closed_room(visibility):
 def test_numbers_of_many_patches_take_more_bits(monkeypatch, visibility):
     settings = dataclasses.replace(SETTINGS, visibility=visibility, samples=256)
     few = drive(nine_quad_room(), settings)
-    monkeypatch.setattr(samples, "_NARROW", 0)
+    monkeypatch.setattr(sample_counts, "_NARROW", 0)
     many = drive(nine_quad_room(), settings)
     assert (few.image == many.image).all()
     taken = [re.search(r"see takes ([\d,]+) MiB", each.report.reasons[-1])[1] for each in (few, many)]
@@ -176,7 +176,7 @@ def test_numbers_of_many_patches_take_more_bits(monkeypatch, visibility):
 
 def test_65534_patches_have_numbers_of_16_bits():
     """Beside these there are one for nothing and one for the surroundings."""
-    assert (samples.sample_bytes(65534), samples.sample_bytes(65535)) == (2, 4)
+    assert (sample_counts.sample_bytes(65534), sample_counts.sample_bytes(65535)) == (2, 4)
 
 
 def test_rays_and_drawing_find_the_same_patches(graphics, compute):
@@ -306,7 +306,7 @@ def test_memory_that_is_not_enough_is_a_clear_error(monkeypatch):
     def full(*arguments):
         raise cl.MemoryError("MEM_OBJECT_ALLOCATION_FAILURE")
 
-    monkeypatch.setattr(choose, "DeviceRadiosity", full)
+    monkeypatch.setattr(choose_solver, "DeviceRadiosity", full)
     with pytest.raises(DeviceError, match="GiB of .* not enough.*Lower the resolution"):
         drive(nine_quad_room(), dataclasses.replace(SETTINGS, visibility="rays"))
 

@@ -11,10 +11,10 @@ import pyopencl as cl
 import pytest
 
 from engine import DeviceError
+from engine.device.async_open import Opening
+from engine.device.cl_device import Compute
 from engine.device.cl_library import start_drivers
-from engine.device.compute import Compute
 from engine.device.devices import Devices
-from engine.device.opening import Opening
 
 
 def test_a_device_waits_for_its_programs_and_nothing_else_does():

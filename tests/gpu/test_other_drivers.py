@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from engine import Light, Settings, bake, finished
-from engine.device.compute import device_name, found_devices, trouble_with
+from engine.device.cl_device import device_name, found_devices, trouble_with
 from tests.gpu.test_live import LIT, ROOM
 
 SETTINGS = Settings(resolution=37, hemicube=8, samples=64, light_samples=9, hide_seams=True, texel_samples=4)

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from engine import Material, Scene, SceneError
-from engine.patches.charts import Charts
-from engine.patches.coverage import border_texels, check_overlap, covered_texels
+from engine.patches.chart_texels import Charts
 from engine.patches.geometry import patch_geometry
 from engine.patches.patch_list import list_patches
+from engine.patches.texel_coverage import border_texels, check_overlap, covered_texels
 from engine.patches.texel_to_patch import index_map
 from engine.scene.triangles import join_meshes
 from tests.analytic.scenes import furnace, nine_quad_room, quads, rectangle

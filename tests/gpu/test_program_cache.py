@@ -10,7 +10,7 @@ import pytest
 
 from engine import Settings, finished
 from engine.device import builders, program_cache
-from engine.device.compute import Compute
+from engine.device.cl_device import Compute
 from engine.device.program_cache import ProgramCache
 from engine.errors import DeviceError
 from engine.session import Session
@@ -163,7 +163,7 @@ def test_a_card_that_refuses_a_context_is_asked_again_without_processes(
 
     monkeypatch.setattr(GraphicsCard, "_is_pocl", False)
     monkeypatch.setattr(builders.Builders, "__init__", begun)
-    monkeypatch.setattr("engine.device.compute.found_devices", lambda: devices)
+    monkeypatch.setattr("engine.device.cl_device.found_devices", lambda: devices)
     wanted = [(("widen.cl",), (f"-DVALUE={value}",)) for value in range(1, 8)]
     if failures == 1:
         GraphicsCard(str(tmp_path), context_of=context_of, ahead=wanted).release()

@@ -3,18 +3,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.device.graphics import Graphics
+from engine.device.gl_context import Graphics
 from engine.device.slice_limits import drawing_limits
-from engine.device.slices import SliceSize
-from engine.gather.glsl import GlslIntegrator
-from engine.gather.opencl import CopiedIntegrator
+from engine.device.time_slicer import SliceSize
+from engine.gather.glsl_integrator import GlslIntegrator
+from engine.gather.opencl_integrator import CopiedIntegrator
 from engine.scene.cutouts import read_cutouts
 from engine.scene.triangles import join_meshes
-from engine.visibility.raster.clusters import Clusters
 from engine.visibility.raster.draw_paths import available_paths
 from engine.visibility.raster.raster import HemicubeRaster
 from engine.visibility.raster.targets import RadianceTarget
 from engine.visibility.raster.tiles import Tiles
+from engine.visibility.raster.triangle_clusters import Clusters
 from engine.visibility.views.hemicube import face_rows, frames, matrices, multiplier_map, rotations
 from tests.analytic.scenes import furnace, sphere
 from tests.transparency import CLEAR_BACK, transparent

@@ -10,8 +10,8 @@ from engine.scene.model import Mesh, Scene
 from engine.scene.triangles import join_meshes
 from engine.visibility.rays import bvh
 from engine.visibility.rays.bvh import Shape
-from engine.visibility.rays.rays import Rays
-from engine.visibility.rays.treetop import Treetop
+from engine.visibility.rays.ray_tracer import Rays
+from engine.visibility.rays.upper_levels import Treetop
 
 SOLID = SimpleNamespace(needed=False)
 SHAPES = [Shape(8, 8, 8, 0.5), Shape(2, 1, 4, 0.35), Shape(4, 4, 8, 0.5)]

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from pyopencl.tools import match_dtype_to_c_struct
 
-from engine.device.compute import Compute
-from engine.device.record import Record
+from engine.device.cl_device import Compute
+from engine.device.device_struct import Record
 from engine.direct.emitters import EMITTER
 from engine.direct.light_tree import LIGHT_NODE
 from engine.direct.modulation import MODULATION
 from engine.visibility.rays.bvh import BOX, LINK
-from engine.visibility.rays.rays import TRANSMITTANCE
-from engine.visibility.rays.receivers import RECEIVER, TEXEL_STEP
+from engine.visibility.rays.ray_tracer import TRANSMITTANCE
+from engine.visibility.rays.receiver_records import RECEIVER, TEXEL_STEP
 from engine.visibility.views.viewpoints import FRAME
 
 MIXED = Record(

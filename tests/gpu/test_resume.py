@@ -9,15 +9,15 @@ import pytest
 
 from engine import Lightmap, Settings, bake, finished
 from engine.errors import WorkerError
-from engine.gather import kept_samples
+from engine.gather import visibility_cache
 from engine.plan import solve_job
-from engine.resume import writing_time
+from engine.resume import write_throttle
 from engine.worker.worker import Worker
 from tests.analytic.rooms import Atlas, block, scene_of
 from tests.analytic.rooms import lamp as lamp_at
 from tests.analytic.rooms import room as hall
 from tests.gpu.slice_sizes import fix_slice_size
-from tests.gpu.test_kept import ROOM, assert_same, coloured, lamp
+from tests.gpu.test_session_cache import ROOM, assert_same, coloured, lamp
 from tests.rows import long
 from tests.transparency import transparent
 
@@ -71,9 +71,9 @@ def pieces(monkeypatch):
 
     On any device they are found in several slices, and written however little time these take.
     """
-    monkeypatch.setattr(kept_samples, "_PIECE", 311 * 264)
+    monkeypatch.setattr(visibility_cache, "_PIECE", 311 * 264)
     fix_slice_size(monkeypatch, 256)
-    monkeypatch.setattr(writing_time, "_PART", 1000)
+    monkeypatch.setattr(write_throttle, "_PART", 1000)
 
 
 @pytest.mark.parametrize("kind", [long(kind) if kind in RARE else kind for kind in KINDS])
@@ -151,7 +151,7 @@ def test_another_version_starts_anew(tmp_path, monkeypatch):
 
 def test_more_iterations_go_on_and_fewer_start_anew(tmp_path, monkeypatch):
     """Written as in `pieces`: iterations of a card take less time than writing them."""
-    monkeypatch.setattr(writing_time, "_PART", 1000)
+    monkeypatch.setattr(write_throttle, "_PART", 1000)
     cached = dataclasses.replace(SETTINGS, cache_dir=str(tmp_path))
     for iterations, sentences in ((11, 2), (2, 1)):
         settings = dataclasses.replace(cached, iterations=iterations)

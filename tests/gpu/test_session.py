@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from engine import Settings, SettingsError, bake, finished
-from engine.device.graphics import Graphics
+from engine.device.gl_context import Graphics
 from engine.plan.solve_job import SolveJob
 from engine.session import Session
 from tests.analytic.scenes import furnace, sphere

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from engine import Light, Scene, Settings
-from engine.device.compute import Compute
-from engine.device.slices import SliceLimits, SliceSize
+from engine.device.cl_device import Compute
+from engine.device.time_slicer import SliceLimits, SliceSize
 from tests.analytic.drive import drive
 from tests.analytic.scenes import furnace
 

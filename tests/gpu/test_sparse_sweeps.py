@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from engine import Light, Settings, bake, finished
-from engine.gather import cached
+from engine.gather import cached_gather
 from engine.gather.gather_kernels import GatherKernels
 from tests.analytic.scenes import nine_quad_room
 
@@ -27,7 +27,7 @@ def strides(monkeypatch):
             found.append(stride)
             super().gather(rows, radiance, static_light, outputs, stride)
 
-    monkeypatch.setattr(cached, "GatherKernels", Noting)
+    monkeypatch.setattr(cached_gather, "GatherKernels", Noting)
     return found
 
 
@@ -39,10 +39,10 @@ def room():
 def test_light_is_that_of_all_samples(strides, monkeypatch):
     sparse = finished(bake(room(), SETTINGS))
     used, strides[:] = list(strides), []
-    monkeypatch.setattr(cached, "_MANY", 10_000)
+    monkeypatch.setattr(cached_gather, "_MANY", 10_000)
     full = finished(bake(room(), SETTINGS))
     assert set(strides) == {1} and len(strides) == full.report.iterations
-    assert used[0] == cached._STRIDE and used[-2:] == [1, 1] and used.count(1) <= 3
+    assert used[0] == cached_gather._STRIDE and used[-2:] == [1, 1] and used.count(1) <= 3
     assert sparse.report.converged and len(used) == sparse.report.iterations
     lit = full.image[full.has_patch]
     differ = np.abs(sparse.image[full.has_patch] - lit).mean() / lit.mean()

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from engine.finish.bilinear import footprints
-from engine.finish.display_samples import DisplaySamples
-from engine.finish.texel_means import TexelMeans
+from engine.postprocess.bilinear import footprints
+from engine.postprocess.texel_means import TexelMeans
+from engine.postprocess.texel_samples import DisplaySamples
 
 RESOLUTION, ATLASES, ACROSS = 7, 2, 4
 SHAPE = (ATLASES, RESOLUTION, RESOLUTION)

@@ -9,7 +9,7 @@ import pytest
 from engine import Material, Mesh, Scene, Texture
 from engine.patches import texture_means
 from engine.patches.geometry import patch_geometry
-from engine.patches.surfaces import patch_surfaces
+from engine.patches.patch_materials import patch_surfaces
 from engine.reference.cpu_patches import list_patches
 from engine.scene.triangles import join_meshes
 from tests.analytic.scenes import quads, rectangle

@@ -17,7 +17,7 @@ __kernel void probe(__global const float4 *directions, __global const float4 *no
 
 def tilts(compute, directions, normals, monkeypatch):
     """Return `tilt_of` of kernels/tilt.cl, (n, 3)."""
-    from engine.device import compute as module
+    from engine.device import cl_device as module
 
     real = module.program_source
     monkeypatch.setattr(module, "program_source", lambda parts: real(parts) + _PROBE * ("tilt.cl" in parts))

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from engine import Material, Scene, Texture
-from engine.device.compute import Compute
+from engine.device.cl_device import Compute
 from engine.scene.cutouts import BOUNCE, SHADOW, read_cutouts
 from engine.scene.tints import EXACT, SIZE, tint_palette
 from engine.scene.transmission import CLEAR, OPAQUE, Transmission, Transmittance, uniform_transmission
 from engine.scene.triangles import join_meshes
-from engine.visibility.rays.rays import Rays
+from engine.visibility.rays.ray_tracer import Rays
 from tests.analytic.scenes import quads, rectangle
 
 BLACK = np.zeros(3, np.float32)

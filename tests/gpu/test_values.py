@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from engine.device.buffers import download, upload, upload_rows_once
-from engine.device.values import DeviceValues, channel_sums, float4_once, rows_on_device, some_of
+from engine.device.device_array import DeviceValues, channel_sums, float4_once, rows_on_device, some_of
 
 
 @pytest.mark.parametrize("stride", [3, 4, 7])

@@ -7,9 +7,9 @@ import pytest
 
 from engine import Scene, Settings
 from engine.device.buffers import download
-from engine.patches.subdivision import subdivide
+from engine.patches.patch_scene import subdivide
 from engine.visibility.rays.ray_scene import RayScene
-from engine.visibility.rays.receivers import RECEIVER
+from engine.visibility.rays.receiver_records import RECEIVER
 from tests.analytic.drive import drive
 from tests.analytic.scenes import material, quads, rectangle
 from tests.analytic.test_sky_and_cutouts import sky
@@ -56,7 +56,7 @@ def test_points_of_one_texel_follow_each_other(graphics, compute):
 @pytest.mark.parametrize("samples", [8, 16, 61])
 def test_noise_has_little_of_low_frequencies(samples, monkeypatch):
     """Means of 4 x 4 texels are nearer to each other than white noise is where rays alone tell the sky."""
-    monkeypatch.setattr("engine.visibility.open_sky._has_use", lambda sky: False)
+    monkeypatch.setattr("engine.visibility.unoccluded_sky._has_use", lambda sky: False)
     world = sky(64, lambda direction: 1 + np.sin(5 * direction @ (X + 0.3 * Y)) + (direction @ Y > 0.2))
     settings = Settings(
         resolution=64, visibility="rays", samples=samples, sample_emission=False, hide_seams=False, seed=3

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from engine import Settings, finished
-from engine.algorithm import bake
 from engine.device.buffers import upload
-from engine.device.compute import Compute
+from engine.device.cl_device import Compute
 from engine.device.devices import Devices
 from engine.device.work_sizes import WorkSizes
-from engine.gather.opencl import HemicubeIntegrator
-from engine.plan.kept import Kept
+from engine.gather.opencl_integrator import HemicubeIntegrator
+from engine.pipeline import bake
+from engine.plan.session_cache import Kept
 from engine.plan.stages import BakeStages, Extent
 from engine.visibility.raster.tiles import Tiles
 from engine.visibility.views.hemicube import multiplier_map

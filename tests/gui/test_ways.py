@@ -41,7 +41,7 @@ STRENGTH = f"{MIXER}.nodes['Warm & near Strength'].outputs[0].default_value"
 REPORT = "__import__('json').loads(bpy.context.scene.hemibake.report)"
 PREFERENCES = "bpy.context.preferences.addons[MODULE].preferences"
 KEPT = "__import__('sys').modules[f'{MODULE}.operators.user_files'].kept_checkpoint_since"
-OWNER = "__import__('sys').modules[f'{MODULE}.operators.worker_owner'].owner"
+OWNER = "__import__('sys').modules[f'{MODULE}.operators.worker_manager'].owner"
 SETTLED = f"{OWNER}.running.following and {OWNER}.running.run.settled"
 FAILURE = "__import__('sys').modules[f'{MODULE}.operators.last_bake'].last_failure.of(bpy.context.scene)"
 

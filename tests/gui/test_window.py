@@ -33,7 +33,7 @@ with bpy.context.temp_override(**view3d()):
     bpy.ops.ed.undo_push(message="Stage")
 """
 
-RUNNING = "__import__('sys').modules[f'{MODULE}.operators.worker_owner'].owner.busy"
+RUNNING = "__import__('sys').modules[f'{MODULE}.operators.worker_manager'].owner.busy"
 IMAGE = "bpy.data.images.get('Lightmap')"
 SLOTS = "[obj.material_slots[0].material.name for obj in (bpy.data.objects['Cube'],)]"
 SHOWN = "[slot.material.name for slot in bpy.data.objects['Plane'].material_slots]"

@@ -101,7 +101,7 @@ def bake(in_worker: bool) -> dict:
     settings.resolution, settings.hemicube = 32, "16"
 
     # A window bakes in a process of its own.
-    owner = import_module(f"{_MODULE}.operators.worker_owner").owner
+    owner = import_module(f"{_MODULE}.operators.worker_manager").owner
     if in_worker:
         owner.bake = lambda: owner.worker().bake
     try:

@@ -12,16 +12,22 @@ ROOT = Path(__file__).resolve().parents[2]
 #: Rooms and files of each package, from the top down.
 ORDERS = {
     "engine": [
-        "worker", "__init__", "warm_up", "self_test", "session", "live", "cluster", "algorithm", "plan",
-        "finish", "solve", "gather", "direct", "reference", "validity", "visibility", "patches", "denoise",
-        "device", "unwrap", "encoding", "scene", "resume", "settings", "setting", "quality", "lightmap",
-        "naming", "progress", "errors", "short_rows", "runs", "segment_sums", "portable", "slabs",
+        "worker", "__init__", "warm_up", "self_test", "session", "live", "cluster", "pipeline",
+        "texel_gather", "plan",
+        "postprocess", "solve", "gather", "direct", "reference", "validity", "visibility", "patches",
+        "denoise",
+        "device", "unwrap", "encoding", "scene", "resume", "settings", "setting_types", "quality",
+        "bake_result",
+        "object_message", "progress", "errors", "row_ops", "sorted_runs", "segment_sums", "numpy_pickle",
+        "threaded_slabs",
     ],
     "operators/scene": [
-        "__init__", "overlaps", "light_changes", "targets", "density", "read_moved", "read", "read_lamps",
-        "read_stages", "fingerprints", "faults", "world_mesh", "places", "crowds", "place", "tiles",
+        "__init__", "overlaps", "light_changes", "bake_targets", "density", "read_moved", "read",
+        "read_lights",
+        "read_stages", "fingerprints", "invalid_values", "world_mesh", "uv_layout", "overlap_layout",
+        "uv_transform", "skyline_packing",
         "scene_objects", "light", "materials", "uvs", "scene_watch", "objects", "messages", "scene_context",
-        "slices", "units",
+        "slice_timer", "units",
     ],
 }  # fmt: skip
 

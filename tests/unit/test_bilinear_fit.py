@@ -5,15 +5,15 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from engine.finish.bilinear import footprints
-from engine.finish.bilinear_fit import BilinearFit
-from engine.finish.bounded_gradients import BoundedGradients
-from engine.finish.dilation import Dilation
-from engine.finish.lightmap_points import LightmapPoints, thin_patches
-from engine.finish.sparse_rows import SparseRows
-from engine.finish.texel_stencil import TexelStencil
 from engine.patches.patch_list import PatchList
 from engine.patches.seams import Seams, find_seams
+from engine.postprocess.bilinear import footprints
+from engine.postprocess.bilinear_fit import BilinearFit
+from engine.postprocess.bounded_cg import BoundedGradients
+from engine.postprocess.dilation import Dilation
+from engine.postprocess.ell_matrix import SparseRows
+from engine.postprocess.lightmap_points import LightmapPoints, thin_patches
+from engine.postprocess.texel_stencil import TexelStencil
 from tests.unit.test_seams import R, cylinder, joined, tile, world_of
 
 NO_SEAMS = Seams(np.zeros((0, 2), np.int32), np.zeros((0, 2, 2)), np.zeros(0))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from engine import Changes, Light, SceneError
-from engine.scene.changes import changes_between, moved
+from engine.scene.scene_changes import changes_between, moved
 from tests.analytic.scenes import material, nine_quad_room
 
 ROOM = nine_quad_room()

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from engine.errors import DenoiseError
-from engine.finish import denoising
-from engine.finish.denoising import Denoising, _spans
+from engine.postprocess import denoising
+from engine.postprocess.denoising import Denoising, _spans
 from engine.progress import finished
 from engine.settings import Settings
 from tests.tools.real_denoiser import LIBRARY, needs_library

@@ -1,6 +1,6 @@
 import numpy as np
 
-from engine.finish.dilation import Dilation
+from engine.postprocess.dilation import Dilation
 
 
 def test_known_texels_keep_their_bits_and_rings_grow():

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.encoding.biased import Biased
 from engine.encoding.clipping import find_clipping
 from engine.encoding.encoding import encode_in_bands
 from engine.encoding.half import Half
@@ -17,6 +16,7 @@ from engine.encoding.radiance import radiance_bytes
 from engine.encoding.rgbd import Rgbd
 from engine.encoding.rgbe import Rgbe
 from engine.encoding.rgbm import Rgbm
+from engine.encoding.signed_norm import Biased
 from engine.encoding.srgb import Srgb
 
 ROOT = Path(__file__).resolve().parents[2]

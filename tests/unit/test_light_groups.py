@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from engine import Light, Scene
-from engine.finish.light_group_maps import summing_up
-from engine.finish.outputs import light_group_maps
+from engine.postprocess.light_group_maps import summing_up
+from engine.postprocess.outputs import light_group_maps
 from engine.scene.light_groups import light_group_names, light_groups
 from tests.analytic.scenes import furnace, material
 

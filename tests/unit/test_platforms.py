@@ -123,7 +123,7 @@ def test_the_check_accepts(code):
     ],
 )
 def test_opengl_is_started_with_egl_on_linux_and_else_with_what_the_system_has(monkeypatch, system, options):
-    from engine.device import graphics
+    from engine.device import gl_context
 
     asked = []
 
@@ -132,9 +132,9 @@ def test_opengl_is_started_with_egl_on_linux_and_else_with_what_the_system_has(m
         raise RuntimeError("no driver")
 
     monkeypatch.setattr(sys, "platform", system)
-    monkeypatch.setattr(graphics.moderngl, "create_context", create_context)
-    with pytest.raises(graphics.DeviceError, match=r"No OpenGL 4\.1 driver"):
-        graphics.Graphics()
+    monkeypatch.setattr(gl_context.moderngl, "create_context", create_context)
+    with pytest.raises(gl_context.DeviceError, match=r"No OpenGL 4\.1 driver"):
+        gl_context.Graphics()
     assert asked == [{"require": version, "standalone": True, **options} for version in (450, 410)]
 
 
@@ -172,7 +172,7 @@ def test_opengl_functions_are_found_as_the_system_does(monkeypatch, system, load
 
 @pytest.mark.parametrize("system", ["linux", "win32", "darwin"])
 def test_a_missing_opencl_driver_has_a_remedy_of_its_system(system):
-    from engine.device.compute import remedy
+    from engine.device.cl_device import remedy
 
     package_managers = {"apt", "dnf", "pacman", "pip"}
     named = package_managers & set(remedy(system).split())

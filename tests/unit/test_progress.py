@@ -4,8 +4,8 @@ from itertools import islice
 import pytest
 
 from engine import progress
+from engine.plan.iterations_left import sweeps_left
 from engine.plan.stages import BakeStages, Extent
-from engine.plan.sweeps import sweeps_left
 from engine.progress import Schedule, Stage, finished, format_seconds_left
 from engine.settings import Settings
 from tests.analytic.scenes import furnace

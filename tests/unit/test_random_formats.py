@@ -8,7 +8,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from engine.encoding.biased import Biased
 from engine.encoding.clipping import find_clipping
 from engine.encoding.encoding import encode_in_bands
 from engine.encoding.logluv import LogLuv
@@ -17,6 +16,7 @@ from engine.encoding.radiance import radiance_bytes
 from engine.encoding.rgbd import Rgbd
 from engine.encoding.rgbe import Rgbe
 from engine.encoding.rgbm import Rgbm
+from engine.encoding.signed_norm import Biased
 from engine.encoding.srgb import Srgb
 
 _RANGES = st.floats(1e-30, 1e30)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from engine.patches.patch_list import PatchList
-from engine.visibility.rays.receivers import _points
+from engine.visibility.rays.receiver_records import _points
 
 
 @pytest.mark.parametrize(

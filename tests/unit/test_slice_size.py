@@ -4,8 +4,8 @@ import random
 
 import pytest
 
-from engine.device import slices
-from engine.device.slices import SliceLimits, SliceSize
+from engine.device import time_slicer
+from engine.device.time_slicer import SliceLimits, SliceSize
 
 HEADLESS = SliceLimits(first=2111, least=1055, fill=67_577, longest=0.4)
 DISPLAY = SliceLimits(first=2111, least=1055, fill=67_577, longest=0.1)
@@ -17,7 +17,7 @@ class FakeDevice:
 
     def __init__(self, monkeypatch):
         self.now, self.done = 0.0, []
-        monkeypatch.setattr(slices.time, "perf_counter", lambda: self.now)
+        monkeypatch.setattr(time_slicer.time, "perf_counter", lambda: self.now)
 
     def run(self, size, count, seconds, first=7):
         """Return items and seconds of each slice of a run."""

@@ -7,7 +7,7 @@ from engine.errors import SettingsError
 from engine.settings import Settings, check_settings
 from engine.solve.anderson import COLUMNS, Anderson
 from engine.solve.host_radiosity import HostRadiosity
-from engine.solve.radiosity import PLAIN_COLUMNS
+from engine.solve.radiosity_state import PLAIN_COLUMNS
 from engine.solve.solver import Solver
 
 

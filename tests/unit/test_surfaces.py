@@ -3,9 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.patches import surfaces as surfaces_module
+from engine.patches import patch_materials as surfaces_module
 from engine.patches.geometry import patch_geometry
-from engine.patches.surfaces import KnownSurfaces, patch_surfaces
+from engine.patches.patch_materials import KnownSurfaces, patch_surfaces
 from engine.reference.cpu_patches import list_patches
 from engine.scene.model import Material, Mesh, Scene, Texture
 from engine.scene.textures import sample

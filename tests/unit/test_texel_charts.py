@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine.finish.texel_charts import TexelCharts
+from engine.postprocess.texel_charts import TexelCharts
 
 
 def flooded(known):

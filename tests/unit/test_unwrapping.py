@@ -9,18 +9,18 @@ import pytest
 
 from engine.errors import WorkerError
 from engine.progress import finished
-from engine.unwrap import packing, page, segmentation
+from engine.unwrap import atlas_bitmap, packing, segmentation
 from engine.unwrap.adjacency import polygon_normals
 from engine.unwrap.alignment import Alignment
+from engine.unwrap.chart_options import USUAL
+from engine.unwrap.chart_overlap import doubly_covered
 from engine.unwrap.charts import flatten, make_charts
-from engine.unwrap.coverage import doubly_covered
-from engine.unwrap.cutting import USUAL
-from engine.unwrap.loose import loosen
 from engine.unwrap.packing import PADDING, pack_charts
 from engine.unwrap.planar import project_flat
 from engine.unwrap.polygon_mesh import Charts, PolygonMesh, areas, signed_areas
 from engine.unwrap.row_spans import border_spans, row_spans
 from engine.unwrap.segmentation import has_xatlas
+from engine.unwrap.unplaced_charts import loosen
 from engine.unwrap.unwrapping import Square, unwrap
 from engine.worker.disposable import run_apart
 from engine.worker.worker import Worker
@@ -265,7 +265,9 @@ def test_charts_that_do_not_fit_are_refused():
 
 def test_long_charts_do_not_make_an_immense_page(monkeypatch):
     mesh, heights = rectangles([(1e5, 1e-3), (3e4, 1e-3)]), []
-    monkeypatch.setattr(packing, "Page", lambda *args: heights.append(page.Page(*args)) or heights[-1])
+    monkeypatch.setattr(
+        packing, "Page", lambda *args: heights.append(atlas_bitmap.Page(*args)) or heights[-1]
+    )
     finished(pack_charts([mesh], [flat_charts(mesh)], 127))
     assert max((made.height for made in heights), default=0) < 4 * 127
 

@@ -15,8 +15,8 @@ from typing import ClassVar, get_args, get_type_hints
 import numpy as np
 import pytest
 
+from engine.bake_result import Lightmap
 from engine.errors import DeviceError, SceneError, SettingsError, WorkerError
-from engine.lightmap import Lightmap
 from engine.scene.model import Material, Mesh, Scene
 from engine.settings import Settings
 from engine.worker import messages, shared_block

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from engine.bake_result import Lightmap, Report
 from engine.errors import DeviceError, SceneError, SettingsError
-from engine.lightmap import Lightmap, Report
 from engine.progress import Progress
 
 #: How often `chatter` yields, far more than a socket's buffer would hold.

@@ -47,7 +47,7 @@ CHANGES = (
     "bpy.data.objects['Tall Box'].location.x = 0.45; bpy.data.objects['Short Box'].location.x = -0.45",
 )
 
-RUNNING = "__import__('sys').modules[f'{MODULE}.operators.worker_owner'].owner.running"
+RUNNING = "__import__('sys').modules[f'{MODULE}.operators.worker_manager'].owner.running"
 
 #: Opposite corners of the front of the room, world space, metres.
 _CORNERS = ((-1.0, -1.0, 2.0), (1.0, -1.0, 0.0))

@@ -12,12 +12,12 @@ from typing import Any
 import moderngl
 import numpy as np
 
-from ...device.graphics import Graphics
+from ...device.gl_context import Graphics
 from ..views.hemicube import FACES, face_rows
-from .clusters import Clusters
 from .draw_lists import DrawList, face_items, hemicube_items
 from .mesh import IndexedMesh
 from .tiles import TILES_PER_DRAW, Tiles
+from .triangle_clusters import Clusters
 
 #: Shader stages and features of each path, fastest first on most drivers.
 _PATHS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {

@@ -8,19 +8,19 @@ from collections.abc import Generator
 import moderngl
 import numpy as np
 
-from ...device.graphics import Graphics
+from ...device.gl_context import Graphics
 from ...device.raw_gl import DEPTH_CLAMP
-from ...device.slices import SliceSize
+from ...device.time_slicer import SliceSize
 from ...errors import DeviceError
 from ...scene.cutouts import BACK, BOUNCE, Cutouts
 from ...scene.triangles import Triangles
 from ..views.hemicube import FACES
-from .clusters import Clusters
 from .draw_paths import DrawPath, MeshBuffers, available_paths
+from .list_texture import table
 from .mesh import indexed_mesh
-from .table import table
 from .targets import Target
 from .tiles import Tiles
+from .triangle_clusters import Clusters
 
 #: Clusters times hemicubes that are tested at once, and how long a path is tried at least, s.
 _TESTS = 1 << 20

@@ -8,7 +8,7 @@ from typing import Protocol
 import moderngl
 import numpy as np
 
-from ...device.graphics import Graphics
+from ...device.gl_context import Graphics
 from .tiles import Tiles
 
 #: Patches in a row of the radiosity texture, and in all its rows: front and back have 16384 together.

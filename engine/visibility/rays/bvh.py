@@ -8,10 +8,10 @@ import numpy as np
 import pyopencl as cl
 
 from ...device.buffers import download, upload, zeros
-from ...device.compute import Compute
-from ...device.record import Record
-from .treetop import NAMES as TREETOP
-from .treetop import Treetop
+from ...device.cl_device import Compute
+from ...device.device_struct import Record
+from .upper_levels import NAMES as TREETOP
+from .upper_levels import Treetop
 
 #: Clusters beyond either end of a row, and values that a work item sums, as in kernels/bvh.cl.
 _FAR, _CHUNK = 8, 32

@@ -7,12 +7,12 @@ from functools import cached_property
 import numpy as np
 import pyopencl as cl
 
-from ...device.compute import Compute
+from ...device.cl_device import Compute
 from ...errors import DeviceError
-from ...patches.subdivision import Subdivision
-from .rays import Rays
-from .receivers import RECEIVER, pack_receivers
-from .treetop import Treetop
+from ...patches.patch_scene import Subdivision
+from .ray_tracer import Rays
+from .receiver_records import RECEIVER, pack_receivers
+from .upper_levels import Treetop
 
 
 class RayScene:
@@ -63,7 +63,10 @@ class RayScene:
 
     @cached_property
     def receivers(self) -> cl.Buffer:
-        """The records of all patches, see `receivers.pack_receivers`; no ray starts beyond another face."""
+        """The records of all patches, see `receiver_records.pack_receivers`.
+
+        No ray starts beyond another face.
+        """
         records = pack_receivers(self.compute, self._parts.patches, self._parts.geometry)
         (place,) = self.rays.kernels((RECEIVER, "place_starts.cl"), "place_starts")
         self.rays.run(place, self.count, records, np.int32(self.count))

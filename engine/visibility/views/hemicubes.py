@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...device.graphics import Graphics
+from ...device.gl_context import Graphics
 from ...device.raw_gl import DepthArray
 from ...device.slice_limits import drawing_limits
-from ...device.slices import SliceSize
-from ...patches.subdivision import Subdivision
+from ...device.time_slicer import SliceSize
+from ...patches.patch_scene import Subdivision
 from ...settings import Settings
 from ..raster.raster import HemicubeRaster
 from ..raster.targets import Target

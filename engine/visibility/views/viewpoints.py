@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...device.record import Record
+from ...device.device_struct import Record
 from ...patches.geometry import PatchGeometry
 from ...scene.triangles import Triangles
 from ...settings import Settings

@@ -7,7 +7,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ....engine.naming import naming
+from ....engine.object_message import naming
 from ....engine.scene.model import Light
 from ....engine.scene.profile import Profile
 from ...compat import light_nodes, light_power, light_temperature
@@ -16,9 +16,9 @@ from ...working_space import is_rec709, to_rec709
 from ..materials.sockets import ComplexError
 from ..objects.items import SceneItem, hidden_from
 from ..scene_watch import SceneWatch
-from ..slices import Slices
-from .lamp_bake import bake_lamp
-from .lamp_nodes import LampNodes, LampReader, own_constants
+from ..slice_timer import Slices
+from .light_bake import bake_lamp
+from .light_node_reader import LampNodes, LampReader, own_constants
 
 #: Axes along which a lamp of a type must not be scaled to 0 to shine, as in Cycles (measured in 5.0.1).
 _SHINING_AXES = {"POINT": (), "SUN": (2,), "SPOT": (0, 1, 2), "AREA": (0, 1, 2)}

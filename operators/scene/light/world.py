@@ -20,7 +20,7 @@ from ..materials.ray_kinds import BOUNCE
 from ..materials.sockets import ComplexError, feeder
 from ..materials.substitution import Substitution
 from ..scene_watch import SceneWatch
-from ..slices import Slices, row_slices
+from ..slice_timer import Slices, row_slices
 from .kept_worlds import ReadWorld, kept_worlds
 from .refined_panorama import render_refined
 from .sky_sun import copied_world, take_suns

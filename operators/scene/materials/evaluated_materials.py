@@ -25,7 +25,7 @@ class EvaluatedMaterial:
 
     name       of the material
     pixels     finished evaluations; see `evaluated_passes.finish_passes`
-    bumps      factor of its reflectance, see `bumps.surface_bumps`
+    bumps      factor of its reflectance, see `normal_map_reflectance.surface_bumps`
     has_back   True if the back was evaluated, too
     is_mapped  True for textures over the lightmap UVs, False for means over covered texels
     """

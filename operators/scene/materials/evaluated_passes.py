@@ -7,7 +7,7 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
-from ..slices import Slices, row_slices
+from ..slice_timer import Slices, row_slices
 from .closures import QUANTITIES, closure_quantities
 from .engine_materials import MAX_SHARED
 from .object_nodes import Dependence

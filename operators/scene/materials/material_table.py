@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ....engine.naming import listing
+from ....engine.object_message import listing
 from ....engine.scene.model import Material
 from ...compat import node_tree
 from ...lookup import find, find_all
@@ -19,18 +19,18 @@ from ..objects.evaluation import Evaluation
 from ..objects.items import Hidden, ItemKey, SceneItem, hidden_from
 from ..objects.meshes import LIGHTMAP_UVS
 from ..scene_watch import SceneWatch
-from ..slices import Slices
+from ..slice_timer import Slices
 from ..uvs.lightmap_layer import lightmap_layer
 from ..uvs.uv_modifier import uv_source
-from .bumps import surface_bumps
 from .closures import is_hair
 from .engine_materials import hide_from_rays, textures_of
 from .evaluated_materials import EvaluatedMaterial
 from .evaluated_passes import COVERED, Pixels, finish_passes, passes_of
+from .evaluation_cache import kept_evaluations
 from .evaluation_digest import evaluation_digest
-from .kept_evaluations import kept_evaluations
 from .materials import read_material
 from .mean_colors import mean_color
+from .normal_map_reflectance import surface_bumps
 from .object_nodes import Dependence, FrozenMaterial, Source, dependence, lost_attributes, object_values
 from .pixels import PixelCache, UnreadError
 from .shader_bake import (

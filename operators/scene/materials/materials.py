@@ -10,9 +10,9 @@ import numpy as np
 from ....engine.scene.color import luminance
 from ....engine.scene.model import Material
 from ...compat import node_input, node_tree
-from .bumps import bump_factor
 from .closures import DARK, EMITTERS, GLASS, PRINCIPLED, REFRACTION
 from .engine_materials import Sides, to_material
+from .normal_map_reflectance import bump_factor
 from .object_nodes import Dependence, Source, shown, source_of
 from .pixels import PixelCache
 from .ray_kinds import BOUNCE, RayKind, ray_value

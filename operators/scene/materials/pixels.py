@@ -8,9 +8,9 @@ import numpy as np
 from ....engine.scene.color import luminance, srgb_to_linear
 from ...lookup import find
 from ...working_space import is_rec709, to_rec709
-from ..slices import Slices, row_slices
+from ..slice_timer import Slices, row_slices
 from .alpha_modes import DATA, AlphaMeaning, channels_of
-from .tilts import CLASSES, count_tilts, image_state, kept_tilts
+from .normal_map_tilts import CLASSES, count_tilts, image_state, kept_tilts
 
 #: Colour spaces whose pixels are scene-linear Rec.709 as they are, and the one that is converted.
 _LINEAR = {"Linear Rec.709", "Non-Color", "Raw", "Linear", "Generic Data"}

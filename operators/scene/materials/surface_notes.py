@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ....engine.naming import counted, listing
+from ....engine.object_message import counted, listing
 from ...compat import node_tree
 from .closures import is_glass, is_unknown
 from .sockets import feeder

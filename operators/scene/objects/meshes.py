@@ -10,7 +10,7 @@ import numpy as np
 
 from ....engine.progress import finished
 from ....engine.scene.degenerate import is_degenerate
-from ..slices import Slices, row_slices
+from ..slice_timer import Slices, row_slices
 
 #: UV map of textures that were made over lightmap UVs, whichever layer of an object holds these.
 LIGHTMAP_UVS = "Hemibake lightmap UVs"

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import bpy
 
-from ...changes import Changes
 from ...lookup import find
+from ...rollback import Changes
 
 #: By type of modifier: its setting for the viewport, and that for renders.
 _LEVELS = {

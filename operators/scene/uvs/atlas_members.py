@@ -6,16 +6,16 @@ from collections.abc import Generator, Sequence
 
 import bpy
 
-from ....engine.naming import naming
-from ...changes import Changes
+from ....engine.object_message import naming
 from ...object_properties import set_property
+from ...rollback import Changes
 from ..scene_context import SceneContext
 from .known_charts import is_made
 from .lightmap_layer import lightmap_layer
 from .multi_user import multi_user_sources
 from .object_lookup import ObjectLookup
+from .packed_page import Page
 from .uv_modifier import has_uvs, uv_modifier, uv_source
-from .uv_page import Page
 from .uv_targets import Target, Users
 
 

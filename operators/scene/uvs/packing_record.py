@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import bpy
 
-from ...changes import Changes
+from ...rollback import Changes
 from ..scene_context import SceneContext
-from .uv_page import Page
+from .packed_page import Page
 from .uv_targets import Target
 
 

@@ -12,7 +12,7 @@ from ....engine.unwrap.polygon_mesh import PolygonMesh, areas
 from ..objects.meshes import read_uvs
 from ..objects.visible import visible_objects
 from ..scene_context import SceneContext
-from ..slices import row_slices
+from ..slice_timer import row_slices
 from .known_charts import known_charts
 from .object_lookup import ObjectLookup
 from .uv_digest import digest_of

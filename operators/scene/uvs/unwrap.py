@@ -9,24 +9,24 @@ from enum import Enum
 import bpy
 
 from ....engine.errors import SceneError
-from ....engine.naming import naming
+from ....engine.object_message import naming
 from ....engine.progress import Progress, finished
 from ....engine.unwrap.segmentation import has_xatlas
-from ...changes import Changes
 from ...chart_settings import read_cutting
 from ...lookup import find_all
+from ...rollback import Changes
 from ..messages import WITHOUT_XATLAS, XATLAS_FAILED, Troubles, no_room
 from ..objects.evaluation import Evaluation, evaluate
 from ..scene_context import SceneContext
 from .atlas_members import AtlasMembers
 from .object_lookup import MeshChangedError, ObjectLookup
+from .pack_jobs import mip_width, squares_of
+from .packed_page import Page
 from .packing_record import PackingRecord
 from .target_reading import TargetReader, with_areas
 from .unwrap_process import unwrap_apart
 from .uv_modifier import drop_uv_modifier, fits, uv_modifier
 from .uv_node_group import NAME, remove_unused_uvs
-from .uv_page import Page
-from .uv_squares import mip_width, squares_of
 from .uv_targets import Target, evaluated_mesh, evaluated_targets, may_lack_uvs, users_of_meshes
 from .viewport_uvs import project_for_viewport
 

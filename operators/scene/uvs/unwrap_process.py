@@ -9,12 +9,12 @@ from dataclasses import replace
 
 from ....engine.errors import WorkerError
 from ....engine.progress import Progress, retold
+from ....engine.unwrap.chart_options import Cutting
 from ....engine.unwrap.charts import make_charts
-from ....engine.unwrap.cutting import Cutting
 from ....engine.unwrap.polygon_mesh import Charts, PolygonMesh
 from ....engine.unwrap.segmentation import has_xatlas
 from ....engine.unwrap.unwrapping import Square, Unwrapped
-from ...worker_owner import new_worker
+from ...worker_manager import new_worker
 from . import blender_charts
 
 #: The generators that the process runs: all of the work, or only the part that xatlas does.

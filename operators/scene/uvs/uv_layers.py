@@ -6,8 +6,8 @@ import bmesh
 import bpy
 import numpy as np
 
-from ...changes import Changes
 from ...lookup import find
+from ...rollback import Changes
 from ..objects.meshes import read_uvs
 
 #: Blender's own limit.

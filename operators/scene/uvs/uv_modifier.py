@@ -13,8 +13,8 @@ from collections.abc import Sequence
 import bpy
 import numpy as np
 
-from ...changes import Changes
 from ...lookup import find
+from ...rollback import Changes
 from ..objects.meshes import read_array, read_corner_vertices
 from .lightmap_layer import lightmap_layer
 from .uv_node_group import NAME, is_uv_group, new_uv_group, stores_layer, topology_of

@@ -16,8 +16,8 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ...changes import Changes
 from ...lookup import find
+from ...rollback import Changes
 from ..objects.render_differences import UV_GROUP
 
 #: Name of the modifier, of the node that names the carrier, and part of the datablocks' names.

@@ -12,8 +12,8 @@ import numpy as np
 from ....engine.scene.degenerate import is_degenerate
 from ....engine.unwrap.polygon_mesh import Charts, PolygonMesh
 from ..messages import LINKED, MANY_LAYERS, attribute_in_the_way
+from ..objects.coordinate_limits import trouble_with
 from ..objects.evaluation import Evaluation
-from ..objects.extent import trouble_with
 from ..objects.meshes import read_array, read_corner_vertices, read_corners
 from .lightmap_layer import lightmap_layer
 from .uv_faults import cover, is_finite, is_inside, overlap

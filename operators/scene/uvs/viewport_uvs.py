@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import bpy
 import numpy as np
 
-from ...changes import Changes
 from ...lookup import find
+from ...rollback import Changes
 from ..objects.evaluation import Evaluation, evaluate
 from ..objects.render_differences import uses_render
 from ..scene_context import SceneContext

@@ -1,0 +1,62 @@
+"""What a block of patches sees: found once, in the memory of a worker's device from then on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyopencl as cl
+
+from ..device.buffers import download
+from ..gather.gather_pass import FinalGather
+from ..gather.half_radiance import HalfLight
+from ..plan.choose_gather import keeping_sweep
+from ..plan.visibility_trial import make_identity, untried_visibility
+from ..progress import finished
+from ..scene.color import colors_of
+from .patch_rows import SentRows, unpacked
+from .patch_table import PatchTable
+from .prepared_scene import prepared
+from .radiance_exchange import MappedLight, write_rows
+from .scene_payload import Shipment
+
+
+class FoundBlock:
+    """Some patches of a scene, or groups of them, which gather from all of them.
+
+    views  (m, 2) float32, see `RemoteDevices.views`
+    bytes  of the device that what they see takes
+    """
+
+    def __init__(self, shipment: Shipment, table: PatchTable, rows: SentRows) -> None:
+        self._first, self._sources = unpacked(rows).first, prepared(shipment).sources(table)
+        with self._sources.working():
+            lookers = self._sources.part(rows)
+            identity = make_identity(lookers, untried_visibility(lookers.settings))
+            self.bytes = identity.row_bytes * lookers.count
+            sweep, compute = keeping_sweep(lookers, identity), lookers.opencl
+            self._gather = FinalGather(compute, sweep, np.zeros((lookers.count, 3), np.float32))
+
+            # The samples go with the block, not with the job that they were found for.
+            lookers.kept.clear()
+
+            # The first gather finds what is seen.
+            gathered = self._gathered(self._sources.darkness)
+            seen = download(compute, self._gather.patches_seen, (lookers.count,))
+            self.views = np.stack([gathered[:, 3], seen], axis=1)
+
+    def gather(self, light: HalfLight | MappedLight) -> np.ndarray:
+        """Gather from the light of all patches; return E/pi, (m, 3) float32."""
+        with self._sources.working():
+            return colors_of(self._gathered(self._sources.table(light)))
+
+    def gather_to(self, light: MappedLight, path: str) -> None:
+        """Gather as `gather` does, to the file of a `SweepMemory`."""
+        write_rows(path, self._first, self.gather(light), light.count)
+
+    def gather_l1(self, light: HalfLight | MappedLight) -> np.ndarray:
+        """Return the L1 of the same light, (m, 3, 3) float32."""
+        with self._sources.working():
+            self._gathered(self._sources.table(light))
+            return np.asarray(finished(self._gather.gather_l1()))
+
+    def _gathered(self, radiance: cl.Buffer) -> np.ndarray:
+        return finished(self._gather.gather_from(radiance))

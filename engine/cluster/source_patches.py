@@ -1,0 +1,99 @@
+"""Patches, or groups of them, on the device of a worker: what blocks of them gather from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import cached_property
+
+import pyopencl as cl
+
+from ..device.buffers import zeros
+from ..device.devices import Devices
+from ..direct.emitter_split import SplitLight
+from ..direct.lighting import DirectLighting
+from ..direct.sky import Sky
+from ..gather.half_radiance import HalfLight
+from ..plan.choose_solver import light_alone
+from ..plan.session_cache import Kept
+from ..plan.solve_job import SolveJob
+from ..scene.model import Scene
+from ..settings import Settings
+from .patch_rows import SentRows, unpacked
+from .patch_table import PatchTable, SceneTable
+from .radiance_exchange import MappedLight
+from .triangle_scene import TriangleScene
+
+
+class Sources:
+    """Patches, or groups of them, that send light out, on the device of a worker.
+
+    name  of their table
+    job   the radiosity equation of all of them, as those that see them need it: it has no patches of its own
+    """
+
+    def __init__(
+        self, devices: Devices, triangles: TriangleScene, settings: Settings, sky: Sky, table: PatchTable
+    ) -> None:
+        """Take a table of patches, and the light of the world."""
+        self._devices, self._triangles, self.name = devices, triangles, table.name
+        self._light: HalfLight | MappedLight | None = None
+        compute, emission = devices.compute, table.emission
+        self._count, seen = emission.count, emission.of_all()
+        parts = triangles.seen(settings.resolution, seen, table.texel_to_patch.opened(), table.back_to_back)
+        none, rays = seen[:0], triangles.rays.of(parts)
+        self.job = SolveJob(
+            devices.graphics, compute, parts, rays, seen, sky.rest, none, none[:, 0], light_alone(settings)
+        )
+
+    @contextmanager
+    def working(self) -> Iterator[None]:
+        """Work on the devices of this worker, and tell how they fail."""
+        self._devices.graphics.use()
+        with self._devices.failures_told():
+            yield
+
+    def part(self, rows: SentRows) -> SolveJob:
+        """Return some of them, which see all."""
+        triangles, job = self._triangles, self.job
+        opened = unpacked(rows).opened(triangles.triangles, triangles.steps, job.settings.resolution)
+        parts = job.parts.seen_from(*opened)
+        return replace(job, parts=parts, rays=job.rays.of(parts), kept=Kept())
+
+    def table(self, light: HalfLight | MappedLight) -> cl.Buffer:
+        """Return the light of all on the device: once for all blocks of a sweep."""
+        if light != self._light:
+            opened = light.opened() if isinstance(light, MappedLight) else light
+            self._light, self._table = light, opened.table(self.job.opencl)
+        return self._table
+
+    @cached_property
+    def darkness(self) -> cl.Buffer:
+        """No light of all on the device."""
+        return zeros(self.job.opencl, 16 * (self._count + 2))
+
+
+class Patches(Sources):
+    """The patches of a scene.
+
+    lighting  what shadow rays sample
+    """
+
+    def __init__(
+        self,
+        devices: Devices,
+        triangles: TriangleScene,
+        settings: Settings,
+        sky: Sky,
+        table: SceneTable,
+        scene: Scene,
+    ) -> None:
+        """Take a table of patches, the light of the world, and all other light of the scene."""
+        super().__init__(devices, triangles, settings, sky, table)
+        job = self.job = replace(self.job, settings=settings)
+        backs = None if table.backs is None else table.backs.of_all()
+        surfaces = replace(job.parts.surfaces, emission=table.glow.of_all(), back_emission=backs)
+        bright = table.bright(len(triangles.triangles.mesh), job.emission)
+        parts = replace(job.parts, surfaces=surfaces)
+        self.lighting = DirectLighting(scene, parts, job.rays, settings, split=SplitLight(bright, sky))

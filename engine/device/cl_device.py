@@ -1,0 +1,276 @@
+"""The OpenCL device the engine computes with."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from functools import cached_property
+
+import numpy as np
+import pyopencl as cl
+
+from ..errors import DeviceError
+from .cl_library import start_drivers
+from .device_struct import Record
+from .driver_options import set_driver_options
+from .kernel import ITEMS, Kernel, run_on
+from .program_cache import ProgramCache, build, device_digest
+from .pyopencl_invokers import keep_starters_in_memory
+from .shared_buffers import SharedBuffers
+from .side_queue import Beside
+from .slice_limits import slice_limits
+from .source import program_source
+from .staging import Staging
+from .time_slicer import SliceSize
+from .work_sizes import ON_PROCESSOR, KeptWorkSizes, WorkSizes
+
+#: Least size of arrays that travel through page-locked memory, bytes.
+_STAGED = 1 << 17
+
+#: Records and main files of kernels/, one after another; files include what they need.
+Source = tuple[str | Record, ...]
+
+#: What a program is built of, and its options.
+ProgramParts = tuple[Source, tuple[str, ...]]
+
+#: Has functions of kernels that drivers may lack, as Mesa's do with another's library of them.
+_PROBE = """
+__kernel void probe(__global float *x)
+{
+    x[get_global_id(0)] = fma(sqrt(2.0f), sin(x[0]), atan2(x[1], x[2]));
+}
+"""
+
+
+class Compute:
+    """An OpenCL context and the in-order queue of bakes; the first GPU, else the first device that works.
+
+    cache_dir, opencl_device  see `Settings`
+    context_of                makes the context of a device
+    ahead                     programs that a graphics card begins to build at once, see `build_ahead`
+    shared                    what is uploaded once for several users
+    default_sizes             shapes of the groups of the hot kernels on such a device
+    work_sizes                the same as kept for this one, which may be others
+
+    Raises DeviceError if there is no device that can build kernels.
+    """
+
+    def __init__(
+        self,
+        cache_dir: str | None = None,
+        opencl_device: str | None = None,
+        context_of: Callable[[cl.Device], cl.Context] = lambda device: cl.Context([device]),
+        ahead: Iterable[ProgramParts] = (),
+    ) -> None:
+        self._context_of = context_of
+        keep_starters_in_memory()
+        self._built: dict[tuple, cl.Program] = {}
+        self._kernels: dict[tuple, Kernel] = {}
+        self.shared = SharedBuffers()
+        self._slice_sizes: dict[tuple, SliceSize] = {}
+        devices = _chosen(found_devices(), opencl_device)
+        self._take(devices[0], cache_dir)
+        self.build_ahead(ahead)
+        try:
+            self._open(devices, cache_dir)
+        except BaseException:
+            self.release()
+            raise
+
+    def _open(self, devices: list[cl.Device], cache_dir: str | None) -> None:
+        """Make the context of the first device that works, and what goes with it."""
+        self.context = self._first_working_context(devices)
+        if self.context.devices[0] != self.device:
+            self._take(self.context.devices[0], cache_dir)
+        self._programs.open(self.context)
+        self.queue = cl.CommandQueue(self.context)
+        self.name = self.device.name.strip()
+        self.default_sizes = ON_PROCESSOR if self.processor else WorkSizes()
+        self.work_sizes = self.kept_sizes(cache_dir).read(self.default_sizes)
+
+    def _take(self, device: cl.Device, cache_dir: str | None) -> None:
+        """Take a device, which need not have a context yet."""
+        self.device, self._begun = device, set[ProgramParts]()
+        self._programs = ProgramCache(device, None if self._is_pocl else cache_dir)
+        self._prelude = ("inlined.cl",) if self._is_pocl and self.processor else ()
+
+    def kept_sizes(self, cache_dir: str | None) -> KeptWorkSizes:
+        """Return the shapes that a folder keeps for this device."""
+        return KeptWorkSizes(cache_dir, f"{self.name}, {device_digest(self.device)}")
+
+    @property
+    def processor(self) -> bool:
+        """True for a CPU, which runs the items of a group one after the other."""
+        return bool(self.device.type & cl.device_type.CPU)
+
+    @cached_property
+    def staging(self) -> Staging:
+        """What large arrays travel through."""
+        return Staging(self.queue)
+
+    def is_staged(self, size: int) -> bool:
+        """Return whether an array of `size` bytes travels by `staging`: a large one, not to a CPU."""
+        return size >= _STAGED and not self.processor
+
+    @property
+    def _is_pocl(self) -> bool:
+        """True for PoCL, which keeps its kernels in files itself, built for the sizes of groups they ran in.
+
+        Asked for the binary of a program it builds all kernels a second time, for groups of any size. On some
+        processors it calls what others inline; see kernels/inlined.cl.
+        """
+        return bool(self.device.platform.name == "Portable Computing Language")
+
+    def kernels(self, source: str | Source, *names: str, options: Sequence[str] = ()) -> list[Kernel]:
+        """Build kernels/<source>, or several records and main files one after another.
+
+        Returns kernels in the names' order. Who asks for a kernel again gets the same one: making one takes
+        a while.
+        """
+        key, program = self._program(source, options)
+        for name in names:
+            if (key, name) not in self._kernels:
+                self._kernels[key, name] = Kernel(program, name, self.device)
+        return [self._kernels[key, name] for name in names]
+
+    def beside(self, source: Source, name: str, options: Sequence[str] = ()) -> Beside:
+        """Return a kernel that another thread starts while this one bakes."""
+        _, program = self._program(source, options)
+        return Beside(self._queue_beside, Kernel(program, name, self.device))
+
+    def _program(self, source: str | Source, options: Sequence[str]) -> tuple[ProgramParts, cl.Program]:
+        """Return what a program is built of, and the program."""
+        parts = (source,) if isinstance(source, str) else source
+        key = parts, tuple(options)
+        if key not in self._built:
+            self._built[key] = self._programs.build(self._text(parts), options)
+        return key, self._built[key]
+
+    @cached_property
+    def _queue_beside(self) -> cl.CommandQueue:
+        return cl.CommandQueue(self.context)
+
+    def build_ahead(self, programs: Iterable[ProgramParts]) -> None:
+        """Begin to build programs that a graphics card will be asked for by `kernels`; once.
+
+        PoCL builds kernels as they start.
+        """
+        if self.processor:
+            return
+        new = [key for key in programs if key not in self._begun and key not in self._built]
+        self._begun.update(new)
+        if new and not self._is_pocl:
+            self._programs.begin((self._text(parts), options) for parts, options in new)
+
+    def release(self) -> None:
+        """Build nothing ahead any more."""
+        self._programs.stop()
+
+    def _text(self, parts: Source) -> str:
+        return program_source((*self._prelude, *parts))
+
+    def slice_size(self, kernel: Kernel, *work: object, items: int = 1) -> SliceSize:
+        """Return the controller of slice sizes of a kernel for some work, which earlier work has adapted.
+
+        work   what the time of an item depends on
+        items  work items that a kernel starts for each item of a slice
+        """
+        key = (kernel, *work)
+        if key not in self._slice_sizes:
+            self._slice_sizes[key] = SliceSize(slice_limits(self.device, kernel.preferred_items, items))
+        return self._slice_sizes[key]
+
+    def run(self, kernel: Kernel, items: int, *arguments: object, layers: int = 1) -> None:
+        """Run a kernel for at least `items` work items of each layer; it has to ignore those beyond."""
+        run_on(self.queue, kernel, items, *arguments, layers=layers)
+
+    def run_texels(self, kernel: Kernel, shape: tuple[int, ...], *arguments: object) -> None:
+        """Run a kernel for at least every texel of images, (images, height, width); see kernels/texel.cl."""
+        images, height, width = shape
+        group = kernel.group(ITEMS, 1, 1)
+        items = (-(-width // group[0]) * group[0], height, images)
+        kernel(self.queue, items, group, *arguments, np.int32(width), np.int32(height))
+
+    def _first_working_context(self, devices: list[cl.Device]) -> cl.Context:
+        """Return a context of the first device that builds a kernel.
+
+        A PoCL older than the processor it runs on is listed but cannot build any. The first device is tried
+        twice if processes build for it: they may have what it lacks.
+        """
+        failures: dict[str, str] = {}
+        for device in [devices[0], *devices] if self._begun else devices:
+            try:
+                return _probed(self._context_of(device))
+            except cl.Error as error:
+                self.release()
+                version = device.platform.version.strip()
+                failures[f"{device.name.strip()} ({version})"] = _reason(error)
+        reasons = "; ".join(f"{device}: {reason}" for device, reason in failures.items())
+        raise DeviceError(f"No OpenCL device can build kernels: {reasons}. {remedy(sys.platform)}")
+
+
+def _probed(context: cl.Context) -> cl.Context:
+    """Return a context that has built a kernel; raises cl.Error."""
+    build(context, _PROBE)
+    return context
+
+
+def trouble_with(device: cl.Device) -> str:
+    """Return why a device cannot build kernels, empty if it can."""
+    try:
+        _probed(cl.Context([device]))
+    except cl.Error as error:
+        return _reason(error)
+    return ""
+
+
+def device_name(device: cl.Device) -> str:
+    """Return the name of a device as the settings have it: its platform's, and its own."""
+    return f"{device.platform.name.strip()}: {device.name.strip()}"
+
+
+def _chosen(devices: list[cl.Device], name: str | None) -> list[cl.Device]:
+    """Return the devices of a name, all of them without one; several platforms may offer the same."""
+    chosen = [device for device in devices if name in (None, device_name(device))]
+    if not chosen:
+        offered = ", ".join(f"'{known}'" for known in dict.fromkeys(map(device_name, devices)))
+        raise DeviceError(
+            f"There is no OpenCL device '{name}'. Choose one of {offered}, or none for the best, in "
+            "Hemibake's preferences."
+        )
+    return chosen
+
+
+def found_devices() -> list[cl.Device]:
+    """Return every device, the best kind first: GPU, accelerator, then anything else."""
+    set_driver_options()
+    start_drivers()
+    try:
+        devices = [device for platform in cl.get_platforms() for device in platform.get_devices()]
+    except cl.Error as error:
+        raise DeviceError(f"OpenCL could not be started ({error}). {remedy(sys.platform)}") from error
+    if not devices:
+        raise DeviceError(f"There is no OpenCL device. {remedy(sys.platform)}")
+    return sorted(devices, key=_rank)
+
+
+def _rank(device: cl.Device) -> int:
+    kinds = (cl.device_type.GPU, cl.device_type.ACCELERATOR)
+    return next((rank for rank, kind in enumerate(kinds) if device.type & kind), len(kinds))
+
+
+def _reason(error: cl.Error) -> str:
+    """Return the most telling line of an OpenCL error."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return next((line for line in lines if "error:" in line.lower()), lines[0])
+
+
+def remedy(system: str) -> str:
+    """Return what brings an OpenCL device to a system, by the name that `sys.platform` has there."""
+    driver = "Install the current driver of your graphics card"
+    if system == "linux":
+        return (
+            f"{driver}, or PoCL, which computes on the processor: on Debian or Ubuntu "
+            "apt install pocl-opencl-icd, on Fedora dnf install pocl, on Arch pacman -S pocl."
+        )
+    return "OpenCL is part of macOS; update the system." if system == "darwin" else f"{driver}."

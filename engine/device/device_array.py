@@ -1,0 +1,156 @@
+"""Values of patches, or of other points, on the OpenCL device."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import numpy as np
+import pyopencl as cl
+
+from ..row_ops import some_rows
+from ..scene.color import channel_sum
+from .buffers import download, upload, upload_float4, upload_float4_once, upload_rows_once
+from .cl_device import Compute
+
+
+class DeviceValues:
+    """Colours of n points, or one number of each; NumPy reads them as an array, (n, c) float32.
+
+    buffer    (n, stride) float32, which nobody changes
+    stride    floats of a row, 1 for single numbers, else three or more
+    channels  c, 3 or 1
+    """
+
+    def __init__(self, compute: Compute, buffer: cl.Buffer, count: int, stride: int = 3) -> None:
+        self._compute, self.buffer, self._count, self.stride = compute, buffer, count, stride
+        self.channels = min(stride, 3)
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        return self.colors if dtype is None else self.colors.astype(dtype, copy=False)
+
+    @cached_property
+    def rows(self) -> np.ndarray:
+        """All of them, (n, stride) float32, in the memory of the host."""
+        return download(self._compute, self.buffer, (self._count, self.stride))
+
+    @cached_property
+    def colors(self) -> np.ndarray:
+        """The values, (n, c) float32, in the memory of the host: who uploads them gets what is there."""
+        colors: np.ndarray = self.rows[:, : self.channels]
+        self._compute.shared.of(colors, "rows", lambda: self.buffer)
+        return colors
+
+    @property
+    def fourth(self) -> np.ndarray:
+        """The fourth number of each row, (n,) float32, in the memory of the host; rows have four."""
+        if "rows" in vars(self):
+            return np.ascontiguousarray(self.rows[:, 3])
+        compute = self._compute
+        (kernel,) = compute.kernels("widen.cl", "take_fourth")
+        taken = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * max(1, self._count))
+        compute.run(kernel, self._count, self.buffer, taken, np.int32(self._count))
+        return download(compute, taken, (self._count,))
+
+    def channel_sums(self) -> DeviceValues:
+        """Return the sum of the channels of each colour."""
+        compute = self._compute
+        (kernel,) = compute.kernels("widen.cl", "sum_channels")
+        sums = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 4 * max(1, self._count))
+        compute.run(kernel, self._count, self.buffer, np.int32(self.stride), sums, np.int32(self._count))
+        return DeviceValues(compute, sums, self._count, 1)
+
+    def some(self, chosen: np.ndarray) -> np.ndarray:
+        """Return the values of some points, (k,) int64, as (k, c) float32 of the host."""
+        if "rows" in vars(self):
+            return self.colors[chosen]
+        if not len(chosen):
+            return np.zeros((0, self.channels), np.float32)
+        return self.taken(upload(self._compute, chosen.astype(np.uint32)), len(chosen)).colors
+
+    def taken(self, chosen: cl.Buffer, count: int) -> DeviceValues:
+        """Return the values of some points by their numbers, uint32 or int32 on the device."""
+        compute = self._compute
+        (kernel,) = compute.kernels("widen.cl", "take_colors")
+        taken = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 4 * self.channels * max(1, count))
+        sizes = np.int32(self.stride), np.int32(self.channels)
+        compute.run(kernel, count, self.buffer, *sizes, chosen, taken, np.int32(count))
+        return DeviceValues(compute, taken, count, self.channels)
+
+    def black_at(self, places: np.ndarray) -> DeviceValues:
+        """Return the same values, but some of them, (k,) int64, 0."""
+        if not len(places):
+            return self
+        compute, size = self._compute, 4 * self.stride * self._count
+        changed = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)
+        cl.enqueue_copy(compute.queue, changed, self.buffer, byte_count=size)
+        (kernel,) = compute.kernels("widen.cl", "blacken")
+        numbers = upload(compute, places.astype(np.uint32))
+        sizes = np.int32(self.stride), np.int32(self.channels)
+        compute.run(kernel, len(places), changed, *sizes, numbers, np.int32(len(places)))
+        return DeviceValues(compute, changed, self._count, self.stride)
+
+    @cached_property
+    def float4(self) -> cl.Buffer:
+        """Colours as float4, of which the fourth is 0: the same buffer each time."""
+        compute, count = self._compute, self._count
+        wide = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * max(1, count))
+        (kernel,) = compute.kernels("widen.cl", "widen_rows")
+        compute.run(kernel, count, self.buffer, np.int32(self.stride), wide, np.int32(count))
+        return wide
+
+    def plus(self, others: Values, sign: int = 1) -> DeviceValues:
+        """Return float4 of these colours plus those of others times 1 or -1, from 0 on; the fourth is 0."""
+        compute = self._compute
+        (kernel,) = compute.kernels("widen.cl", "add_colors")
+        total = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * self._count)
+        rows, stride = rows_on_device(compute, others)
+        sizes = np.int32(self.stride), rows, np.int32(stride), np.float32(sign)
+        compute.run(kernel, self._count, self.buffer, *sizes, total, np.int32(self._count))
+        return DeviceValues(compute, total, self._count, 4)
+
+
+#: Values of the host, (n, c) or (n,) float32, or of the device.
+Values: TypeAlias = np.ndarray | DeviceValues
+
+
+def rows_on_device(compute: Compute, values: Values) -> tuple[cl.Buffer, int]:
+    """Return values, (n, c), which nobody changes, on the device, and how many floats apart rows are."""
+    if isinstance(values, DeviceValues):
+        return values.buffer, values.stride
+    return upload_rows_once(compute, values)
+
+
+def float4_on_device(compute: Compute, values: Values) -> cl.Buffer:
+    """Return colours, (n, 3), on the device as float4, of which the fourth may be anything."""
+    if isinstance(values, DeviceValues) and values.stride == 4:
+        return values.buffer
+    return upload_float4(compute, np.asarray(values))
+
+
+def float4_once(compute: Compute, values: Values) -> cl.Buffer:
+    """Return colours, (n, 3), which nobody changes, as float4: the same buffer each time."""
+    return values.float4 if isinstance(values, DeviceValues) else upload_float4_once(compute, values)
+
+
+def rows_of(values: Values) -> np.ndarray:
+    """Return values in the memory of the host, (n, c) float32 with all that is in their rows."""
+    return values.rows if isinstance(values, DeviceValues) else values
+
+
+def channel_sums(values: Values) -> Values:
+    """Return the sum of the channels of colours, (n, 3), as (n, 1) float32, where they are."""
+    return values.channel_sums() if isinstance(values, DeviceValues) else channel_sum(values)[:, None]
+
+
+def some_of(values: Values, chosen: np.ndarray) -> np.ndarray:
+    """Return some rows of colours, (n, c), by their numbers, (k,) int64, in the memory of the host."""
+    return values.some(chosen) if isinstance(values, DeviceValues) else some_rows(values, chosen)
+
+
+def colors_on_host(values: Values) -> np.ndarray:
+    """Return the colours of values, (n, 3) float32, in the memory of the host; the same array each time."""
+    return values.colors if isinstance(values, DeviceValues) else values

@@ -1,0 +1,82 @@
+"""Which patches shadow rays have to be cast from again once something has moved."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyopencl as cl
+
+from ..device.buffers import upload
+from ..device.device_struct import Record
+from ..patches.moved_triangles import ball_around
+from ..visibility.rays.ray_scene import RayScene
+from ..visibility.rays.receiver_records import RECEIVER
+from .emitters import POINT, SKY_MAP, SUN
+
+#: Kinds of balls: around a light at hand, a direction to one, and everywhere.
+_NEAR, _FAR, _EVERYWHERE = range(3)
+
+#: What holds a light, for kernels/moved_shadows.cl.
+LIGHT_BALL = Record(
+    "LightBall",
+    ("float[3]", "at", "m, the centre; of a light that is infinitely far the unit vector towards it"),
+    ("float", "radius", "m; of a light that is infinitely far the tangent of half its angle"),
+    ("int", "kind", "NEAR, FAR or EVERYWHERE"),
+)
+
+#: More lights at hand than this are held by one ball: each patch looks at all of them.
+_MOST = 64
+
+#: A sun whose sine of half the angle is larger shines from everywhere.
+_WIDE = 0.9
+
+
+def patches_in_moved_shadows(
+    rays: RayScene, before: cl.Buffer, emitters: np.ndarray, moved: np.ndarray
+) -> np.ndarray:
+    """Return the patches, (k,) int32 ascending, whose shadow rays may meet something else than before.
+
+    before    receivers of the patches as they were, see `RayScene.receivers`
+    emitters  (m,) EMITTER, what rays go to
+    moved     (t, 3, 3) float32, triangles as they were and as they are, metres from `Triangles.origin`
+    """
+    compute, lights = rays.compute, _balls(emitters)
+    codes = tuple(f"-D{name}={code}" for code, name in enumerate(("NEAR", "FAR", "EVERYWHERE")))
+    source = (RECEIVER, LIGHT_BALL, "moved_shadows.cl")
+    (mark,) = compute.kernels(source, "mark_moved_shadows", options=codes)
+    marks = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, rays.count)
+    compute.run(
+        mark, rays.count, before, rays.receivers,
+        upload(compute, lights if len(lights) else LIGHT_BALL.array(1)), np.int32(len(lights)),
+        cl.cltypes.make_float4(*ball_around(moved)), marks, np.int32(rays.count),
+    )  # fmt: skip
+    found = np.empty(rays.count, np.uint8)
+    cl.enqueue_copy(compute.queue, found, marks)
+    return np.flatnonzero(found).astype(np.int32)
+
+
+def _balls(emitters: np.ndarray) -> np.ndarray:
+    """Return what holds the emitters that cast shadows, (k,) LIGHT_BALL."""
+    emitters = emitters[emitters["casts_shadow"] > 0]
+    wide = (emitters["kind"] == SKY_MAP) | ((emitters["kind"] == SUN) & (emitters["radius"] > _WIDE))
+    if wide.any():
+        return LIGHT_BALL.array(1, kind=_EVERYWHERE)
+    suns = emitters[emitters["kind"] == SUN]
+    sine = suns["radius"].astype(np.float64)
+    far = LIGHT_BALL.array(len(suns), kind=_FAR, at=-suns["direction"], radius=sine / np.sqrt(1 - sine**2))
+    centre, radius = _balls_at_hand(emitters[emitters["kind"] != SUN])
+    if len(centre) > _MOST:
+        middle = (centre.min(axis=0) + centre.max(axis=0)) / 2
+        radius = (np.linalg.norm(centre - middle, axis=1) + radius).max(keepdims=True)
+        centre = middle[None]
+    near = LIGHT_BALL.array(len(centre), kind=_NEAR, at=centre, radius=radius)
+    return LIGHT_BALL.joined([far, near])
+
+
+def _balls_at_hand(emitters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return centres, (k, 3) float64, and radii, (k,), of balls around points, spots and triangles."""
+    position, edges = emitters["position"].astype(np.float64), [emitters["edge1"], emitters["edge2"]]
+    corners = np.stack([0 * position, *edges], axis=1)
+    point = emitters["kind"] == POINT
+    middle = np.where(point[:, None], 0, corners.mean(axis=1))
+    radius = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1, initial=0)
+    return position + middle, np.where(point, emitters["radius"], radius)

@@ -1,0 +1,62 @@
+"""The light that no bounce changes: of the surroundings, where kept samples meet them, and of backs."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import pyopencl as cl
+
+from ..device.buffers import zeros
+from ..device.cl_device import Compute
+from ..settings import Settings
+from ..visibility.sampler import Sampling, Surroundings
+from ..visibility.views.directions import r2_sequence
+from .row_kernel import RowKernel
+from .visibility_cache import Backs, Rows
+
+
+class StaticLight:
+    """The static light of `count` patches, summed up from their samples.
+
+    receivers  records of the patches, see `RayScene.receivers`
+    light      float4 of each patch: E/pi, and the fraction of the view that is no back
+    l1         3 float4 of each patch, x, y and z, see kernels/tilt.cl; None unless the settings ask for it
+    complete   True once it is that of all patches; whoever sums up for all of them says so
+    """
+
+    complete = False
+
+    def __init__(
+        self,
+        compute: Compute,
+        sampling: Sampling,
+        surroundings: Surroundings,
+        receivers: cl.Buffer,
+        settings: Settings,
+        count: int,
+    ) -> None:
+        self._compute, self._surroundings = compute, surroundings
+        self._add = RowKernel(
+            compute, sampling, receivers, settings, r2_sequence(sampling.samples),
+            "add_surroundings", "static_light.cl",
+        )  # fmt: skip
+        self.light = zeros(compute, 16 * count)
+        self.l1 = zeros(compute, 48 * count) if settings.directional else None
+
+    def sum_up(self, rows: Rows, backs: Backs) -> Generator[float, None, None]:
+        """Sum up the static light of the patches whose rows these are; yield the fraction done."""
+        if self._surroundings.dark:
+            self._take(rows, backs)
+            return
+        sky, results = self._surroundings, (self.light, self.l1)
+        seen = sky.outside, *sky.sky_arguments
+        yield from self._add.run(rows, *seen, backs.light, backs.l1, *results)
+
+    def _take(self, rows: Rows, backs: Backs) -> None:
+        """Take the light of backs: the surroundings are black."""
+        for size, source, target in ((16, backs.light, self.light), (48, backs.l1, self.l1)):
+            if source is not None and target is not None:
+                cl.enqueue_copy(
+                    self._compute.queue, target, source, byte_count=size * (rows.last - rows.first),
+                    src_offset=size * rows.first, dst_offset=size * rows.first,
+                )  # fmt: skip

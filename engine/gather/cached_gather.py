@@ -1,0 +1,160 @@
+"""Sweeps over identities: kept from the first iteration on, or found anew in every one."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import pyopencl as cl
+
+from ..device.cl_device import Compute
+from ..progress import finished, part_of
+from ..resume.checkpoint import Checkpoint
+from ..visibility.rays.ray_sampler import GatheredBuffers, RayIdentity
+from ..visibility.sampler import Identity, Sampling
+from .background_light import StaticLight
+from .device_gather import Light
+from .device_l1 import L1
+from .gather_kernels import GatherKernels
+from .l1_gather import L1Gather, NoL1
+from .visibility_cache import Backs, KeptSamples, Rows
+
+#: A sparse sweep gathers from one in this many groups of four samples.
+_STRIDE = 8
+
+#: Patches with fewer samples than this gather from all of them.
+_MANY = 1024
+
+#: Of the time to find what patches see, and to sum up the static light there, the latter takes this part.
+_SUMMING = 0.04
+
+
+class CachedSweep:
+    """What a sweep costs is memory speed: what patches see is kept, found by the first sweep at the latest.
+
+    identity    finds it; None if that is done
+    l1          gathers L1 once the light has settled
+    checkpoint  holds a part of it, or will
+    """
+
+    def __init__(
+        self,
+        compute: Compute,
+        kept: KeptSamples,
+        identity: Identity | None,
+        static: StaticLight,
+        l1: L1Gather | NoL1,
+        checkpoint: Checkpoint,
+    ) -> None:
+        self._compute, self._kept, self._identity, self._checkpoint = compute, kept, identity, checkpoint
+        self._kernels = GatherKernels(compute, kept.sampling)
+        self._static, self._l1, self._begun = static, l1, False
+
+    @property
+    def can_be_sparse(self) -> bool:
+        """True if a few of the samples of each patch are enough to begin with."""
+        return self._kept.sampling.even and self._kept.sampling.samples >= _MANY
+
+    def gather(self, light: Light, column: int) -> Generator[float, None, None]:
+        """Gather; see `device_gather.Sweep.gather`."""
+        if not self._begun:
+            yield from self._begin(light)
+        self._l1.keep_radiance(light.radiance)
+        stride = _STRIDE if light.sparse else 1
+        for rows in self._kept.pieces:
+            self._kernels.gather(rows, light.radiance, self._static.light, light.outputs(column), stride)
+        yield 1.0
+
+    def gather_l1(self) -> Generator[float, None, L1]:
+        """Gather L1; see `device_gather.Sweep.gather_l1`."""
+        for rows in self._kept.pieces:
+            for done in self._l1.gather(rows, self._static.l1):
+                yield (rows.first + done * (rows.last - rows.first)) / self._kept.count
+        return self._l1.values()
+
+    def _begin(self, light: Light) -> Generator[float, None, None]:
+        """Find what patches see, and the light there that no bounce changes."""
+        found = 0.0
+        if self._identity is not None:
+            found = 1 - _SUMMING
+            yield from part_of(0.0, found, self._kept.find(self._identity, self._checkpoint))
+            self._identity = None
+        if not self._static.complete:
+            yield from part_of(found, 1.0, self._sum_up())
+            self._static.complete = True
+        cl.enqueue_copy(self._compute.queue, light.patches_seen, self._kept.backs.patches_seen)
+        self._begun = True
+
+    def _sum_up(self) -> Generator[float, None, None]:
+        """Sum up the static light of all patches; yield the fraction done."""
+        count = self._kept.count
+        for rows in self._kept.pieces:
+            done = rows.first / count, rows.last / count
+            yield from part_of(*done, self._static.sum_up(rows, self._kept.backs))
+
+
+class StreamSweep:
+    """Every sweep finds anew what patches see, some of them at a time: for what no cache can hold."""
+
+    def __init__(
+        self,
+        compute: Compute,
+        identity: Identity,
+        backs: Backs,
+        static: StaticLight,
+        count: int,
+        cached: int,
+        l1: L1Gather | NoL1,
+    ) -> None:
+        """Keep the samples of at most `cached` patches at a time."""
+        self._compute, self._static, self._l1, self._backs = compute, static, l1, backs
+        self._identity, self._count, self._step = identity, count, max(1, min(cached, count))
+        self._kernels = GatherKernels(compute, Sampling.of(identity))
+        size = identity.row_bytes * self._step
+        self._cache = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)
+
+    def gather(self, light: Light, column: int) -> Generator[float, None, None]:
+        """Gather; see `device_gather.Sweep.gather`."""
+        self._l1.keep_radiance(light.radiance)
+        for first in range(0, self._count, self._step):
+            last = min(first + self._step, self._count)
+            for done in self._identity.find(first, last, self._backs.found_with(self._cache, first)):
+                yield (first + done * (last - first)) / self._count
+            rows = Rows(self._cache, first, last)
+            finished(self._static.sum_up(rows, self._backs))
+            self._kernels.gather(rows, light.radiance, self._static.light, light.outputs(column))
+            for _ in self._l1.gather(rows, self._static.l1):
+                pass
+        cl.enqueue_copy(self._compute.queue, light.patches_seen, self._backs.patches_seen)
+
+    def gather_l1(self) -> Generator[float, None, L1]:
+        """Return the L1 that the last sweep gathered; see `device_gather.Sweep.gather_l1`."""
+        yield 1.0
+        return self._l1.values()
+
+
+class RayStreamSweep:
+    """Every sweep casts all rays anew and keeps nothing."""
+
+    def __init__(
+        self,
+        compute: Compute,
+        identity: RayIdentity,
+        count: int,
+        sources: int,
+        l1: L1Gather | NoL1,
+    ) -> None:
+        self._identity, self._count, self._l1 = identity, count, l1
+        self._kernels = GatherKernels(compute, Sampling.of(identity))
+        self._gathered = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count)
+        self._backs_seen = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, sources + 1)
+
+    def gather(self, light: Light, column: int) -> Generator[float, None, None]:
+        """Gather; see `device_gather.Sweep.gather`."""
+        seen = GatheredBuffers(self._gathered, light.patches_seen, self._backs_seen, self._l1.result)
+        yield from self._identity.gather(self._count, light.radiance, seen)
+        self._kernels.take(self._gathered, light, column)
+
+    def gather_l1(self) -> Generator[float, None, L1]:
+        """Return the L1 that the last sweep gathered; see `device_gather.Sweep.gather_l1`."""
+        yield 1.0
+        return self._l1.values()

@@ -1,0 +1,46 @@
+"""Integrates hemicubes with an OpenGL compute shader, where they were drawn."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+
+from ..device.gl_context import Graphics
+from ..device.raw_gl import DepthArray
+from ..visibility.raster.tiles import Tiles
+from .compute_shader import ComputeShader, HemicubeTables, Textures, sky_texture
+
+
+class GlslIntegrator:
+    """Sums a texture array of radiance hemicubes; needs `Graphics.computes`.
+
+    texture  (layers, height, width, 4) float, see `visibility.targets`
+    depth    of the same hemicubes
+    sky      (h, w, 3) float32 radiance, equirectangular as `Scene.world`, seen where nothing was drawn;
+             a single pixel is not looked up
+    """
+
+    name = "glsl"
+
+    def __init__(
+        self,
+        graphics: Graphics,
+        tiles: Tiles,
+        texture: moderngl.TextureArray,
+        depth: DepthArray,
+        sky: np.ndarray,
+    ) -> None:
+        self._tables = HemicubeTables(graphics, tiles)
+        even = sky.shape[:2] == (1, 1)
+        features = (() if even else ("sky",)) + (("reversed_depth",) if graphics.reversed_depth else ())
+        self._shader = ComputeShader(graphics, "integrate", tiles, self._tables, features)
+        self._textures: Textures = {"hemicubes": texture, "depths": depth}
+        self._uniforms = {"even_sky": tuple(sky[0, 0].tolist())} if even else {}
+        if not even:
+            self._textures["sky"] = sky_texture(graphics, sky)
+
+    def integrate(self, frames: np.ndarray) -> np.ndarray:
+        """Return E/pi and the fraction of front faces; see `Integrator.integrate`."""
+        self._tables.set_frames(frames)
+        self._shader.run(len(frames), {2: self._tables.sums}, self._textures, self._uniforms)
+        return self._tables.read_sums(len(frames))

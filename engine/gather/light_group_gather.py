@@ -1,0 +1,140 @@
+"""Gathers for several light groups at once, over what patches, or points of texels, were found to see."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+
+import numpy as np
+import pyopencl as cl
+
+from ..device.buffers import download, upload, zeros
+from ..device.cl_device import Compute
+from ..errors import DeviceError
+from ..progress import finished, part_of
+from ..visibility.sampler import Identity, Sampling
+from .background_light import StaticLight
+from .device_gather import Light
+from .gather_kernels import GatherKernels
+from .visibility_cache import Backs, KeptSamples, Rows
+
+#: Light groups whose radiances are read at a time: two fill the 32 bytes that a graphics card reads anyway.
+TOGETHER = 2
+
+
+class _Radiance:
+    """The radiance of g light groups, as the gather kernel reads it: that of a source lies together."""
+
+    def __init__(self, compute: Compute, groups: int, sources: int) -> None:
+        self._compute, self._groups, self._sources = compute, groups, sources
+
+        # Whole blocks of groups: of nothing, of each source, of the surroundings.
+        self.buffer = zeros(compute, 16 * groups * (sources + 2))
+
+    def read(self, radiance: cl.Buffer) -> None:
+        """Take radiance, float4 of each source and group behind a black one."""
+        cl.enqueue_copy(
+            self._compute.queue, self.buffer, radiance, byte_count=16 * self._groups * self._sources,
+            src_offset=16, dst_offset=16 * self._groups,
+        )  # fmt: skip
+
+    def load(self, radiance: np.ndarray) -> None:
+        """Take radiance, (m, g, 3) float32."""
+        blocks = np.zeros((self._sources + 2, self._groups, 4), np.float32)
+        blocks[1:-1, :, :3] = radiance
+        cl.enqueue_copy(self._compute.queue, self.buffer, blocks)
+
+
+class LightGroupSweep:
+    """See `device_gather.Sweep`.
+
+    The light of n patches and g groups is that of n g patches, a patch's side by side.
+
+    A sample is read once for all groups, whose radiances share cache lines.
+
+    static  sums up the static light of each group
+    """
+
+    def __init__(self, compute: Compute, kept: KeptSamples, static: Sequence[StaticLight]) -> None:
+        self._compute, self._kept, self._groups = compute, kept, len(static)
+        self._kernels = GatherKernels(compute, kept.sampling, len(static))
+        self._radiance = _Radiance(compute, len(static), kept.count)
+        self._lights = static
+        self._static: cl.Buffer | None = None
+
+    def gather(self, light: Light, column: int) -> Generator[float, None, None]:
+        """Gather; see `device_gather.Sweep.gather`."""
+        if self._static is None:
+            seen = download(self._compute, self._kept.backs.patches_seen, (self._kept.count,))
+            cl.enqueue_copy(self._compute.queue, light.patches_seen, np.repeat(seen, self._groups))
+            self._static = yield from self._static_light()
+        self._radiance.read(light.radiance)
+        for rows in self._kept.pieces:
+            self._kernels.gather(rows, self._radiance.buffer, self._static, light.outputs(column))
+        yield 1.0
+
+    def _static_light(self) -> Generator[float, None, cl.Buffer]:
+        """Return the static light of all groups, that of a patch side by side; yield the fraction done."""
+        beside = []
+        for number, light in enumerate(self._lights):
+            for rows in self._kept.pieces:
+                first, last = (number + at / self._kept.count for at in (rows.first, rows.last))
+                summing = light.sum_up(rows, self._kept.backs)
+                yield from part_of(first / self._groups, last / self._groups, summing)
+            beside.append(download(self._compute, light.light, (self._kept.count, 4)))
+        return upload(self._compute, np.stack(beside, axis=1))
+
+    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+        """Raise DeviceError: light groups have no directional maps."""
+        raise DeviceError("Light groups have no directional maps.")
+        yield 1.0
+
+
+class LightGroupLook:
+    """Gathers once for receivers that look for themselves, from several light groups at once.
+
+    sources  that may be seen
+    static   sums up the static light of each group; backs count as black
+    cached   receivers whose samples are kept at a time
+    """
+
+    def __init__(
+        self,
+        compute: Compute,
+        identity: Identity,
+        count: int,
+        sources: int,
+        static: Sequence[StaticLight],
+        cached: int,
+    ) -> None:
+        self._compute, self._identity, self._count = compute, identity, count
+        self._static, self._step = static, max(1, min(cached, count))
+        self._backs = Backs(compute, count, sources, False)
+        self._runs = [slice(first, first + TOGETHER) for first in range(0, len(static), TOGETHER)]
+        sampling = Sampling.of(identity)
+        self._kernels = [GatherKernels(compute, sampling, len(static[run])) for run in self._runs]
+        self._radiances = [_Radiance(compute, len(static[run]), sources) for run in self._runs]
+
+    def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
+        """Return E/pi of each group, (n, g, 3) float32, from radiance, (m, g, 3); yield the fraction done."""
+        compute, count = self._compute, self._count
+        sizes = [16 * count * len(self._static[run]) for run in self._runs]
+        nothing, lights = zeros(compute, max(sizes)), [zeros(compute, size) for size in sizes]
+        for run, read in zip(self._runs, self._radiances, strict=True):
+            read.load(radiance[:, run])
+        cache = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, self._identity.row_bytes * self._step)
+        for first in range(0, count, self._step):
+            last = min(first + self._step, count)
+            for done in self._identity.find(first, last, self._backs.found_with(cache, first)):
+                yield (first + done * (last - first)) / count
+            rows = Rows(cache, first, last)
+            for static in self._static:
+                finished(static.sum_up(rows, self._backs))
+            for kernels, read, light in zip(self._kernels, self._radiances, lights, strict=True):
+                outputs = (nothing, nothing, light, light, np.int32(0), np.int32(0))
+                kernels.gather(rows, read.buffer, nothing, outputs)
+        gathered = [
+            download(compute, light, (count, size // (16 * count), 4))[..., :3]
+            for light, size in zip(lights, sizes, strict=True)
+        ]
+        beside = [download(compute, static.light, (count, 4))[:, :3] for static in self._static]
+        return np.concatenate(gathered, axis=1) + np.stack(beside, axis=1)

@@ -1,0 +1,114 @@
+"""Sweeps by devices of other processes: radiance leaves this one's device, and light comes back to it."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from typing import Protocol
+
+import numpy as np
+import pyopencl as cl
+
+from ..device.buffers import upload, upload_float4
+from ..device.cl_device import Compute
+from ..scene.color import add_colors
+from ..visibility.sampler import identity_options
+from .device_gather import Light
+from .half_radiance import HalfLight
+
+
+class RemoteGather(Protocol):
+    """Devices of other processes that hold what n patches see.
+
+    All arrays are float32 in host memory; generators yield the fraction done.
+    """
+
+    def views(self) -> Generator[float, None, np.ndarray]:
+        """Return the fractions of each patch's view that no back takes, and that patches take, (n, 2).
+
+        The patches are all, or the groups that `of_groups` names.
+        """
+        ...
+
+    def gather(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
+        """Return E/pi of all that patches see of the light of all, (n, 3), until the next call."""
+        ...
+
+    def gather_l1(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
+        """Return the L1 of the same light, (n, 3, 3); see `Sweep.gather_l1`."""
+        ...
+
+    def of_groups(self, leader: np.ndarray, texel_to_group: np.ndarray, emission: np.ndarray) -> None:
+        """Let the devices solve groups of the patches, and begin to find what these see.
+
+        leader          (m,) int64, the patch that each group is
+        texel_to_group  (atlases, r, r) uint32, the group + 1 of each texel's patch, or 0
+        emission        (m, 3) float32, radiance of each group that is seen
+        """
+        ...
+
+    def final(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
+        """Return what every patch gathers once from the light of groups, (n, 4).
+
+        That is E/pi, and the fraction of the view that no back takes.
+        """
+        ...
+
+    def final_l1(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
+        """Return the L1 of the same light, (n, 3, 3)."""
+        ...
+
+
+class RemoteSweep:
+    """Gathers on remote devices for light that this device holds; see `device_gather.Sweep`."""
+
+    def __init__(self, compute: Compute, remote: RemoteGather, count: int) -> None:
+        self._compute, self._remote, self._count = compute, remote, count
+        options = (*identity_options(4), "-DLIGHT_GROUPS=1")
+        (self._take,) = compute.kernels("gather.cl", "take", options=options)
+        (self._join,) = compute.kernels("half_light.cl", "join")
+        self._gathered = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count)
+        self._views: list[cl.Buffer] = []
+
+    def gather(self, light: Light, column: int) -> Generator[float, None, None]:
+        """Gather; see `device_gather.Sweep.gather`. The first time waits for what patches see to be found."""
+        self._light = HalfLight.of(self._compute, light.radiance, self._count)
+        work = self._remote.gather(self._light)
+        if not self._views:
+            # Who has found what its patches see gathers while others still look.
+            next(work)
+            views = yield from self._remote.views()
+            self._views = [upload(self._compute, fraction) for fraction in views.T]
+        front, patches_seen = self._views
+        gathered = upload(self._compute, (yield from work))
+        self._compute.run(self._join, self._count, gathered, front, self._gathered, np.int32(self._count))
+        self._compute.run(self._take, self._count, self._gathered, *light.outputs(column))
+        cl.enqueue_copy(self._compute.queue, light.patches_seen, patches_seen)
+
+    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+        """Gather L1; see `device_gather.Sweep.gather_l1`."""
+        return (yield from self._remote.gather_l1(self._light))
+
+
+class RemoteFinal:
+    """One more gather by every patch, from groups of them; see `gather_pass.LightGather`."""
+
+    def __init__(
+        self, compute: Compute, remote: RemoteGather, sampled_light: np.ndarray, groups: int
+    ) -> None:
+        self._compute, self._remote, self._groups = compute, remote, groups
+        self._sampled_light = sampled_light
+
+    def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
+        """Gather; see `LightGather.gather`."""
+        return (yield from self.gather_from(upload_float4(self._compute, radiance, first=1, last=1)))
+
+    def gather_from(self, radiance: cl.Buffer) -> Generator[float, None, np.ndarray]:
+        """Gather from radiance on this device; see `LightGather.gather_from`."""
+        self._light = HalfLight.of(self._compute, radiance, self._groups)
+        gathered = yield from self._remote.final(self._light)
+        add_colors(gathered, self._sampled_light)
+        return gathered
+
+    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+        """Gather L1; see `LightGather.gather_l1`."""
+        return (yield from self._remote.final_l1(self._light))

@@ -1,0 +1,64 @@
+"""What lightmap UVs alone decide of a scene's patches: it stays where objects move."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..device.cl_device import Compute
+from ..device.gl_context import Graphics
+from ..scene.model import Scene
+from ..scene.triangles import Triangles
+from ..settings import Settings
+from .border_texels import BorderTexels
+from .edge_patch_points import away_from_edges
+from .geometry import patch_geometry
+from .patch_file import list_or_load_patches
+from .patch_list import PatchList
+from .texel_coverage import border_texels, check_overlap, covered_texels, note_uncovered
+
+
+@dataclass(frozen=True)
+class Charts:
+    """The charts of a scene's lightmaps, as texels see them.
+
+    names        of the meshes
+    patches      of the texels whose centres are covered
+    on_triangle  (t,) int64, how many of them are on each triangle
+    entries      (atlases, r, r) uint32: which of them + 1 each texel is, 0 for none
+    border       all other texels that a triangle touches
+    warnings     sentences for the user
+    """
+
+    names: tuple[str, ...]
+    patches: PatchList
+    on_triangle: np.ndarray
+    entries: np.ndarray
+    border: BorderTexels
+    warnings: tuple[str, ...]
+
+    def suit(self, scene: Scene, triangles: Triangles, before: Triangles) -> bool:
+        """Return whether a scene has the same charts; before: the triangles that they were read from."""
+        return (
+            self.names == tuple(mesh.name for mesh in scene.meshes)
+            and len(self.entries) == len(scene.atlases)
+            and all(
+                np.array_equal(getattr(triangles, name), getattr(before, name))
+                for name in ("mesh", "atlas", "uvs")
+            )
+        )
+
+
+def read_charts(
+    graphics: Graphics, compute: Compute | None, scene: Scene, triangles: Triangles, settings: Settings
+) -> Charts:
+    """Find the texels that charts cover and touch; raises Scene-, Settings-, PatchFileError."""
+    covered = list_or_load_patches(graphics, scene, triangles, settings)
+    own, geometry = covered.on_texels(len(scene.atlases)), patch_geometry(triangles, covered)
+    covered = away_from_edges(compute, geometry, covered, own)
+    texels = covered_texels(scene, geometry)
+    warnings = note_uncovered(scene, texels) + check_overlap(graphics, scene, triangles, covered, texels)
+    border = border_texels(graphics, triangles, own)
+    names = tuple(mesh.name for mesh in scene.meshes)
+    return Charts(names, covered, geometry.on_triangle, own, border, tuple(warnings))

@@ -1,0 +1,91 @@
+"""Patches on the very edge of a chart: they look from within what is covered of their texel."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..device.buffers import download_bytes, replace_rows_once, upload_once, words_of, zeros
+from ..device.cl_device import Compute
+from ..row_ops import any_in_rows
+from .border_texels import OPTIONS, SOURCE, BorderTexels, DeviceBorder
+from .geometry import PatchGeometry
+from .host_border_texels import HostBorder
+from .patch_list import PatchList
+
+#: Nearer to an edge than this, texels, is on it; as in kernels/edge_patches.cl.
+_ON_EDGE = 0.02
+
+#: Components of a unit vector that are larger lead to a neighbour; as there.
+_LEADING = 0.3
+
+
+def away_from_edges(
+    compute: Compute | None, geometry: PatchGeometry, patches: PatchList, texel_to_patch: np.ndarray
+) -> PatchList:
+    """Return patches, those on the edge of a chart in the middle of what their triangle covers of the texel.
+
+    A point on the edge where two walls meet would look past the other wall.
+
+    texel_to_patch: that of `PatchList.on_texels`
+    """
+    if compute:
+        found = _found_on_edges(compute, geometry, patches, texel_to_patch)
+    else:
+        found = _at_ends_of_charts(patches, texel_to_patch, geometry)
+    if not len(found):
+        return patches
+    border = BorderTexels(patches.key[found], patches.triangle[found])
+    texels = DeviceBorder(compute, geometry, border) if compute else HostBorder(geometry, border)
+    middles = texels.middles(np.arange(len(found)), patches.resolution)
+    barycentric = patches.barycentric.copy()
+    barycentric[found] = middles
+    if compute:
+        replace_rows_once(compute, patches.barycentric, barycentric, found)
+    return patches.moved(barycentric)
+
+
+def _found_on_edges(
+    compute: Compute, geometry: PatchGeometry, patches: PatchList, texel_to_patch: np.ndarray
+) -> np.ndarray:
+    """Return what `_at_ends_of_charts` does, by the device."""
+    (kernel,) = compute.kernels(SOURCE, "find_edge_patches", options=OPTIONS)
+    arrays = geometry.triangles.uvs, texel_to_patch, patches.triangle, patches.barycentric
+    inputs = [upload_once(compute, array) for array in arrays]
+    size = texel_to_patch.size
+    marks = zeros(compute, words_of(size))
+    compute.run(kernel, size, *inputs, np.int32(patches.resolution), marks, np.int32(size))
+    texels = np.flatnonzero(download_bytes(compute, marks, size).view(bool))
+    found: np.ndarray = texel_to_patch.ravel()[texels].astype(np.int64) - 1
+    return found
+
+
+def _at_ends_of_charts(patches: PatchList, texel_to_patch: np.ndarray, geometry: PatchGeometry) -> np.ndarray:
+    """Return the patches on an edge of their triangle beyond which no texel is a patch, (k,) int64."""
+    around = np.pad(texel_to_patch > 0, ((0, 0), (1, 1), (1, 1)))
+    outer = around[:, :-2, 1:-1] & around[:, 2:, 1:-1]
+    outer &= around[:, 1:-1, :-2]
+    outer &= around[:, 1:-1, 2:]
+    np.greater(around[:, 1:-1, 1:-1], outer, out=outer)
+    beside = texel_to_patch.ravel()[np.flatnonzero(outer)].astype(np.int64) - 1
+    distance, outward = _edges(geometry.part(beside), patches.resolution)
+    row, column = np.divmod(patches.texel[beside], patches.resolution)
+    step = np.where(np.abs(outward) > _LEADING, np.sign(outward), 0).astype(np.int64)
+    atlas = patches.atlas[beside][:, None]
+    beyond = around[atlas, row[:, None] + 1, column[:, None] + 1 + step[..., 0]] & (step[..., 0] != 0)
+    beyond |= around[atlas, row[:, None] + 1 + step[..., 1], column[:, None] + 1] & (step[..., 1] != 0)
+    return beside[any_in_rows((distance < _ON_EDGE) & ~beyond)]
+
+
+def _edges(geometry: PatchGeometry, resolution: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return how far patches are from the edges of their triangles on the lightmap, (k, 3) float64, texels.
+
+    The second array, (k, 3, 2) float64, has unit vectors away from the triangle. Edge i is opposite corner i.
+    """
+    corners = geometry.triangles.uvs[geometry.triangle].astype(np.float64) * resolution
+    start = np.roll(corners, -1, axis=1)
+    along = np.roll(corners, 1, axis=1) - start
+    length = np.maximum(np.hypot(along[..., 0], along[..., 1]), 1e-30)[..., None]
+    normal = np.stack([along[..., 1], -along[..., 0]], axis=-1) / length
+    height = np.einsum("kid,kid->ki", start - corners, normal)
+    outward = normal * np.where(height < 0, -1.0, 1.0)[..., None]
+    return geometry.barycentric * np.abs(height), outward

@@ -1,0 +1,267 @@
+"""What each patch reflects and emits: constants and textures, averaged over the patch's texel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+
+from ..device.buffers import upload, upload_once
+from ..device.cl_device import Compute
+from ..device.device_array import DeviceValues, Values, colors_on_host, some_of
+from ..row_ops import any_in_rows, nonzero_rows, some_rows
+from ..scene.digests import same_values
+from ..scene.model import Scene
+from ..scene.texture import Texture
+from ..threaded_slabs import taken
+from .geometry import PatchGeometry
+from .host_texture_means import multiply_on_host
+from .texture_means import TextureMeans
+from .textured import TexturedPatches, textured_patches
+
+#: What materials give to patches, each a colour times a texture.
+_KINDS = ("reflectance", "emission")
+
+#: Patches that a mean is made of, about.
+_ASKED = 1 << 10
+
+#: Multiplies values of patches, (n, 3) float32, by textures of their materials.
+_Multiplier = Callable[[Any, Sequence[tuple[TexturedPatches, Texture]]], None]
+
+
+@dataclass(frozen=True)
+class PatchSurfaces:
+    """Surfaces as the solver needs them.
+
+    reflectance    (n, 3) float32, where it was made: of translucent surfaces the sum of diffuse reflectance
+                   and transmittance
+    emission       (n, 3) float32, radiance of the front
+    back_emission  (n, 3) float32, radiance of the back; None if it is that of the front
+    own            (n, 3) float32, the part of `reflectance` that is reflected; None if all of it is
+    """
+
+    reflectance: Values
+    emission: np.ndarray
+    back_emission: np.ndarray | None = None
+    own: np.ndarray | None = None
+
+    @property
+    def emission_of_backs(self) -> np.ndarray:
+        """Radiance of the back of each patch, (n, 3) float32."""
+        return self.emission if self.back_emission is None else self.back_emission
+
+    @cached_property
+    def shining(self) -> np.ndarray:
+        """Patches that emit from either side, (k,) int64."""
+        if self.back_emission is None:
+            return nonzero_rows(self.emission)
+        return np.flatnonzero(any_in_rows(self.emission) | any_in_rows(self.back_emission))
+
+    @cached_property
+    def mean_reflectance(self) -> float:
+        """Mean of patches at even distances in their list, of the channels; 0 without any."""
+        count = len(self.reflectance)
+        some = np.arange(0, count, max(1, count // _ASKED))
+        return float(some_of(self.reflectance, some).mean()) if count else 0.0
+
+    def shine_as(self, others: PatchSurfaces) -> bool:
+        """Return whether the same patches emit."""
+        same = self.emission is others.emission and self.back_emission is others.back_emission
+        return same or np.array_equal(self.shining, others.shining)
+
+    def black_at(self, patches: np.ndarray) -> PatchSurfaces:
+        """Return the same, but that some patches, (n,) bool, reflect nothing."""
+        places = np.flatnonzero(patches)
+        if not len(places):
+            return self
+        if isinstance(self.reflectance, DeviceValues):
+            return replace(self, reflectance=self.reflectance.black_at(places))
+        reflectance = self.reflectance.copy()
+        reflectance[places] = 0
+        return replace(self, reflectance=reflectance)
+
+
+@dataclass(frozen=True)
+class KnownSurfaces:
+    """What patches reflected and emitted in a scene before: most of them still do."""
+
+    scene: Scene
+    surfaces: PatchSurfaces
+
+    def shown_by(self, scene: Scene, kind: str) -> np.ndarray:
+        """Return which materials of a scene of the same geometry have the same of a kind, (m,) bool."""
+        pairs = zip(self.scene.meshes, scene.meshes, strict=True)
+        if not all(same_values(mesh.texture_uvs, other.texture_uvs) for mesh, other in pairs):
+            return np.zeros(len(scene.materials), bool)
+        materials = zip(self.scene.materials, scene.materials, strict=True)
+        return np.array([
+            all(same_values(getattr(here, name), getattr(there, name)) for name in (kind, f"{kind}_map"))
+            for here, there in materials
+        ])  # fmt: skip
+
+
+def patch_surfaces(
+    compute: Compute | None,
+    scene: Scene,
+    geometry: PatchGeometry,
+    resolution: int,
+    known: KnownSurfaces | None = None,
+) -> PatchSurfaces:
+    """Return what every patch of lightmaps of a resolution reflects and emits.
+
+    known: of the same patches in a scene of the same geometry; None to read all textures
+    """
+    if any(material.translucent for material in scene.materials):
+        return _translucent_surfaces(compute, scene, geometry, resolution)
+    if known is None:
+        return _made_surfaces(compute, scene, geometry, resolution)
+    values: dict[str, Values] = {}
+    textures: dict[str, list[Texture | None]] = {}
+    for kind in _KINDS:
+        maps = _maps(scene, kind)
+        same, before = known.shown_by(scene, kind), getattr(known.surfaces, kind)
+        if same.all():
+            values[kind] = before
+            continue
+
+        # Textures that stay are not read again.
+        made = values[kind] = _constants(scene, kind, geometry)
+        textures[kind] = [None if stays else texture for stays, texture in zip(same, maps, strict=True)]
+        stays = same & [texture is not None for texture in maps]
+        if stays.any():
+            rows = np.flatnonzero(stays[geometry.material])
+            made[rows] = some_of(before, rows)
+    device = compute if compute is not None and _fits(compute, list(textures.values())) else None
+    _multiply(device, scene, geometry, resolution, [(values[kind], textures[kind]) for kind in textures])
+    backs = _back_emission(compute, scene, geometry, resolution)
+    return PatchSurfaces(values["reflectance"], colors_on_host(values["emission"]), backs)
+
+
+def _made_surfaces(
+    compute: Compute | None, scene: Scene, geometry: PatchGeometry, resolution: int
+) -> PatchSurfaces:
+    """Return what `patch_surfaces` does where nothing is known; a device keeps what patches reflect."""
+    maps = [_maps(scene, kind) for kind in _KINDS]
+    device = compute if compute is not None and _fits(compute, maps) else None
+    reflectance: Values = (
+        _constants_on(device, scene, geometry) if device else _constants(scene, "reflectance", geometry)
+    )
+    emission = _constants(scene, "emission", geometry)
+    _multiply(device, scene, geometry, resolution, list(zip((reflectance, emission), maps, strict=True)))
+    surfaces = PatchSurfaces(reflectance, emission, _back_emission(compute, scene, geometry, resolution))
+
+    # Few materials emit: all other patches need not be asked.
+    if surfaces.back_emission is None:
+        vars(surfaces)["shining"] = _shining(scene, geometry, emission)
+    return surfaces
+
+
+def _back_emission(
+    compute: Compute | None, scene: Scene, geometry: PatchGeometry, resolution: int
+) -> np.ndarray | None:
+    """Return the radiance of the back of each patch, (n, 3) float32; None if it is that of the front."""
+    if all(material.back is None for material in scene.materials):
+        return None
+    backs = [
+        material
+        if material.back is None
+        else replace(material, emission=material.back.emission, emission_map=material.back.emission_map)
+        for material in scene.materials
+    ]
+    turned = replace(scene, materials=tuple(backs))
+    emission, maps = _constants(turned, "emission", geometry), _maps(turned, "emission")
+    device = compute if compute is not None and _fits(compute, [maps]) else None
+    _multiply(device, turned, geometry, resolution, [(emission, maps)])
+    return emission
+
+
+def _translucent_surfaces(
+    compute: Compute | None, scene: Scene, geometry: PatchGeometry, resolution: int
+) -> PatchSurfaces:
+    """Return what `patch_surfaces` does where some materials are translucent."""
+    surfaces = _made_surfaces(compute, scene, geometry, resolution)
+    transmitted = _constants(scene, "translucency", geometry)
+    maps = _maps(scene, "translucency")
+    device = compute if compute is not None and _fits(compute, [maps]) else None
+    _multiply(device, scene, geometry, resolution, [(transmitted, maps)])
+    reflected = colors_on_host(surfaces.reflectance)
+    total = reflected + transmitted
+    own = np.divide(reflected, total, out=np.ones_like(total), where=transmitted > 0)
+    made = replace(surfaces, reflectance=total, own=own)
+    vars(made)["shining"] = surfaces.shining
+    return made
+
+
+def _maps(scene: Scene, kind: str) -> list[Texture | None]:
+    """Return the texture of a kind of each material."""
+    return [getattr(material, f"{kind}_map") for material in scene.materials]
+
+
+def _shining(scene: Scene, geometry: PatchGeometry, emission: np.ndarray) -> np.ndarray:
+    """Return `PatchSurfaces.shining`: patches of materials that emit whose textures leave some of it."""
+    emits = np.array([material.emission.any() for material in scene.materials], bool)
+    if not emits.any():
+        return np.zeros(0, np.int64)
+    patches = np.flatnonzero(taken(emits.take(geometry.triangles.material), geometry.triangle))
+    return patches[any_in_rows(some_rows(emission, patches))]
+
+
+def _multiply(
+    compute: Compute | None,
+    scene: Scene,
+    geometry: PatchGeometry,
+    resolution: int,
+    kinds: Sequence[tuple[Values, Sequence[Texture | None]]],
+) -> None:
+    """Multiply values of patches, (n, 3) float32, by textures of each material, where it has one.
+
+    compute: holds each texture, and values that are on a device; None to multiply on the host
+    """
+    if any(texture for _, textures in kinds for texture in textures):
+        chosen = [any(maps) for maps in zip(*(textures for _, textures in kinds), strict=True)]
+        textured = textured_patches(geometry, resolution, chosen)
+        multiply: _Multiplier = (
+            TextureMeans(compute, geometry, scene.meshes).multiply
+            if compute
+            else partial(multiply_on_host, geometry, scene.meshes)
+        )
+        for values, textures in kinds:
+            multiply(values, _on_patches(textures, textured))
+
+
+def _fits(compute: Compute, maps: Sequence[Sequence[Texture | None]]) -> bool:
+    """Return whether a device holds each of some textures."""
+    sizes = [texture.pixels.nbytes for textures in maps for texture in textures if texture]
+    return max(sizes, default=0) <= int(compute.device.max_mem_alloc_size)
+
+
+def _constants(scene: Scene, kind: str, geometry: PatchGeometry) -> np.ndarray:
+    """Return the colour of a kind of each patch's material, (n, 3) float32."""
+    colors = [getattr(material, kind) for material in scene.materials]
+    if not np.any(colors):
+        return np.zeros((len(geometry.triangle), 3), np.float32)
+    return taken(_of_triangles(colors, geometry), geometry.triangle)
+
+
+def _constants_on(compute: Compute, scene: Scene, geometry: PatchGeometry) -> DeviceValues:
+    """Return what each patch's material reflects, on a device."""
+    colors = _of_triangles([material.reflectance for material in scene.materials], geometry)
+    of_triangle = DeviceValues(compute, upload(compute, colors), len(colors))
+    return of_triangle.taken(upload_once(compute, geometry.triangle), len(geometry.triangle))
+
+
+def _of_triangles(colors: Sequence[np.ndarray], geometry: PatchGeometry) -> np.ndarray:
+    """Return the colour of each triangle's material, (t, 3) float32."""
+    table: np.ndarray = np.stack(colors).astype(np.float32).take(geometry.triangles.material, axis=0)
+    return table
+
+
+def _on_patches(
+    textures: Sequence[Texture | None], textured: Sequence[TexturedPatches | None]
+) -> list[tuple[TexturedPatches, Texture]]:
+    """Return the textures, one a material, that patches show, with these patches."""
+    maps = zip(textured, textures, strict=True)
+    return [(patches, texture) for patches, texture in maps if texture and patches and len(patches.patch)]

@@ -1,0 +1,108 @@
+"""Texture space subdivision: a scene's triangles and its patches, with all that is known about them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ..device.cl_device import Compute
+from ..device.gl_context import Graphics
+from ..scene.cutouts import Cutouts, read_cutouts
+from ..scene.model import Scene
+from ..scene.triangles import Triangles, join_meshes
+from ..settings import Settings
+from .chart_texels import Charts, read_charts
+from .geometry import PatchGeometry, texel_steps
+from .patch_list import PatchList
+from .patch_materials import KnownSurfaces, PatchSurfaces, patch_surfaces
+from .sides import Sides, pair_sides
+from .texel_to_patch import IndexMap, index_map
+
+
+@dataclass(frozen=True)
+class Subdivision:
+    """Which texels are patches, where they are, and what they are made of.
+
+    cutouts         what light passes through on the triangles
+    texel_to_patch  (atlases, r, r) uint32 index map: patch + 1, or 0
+    warnings        sentences for the user
+    back_to_back    whether faces lie on one another that look apart
+    charts, index   what the next subdivision may start from, if they are known
+    sides           pairs of patches on both sides of translucent surfaces; None if there are none
+    """
+
+    triangles: Triangles
+    cutouts: Cutouts
+    patches: PatchList
+    geometry: PatchGeometry
+    surfaces: PatchSurfaces
+    texel_to_patch: np.ndarray
+    warnings: tuple[str, ...]
+    back_to_back: bool = False
+    charts: Charts | None = None
+    index: IndexMap | None = None
+    sides: Sides | None = None
+
+    def part(self, chosen: np.ndarray | slice) -> Subdivision:
+        """Return some patches, which see all of them."""
+        return self.seen_from(self.patches.part(chosen), self.geometry.part(chosen))
+
+    def seen_from(self, patches: PatchList, geometry: PatchGeometry) -> Subdivision:
+        """Return other patches on the same triangles, which see these ones."""
+        others = replace(self, patches=patches, geometry=geometry, sides=None)
+
+        # The index map is the same: its largest number is not looked for again.
+        vars(others)["sources"] = self.sources
+        return others
+
+    def with_surfaces(self, surfaces: PatchSurfaces) -> Subdivision:
+        """Return the same patches of other materials."""
+        own = surfaces.own
+        sides = None if own is None else pair_sides(self.triangles, self.patches, own)
+        return replace(self, surfaces=surfaces, sides=sides)
+
+    @cached_property
+    def sources(self) -> int:
+        """Patches that can be seen: the largest number in the index map."""
+        return int(self.texel_to_patch.max(initial=0))
+
+
+def subdivide(
+    graphics: Graphics,
+    compute: Compute | None,
+    scene: Scene,
+    settings: Settings,
+    before: tuple[Subdivision, Scene | None] | None = None,
+) -> Subdivision:
+    """Make the patches of a scene (paper, III.A and IV.A); raises Scene-, Settings-, PatchFileError.
+
+    before: those of the scene before something moved, by the same settings, and that scene, if it is known.
+    Triangles that stay keep their bits, see `join_meshes`; charts that stay are not drawn again.
+    """
+    last = before[0] if before else None
+    triangles = join_meshes(scene, last.triangles if last else None)
+    steps = texel_steps(triangles, settings.resolution)
+    charts = last.charts if last else None
+    if last is None or charts is None or not charts.suit(scene, triangles, last.triangles):
+        charts, last = read_charts(graphics, compute, scene, triangles, settings), None
+    covered = PatchGeometry(triangles, steps, charts.patches.triangle, charts.patches.barycentric)
+    vars(covered)["on_triangle"] = charts.on_triangle
+    index = index_map(compute, covered, charts, last.index if last else None)
+    patches, geometry = index.patches, covered.at(index.patches)
+
+    # What patches are made of, which is known where they are the same and of the same materials.
+    known = None
+    if before and before[1] and last and _same_materials(last, triangles, patches):
+        known = KnownSurfaces(before[1], last.surfaces)
+    surfaces = patch_surfaces(compute, scene, geometry, settings.resolution, known)
+    return Subdivision(
+        triangles, read_cutouts(scene), patches, geometry, surfaces, index.texel_to_patch, charts.warnings,
+        charts=charts, index=index,
+    ).with_surfaces(surfaces)  # fmt: skip
+
+
+def _same_materials(before: Subdivision, triangles: Triangles, patches: PatchList) -> bool:
+    """Return whether patches are those of before, and their triangles of the same materials."""
+    return before.patches is patches and np.array_equal(before.triangles.material, triangles.material)

@@ -1,0 +1,135 @@
+"""Which texels triangles touch: to find overlapping charts, and surfaces that cover no texel's centre."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..device.gl_context import Graphics
+from ..errors import OverlapError
+from ..object_message import naming
+from ..row_ops import any_in_rows
+from ..scene.model import Scene
+from ..scene.triangles import Triangles
+from .border_texels import BorderTexels
+from .chart_raster import OVERLAP, TOUCHED, draw_charts
+from .geometry import PatchGeometry
+from .patch_list import PatchList
+
+#: Charts overlap if more than this fraction of an object's texels is covered twice.
+_OVERLAP_TOLERANCE = 0.005
+
+
+def border_texels(graphics: Graphics, triangles: Triangles, texel_to_patch: np.ndarray) -> BorderTexels:
+    """Return all texels that a triangle touches and that are 0 in an index map, (atlases, r, r) uint32."""
+    found = [
+        _border_texels_in(graphics, triangles, atlas, covered) for atlas, covered in enumerate(texel_to_patch)
+    ]
+    texel, triangle = zip(*found, strict=True)
+    return BorderTexels(np.concatenate(texel), np.concatenate(triangle))
+
+
+def _border_texels_in(
+    graphics: Graphics, triangles: Triangles, atlas: int, covered: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the border texels of one atlas, and the triangle that touches each nearest to its centre."""
+    chosen = np.flatnonzero(triangles.atlas == atlas).astype(np.int32)
+    (number,) = draw_charts(graphics, TOUCHED, triangles.uvs[chosen], len(covered))
+    texel = np.flatnonzero((number[:, 0] > 0) & (covered.ravel() == 0))
+    return atlas * covered.size + texel, chosen[number[texel, 0] - 1]
+
+
+def note_uncovered(scene: Scene, texels: np.ndarray) -> list[str]:
+    """Return warnings that name the objects without an area, and those whose UVs cover no texel's centre.
+
+    texels: see `covered_texels`
+    """
+    filled = [mesh for mesh in scene.meshes if len(mesh.face)]
+    shrunk = dict.fromkeys(
+        mesh.name
+        for mesh, has_area in zip(filled, _have_area([mesh.positions[0] for mesh in filled]), strict=True)
+        if not (has_area or _have_area(mesh.positions).any())
+    )
+    small = [
+        mesh.name
+        for mesh, count in zip(scene.meshes, texels, strict=True)
+        if not count and len(mesh.face) and mesh.name not in shrunk
+    ]
+    sentences = {
+        "The lightmap UVs of {} are too small to cover a texel: their light is a guess. "
+        "Unwrap them again or raise the resolution.": small,
+        "Scaled to nothing, so that no light falls on them: {}. Give them a scale.": list(shrunk),
+    }
+    return [naming(sentence, names) for sentence, names in sentences.items() if names]
+
+
+def _have_area(positions: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
+    """Return which of some triangles, (t, 3, 3), have an area, (t,) bool."""
+    edges = np.diff(np.asarray(positions, np.float64).reshape(-1, 3, 3), axis=1)
+    have: np.ndarray = any_in_rows(np.cross(edges[:, 0], edges[:, 1]))
+    return have
+
+
+def covered_texels(scene: Scene, geometry: PatchGeometry) -> np.ndarray:
+    """Return on how many texels each object has patches, (objects,) int64."""
+    mesh = geometry.triangles.mesh
+    texels: np.ndarray = np.bincount(mesh, geometry.on_triangle, len(scene.meshes)).astype(np.int64)
+    return texels
+
+
+def check_overlap(
+    graphics: Graphics, scene: Scene, triangles: Triangles, patches: PatchList, texels: np.ndarray
+) -> list[str]:
+    """Return a warning for each object a few of whose texels are covered by several triangles.
+
+    texels: see `covered_texels`. Raises OverlapError, naming the objects, if charts truly overlap.
+    """
+    found = []
+    for atlas in range(len(scene.atlases)):
+        uvs = triangles.uvs[triangles.atlas == atlas]
+        (count,) = draw_charts(graphics, OVERLAP, uvs, patches.resolution)
+        found.append(atlas * len(count) + np.flatnonzero(count[:, 0] > 1))
+    keys = np.concatenate(found)
+    place = np.searchsorted(patches.key, keys).clip(max=len(patches) - 1)
+    twice = place[patches.key[place] == keys]
+    mesh = triangles.mesh[patches.triangle[twice]]
+
+    # Fractions of each object's texels; rounding at common chart borders doubles a few texels at most.
+    doubled = np.bincount(mesh, minlength=len(scene.meshes))
+    bad = doubled > np.maximum(_OVERLAP_TOLERANCE * texels, 2)
+    if bad.any():
+        raise OverlapError(_overlap_message(scene, triangles, patches, twice[bad[mesh]]))
+    return [
+        naming(
+            f"Object {{}}: {doubled[index]} lightmap texels are covered twice.", [scene.meshes[index].name]
+        )
+        for index in np.flatnonzero(doubled)
+    ]
+
+
+def _overlap_message(scene: Scene, triangles: Triangles, patches: PatchList, doubled: np.ndarray) -> str:
+    """Name the objects that meet in a sample of the doubled texels."""
+    sample = doubled[:: max(1, len(doubled) // 64)]
+    meshes = {int(mesh) for patch in sample for mesh in _meshes_at(triangles, patches, int(patch))}
+    names = [scene.meshes[mesh].name for mesh in sorted(meshes)]
+    atlas = scene.atlases[int(patches.atlas[sample[0]])]
+    fraction = len(doubled) / max(1, int(np.isin(triangles.mesh[patches.triangle], list(meshes)).sum()))
+    sentence = (
+        f"Lightmap UVs overlap in atlas '{atlas}' ({fraction:.0%} of the texels of {{}}). "
+        "Unwrap or pack them without overlaps, or give the objects atlases of their own."
+    )
+    return naming(sentence, names)
+
+
+def _meshes_at(triangles: Triangles, patches: PatchList, patch: int) -> np.ndarray:
+    """Return the meshes of all triangles that cover a patch's texel centre."""
+    resolution = patches.resolution
+    texel = int(patches.texel[patch])
+    center = (np.array([texel % resolution, texel // resolution]) + 0.5) / resolution
+    uvs = triangles.uvs[triangles.atlas == patches.atlas[patch]].astype(np.float64)
+    from_center = uvs - center
+    to_next = np.roll(uvs, -1, axis=1) - uvs
+    side = from_center[..., 0] * to_next[..., 1] - from_center[..., 1] * to_next[..., 0]
+    inside = (side >= 0).all(axis=1) | (side <= 0).all(axis=1)
+    return np.unique(triangles.mesh[triangles.atlas == patches.atlas[patch]][inside])

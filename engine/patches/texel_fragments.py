@@ -1,0 +1,203 @@
+"""What triangles cover of texels that they do not fill: conservative rasterisation of lightmap UVs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import reduce
+from typing import NamedTuple
+
+import numpy as np
+import pyopencl as cl
+
+from ..device.buffers import download, upload, zeros
+from ..device.cl_device import Compute
+from ..row_ops import joined_rows, some_rows
+from ..scene.triangles import Triangles
+from ..sorted_runs import order_of
+
+#: Least area of a piece, of a texel: what is smaller comes from rounding.
+_LEAST_PIECE = 1e-6
+
+_NAMES = ("border_texels", "piece_areas", "points_in_texels", "list_points")
+
+#: Bytes of a triangle, a texel, barycentrics, a position and a weight.
+_OF_POINT = (4, 4, 12, 8, 4)
+
+
+@dataclass(frozen=True)
+class TexelPieces:
+    """Parts of texels that lie in one triangle each.
+
+    atlas     (m,) int32
+    texel     (m,) int32, row * resolution + column
+    triangle  (m,) int32
+    area      (m,) float32, of a texel
+    """
+
+    atlas: np.ndarray
+    texel: np.ndarray
+    triangle: np.ndarray
+    area: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.texel)
+
+    def keys(self, resolution: int) -> np.ndarray:
+        """Return atlas * r * r + texel of each piece, (m,) int64."""
+        keys: np.ndarray = self.atlas.astype(np.int64) * resolution**2 + self.texel
+        return keys
+
+    def part(self, chosen: np.ndarray | slice) -> TexelPieces:
+        """Return some pieces, by a mask or their numbers."""
+        columns = self.atlas, self.texel, self.triangle, self.area
+        return TexelPieces(*(some_rows(column, chosen) for column in columns))
+
+
+class TexelPoints(NamedTuple):
+    """Points of texels, in the order of these; nobody changes them.
+
+    atlas        (s,) int32
+    texel        (s,) int32, row * resolution + column
+    triangle     (s,) int32
+    barycentric  (s, 3) float32
+    position     (s, 2) float32, on the lightmap, texels
+    weight       (s,) float32, texels
+    """
+
+    atlas: np.ndarray
+    texel: np.ndarray
+    triangle: np.ndarray
+    barycentric: np.ndarray
+    position: np.ndarray
+    weight: np.ndarray
+
+
+def joined_pieces(several: list[TexelPieces]) -> TexelPieces:
+    """Return some pieces, then others; there is one list at least."""
+    names = TexelPieces.__dataclass_fields__
+    return TexelPieces(*(joined_rows([getattr(pieces, name) for pieces in several]) for name in names))
+
+
+class TexelClipper:
+    """Clips triangles of lightmaps at texels, on the OpenCL device, which keeps what it needs of them."""
+
+    def __init__(self, compute: Compute, triangles: Triangles, resolution: int) -> None:
+        self.compute, self._triangles, self._resolution = compute, triangles, resolution
+        self._kernels = dict(zip(_NAMES, compute.kernels("texel_pieces.cl", *_NAMES), strict=True))
+        self._uvs = upload(compute, triangles.uvs.astype(np.float32, copy=False))
+        self._listed: dict[int, tuple] = {}
+
+    def rows(self, atlases: int) -> tuple:
+        """Return how many rows of texels the triangles of the first atlases touch, and these on the device.
+
+        They are made once.
+        """
+        if atlases not in self._listed:
+            self._listed[atlases] = self._list_rows(atlases)
+        return self._listed[atlases]
+
+    def border_pieces(self, wanted: np.ndarray) -> TexelPieces:
+        """Return the pieces of wanted texels, (atlases, r, r) bool, that triangles touch and do not fill.
+
+        They are in the order of these texels.
+        A texel that no border of a triangle crosses may have a piece here, too: one triangle fills it.
+        """
+        count, *buffers = self.rows(len(wanted))
+        if not count:
+            none = np.zeros(0, np.int32)
+            return self._pieces(none, none, np.zeros(0, np.float32))
+        compute = self.compute
+        rows = (self._uvs, *buffers, upload(compute, wanted.view(np.uint8)), np.int32(self._resolution))
+
+        # Count, then list.
+        starts, none = zeros(compute, 4 * count), zeros(compute, 4)
+        self._run("border_texels", count, *rows, np.int32(0), starts, none, none, none)
+        ends = np.cumsum(self._read(starts, count, "i4"))
+        first = np.concatenate([[0], ends[:-1]]).astype(np.int32)
+        found = [zeros(compute, 4 * max(1, int(ends[-1]))) for _ in range(3)]
+        self._run("border_texels", count, *rows, np.int32(1), upload(compute, first), *found)
+        kinds = ("i4", "i4", "f4")
+        pieces = self._pieces(
+            *(self._read(*pair) for pair in zip(found, [int(ends[-1])] * 3, kinds, strict=True))
+        )
+        return pieces.part(order_of(pieces.keys(self._resolution)))
+
+    def pieces_at(self, triangle: np.ndarray, texel: np.ndarray) -> TexelPieces:
+        """Return what triangles, (m,), cover of texels, (m,), of their own atlases, where it is anything."""
+        count = len(texel)
+        areas = zeros(self.compute, 4 * max(1, count))
+        self._run("piece_areas", count, self._uvs, *self._where(triangle, texel), areas)
+        return self._pieces(triangle, texel, self._read(areas, count, "f4"))
+
+    def points_in_texels(self, pieces: TexelPieces, starts: np.ndarray, side: int) -> TexelPoints:
+        """Return the points of texels, `side` squared for each; see kernels/texel_pieces.cl.
+
+        pieces  in the order of their texels
+        starts  (t,) int64, the first piece of each texel
+        """
+        each, texels = side**2, len(starts)
+        where = [self._indices(pieces.triangle), self._indices(pieces.texel)]
+        found = [self._buffer(size * texels) for size in (4 * each, 12 * each, 8 * each, 4)]
+        ends, counts = self._indices(np.append(starts, len(pieces))), self._buffer(4 * texels)
+        area = upload(self.compute, pieces.area) if texels else counts
+        sides = np.int32(self._resolution), np.int32(side)
+        self._run("points_in_texels", texels, self._uvs, *where, area, ends, *sides, *found, counts)
+
+        # Who uploads the points finds them on the device.
+        last = np.cumsum(self._read(counts, texels, "i4"))
+        firsts, total = self._indices(np.append(0, last[:-1])), int(last[-1]) if texels else 0
+        listed = [self._buffer(size * total) for size in _OF_POINT]
+        self._run("list_points", texels, *where, *found, firsts, np.int32(each), *listed)
+        triangle, texel = (self._points(buffer, (total,), "i4") for buffer in listed[:2])
+        shapes = (total, 3), (total, 2), (total,)
+        others = (self._points(*pair, "f4") for pair in zip(listed[2:], shapes, strict=True))
+        return TexelPoints(self._triangles.atlas[triangle], texel, triangle, *others)
+
+    def _list_rows(self, atlases: int) -> tuple:
+        """Return how many rows `_rows` returns, these on the device, and the atlas of each triangle."""
+        triangle, row = self._rows(atlases)
+        arrays = (triangle, row, self._triangles.atlas.astype(np.int32, copy=False))
+        return len(triangle), *(upload(self.compute, array) for array in arrays if len(triangle))
+
+    def _rows(self, atlases: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return each triangle of the first atlases with each row of texels that it touches, (m,) int32."""
+        triangles, resolution = self._triangles, self._resolution
+        chosen = np.flatnonzero(triangles.atlas < atlases)
+        corners = [np.ascontiguousarray(triangles.uvs[:, corner, 1]) for corner in range(3)]
+        low, high = (reduce(choose, corners)[chosen] for choose in (np.minimum, np.maximum))
+        first = np.clip(np.floor(low * np.float64(resolution)), 0, resolution).astype(np.int32)
+        last = np.clip(np.ceil(high * np.float64(resolution)), first, resolution).astype(np.int32)
+        count = last - first
+        before = np.cumsum(count) - count
+        row = np.arange(count.sum(), dtype=np.int32)
+        row += np.repeat((first - before).astype(np.int32), count)
+        return np.repeat(chosen.astype(np.int32), count), row
+
+    def _pieces(self, triangle: np.ndarray, texel: np.ndarray, area: np.ndarray) -> TexelPieces:
+        """Return pieces that have an area."""
+        pieces = TexelPieces(self._triangles.atlas[triangle], texel, triangle, area)
+        return pieces.part(area > _LEAST_PIECE)
+
+    def _where(self, *arrays: np.ndarray) -> tuple:
+        """Return arrays on the device, as int32, and the resolution."""
+        return (*map(self._indices, arrays), np.int32(self._resolution))
+
+    def _indices(self, values: np.ndarray) -> cl.Buffer:
+        """Return numbers on the device, as int32; there may be none."""
+        return upload(self.compute, values.astype(np.int32)) if len(values) else zeros(self.compute, 8)
+
+    def _read(self, buffer: cl.Buffer, count: int, kind: str) -> np.ndarray:
+        return download(self.compute, buffer, (count,)).view(kind) if count else np.zeros(0, kind)
+
+    def _points(self, buffer: cl.Buffer, shape: tuple[int, ...], kind: str) -> np.ndarray:
+        """Return what a buffer holds of points; who uploads it once gets the buffer."""
+        values = self._read(buffer, int(np.prod(shape)), kind).reshape(shape)
+        self.compute.shared.of(values, "bits", lambda: buffer)
+        return values
+
+    def _buffer(self, size: int) -> cl.Buffer:
+        return cl.Buffer(self.compute.context, cl.mem_flags.READ_WRITE, max(4, size))
+
+    def _run(self, name: str, count: int, *arguments: object) -> None:
+        if count:
+            self.compute.run(self._kernels[name], count, *arguments, np.int32(count))

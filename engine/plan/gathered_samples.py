@@ -1,0 +1,32 @@
+"""Display samples and the light that they receive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..numpy_pickle import Portable
+from ..postprocess.push_off import WaysOut
+from ..postprocess.texel_samples import DisplaySamples
+
+
+@dataclass(frozen=True)
+class LitSamples(Portable):
+    """Some samples, where they are after they were pushed out, and what they receive; see `DisplayLight`.
+
+    irradiance  (s, 3) float32, E/pi of all light
+    """
+
+    samples: DisplaySamples
+    ways: WaysOut
+    visible: np.ndarray
+    normals: np.ndarray
+    irradiance: np.ndarray
+    values: dict[str, np.ndarray]
+
+    def part(self, chosen: slice) -> LitSamples:
+        """Return some of them."""
+        some = self.samples.part(chosen), self.ways.part(chosen)
+        rest = self.visible[chosen], self.normals[chosen], self.irradiance[chosen]
+        return LitSamples(*some, *rest, {name: light[chosen] for name, light in self.values.items()})

@@ -1,0 +1,42 @@
+"""Light of points on translucent surfaces, blended with that of their other sides."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import numpy as np
+
+from ..gather.device_l1 import L1
+from ..patches.sides import Sides
+from .output_maps import Light
+
+
+class BlendedLight:
+    """What points receive, as a `Light`, of which pairs lie on both sides of translucent surfaces."""
+
+    def __init__(self, light: Light, sides: Sides) -> None:
+        self._light, self._sides = light, sides
+
+    @property
+    def irradiance(self) -> np.ndarray:
+        """E/pi of all light, (n, 3) float32."""
+        return self._sides.blend(self._light.irradiance)
+
+    @property
+    def light(self) -> np.ndarray:
+        """E/pi of all light; see `irradiance`."""
+        return self.irradiance
+
+    @property
+    def direct(self) -> np.ndarray:
+        """E/pi of light that was not reflected, (n, 3) float32."""
+        return self._sides.blend(self._light.direct)
+
+    @property
+    def indirect(self) -> np.ndarray:
+        """E/pi of light that was, (n, 3) float32."""
+        return self._sides.blend(self._light.indirect)
+
+    def gather_l1(self) -> Generator[float, None, L1]:
+        """Return the L1 of their own sides; translucent points have no direction, see `Outputs.make`."""
+        return (yield from self._light.gather_l1())

@@ -1,0 +1,106 @@
+"""Seams that something stands on: light differs on both sides, and shall."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..device.buffers import download_bytes, upload, words_of, zeros
+from ..device.cl_device import Compute
+from ..patches.patch_scene import Subdivision
+from ..patches.seams import Seams
+from ..row_ops import all_in_rows
+from ..visibility.rays.ray_scene import RayScene
+from .bilinear import footprints
+from .device_images import DeviceTexels
+
+#: Light on both sides of a seam is another one if it differs by more than this part.
+_DIFFERS = 0.25
+
+#: How high above the surface something has to stand between two patches, in parts of their distance.
+_ABOVE = 0.1
+
+#: Something may stand where the surface is even: the cosine between the normals of both sides is larger. What
+#: stands there is steep: the cosine between its normal and theirs is less.
+_EVEN, _STEEP = 0.9, 0.7
+
+#: Marks of seams in kernels/seam_sides.cl, and of texels.
+_OTHER_LIGHT = 1
+_SURFACE, _KNOWN = 1, 2
+
+
+def without_parted(
+    seams: Seams,
+    parts: Subdivision,
+    rays: RayScene,
+    light: DeviceTexels,
+    known: np.ndarray,
+    hidden: np.ndarray,
+) -> Seams:
+    """Return seams without those that something stands on which parts the light of both sides, or hides one.
+
+    parts   the patches, of which `rays` knows the triangles
+    light   what texels show, sum of the channels
+    known   (atlases, r, r) bool, texels that show what is seen of them
+    hidden  (m,) bool, patches that nobody sees, of those on the lightmaps
+    """
+    if not len(seams):
+        return seams
+    entries = parts.patches.on_texels(len(known))
+    texels = np.where(known, np.uint8(_KNOWN), np.uint8(0)) | (entries > 0).view(np.uint8)
+    marks = _compared(rays.compute, seams, light, texels)
+    some = np.flatnonzero(marks)
+    beside = _patches_beside(seams.part(some), entries, known)
+    both = all_in_rows(beside >= 0)
+    some, beside = some[both], beside[both]
+
+    # Where light differs, or nobody sees it, and both patches are inside, that is of what stands between.
+    stands = (marks[some] & _OTHER_LIGHT > 0) & all_in_rows(hidden[beside])
+    kept = np.ones(len(seams), bool)
+    kept[some] = ~(stands | _something_between(parts, rays, beside))
+    return seams.part(kept)
+
+
+def _compared(compute: Compute, seams: Seams, light: DeviceTexels, texels: np.ndarray) -> np.ndarray:
+    """Return the marks of seams, (p,) uint8, from light and marks of texels, (atlases, r, r) uint8."""
+    (kernel,) = compute.kernels("seam_sides.cl", "compare_sides")
+    found = zeros(compute, words_of(len(seams)))
+    sides = seams.texel.astype(np.float32), seams.atlas.astype(np.int32, copy=False)
+    buffers = [*(upload(compute, array) for array in sides), light.buffer, upload(compute, texels)]
+    size = np.int32(texels.shape[-1]), np.int32(len(seams))
+    compute.run(kernel, len(seams), *buffers, np.float32(_DIFFERS), found, *size)
+    return download_bytes(compute, found, len(seams))
+
+
+def _patches_beside(seams: Seams, entries: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Return the patch of the texel that each side reads most of, (p, 2) int32, -1 where there is none.
+
+    entries  (atlases, r, r) uint32, the patch + 1 of each texel; 0 for none
+    known    (atlases, r, r) bool: these texels come before others
+    """
+    beside = np.empty((len(seams), 2), np.int32)
+    for side in (0, 1):
+        texels, weights = footprints(seams.atlas[:, side], seams.texel[:, side], known.shape[-1])
+        found = entries.ravel()[texels].astype(np.int32) - 1
+        rank = np.where((found >= 0) & (weights > 0), weights + known.ravel()[texels], -1)
+        most = np.arange(len(seams)), rank.argmax(axis=1)
+        beside[:, side] = np.where(rank[most] > 0, found[most], -1)
+    return beside
+
+
+def _something_between(parts: Subdivision, rays: RayScene, patches: np.ndarray) -> np.ndarray:
+    """Return whether something steep stands between pairs of patches, (m, 2), as (m,) bool."""
+    if not len(patches):
+        return np.zeros(0, bool)
+    ends = [parts.geometry.part(patches[:, side]) for side in (0, 1)]
+    distance = np.linalg.norm(ends[1].center - ends[0].center, axis=1)[:, None]
+    first, second = (end.center + _ABOVE * distance * end.geometric for end in ends)
+    up = ends[0].geometric + ends[1].geometric
+    up /= np.maximum(np.linalg.norm(up, axis=1)[:, None], 1e-20)
+    even = (ends[0].geometric * ends[1].geometric).sum(axis=1) > _EVEN
+    stands = np.zeros(len(patches), bool)
+    for start, end in ((first, second), (second, first)):
+        triangle, _, far = rays.rays.cast(start, end - start)
+        met = even & (triangle >= 0) & (far <= 1)
+        normals = parts.geometry.steps.geometric[np.maximum(triangle, 0)]
+        stands |= met & (np.abs((normals * up).sum(axis=1)) < _STEEP)
+    return stands

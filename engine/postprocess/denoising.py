@@ -1,0 +1,228 @@
+"""Removes noise from lightmaps with Open Image Denoise, before seams are hidden and gutters filled.
+
+The filter is made for pictures, in which one surface borders on the next. So the light of each chart is
+divided by its level, charts are grown by a texel, and what is left between them is filled from all sides: the
+filter finds no edges but those of the light within charts. Among many small charts of different brightness it
+would take noise for more of their edges, and keep it. What it changes by far more than noise is detail, and
+stays. Large lightmaps are filtered in windows, which bounds the memory that this takes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator, Iterator
+from itertools import pairwise, product
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ..denoise.found import REMEDY, library_of_packages
+from ..denoise.library import DenoiseDevice, DenoiseLibrary
+from ..errors import DenoiseError
+from ..scene.color import luminance
+from ..settings import Settings
+from .dilation import Dilation, grown
+from .independent_estimate import SecondLook, part_of_changes
+from .membrane_fill import SmoothFill
+from .noise_fraction import part_of_noise
+from .texel_charts import TexelCharts
+
+#: Texels at the sides of a window that the filter reads and does not write: how far it looks.
+_MARGIN = 128
+
+#: Greatest width of a window with its margins, texels.
+_WINDOW = 2048
+
+#: Mean luminance that the filter expects: a middle grey.
+_GREY = 0.18
+
+
+class Denoising:
+    """Takes noise out of lightmaps.
+
+    known     (atlases, r, r) bool, texels that show what is seen of them: no other one is read or changed
+    settings  of the bake
+    warnings  sentences for the user
+    reasons   sentences for the report
+    """
+
+    def __init__(self, known: np.ndarray, settings: Settings) -> None:
+        self._known, self._settings = known, settings
+        self.warnings: list[str] = []
+        self.reasons: list[str] = []
+
+    def run(
+        self, images: dict[str, np.ndarray], again: SecondLook | None = None
+    ) -> Generator[float, None, dict[str, np.ndarray]]:
+        """Return images, (atlases, r, r, 3) float32, without noise; yield the fraction done.
+
+        If the library is missing or fails, a warning says so and the images are returned as they are.
+
+        again: tells how much of what the filter changes is noise; it is guessed without one
+        """
+        try:
+            device = self._device()
+            try:
+                filtered = yield from self._filtered(device, images, again)
+            finally:
+                device.release()
+            self.reasons.append(f"{device.name} took the noise out.")
+            return filtered
+        except DenoiseError as error:
+            self.warnings.append(f"The lightmaps were not denoised. {error}")
+            return images
+
+    def _device(self) -> DenoiseDevice:
+        """Return the chosen device, or the processor where that is not there."""
+        library = DenoiseLibrary(_library(self._settings))
+        chosen = self._settings.denoise_device
+        if chosen != "cpu":
+            try:
+                return DenoiseDevice(library, chosen)
+            except DenoiseError as error:
+                self.warnings.append(
+                    f"{error} The processor denoised instead: choose another Denoise Device in Hemibake's "
+                    "preferences, or update the driver."
+                )
+        return DenoiseDevice(library, "cpu")
+
+    def _filtered(
+        self, device: DenoiseDevice, images: dict[str, np.ndarray], again: SecondLook | None
+    ) -> Generator[float, None, dict[str, np.ndarray]]:
+        """Filter every window of every image; black ones stay black."""
+        windows = [window for window in _windows(self._known.shape) if self._known[window.core].any()]
+        lit = {name: image for name, image in images.items() if image[self._known].any()}
+        if not lit:
+            return images
+        charts = TexelCharts(self._known)
+        levels = {name: charts.levels(image) for name, image in lit.items()}
+        parts = {name: self._product(image, 1 / levels[name]) for name, image in lit.items()}
+        scales = {name: _scale(image[self._known]) for name, image in parts.items()}
+        filtered = {name: image.copy() for name, image in parts.items()}
+        for number, window in enumerate(windows):
+            known = self._known[window.core]
+            gutters = _Gutters(self._known[window.whole])
+            for name, image in parts.items():
+                yield number / len(windows)
+                noisy = image[window.whole] * scales[name]
+                gutters.fill(noisy)
+                quiet = device.filtered(noisy) / scales[name]
+                filtered[name][window.core][known] = quiet[window.inner][known]
+        filtered = {name: self._product(image, levels[name]) for name, image in filtered.items()}
+        noise = self._part_of_noise(lit, filtered, charts, again)[:, None]
+        for name, image in lit.items():
+            filtered[name][self._known] = self._without_noise(name, image, filtered[name], noise, again)
+        return images | filtered
+
+    def _without_noise(
+        self,
+        name: str,
+        image: np.ndarray,
+        filtered: np.ndarray,
+        noise: np.ndarray,
+        again: SecondLook | None,
+    ) -> np.ndarray:
+        """Return the light of known texels, (k, 3) float32, changed as far as the change is noise.
+
+        noise: (k, 1) float32, the part of each change that is; the same for all images, which belong together
+        """
+        before, after = image[self._known], filtered[self._known]
+        light = before + noise * (after - before)
+        if again is not None and name in again.images:
+            # Noise that is left becomes less by the rays of the second look.
+            there = again.centres[self._known, None]
+            light += again.part * (1 - noise) * there * (again.images[name][self._known] - before)
+        return light
+
+    def _part_of_noise(
+        self,
+        images: dict[str, np.ndarray],
+        filtered: dict[str, np.ndarray],
+        charts: TexelCharts,
+        again: SecondLook | None,
+    ) -> np.ndarray:
+        """Return the part of the change of each known texel that is noise, (k,) float32 of [0, 1]."""
+        name = next((name for name in again.images if name in images), None) if again is not None else None
+        if again is None or name is None:
+            noisy, quiet = (
+                luminance(sum(image[self._known] for image in maps.values())) for maps in (images, filtered)
+            )
+            return part_of_noise(noisy, quiet, charts)
+        light, there = images[name][self._known], again.centres[self._known, None]
+        seen = np.where(there, again.images[name][self._known], light)
+        return part_of_changes(light, filtered[name][self._known], seen, charts)
+
+    def _product(self, image: np.ndarray, factors: np.ndarray) -> np.ndarray:
+        """Return an image whose known texels are multiplied by factors, (k, 3); others keep their bits."""
+        product = image.copy()
+        product[self._known] *= factors
+        return product
+
+
+class _Gutters:
+    """Fills what is no chart: a ring of texels as the chart beside it, then a membrane over all charts.
+
+    known  (h, w) bool
+    """
+
+    def __init__(self, known: np.ndarray) -> None:
+        extended = grown(known)
+        self._fills = Dilation(known, 1), SmoothFill(extended, np.ones_like(extended))
+
+    def fill(self, image: np.ndarray) -> None:
+        """Fill a contiguous (h, w, 3) float32 image."""
+        for fill in self._fills:
+            fill.fill(image)
+
+
+class _Window(NamedTuple):
+    """A part of a lightmap.
+
+    whole  what the filter reads, of all lightmaps
+    core   what it writes, of all lightmaps; the cores of all windows make up all texels
+    inner  the core, of the window
+    """
+
+    whole: tuple[int, slice, slice]
+    core: tuple[int, slice, slice]
+    inner: tuple[slice, slice]
+
+
+def _windows(shape: tuple[int, ...]) -> Iterator[_Window]:
+    """Yield windows, all of one size, of square lightmaps in a shape of (atlases, r, r)."""
+    atlases, resolution, _ = shape
+    for atlas, rows, columns in product(range(atlases), _spans(resolution), _spans(resolution)):
+        whole, core = (atlas, rows[0], columns[0]), (atlas, rows[1], columns[1])
+        inner = tuple(slice(c.start - w.start, c.stop - w.start) for w, c in (rows, columns))
+        yield _Window(whole, core, (inner[0], inner[1]))
+
+
+def _spans(size: int) -> list[tuple[slice, slice]]:
+    """Return the windows along one axis: what each reads, and what it writes of that."""
+    width = min(size, _WINDOW)
+    count = 1 if size <= width else math.ceil((size - 2 * _MARGIN) / (width - 2 * _MARGIN))
+    starts = [min(number * (width - 2 * _MARGIN), size - width) for number in range(count)]
+    ends = [0, *(start + _MARGIN for start in starts[1:]), size]
+    return [
+        (slice(start, start + width), slice(*core))
+        for start, core in zip(starts, pairwise(ends), strict=True)
+    ]
+
+
+def _scale(texels: np.ndarray) -> np.float32:
+    """Return what light, (n, 3), is multiplied with so that its luminance is grey on (geometric) average.
+
+    That is the exposure which the filter would choose by itself, for all windows the same.
+    """
+    light = luminance(texels)
+    lit = light[light > 0].astype(np.float64)
+    return np.float32(_GREY / np.exp(np.log(lit).mean())) if len(lit) else np.float32(1)
+
+
+def _library(settings: Settings) -> Path:
+    """Return the file of the library; raises DenoiseError if there is none."""
+    path = Path(settings.denoise_library) if settings.denoise_library else library_of_packages()
+    if path is None:
+        raise DenoiseError(f"There is no Open Image Denoise. {REMEDY}.")
+    return path

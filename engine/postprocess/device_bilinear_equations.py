@@ -1,0 +1,130 @@
+"""The equations of `display_equations`, set up on the OpenCL device."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyopencl as cl
+
+from ..device.buffers import download, download_bytes, upload, words_of, zeros
+from ..device.cl_device import Compute
+from ..patches.seams import Seams
+from .lightmap_points import LightmapPoints
+
+_NAMES = (
+    "mark_points", "mark_seams", "unknown_texels", "number_texels", "find_points", "link_texels",
+    "smooth_links", "seam_rows", "list_entries", "order_entries",
+)  # fmt: skip
+
+#: Neighbours of a texel and itself; texels that both sides of a seam read.
+_LINKS, _CORNERS = 9, 8
+
+
+class DeviceEquations:
+    """Equations of those texels that have more to show than the light in their centre.
+
+    resolution  width and height of the lightmaps
+    size        texels of all of them
+    centres     (atlases, r, r) bool, texels whose light is known at their centre
+    beside      points elsewhere, ordered by the texels that they lie in
+
+    Everything else lies on the device:
+    texels      uint of each unknown, its flat index
+    centre      uchar of each texel, `centres`
+    ranges      int2 of each unknown, which points lie in it
+    neighbours, factors  9 planes of int and float, see kernels/display_equations.cl
+    linked      uint of each unknown, what each link stands for
+    columns, entries     int8 and float8 of each seam, the unknowns that it reads and their factors
+    starts      int of each unknown and one more, where its part of the two lists begins
+    read_by, shares      int and float, a seam that reads the unknown, and its factor
+    inverse     float of each unknown, of the diagonal
+    """
+
+    def __init__(self, compute: Compute, centres: np.ndarray, beside: LightmapPoints, seams: Seams) -> None:
+        self._compute, self.resolution, self.size = compute, centres.shape[1], centres.size
+        self._kernels = dict(zip(_NAMES, compute.kernels("display_equations.cl", *_NAMES), strict=True))
+        self.points, self.seams = len(beside), len(seams)
+        self.centre = upload(compute, centres.view(np.uint8))
+        self.positions = self._uploaded(beside.position, np.float32)
+        self.weights = self._uploaded(beside.weight, np.float32)
+        self._owners = self._uploaded(beside.texels(self.resolution), np.uint32)
+        self._sides = self._uploaded(seams.texel, np.float32)
+        self._atlases = self._uploaded(seams.atlas, np.int32)
+        self._lengths = self._uploaded(seams.weight, np.float32)
+        marks = self._marked(centres.size)
+
+        self.texel = self._unknown(marks, centres.size)
+        self.count = len(self.texel)
+        if self.count:
+            self._number(centres.size)
+            self._link(marks)
+            self._join_seams()
+
+    def _uploaded(self, values: np.ndarray, dtype: type[np.generic]) -> cl.Buffer:
+        """Return numbers on the device; buffers have one at least."""
+        return upload(self._compute, values.astype(dtype, copy=False) if len(values) else np.zeros(8, dtype))
+
+    def _read(self, buffer: cl.Buffer, count: int) -> np.ndarray:
+        return download(self._compute, buffer, (count,)).view(np.uint32)
+
+    def _run(self, name: str, count: int, *arguments: object) -> None:
+        if count:
+            self._compute.run(self._kernels[name], count, *arguments, np.int32(count))
+
+    def _marked(self, size: int) -> cl.Buffer:
+        """Return the marks of all texels."""
+        marks, self._counts = zeros(self._compute, 4 * size), zeros(self._compute, words_of(self.seams))
+        resolution = np.int32(self.resolution)
+        self._run("mark_points", self.points, self.positions, self._owners, marks, resolution)
+        self._run(
+            "mark_seams", self.seams, self._sides, self._atlases, self.centre, marks, self._counts, resolution
+        )
+        return marks
+
+    def _unknown(self, marks: cl.Buffer, size: int) -> np.ndarray:
+        """Return the flat indices of unknown texels, (n,) uint32."""
+        unknown = zeros(self._compute, words_of(size))
+        self._run("unknown_texels", size, marks, unknown)
+        return np.flatnonzero(download_bytes(self._compute, unknown, size).view(bool)).astype(np.uint32)
+
+    def _number(self, size: int) -> None:
+        """Number the unknowns, and find the points in each."""
+        self.texels = upload(self._compute, self.texel)
+        self._numbers = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, 4 * size)
+        self.ranges = zeros(self._compute, 8 * self.count)
+        self._run("number_texels", self.count, self.texels, self._numbers)
+        self._run("find_points", self.points, self._owners, self._numbers, self.ranges)
+
+    def _link(self, marks: cl.Buffer) -> None:
+        """Link each unknown to those around it, by points and by smoothness."""
+        planes = 4 * _LINKS * self.count
+        self.neighbours, self.factors = (zeros(self._compute, planes) for _ in range(2))
+        self.linked, diagonal = (zeros(self._compute, 4 * self.count) for _ in range(2))
+        resolution = np.int32(self.resolution)
+        self._run(
+            "link_texels", self.count, self.texels, self._numbers, marks, self.centre, self.ranges,
+            self.positions, self.weights, self.neighbours, self.factors, self.linked, diagonal, resolution,
+        )  # fmt: skip
+        self._run(
+            "smooth_links", self.count, self.texels, marks, self.neighbours, diagonal, self.factors,
+            self.linked, resolution,
+        )  # fmt: skip
+
+    def _join_seams(self) -> None:
+        """Make the rows of seams, and list for each unknown those that read it."""
+        compute = self._compute
+        self.columns, self.entries = (zeros(compute, 4 * _CORNERS * max(1, self.seams)) for _ in range(2))
+        uses = zeros(compute, 4 * self.count)
+        self._run(
+            "seam_rows", self.seams, self._sides, self._atlases, self._lengths, self._counts, self._numbers,
+            self.columns, self.entries, uses, np.int32(self.resolution),
+        )  # fmt: skip
+        starts = np.zeros(self.count + 1, np.int32)
+        np.cumsum(self._read(uses, self.count), out=starts[1:])
+        self.starts, following = upload(compute, starts), upload(compute, starts)
+        self.read_by, self.shares = (zeros(compute, 4 * max(1, int(starts[-1]))) for _ in range(2))
+        self._run("list_entries", _CORNERS * self.seams, self.columns, self.entries, following, self.read_by)
+        self.inverse = zeros(compute, 4 * self.count)
+        self._run(
+            "order_entries", self.count, self.starts, self.entries, self.factors, self.read_by, self.shares,
+            self.inverse,
+        )  # fmt: skip

@@ -1,0 +1,47 @@
+"""The maps of `directional_maps` made on the OpenCL device."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyopencl as cl
+
+from ..device.buffers import upload, upload_rows_once
+from ..device.device_array import DeviceValues
+from ..gather.device_l1 import DeviceL1
+from ..visibility.rays.receiver_records import RECEIVER
+
+
+class DeviceDirections:
+    """Where the light of n points comes from; see `directional_maps.maps_of_directions`.
+
+    gathered    L1 of the light that points gather
+    irradiance  (n, 3) float32, E/pi
+    sampled     (n, 3, 3) float32, L1 of the light that shadow rays sample
+    """
+
+    def __init__(self, gathered: DeviceL1, irradiance: np.ndarray, sampled: np.ndarray) -> None:
+        self._compute, self._count, self._receivers = gathered.compute, len(gathered), gathered.receivers
+        rows, stride = upload_rows_once(self._compute, irradiance)
+        axes = upload(self._compute, sampled.transpose(1, 0, 2))
+        self._given = rows, np.int32(stride), axes, gathered.buffer
+
+    def tilted(self) -> list[DeviceValues]:
+        """Return L0 and L1 along x, y and z; see `directional_maps.directional_maps`."""
+        return self._made("tilted_maps", 4, self._receivers)
+
+    def dominant(self) -> DeviceValues:
+        """Return where most light comes from; see `directional_maps.dominant_direction`."""
+        (direction,) = self._made("dominant_direction", 1)
+        return direction
+
+    def projected(self) -> list[DeviceValues]:
+        """Return SH L0 and SH L1 along x, y and z; see `directional_maps.projected_maps`."""
+        return self._made("projected_maps", 4, self._receivers)
+
+    def _made(self, name: str, maps: int, *arguments: cl.Buffer) -> list[DeviceValues]:
+        """Return the maps of a kernel."""
+        compute, count = self._compute, self._count
+        (kernel,) = compute.kernels((RECEIVER, "directional_maps.cl"), name)
+        buffers = [cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 12 * count) for _ in range(maps)]
+        compute.run(kernel, count, *self._given, *arguments, *buffers, np.int32(count))
+        return [DeviceValues(compute, buffer, count) for buffer in buffers]

@@ -1,0 +1,148 @@
+"""`Dilation` and `SmoothFill` on the OpenCL device."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pyopencl as cl
+
+from ..device.buffers import upload
+from ..device.cl_device import Compute
+
+_NAMES = (
+    "distance_in_row", "distance_in_column", "grow", "classify", "coarser_states", "coarser", "finer",
+    "relax", "fill_small",
+)  # fmt: skip
+
+#: Relaxations at each scale: an even number, after which they are back in the image.
+_RELAXATIONS = 4
+
+#: Sides of images up to this one are filled at all coarser scales by one kernel, and its work items for each.
+_SMALL, _GROUP = 32, 256
+
+
+class _Scale(NamedTuple):
+    """One scale of the images.
+
+    shape   atlases, height, width
+    states  uchar of each texel, see kernels/fill.cl
+    """
+
+    shape: tuple[int, int, int]
+    states: cl.Buffer
+
+
+class DeviceFill:
+    """Fills unknown texels of images.
+
+    known    (atlases, r, r) bool, texels that keep their bits
+    surface  (atlases, r, r) bool, those of them that lie on a chart
+    inside   (atlases, r, r) bool, texels that are filled at any distance
+    rings    that grow from known texels, each with the mean of its neighbours, on charts where there are some
+    reach    how far texels are filled, smoothly beyond the rings; others are 0
+    """
+
+    def __init__(
+        self,
+        compute: Compute,
+        known: np.ndarray,
+        surface: np.ndarray,
+        inside: np.ndarray,
+        rings: int,
+        reach: int,
+    ) -> None:
+        self._compute, self._rings = compute, min(rings, reach)
+        self._kernels = dict(zip(_NAMES, compute.kernels("fill.cl", *_NAMES), strict=True))
+        shape = (len(inside), inside.shape[1], inside.shape[2])
+        in_row, self._distance = (self._buffer(2, shape) for _ in range(2))
+        seeds, self._surface = (upload(compute, mask.view(np.uint8)) for mask in (known, surface))
+        self._run("distance_in_row", shape, seeds, in_row, np.int32(reach))
+        self._run("distance_in_column", shape, in_row, self._distance, np.int32(reach))
+        states = self._buffer(1, shape)
+        filled = upload(compute, inside.view(np.uint8))
+        self._run("classify", shape, self._distance, filled, np.int32(self._rings), states)
+        self._scales = [_Scale(shape, states)]
+        while max(shape[1:]) > _SMALL:
+            self._add_coarser()
+            shape = self._scales[-1].shape
+        self._texels = _coarser_texels(*shape[1:])
+        self._coarse: list[cl.Buffer] = []
+        self._small: list[cl.Buffer] = []
+        self._reserve(1)
+
+    def _reserve(self, outputs: int) -> None:
+        """Have memory for the images of so many outputs."""
+        self._outputs = outputs
+        self._relaxed = self._buffer(16 * outputs, self._scales[0].shape)
+        self._coarse = [self._buffer(16 * outputs, scale.shape) for scale in self._scales[1:]]
+        images, texels = outputs * self._scales[0].shape[0], max(1, self._texels)
+        self._small = [self._buffer(size, (images, texels)) for size in (1, 16)]
+
+    def fill(self, image: cl.Buffer, outputs: int) -> None:
+        """Fill the images of some outputs, one after the other, float4 of each texel."""
+        if outputs != self._outputs:
+            self._reserve(outputs)
+        for ring in range(1, self._rings + 1):
+            self._fill("grow", self._scales[0].shape, self._distance, self._surface, np.int32(ring), image)
+        images = [image, *self._coarse]
+        for index, scale in enumerate(self._scales[1:]):
+            finer = self._scales[index]
+            self._fill("coarser", scale.shape, finer.states, images[index], *_sides(finer), images[index + 1])
+        self._fill_small(images[-1])
+        for index in reversed(range(len(self._scales) - 1)):
+            self._extend(index, images[index], images[index + 1])
+
+    def _fill_small(self, image: cl.Buffer) -> None:
+        """Fill the images of the coarsest scale, by coarser ones of its own."""
+        scale, (group,) = self._scales[-1], self._kernels["fill_small"].group(_GROUP)
+        atlases = scale.shape[0]
+        sizes = (_RELAXATIONS, self._texels, atlases, scale.shape[2], scale.shape[1])
+        self._kernels["fill_small"](
+            self._compute.queue, (group * self._outputs * atlases,), (group,),
+            scale.states, image, *self._small, self._relaxed, *map(np.int32, sizes),
+        )  # fmt: skip
+
+    def _extend(self, index: int, image: cl.Buffer, coarse: cl.Buffer) -> None:
+        """Fill the unknown texels of one scale from the coarser one, and relax them."""
+        scale, coarser = self._scales[index : index + 2]
+        self._fill("finer", scale.shape, scale.states, coarse, *_sides(coarser), image)
+        images = image, self._relaxed
+        for number in range(_RELAXATIONS):
+            before, after = images[number % 2], images[1 - number % 2]
+            self._fill("relax", scale.shape, scale.states, image, before, after)
+
+    def _add_coarser(self) -> None:
+        finer = self._scales[-1]
+        images, height, width = finer.shape
+        shape = (images, (height + 1) // 2, (width + 1) // 2)
+        scale = _Scale(shape, self._buffer(1, shape))
+        self._run("coarser_states", shape, finer.states, *_sides(finer), scale.states)
+        self._scales.append(scale)
+
+    def _buffer(self, size: int, shape: tuple[int, ...]) -> cl.Buffer:
+        """Return `size` bytes for each texel."""
+        return cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, size * int(np.prod(shape)))
+
+    def _run(self, name: str, shape: tuple[int, ...], *arguments: object) -> None:
+        """Run a kernel for each texel of the atlases."""
+        self._compute.run_texels(self._kernels[name], shape, *arguments)
+
+    def _fill(self, name: str, shape: tuple[int, int, int], *arguments: object) -> None:
+        """Run a kernel for each texel of the images of all outputs."""
+        atlases, *sides = shape
+        self._run(name, (self._outputs * atlases, *sides), *arguments, np.uint32(atlases))
+
+
+def _coarser_texels(height: int, width: int) -> int:
+    """Return the number of texels of all coarser scales of an image, down to a single one."""
+    texels = 0
+    while max(height, width) > 1:
+        height, width = (height + 1) // 2, (width + 1) // 2
+        texels += height * width
+    return texels
+
+
+def _sides(scale: _Scale) -> tuple[np.int32, np.int32]:
+    """Return width and height of a scale's images."""
+    return np.int32(scale.shape[2]), np.int32(scale.shape[1])

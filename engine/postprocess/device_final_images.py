@@ -1,0 +1,73 @@
+"""`DisplayFit` on the OpenCL device: the host hands over texels and gets finished images."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pyopencl as cl
+
+from ..device.buffers import upload_float4
+from ..device.cl_device import Compute
+from ..patches.seams import Seams
+from .device_bilinear_equations import DeviceEquations
+from .device_bilinear_fit import DeviceFit
+from .device_fill import DeviceFill
+from .device_images import DeviceImages, DeviceTexels, texels_of
+from .final_images import RINGS
+from .lightmap_points import LightmapPoints
+
+
+class DeviceDisplay:
+    """Lightmaps of the user's from the light at points; see `DisplayFit`.
+
+    centres    (atlases, r, r) bool, texels whose light is known at their centre
+    beside     points elsewhere, ordered by the texels that they lie in
+    """
+
+    def __init__(
+        self,
+        compute: Compute,
+        centres: np.ndarray,
+        beside: LightmapPoints,
+        seams: Seams,
+        has_patch: np.ndarray,
+        dilation: int,
+    ) -> None:
+        self._compute = compute
+        equations = DeviceEquations(compute, centres, beside, seams)
+        self._fit = DeviceFit(compute, equations) if equations.count else None
+        known = centres.copy()
+        known.ravel()[equations.texel] = True
+        surface = centres.copy()
+        surface.ravel()[beside.texels(centres.shape[1])] = True
+        fill = DeviceFill(compute, known, surface, has_patch, RINGS, dilation)
+        self._images = DeviceImages(compute, centres, fill)
+
+    def images(self, texels: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Return lightmaps, (atlases, r, r, 3) float32.
+
+        texels  (atlases, r, r, 3) or (atlases, r, r, 1) float32, light of those whose centre counts
+        values  (s, 3) or (s, 1) float32, light of the points beside centres
+        """
+        shown = texels_of(self._compute, texels)
+        some = values if len(values) else np.zeros((1, 3), np.float32)
+        light = upload_float4(self._compute, np.broadcast_to(some, (len(some), 3)))
+        shown.shown_with(light, len(some))
+        images: np.ndarray = self.images_of([shown], light)[0]
+        return images
+
+    @property
+    def most(self) -> int:
+        """Outputs whose images fit in the memory that they may take."""
+        return self._images.most
+
+    def images_of(self, outputs: Sequence[DeviceTexels], light: cl.Buffer) -> np.ndarray:
+        """Return lightmaps of several outputs, (outputs, atlases, r, r, 3) float32.
+
+        light: of the points beside centres, float4, one output after the other
+        """
+        self._images.load(outputs)
+        if self._fit is not None:
+            self._fit.fit(self._images.buffer, light, [texels.largest for texels in outputs])
+        return self._images.filled()

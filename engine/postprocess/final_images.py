@@ -1,0 +1,65 @@
+"""The lightmaps that a bake ends with: fitted to their display, with hidden texels and gutters filled."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..patches.seams import Seams
+from .bilinear_fit import BilinearFit
+from .dilation import Dilation, grown
+from .lightmap_points import LightmapPoints, centre_points, joined_points
+from .membrane_fill import SmoothFill
+
+#: Rings around what the fit knows that show nothing but the nearest chart: a look-up there reads them.
+RINGS = 2
+
+
+class DisplayFit:
+    """Lightmaps of the user's from the light at points.
+
+    centres    (atlases, r, r) bool, texels whose light is known at their centre
+    beside     points elsewhere that count
+    seams      between charts
+    has_patch  (atlases, r, r) bool, texels that are patches: those that nobody sees are filled
+    dilation   how far charts are extended, texels
+    """
+
+    def __init__(
+        self, centres: np.ndarray, beside: LightmapPoints, seams: Seams, has_patch: np.ndarray, dilation: int
+    ) -> None:
+        atlases, resolution, _ = has_patch.shape
+        self._centre = np.flatnonzero(centres)
+        points = joined_points(centre_points(self._centre, resolution), beside)
+        self._fit = BilinearFit(resolution, atlases, points, seams)
+        surface = np.zeros_like(has_patch)
+        surface.ravel()[points.texels(resolution)] = True
+        self._fills = [
+            _fills(*masks, dilation) for masks in zip(self._fit.known, surface, has_patch, strict=True)
+        ]
+
+    def images(self, texels: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Return lightmaps, (atlases, r, r, 3) float32.
+
+        texels  (atlases, r, r, 3) or (atlases, r, r, 1) float32, light of those whose centre counts
+        values  (s, 3) or (s, 1) float32, light of the points beside centres
+        """
+        centres = texels.reshape(-1, texels.shape[-1])[self._centre]
+        images = self._fit.images(np.concatenate([centres, values]))
+        for fills, image in zip(self._fills, images, strict=True):
+            for fill in fills:
+                fill.fill(image)
+        return np.ascontiguousarray(np.broadcast_to(images, (*images.shape[:3], 3)))
+
+
+def _fills(
+    known: np.ndarray, surface: np.ndarray, has_patch: np.ndarray, dilation: int
+) -> tuple[Dilation, SmoothFill]:
+    """Return what fills an atlas around its known texels, of which some lie on charts, (r, r) bool each."""
+    rings = min(RINGS, dilation)
+    near = known
+    for _ in range(rings):
+        near = grown(near)
+    extended = near
+    for _ in range(dilation - rings):
+        extended = grown(extended)
+    return Dilation(known, rings, surface), SmoothFill(near, has_patch | extended)

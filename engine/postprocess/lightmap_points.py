@@ -1,0 +1,92 @@
+"""Points of lightmaps at which the light of a surface is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..device.buffers import download_bytes, upload_once, words_of, zeros
+from ..device.cl_device import Compute
+from ..patches.patch_list import PatchList
+from ..scene.triangles import Triangles
+
+#: A patch this near to the centre of its texel, in texels, lies there: barycentrics are rounded.
+_AT_CENTRE = 0.02
+
+
+@dataclass(frozen=True)
+class LightmapPoints:
+    """Points of lightmaps.
+
+    atlas     (s,) int
+    position  (s, 2) float, texels: the centre of texel (x, y) is at x + 1/2, y + 1/2
+    weight    (s,) float, positive: the part of a texel that the point stands for
+    """
+
+    atlas: np.ndarray
+    position: np.ndarray
+    weight: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.atlas)
+
+    def part(self, chosen: np.ndarray) -> LightmapPoints:
+        """Return some points, by a mask or their numbers."""
+        return LightmapPoints(self.atlas[chosen], self.position[chosen], self.weight[chosen])
+
+    def texels(self, resolution: int) -> np.ndarray:
+        """Return the flat index of the texel that each point lies in, (s,) int64."""
+        column, row = np.clip(np.floor(self.position), 0, resolution - 1).astype(np.int32).T
+        texel: np.ndarray = (self.atlas.astype(np.int64) * resolution + row) * resolution + column
+        return texel
+
+
+def thin_patches(
+    compute: Compute | None, triangles: Triangles, patches: PatchList
+) -> tuple[np.ndarray, LightmapPoints]:
+    """Return the numbers, (k,) int64, and the points of the patches that are not at their texel's centre.
+
+    These are patches of thin surfaces, in the middle of what these cover; each stands for a whole texel.
+    """
+    if compute is None:
+        number = np.arange(len(patches))
+        position = _positions(triangles, patches)
+        row, column = np.divmod(patches.texel, patches.resolution)
+        off = np.abs(position - np.stack([column, row], axis=1) - 0.5).max(axis=1) > _AT_CENTRE
+        number, position = number[off], position[off]
+    else:
+        number = _found_thin(compute, triangles, patches)
+        position = _positions(triangles, patches.part(number))
+    return number, LightmapPoints(patches.atlas[number], position, np.ones(len(number), np.float32))
+
+
+def _found_thin(compute: Compute, triangles: Triangles, patches: PatchList) -> np.ndarray:
+    """Return the numbers of thin patches, (k,) int64, found on the device."""
+    (kernel,) = compute.kernels("thin_patches.cl", "find_thin")
+    arrays = triangles.uvs, patches.triangle, patches.barycentric, patches.texel
+    inputs = (upload_once(compute, array) for array in arrays)
+    thin = zeros(compute, words_of(len(patches)))
+    size = np.int32(patches.resolution), np.float32(_AT_CENTRE), thin, np.int32(len(patches))
+    compute.run(kernel, len(patches), *inputs, *size)
+    return np.flatnonzero(download_bytes(compute, thin, len(patches)).view(bool))
+
+
+def _positions(triangles: Triangles, patches: PatchList) -> np.ndarray:
+    """Return where patches are on their lightmaps, (n, 2) float32, texels."""
+    uvs = triangles.uvs[patches.triangle]
+    position: np.ndarray = np.einsum("nk,nkd->nd", patches.barycentric, uvs)
+    return position * np.float32(patches.resolution)
+
+
+def centre_points(texels: np.ndarray, resolution: int) -> LightmapPoints:
+    """Return points at the centres of texels, (k,) flat indices, that stand for whole texels."""
+    atlas, texel = np.divmod(texels, resolution**2)
+    row, column = np.divmod(texel, resolution)
+    return LightmapPoints(atlas, np.stack([column, row], axis=1) + 0.5, np.ones(len(texels)))
+
+
+def joined_points(first: LightmapPoints, second: LightmapPoints) -> LightmapPoints:
+    """Return the points of both, in order."""
+    pairs = ((getattr(first, name), getattr(second, name)) for name in ("atlas", "position", "weight"))
+    return LightmapPoints(*map(np.concatenate, pairs))

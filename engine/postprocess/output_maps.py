@@ -1,0 +1,127 @@
+"""What was asked of a bake: all light, its parts, where it comes from, ambient occlusion, shadow masks."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from typing import Protocol
+
+import numpy as np
+
+from ..device.device_array import DeviceValues, Values
+from ..direct.lighting import DirectLighting
+from ..gather.device_l1 import L1
+from ..patches.geometry import PatchGeometry
+from ..scene.model import Scene
+from ..settings import Settings
+from ..solve.solution import Solution
+from .directional_maps import maps_of_directions
+from .outputs import light_group_maps, output_names
+
+
+class Light(Protocol):
+    """What points receive: E/pi of all light and of its parts, (n, 3) float32."""
+
+    @property
+    def irradiance(self) -> np.ndarray:
+        """Of all light."""
+        ...
+
+    @property
+    def light(self) -> Values:
+        """What `irradiance` is, where it is."""
+        ...
+
+    @property
+    def direct(self) -> np.ndarray:
+        """Of light that was not reflected."""
+        ...
+
+    @property
+    def indirect(self) -> np.ndarray:
+        """Of light that was."""
+        ...
+
+    def gather_l1(self) -> Generator[float, None, L1]:
+        """L1 of all light but the sampled, (n, 3, 3); see `Sweep.gather_l1`."""
+        ...
+
+
+class Outputs:
+    """Makes the outputs that the settings name."""
+
+    def __init__(self, scene: Scene, settings: Settings, lighting: DirectLighting) -> None:
+        groups = light_group_maps(scene) if settings.by_light_groups else []
+        self._names = [name for name in output_names(scene, settings) if name not in groups]
+        self._settings, self._lighting = settings, lighting
+        self._translucent = np.array([material.translucent for material in scene.materials], bool)
+
+    @property
+    def begin_with_direct(self) -> bool:
+        """True if intermediate lightmaps are shown, and direct light is the first of what they show."""
+        first = self._settings.light_outputs[:1]
+        return self._settings.intermediates and first in (("combined",), ("direct",))
+
+    def done(self, solution: Solution) -> bool:
+        """True once a solution is good enough for the outputs.
+
+        One iteration is needed by all that are lit: it tells which patches are hidden inside objects.
+        """
+        return solution.done or (solution.iterations > 0 and not self._settings.bounces)
+
+    def light(self, solution: Solution) -> Values:
+        """Return the first output that is light, so far, (n, 3) float32; direct light if none is."""
+        first, *_ = (*self._settings.light_outputs, "direct")
+        if first == "indirect":
+            return solution.indirect
+        light, direct = solution.so_far
+        shown = light if first == "combined" else direct
+        return shown if isinstance(shown, DeviceValues) else shown[:, :3]
+
+    def make(self, solution: Light, geometry: PatchGeometry) -> Generator[float, None, dict[str, Values]]:
+        """Make every output but light groups, (n, 3) or (n,) float32, by name; yield the fraction of each.
+
+        geometry  of each point
+        """
+        made: dict[str, Values] = {}
+        masks = iter(range(len(self._names)))
+        directional: dict[str, Values] = {}
+        if self._settings.directional:
+            l1 = self._lighting.l1, (yield from solution.gather_l1())
+            if self._translucent.any():
+                l1 = self._without_direction(*l1, solution.irradiance, geometry)
+            directional = maps_of_directions(self._settings, solution.irradiance, *l1, geometry)
+        for name in self._names:
+            if name in directional:
+                made[name] = directional[name]
+            elif name in self._settings.light_outputs:
+                made[name] = light_output(name, solution)
+            elif name == "ambient_occlusion":
+                made[name] = yield from self._lighting.ambient_occlusion()
+            else:
+                made[name] = yield from self._lighting.shadow_mask(next(masks))
+        return made
+
+    def _without_direction(
+        self, sampled: np.ndarray, gathered: L1, irradiance: np.ndarray, geometry: PatchGeometry
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return both parts of L1, (n, 3, 3) float32, so that translucent points have no direction.
+
+        Light that comes through from the other side is the same for any normal. Projected on spherical
+        harmonics, it is as that of a hemisphere of one radiance: its sum along the normal is E / 2.
+
+        sampled, gathered: see `maps_of_directions`; irradiance: (n, 3) float32, E/pi, of both sides
+        """
+        points = np.flatnonzero(self._translucent[geometry.material])
+        sampled, gathered = sampled.copy(), np.array(gathered)
+        sampled[points] = gathered[points] = 0
+        if self._settings.projected:
+            normal, light = geometry.normal[points], irradiance[points]
+            gathered[points] = 0.5 * normal[:, :, None] * light[:, None, :]
+        return sampled, gathered
+
+
+def light_output(name: str, solution: Light) -> Values:
+    """Return E/pi of all light, or of a part of it, (n, 3) float32."""
+    if name == "combined":
+        return solution.light
+    return solution.direct if name == "direct" else solution.indirect

@@ -1,0 +1,112 @@
+"""Seams as the display may hide them: their sides read no texel that shows another chart's border."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..patches.chart_borders import ChartBorders, free_borders
+from ..patches.chart_edges import chart_edges
+from ..patches.edge_boxes import EdgeNeighbours
+from ..patches.edge_pairs import edge_pairs
+from ..patches.seams import Seams, seams_of
+from ..row_ops import nonzero_entries
+from ..scene.triangles import Triangles
+from .bilinear import footprints
+
+#: A border faces what lies further than this beyond it, texels: those of one chart meet at corners.
+_FACES = 0.25
+
+
+def display_seams(
+    triangles: Triangles, atlases: int, resolution: int, neighbours: EdgeNeighbours | None = None
+) -> Seams:
+    """Return the seams between the charts of the first `atlases` lightmaps, each side on its own chart.
+
+    Where charts lie nearer than two texels, look-ups at both borders read the gutter between them. If no seam
+    follows the border of one, the seam of the other leaves the gutter as it is: see `own_sides`.
+
+    neighbours: finds edges that may lie on each other; None for the host
+    """
+    edges = chart_edges(triangles, atlases, resolution)
+    pairs = edge_pairs(edges, neighbours)
+    seams = seams_of(edges, pairs)
+    if not len(seams):
+        return seams
+    return own_sides(seams, free_borders(edges, pairs), atlases, resolution)
+
+
+def own_sides(seams: Seams, borders: ChartBorders, atlases: int, resolution: int) -> Seams:
+    """Return seams of the first `atlases` lightmaps whose sides read nothing that a border facing them reads.
+
+    Such a side moves to the nearest line of texel centres, or centre, where it reads none; a pair that finds
+    none is left out.
+    """
+    texel, kept = seams.texel.copy(), np.ones(len(seams), bool)
+    sides = [footprints(seams.atlas[:, side], seams.texel[:, side], resolution) for side in (0, 1)]
+    read = _BorderTexels(borders, (atlases, resolution), sides)
+    for side, looked_up in enumerate(sides):
+        foreign = read.facing(seams.texel[:, side], *looked_up)
+        moved = np.flatnonzero(foreign.any(axis=1))
+        texel[moved, side], found = _moved(seams.texel[moved, side], foreign[moved])
+        kept[moved[~found]] = False
+    return Seams(seams.atlas, texel, seams.weight).part(kept)
+
+
+class _BorderTexels:
+    """Texels that look-ups along borders read, in the order of their flat indices.
+
+    shape      number of lightmaps, and their width
+    looked_up  footprints of the look-ups at seams: of other texels nothing is asked
+    """
+
+    def __init__(
+        self, borders: ChartBorders, shape: tuple[int, int], looked_up: list[tuple[np.ndarray, np.ndarray]]
+    ) -> None:
+        self._borders, (atlases, resolution) = borders, shape
+        texels, weights = footprints(borders.atlas, borders.texel, resolution)
+        wanted = np.zeros(atlases * resolution**2, bool)
+        for others, _ in looked_up:
+            wanted[others] = True
+        point, corner = nonzero_entries(wanted[texels] & (weights > 0))
+        read = texels[point, corner]
+        order = np.argsort(read, kind="stable")
+        self._texel, self._point = read[order], point[order]
+        self._is_read = np.zeros(len(wanted), bool)
+        self._is_read[read] = True
+
+    def facing(self, position: np.ndarray, texels: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Return which texels of look-ups at positions, (p, 2), a facing border reads, (p, 4) bool.
+
+        texels, weights: their footprints
+        """
+        foreign = np.zeros(texels.shape, bool)
+        point, corner = nonzero_entries(self._is_read[texels] & (weights > 0))
+        start, end = (np.searchsorted(self._texel, texels[point, corner], side) for side in ("left", "right"))
+
+        # Each of these texels with every border point that reads it.
+        count = end - start
+        entry = np.repeat(np.arange(len(point)), count)
+        border = self._point[np.arange(len(entry)) + np.repeat(start - np.cumsum(count) + count, count)]
+        beyond = position[point[entry]] - self._borders.texel[border]
+        faced = entry[np.einsum("kd,kd->k", beyond, self._borders.outward[border]) > _FACES]
+        foreign[point[faced], corner[faced]] = True
+        return foreign
+
+
+def _moved(position: np.ndarray, foreign: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the nearest places to positions, (q, 2), that read no foreign texel, and where there are some.
+
+    foreign: (q, 4) bool, lower left, lower right, upper left, upper right
+    """
+    low = np.floor(position - 0.5)
+    fraction = position - 0.5 - low
+
+    # On each axis: as it is, on the lower line of centres, on the upper one.
+    places = np.stack([fraction, np.zeros_like(fraction), np.ones_like(fraction)], axis=1)
+    places = np.stack([places[:, [0, 1, 2] * 3, 0], places[:, np.repeat([0, 1, 2], 3), 1]], axis=2)
+    u, v = places[..., 0], places[..., 1]
+    weights = np.stack([(1 - v) * (1 - u), (1 - v) * u, v * (1 - u), v * u], axis=2)
+    distance = np.abs(places - fraction[:, None]).sum(axis=2)
+    distance[((weights > 0) & foreign[:, None]).any(axis=2)] = np.inf
+    best = np.arange(len(position)), distance.argmin(axis=1)
+    return low + 0.5 + places[best], np.isfinite(distance[best])

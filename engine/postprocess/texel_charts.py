@@ -1,0 +1,45 @@
+"""The charts of lightmaps as their texels show them, and the light of each as a whole."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..patches.texel_components import connected_texels
+from ..segment_sums import segment_sums
+
+#: Root mean square of a chart's light, relative to its mean, up to which it is even.
+_EVEN = 1.5
+
+
+class TexelCharts:
+    """Charts: known texels that are side by side.
+
+    number  (k,) int64, the chart of each known texel, in their order
+    size    (c,) int64, texels of each chart
+
+    known   (atlases, h, w) bool
+    """
+
+    def __init__(self, known: np.ndarray) -> None:
+        self._known, self.number = known, connected_texels(known)
+        self.size = np.bincount(self.number)
+
+    def levels(self, image: np.ndarray) -> np.ndarray:
+        """Return the level of light around each known texel, (k, 3) float32; 1 where that is black.
+
+        It is the mean of its chart where light is even in that, else of all charts.
+
+        image  (atlases, h, w, 3) float32
+        """
+        light = image[self._known]
+        means = self._means(light)
+        spread = np.sqrt(self._means((light / means[self.number]) ** 2).mean(axis=1))
+        everywhere = light.mean(axis=0) if len(light) else np.ones(3)
+        everywhere = np.where(everywhere > 0, everywhere, 1)
+        levels = np.where(spread[:, None] < _EVEN, means, everywhere)
+        return levels.astype(np.float32)[self.number]
+
+    def _means(self, values: np.ndarray) -> np.ndarray:
+        """Return the mean of values, (k, 3), of each chart, (c, 3) float64; 1 where that is 0."""
+        means = segment_sums(values, self.number, len(self.size)) / self.size[:, None]
+        return np.where(means > 0, means, 1)

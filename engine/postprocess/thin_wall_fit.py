@@ -1,0 +1,165 @@
+"""Texels beside walls that are too thin for them, fitted to what their bilinear display shows on both sides.
+
+Such a texel is interpolated on a lit side and on a dark one. The mean of both leaks: the eye sees contrast
+(Weber's law), so the dark side shows a bright line, many times as bright as what is there. Least squares of
+the relative error put the step of light on the lit side, where it is like a shadow at the foot of the wall.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..device.buffers import upload_float4
+from ..device.cl_device import Compute
+from ..patches.seams import no_seams
+from ..sorted_runs import run_numbers, run_starts
+from .device_bilinear_equations import DeviceEquations
+from .device_bilinear_fit import DeviceFit
+from .device_images import DeviceTexels
+from .lightmap_points import LightmapPoints, centre_points, joined_points
+from .texel_samples import DisplaySamples
+
+#: Light below this part of the brightest around counts as if it were that bright.
+_FAINT = 1 / 20
+
+#: Texels are fitted up to this many texels from the samples in a wall.
+_REACH = 1
+
+#: Light within this many texels is around a texel.
+_AROUND = 2
+
+#: Weight of texels that are not fitted: they stay as they are.
+_FIXED = 100.0
+
+
+class WallFit:
+    """What texels within one of a thin wall show: the least squares of the relative error of their display.
+
+    samples  of all texels
+    visible  (s,) bool, samples that somebody sees
+    light    (s,) float32, E/pi of the samples, sum of the channels
+    inside   (k,) int64, samples in thin walls
+    shown    that light, one channel, as all texels show it without walls
+    known    (atlases, r, r) bool, texels that show what is seen of them
+
+    texels   (t,) int64, flat indices of those that are fitted
+    centres  (p,) int64, flat indices of those of whose centres the light counts
+    """
+
+    def __init__(
+        self,
+        compute: Compute,
+        samples: DisplaySamples,
+        visible: np.ndarray,
+        light: np.ndarray,
+        inside: np.ndarray,
+        shown: DeviceTexels,
+        known: np.ndarray,
+    ) -> None:
+        resolution = known.shape[1]
+        keys, flat = samples.keys(resolution), known.ravel()
+        near = _around(keys[inside], known.shape, _REACH)
+        self.texels = near[flat[near]]
+        around = _around(self.texels, known.shape, 1)
+
+        # Samples tell what is shown beside the wall; so do centres of texels without any, and what stays.
+        told = np.zeros(known.size, bool)
+        told[around] = True
+        self._samples = np.flatnonzero(visible & (samples.weight > 0) & told[keys])
+        beside, stays = np.zeros(known.size, bool), np.zeros(known.size, bool)
+        beside[self.texels] = True
+        farther = _around(around, known.shape, 1)
+        stays[farther[flat[farther] & ~beside[farther]]] = True
+        beside[keys[self._samples]] = False
+        self.centres = np.flatnonzero(stays | beside)
+
+        # The square of the relative error, of what is around.
+        brightness = _Brightness(shown, known, np.union1d(around, self.centres))
+        starts = run_starts(keys[self._samples])
+        bright = brightness.largest_around(keys[self._samples][starts])
+        bright = bright[run_numbers(starts, len(self._samples))]
+        relative = _relative_weight(light[self._samples], bright)
+        chosen = LightmapPoints(
+            samples.atlas[self._samples], samples.position[self._samples],
+            samples.weight[self._samples] * relative,
+        )  # fmt: skip
+        bright = brightness.largest_around(self.centres)
+        weight = _relative_weight(brightness.of(self.centres), bright)
+        weight[stays[self.centres]] *= _FIXED
+        centres = centre_points(self.centres, resolution)
+        points = joined_points(chosen, LightmapPoints(centres.atlas, centres.position, weight))
+        self._order = np.argsort(points.texels(resolution), kind="stable")
+        nowhere = np.zeros(known.shape, bool)
+        equations = DeviceEquations(compute, nowhere, points.part(self._order), no_seams())
+        self._compute, self._fit = compute, DeviceFit(compute, equations, tight=True)
+        self._unknown = np.searchsorted(equations.texel, self.texels)
+
+    def light(self, samples: np.ndarray, at_centres: np.ndarray) -> np.ndarray:
+        """Return the light of the `texels` beside walls, (t, c) float32.
+
+        samples     (s, 3) or (s,) float32, of all samples
+        at_centres  (p, c) float32, of the texels `centres`, what these show without walls
+        """
+        values = samples.reshape(len(samples), -1)[self._samples]
+        colors = [np.broadcast_to(some, (len(some), 3)) for some in (values, at_centres)]
+        points = np.concatenate(colors)[self._order]
+        largest = float(np.abs(points).max(initial=0))
+        light: np.ndarray = self._fit.unknowns(upload_float4(self._compute, points), largest)
+        return light[self._unknown, : at_centres.shape[1]]
+
+
+def _relative_weight(light: np.ndarray, bright: np.ndarray) -> np.ndarray:
+    """Return the weight of the squared error of light, (n,), that makes it relative; 1 for what is bright."""
+    weight: np.ndarray = (bright / np.maximum(light, _FAINT * np.maximum(bright, 1e-30))) ** 2
+    return np.where(bright > 0, weight, 1.0)
+
+
+def _around(texels: np.ndarray, shape: tuple[int, ...], steps: int) -> np.ndarray:
+    """Return texels and those within steps of them, (k,) int64, flat indices, ascending.
+
+    shape: of the lightmaps, (atlases, r, r)
+    """
+    around = np.zeros(shape, bool)
+    flat = around.ravel()
+    for index in _steps_from(texels, shape[1], steps):
+        flat[index] = True
+    return np.flatnonzero(flat)
+
+
+def _steps_from(texels: np.ndarray, resolution: int, steps: int) -> Iterator[np.ndarray]:
+    """Yield for each step what is that far from texels, (n,) int64, flat indices; at an end the last one."""
+    reach = range(-steps, steps + 1)
+    before, column = np.divmod(texels, resolution)
+    row = before % resolution
+    columns = [np.clip(column + step, 0, resolution - 1) - column for step in reach]
+    for step in reach:
+        there = texels + resolution * (np.clip(row + step, 0, resolution - 1) - row)
+        yield from (there + across for across in columns)
+
+
+class _Brightness:
+    """Light of texels that are known, near some of them, (n,) int64, flat indices.
+
+    shown  light of all texels, one channel
+    known  (atlases, r, r) bool
+    """
+
+    def __init__(self, shown: DeviceTexels, known: np.ndarray, texels: np.ndarray) -> None:
+        self._resolution = known.shape[1]
+        near = _around(texels, known.shape, _AROUND)
+        near = near[known.ravel()[near]]
+        self._light = np.zeros(known.size, np.float32)
+        self._light[near] = shown.rows(near)[:, 0]
+
+    def of(self, texels: np.ndarray) -> np.ndarray:
+        """Return the light of some texels, (k,) float32; 0 where it is not known."""
+        return self._light[texels]
+
+    def largest_around(self, texels: np.ndarray) -> np.ndarray:
+        """Return the largest known light around some texels, (k,) float32, at least 0."""
+        largest = np.zeros(len(texels), np.float32)
+        for index in _steps_from(texels, self._resolution, _AROUND):
+            np.maximum(largest, self._light.take(index), out=largest)
+        return largest

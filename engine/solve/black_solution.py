@@ -1,0 +1,39 @@
+"""The solution of a scene in which no light reaches any patch: known before anything is cast."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import numpy as np
+
+from ..bake_result import Energy
+
+
+class Darkness:
+    """A `Solution` that is done from the start; see `Solver`."""
+
+    iterations = 0
+    residual = 0.0
+    converged = done = True
+    gathers_finally = False
+    stand_in = None
+
+    def __init__(self, count: int) -> None:
+        """Take the number of patches."""
+        self.energies: list[float] = []
+        self.gathered = np.zeros((count, 4), np.float32)
+        self.light = self.irradiance = self.direct = self.indirect = self.settled = self.gathered[:, :3]
+        self.so_far, self.front = (self.gathered, self.direct), self.gathered[:, 3]
+
+    def gather_l1(self) -> Generator[float, None, np.ndarray]:
+        """Return the L1 of no light, (n, 3, 3) float32."""
+        yield 1.0
+        return np.zeros((len(self.gathered), 3, 3), np.float32)
+
+    def energy(self, emission: np.ndarray) -> Energy:
+        """Return that there is no light; see `solution.Solution.energy`."""
+        return Energy(0.0, 0.0, 0.0, 0.0)
+
+    def iteration(self) -> Generator[float, None, None]:
+        """Do nothing."""
+        yield 1.0

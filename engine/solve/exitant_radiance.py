@@ -1,0 +1,45 @@
+"""Radiance that patches send out, made on the OpenCL device."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyopencl as cl
+
+from ..device.buffers import upload, upload_float4_once, zeros
+from ..device.cl_device import Compute
+from ..device.device_array import Values, float4_once, rows_on_device
+
+_SOURCE = "send_out.cl"
+
+
+def sent_light(
+    compute: Compute,
+    emission: np.ndarray,
+    reflectance: Values,
+    irradiance: Values,
+    stand_in: np.ndarray | None = None,
+) -> cl.Buffer:
+    """Return the radiance of patches on the device, float4 of each between two black entries.
+
+    Nobody changes the arrays afterwards: each goes to the device once.
+
+    emission     (n, 3) float32, radiance
+    reflectance  (n, 3) float32
+    irradiance   (n, 3) float32, E/pi
+    stand_in     (n,) int64, the patch whose light each one sends out; None if each does its own
+    """
+    (kernel,) = compute.kernels(_SOURCE, "send_out")
+    count, radiance = len(emission), zeros(compute, 16 * (len(emission) + 2))
+    surfaces = upload_float4_once(compute, emission, first=1), float4_once(compute, reflectance)
+    light, stride = rows_on_device(compute, irradiance)
+    others = None if stand_in is None else upload(compute, stand_in.astype(np.uint32))
+    compute.run(kernel, count, *surfaces, light, np.int32(stride), others, radiance, np.int32(count))
+    return radiance
+
+
+def replace_radiance(compute: Compute, radiance: cl.Buffer, patches: np.ndarray, values: np.ndarray) -> None:
+    """Let some patches, (k,) int64, send out other radiance, (k, 3) float32; radiance: as of `sent_light`."""
+    if len(patches):
+        (kernel,) = compute.kernels(_SOURCE, "replace_radiance")
+        inputs = upload(compute, values.astype(np.float32)), upload(compute, patches.astype(np.uint32))
+        compute.run(kernel, len(patches), *inputs, radiance, np.int32(len(patches)))

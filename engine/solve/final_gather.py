@@ -1,0 +1,85 @@
+"""What points receive of light that has settled: all of it, and the part that was not reflected."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import numpy as np
+import pyopencl as cl
+
+from ..device.device_array import Values, colors_on_host
+from ..gather.device_l1 import L1
+from ..gather.gather_pass import LightGather
+from ..progress import part_of
+from ..scene.color import rest_of
+from .reflected_radiance import reflected_light
+
+
+class LastGather:
+    """The light of n points, gathered once from m sources.
+
+    sampled_light    (n, 3) float32, E/pi of the light that shadow rays sample
+    emission         (m, 3) float32, radiance of sources that the points see
+    reflectance      (m, 3) float32
+    bounces          False to gather no light that was reflected
+    separate_direct  True if direct and indirect light are outputs of their own
+    """
+
+    def __init__(
+        self,
+        final: LightGather,
+        sampled_light: np.ndarray,
+        emission: np.ndarray,
+        reflectance: Values,
+        bounces: bool,
+        separate_direct: bool,
+    ) -> None:
+        self._final, self._emission, self._reflectance = final, emission, reflectance
+        self._bounces, self.separate_direct = bounces, separate_direct and bounces
+        self.gathers = 2 if self.separate_direct else 1
+        self.direct, self.gathered = sampled_light, np.zeros((len(sampled_light), 4), np.float32)
+        self.done = False
+
+    def gather(
+        self, irradiance: np.ndarray, stand_in: np.ndarray | None = None
+    ) -> Generator[float, None, None]:
+        """Gather from sources of E/pi, (m, 3) float32; yield the fraction done.
+
+        stand_in: (m,) int64, see `reflected_light`
+        """
+        radiance = self._emission
+        if self._bounces:
+            radiance = radiance + reflected_light(colors_on_host(self._reflectance), irradiance, stand_in)
+        yield from self._all_light(self._final.gather(radiance))
+
+    def gather_from(self, radiance: cl.Buffer) -> Generator[float, None, None]:
+        """Gather from sources whose radiance is on the device, see `FinalGather.gather_from`."""
+        yield from self._all_light(self._final.gather_from(radiance))
+
+    def _all_light(self, gather: Generator[float, None, np.ndarray]) -> Generator[float, None, None]:
+        """Gather all light, and before it what was not reflected if that is told apart."""
+        if self.separate_direct:
+            self.direct = (yield from part_of(0.0, 0.5, self._final.gather(self._emission)))[:, :3]
+        self.gathered = yield from part_of(1 - 1 / self.gathers, 1.0, gather)
+        if not self._bounces:
+            self.direct = self.gathered[:, :3]
+        self.done = True
+
+    def gather_l1(self) -> Generator[float, None, L1]:
+        """Return the L1 of all light but the sampled, (n, 3, 3) float32; see `Sweep.gather_l1`."""
+        return (yield from self._final.gather_l1())
+
+    @property
+    def irradiance(self) -> np.ndarray:
+        """E/pi of all light, (n, 3) float32."""
+        return self.gathered[:, :3]
+
+    @property
+    def light(self) -> np.ndarray:
+        """What `irradiance` is; see `solution.Solution.light`."""
+        return self.irradiance
+
+    @property
+    def indirect(self) -> np.ndarray:
+        """E/pi of light that was reflected, (n, 3) float32."""
+        return rest_of(self.irradiance, self.direct)

@@ -1,0 +1,120 @@
+"""The last steps of a bake: what patches and display samples receive becomes the images to keep (VI.B)."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Mapping
+from concurrent.futures import Future
+
+import numpy as np
+
+from ..device.device_array import Values, channel_sums
+from ..patches.seams import Seams
+from ..plan.stages import BakeStages
+from ..postprocess.blocked_seams import without_parted
+from ..postprocess.denoising import Denoising
+from ..postprocess.directional_denoising import carried_maps, restored_maps
+from ..postprocess.independent_estimate import SecondLook
+from ..postprocess.light_group_maps import summing_up
+from ..postprocess.outputs import is_light, is_of_light_group
+from ..postprocess.store import LightmapStore
+from ..progress import Progress, part_of
+from ..solve.solution import Solution
+from .independent_gather import look_twice
+from .texel_sample_gather import DisplayLight
+from .texel_sample_points import DisplayJob
+
+
+class Finishing:
+    """Makes images without noise and seams, and with dilated charts.
+
+    store     puts values into images; its texels show the display samples from now on
+    texels    what light in texels was gathered for
+    solution  all light
+    made      of each output the values of the patches, (n, 3) or (n,) float32, by name
+    lit       the light of the display samples
+    """
+
+    def __init__(
+        self,
+        store: LightmapStore,
+        texels: DisplayJob,
+        solution: Solution,
+        made: Mapping[str, Values],
+        lit: DisplayLight,
+    ) -> None:
+        self._store, self._job, self._texels, self._solution = store, texels.job, texels, solution
+        self._made, self._lit = made, lit
+        if len(lit.samples):
+            store.refine(lit.means(self._job.opencl, store.has_patch.shape), lit.hidden)
+        if len(lit.inside):
+            shown = store.texels_on_device(*self._light_of_texels())
+            store.part(lit.beside_walls(self._job.opencl, shown, store.known))
+        self._denoising = Denoising(store.known, self._job.settings)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences for the user."""
+        return *self._lit.warnings, *self._denoising.warnings
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Sentences for the report."""
+        return *self._lit.reasons, *self._denoising.reasons
+
+    def images(
+        self, stages: BakeStages, seams: Future[Seams] | None
+    ) -> Generator[Progress, None, dict[str, np.ndarray]]:
+        """Return the images to keep, (atlases, r, r, 3) float32, by name; seams: to hide, None for none."""
+        quiet: dict[str, np.ndarray] = {}
+        if self._job.settings.denoise:
+            quiet = yield from stages.run(stages.denoising, self._without_noise())
+        yield stages.begin(stages.images)
+        if seams:
+            thin = self._job.kept.thin_patches(self._job.compute, self._job.parts)
+            self._store.hide_seams(thin, self._in_sight(seams.result()))
+        images = {name: self._store.final(image) for name, image in quiet.items()}
+        left = {name: values for name, values in self._made.items() if name not in quiet}
+        images |= self._store.finished(left, self._lit.values)
+        images = {name: images[name] for name in self._made}
+        groups = {name: image for name, image in images.items() if is_of_light_group(name)}
+        if groups:
+            images |= summing_up(groups, images["combined"])
+        yield stages.end()
+        return images
+
+    def _without_noise(self) -> Generator[float, None, dict[str, np.ndarray]]:
+        """Return what texels show without noise, (atlases, r, r, 3) float32, by name; yield the part done.
+
+        These are maps of light, and of where it comes from; there are none if the noise stays.
+        """
+        store, lit = self._store, self._lit
+        shown = {name: store.texels(values, lit.values.get(name)) for name, values in self._made.items()}
+        normals = store.texels(self._job.parts.geometry.normal, lit.normals)
+
+        # A second look by few rays tells noise from detail.
+        values, part = yield from part_of(0.0, 0.4, look_twice(self._texels, self._solution))
+        seen = {name: store.image(light) for name, light in values.items()}
+        again = SecondLook(seen, store.centres, part) if seen else None
+
+        # Directional maps are filtered as light, too.
+        names = [name for name in shown if is_light(name)]
+        light = {name: shown[name] for name in names} | carried_maps(shown)
+        filtered = yield from part_of(0.4, 1.0, self._denoising.run(light, again))
+        if filtered is light:
+            return {}
+        quiet = {name: filtered[name] for name in names}
+        return quiet | restored_maps(shown, filtered, normals)
+
+    def _in_sight(self, seams: Seams) -> Seams:
+        """Return seams without those that something stands on which parts the light of both sides."""
+        if not self._job.rays.possible:
+            return seams
+        store, job = self._store, self._job
+        light = store.texels_on_device(*self._light_of_texels())
+        return without_parted(seams, job.parts, job.rays, light, store.known, store.hidden)
+
+    def _light_of_texels(self) -> tuple[Values, np.ndarray | None]:
+        """Return all light of the patches, (n, 1), and of samples, (s,) or None, sum of the channels."""
+        if not len(self._lit.samples):
+            return channel_sums(self._solution.light), None
+        return self._lit.centres, self._lit.light

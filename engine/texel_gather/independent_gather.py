@@ -1,0 +1,66 @@
+"""A second look of all patches by a few rays, from light that has settled; for filters of noise."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import replace
+
+import numpy as np
+
+from ..device.device_array import Values
+from ..patches.sides import both_sides
+from ..plan.receivers import Receivers, last_gather
+from ..postprocess.output_maps import light_output
+from ..progress import part_of
+from ..settings import Settings
+from ..solve.solution import Solution
+from ..visibility.sample_counts import ray_count
+from .texel_sample_points import DisplayJob
+from .valid_patches import radiance_of
+
+#: Rays of a patch, and those to each light.
+_RAYS, _LIGHT_RAYS = 32, 16
+
+#: What makes the seed of the second look another one.
+_OTHER = 0x9E3779B9
+
+
+def look_twice(
+    what: DisplayJob, solution: Solution
+) -> Generator[float, None, tuple[dict[str, Values], float]]:
+    """Return each output that is light anew, (n, 3) float32 by name, and what part of all rays it took.
+
+    Yields the fraction done. There are none without OpenCL, by the paper's method, and where other processes
+    gather.
+    """
+    job = what.job
+    if job.compute is None or job.remote is not None or what.choice.method in ("none", "paper"):
+        return {}, 0.0
+    settings = _few_rays(job.settings)
+    lighting = what.lighting.of(job.rays, settings)
+    sampled = yield from part_of(0.0, 0.5, lighting.gather())
+    last, _ = last_gather(what.solved, what.choice, Receivers(job.parts, job.rays, sampled), settings)
+    radiance = radiance_of(what.solved, solution.settled, solution.stand_in)
+    yield from part_of(0.5, 1.0, last.gather_from(radiance))
+    rays = ray_count(settings)
+    outputs = {name: light_output(name, last) for name in job.settings.light_outputs}
+    sides = job.parts.sides
+    light: dict[str, Values] = {
+        name: both_sides(sides, np.asarray(values)) if sides else values for name, values in outputs.items()
+    }
+    return light, rays / (rays + ray_count(job.settings))
+
+
+def _few_rays(settings: Settings) -> Settings:
+    """Return settings of a second look.
+
+    It has another number of rays than the first one: shifted sequences of one length err alike.
+    """
+    rays, light_rays = ray_count(settings), settings.light_samples
+    return replace(
+        settings,
+        samples=_RAYS if rays > _RAYS else rays + 4,
+        hemicube=8,
+        light_samples=_LIGHT_RAYS if light_rays > _LIGHT_RAYS else light_rays + 1,
+        seed=settings.seed ^ _OTHER,
+    )

@@ -1,0 +1,79 @@
+"""What receivers that look for themselves gather of each light group, once its light has settled."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..device.device_array import colors_on_host
+from ..gather.light_group_gather import LightGroupLook
+from ..plan.choose_gather import static_light
+from ..plan.receivers import Receivers, last_gather, looking
+from ..plan.solve_job import SolveJob
+from ..plan.solver_choice import Choice
+from ..plan.visibility_trial import make_identity
+from ..progress import part_of
+from ..settings import Settings
+from ..solve.reflected_radiance import reflected_light
+from ..visibility.sampler import Sampling
+
+
+def of_all_light(settings: Settings) -> Settings:
+    """Return settings that ask for nothing but all light: a light group has no other maps."""
+    return replace(settings, outputs=("combined",))
+
+
+def gather_light_groups(
+    groups: Sequence[SolveJob],
+    settled: Sequence[np.ndarray],
+    choice: Choice,
+    receivers: Receivers,
+    sampled: np.ndarray,
+    settings: Settings,
+    stand_in: np.ndarray | None = None,
+) -> Generator[float, None, np.ndarray]:
+    """Return E/pi of light groups, (g, n, 3) float32, at n receivers; yield the fraction done.
+
+    settled   (m, 3) float32 of each group, E/pi of what is seen
+    sampled   (g, n, 3) float32, E/pi of the light that shadow rays sample
+    stand_in  (m,) int64, see `reflected_light`
+
+    Receivers look once for all groups that leave no emission to hemicubes, once for each of the others: what
+    backs send out is summed as they are found.
+    """
+    light = sampled.copy()
+    lit = [number for number, group in enumerate(groups) if group.lit]
+    apart = [number for number in lit if groups[number].back_emission.any() or groups[number].emission.any()]
+    together = [number for number in lit if number not in apart]
+    looks = len(apart) + bool(together)
+    if together:
+        some = [groups[number] for number in together]
+        look = _look(some, choice, receivers, settings)
+        sent = [
+            reflected_light(
+                colors_on_host(groups[number].parts.surfaces.reflectance), settled[number], stand_in
+            )
+            for number in together
+        ]
+        found = yield from part_of(0.0, 1 / looks, look.gather(np.stack(sent, axis=1)))
+        light[together] += found.transpose(1, 0, 2)
+    for count, number in enumerate(apart, bool(together)):
+        where = Receivers(receivers.parts, receivers.rays, sampled[number])
+        last, _ = last_gather(groups[number], choice, where, settings)
+        yield from part_of(count / looks, (count + 1) / looks, last.gather(settled[number], stand_in))
+        light[number] = last.irradiance
+    return light
+
+
+def _look(
+    groups: Sequence[SolveJob], choice: Choice, receivers: Receivers, settings: Settings
+) -> LightGroupLook:
+    """Return what looks for receivers, for groups without emission."""
+    jobs = [looking(group, receivers, settings) for group in groups]
+    identity = make_identity(jobs[0], choice.visibility)
+    sampling, first = Sampling.of(identity), jobs[0]
+    fitting = max(settings.batch_bytes // identity.row_bytes, identity.batch)
+    static = [static_light(job, sampling) for job in jobs]
+    return LightGroupLook(first.opencl, identity, first.count, len(first.emission), static, fitting)

@@ -1,0 +1,245 @@
+"""The light of each light group, solved over what patches were found to see of all light together."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..device.buffers import upload_float4
+from ..device.device_array import colors_on_host
+from ..gather.light_group_gather import TOGETHER, LightGroupSweep
+from ..gather.visibility_cache import KeptSamples
+from ..plan.choose_gather import static_light
+from ..plan.choose_solver import solver_like
+from ..plan.receivers import Receivers
+from ..plan.session_cache import Kept
+from ..plan.solve_job import SolveJob
+from ..plan.solver_choice import Choice
+from ..progress import part_of
+from ..scene.color import add_colors
+from ..solve.device_radiosity import DeviceRadiosity
+from ..solve.grouped_solution import GroupedSolution
+from ..solve.interpolated_gather import InterpolatedGather
+from ..solve.radiosity_state import Sums
+from ..solve.solution import Solution
+from ..solve.solver import Solver
+from .light_group_final_gather import gather_light_groups, of_all_light
+
+#: Light below this is not made brighter: float32 would not hold the factor.
+_DARKEST = 1e-30
+
+
+@dataclass(frozen=True)
+class Sources:
+    """What one light group sends out; see `SolveJob`.
+
+    emission       (n, 3) float32
+    sky            (h, w, 3) float32
+    sampled_light  (n, 3) float32
+    backs          (n, 3) float32, or None
+    """
+
+    emission: np.ndarray
+    sky: np.ndarray
+    sampled_light: np.ndarray
+    backs: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class SettledGroup:
+    """The light of one light group.
+
+    irradiance  (n, 3) float32, E/pi of all patches
+    settled     (m, 3) float32, E/pi of what the patches see: of themselves, or of groups of them
+    solved      what it was solved for
+    """
+
+    irradiance: np.ndarray
+    settled: np.ndarray
+    solved: SolveJob
+
+
+def settled_groups(
+    job: SolveJob, solved: SolveJob, choice: Choice, solution: Solution, groups: Sequence[Sources]
+) -> Generator[float, None, list[SettledGroup]]:
+    """Return the light of each light group; yield the fraction done.
+
+    job       the patches of all texels, and all light
+    solved    what was solved for: the job, or groups of its patches
+    solution  of all light
+    """
+    job, solved = (replace(one, settings=of_all_light(one.settings)) for one in (job, solved))
+    parts = [_part_of(job, solved, solution, sources) for sources in groups]
+    gathered = yield from part_of(0.0, 0.5, _gathered(solved, choice, parts, solution.stand_in))
+    settled = [light[:, :3] for light in gathered]
+    of_patches: Sequence[np.ndarray] | np.ndarray = settled
+    if isinstance(solution, GroupedSolution):
+        sampled = np.stack([sources.sampled_light for sources in groups])
+        gathering = _of_patches(job, parts, choice, solution, gathered, sampled)
+        of_patches = yield from part_of(0.5, 1.0, gathering)
+    return [SettledGroup(*each) for each in zip(of_patches, settled, parts, strict=True)]
+
+
+def _part_of(job: SolveJob, solved: SolveJob, solution: Solution, sources: Sources) -> SolveJob:
+    """Return what is to be solved of a light group."""
+    if not isinstance(solution, GroupedSolution):
+        return replace(job, **vars(sources), part_of=job, indirect=None, direct=None, front=None)
+    mean = solution.groups.mean
+    return replace(
+        solved,
+        emission=mean(sources.emission),
+        backs=None if sources.backs is None else mean(sources.backs),
+        sky=sources.sky,
+        sampled_light=mean(sources.sampled_light),
+        part_of=solved,
+        indirect=None,
+        direct=None,
+        front=None,
+    )
+
+
+def _of_patches(
+    job: SolveJob,
+    parts: Sequence[SolveJob],
+    choice: Choice,
+    solution: GroupedSolution,
+    gathered: Sequence[np.ndarray],
+    sampled: np.ndarray,
+) -> Generator[float, None, np.ndarray]:
+    """Return E/pi of light groups in all patches, (g, n, 3) float32; yield the fraction done.
+
+    gathered  (m, 4) float32 of each light group, by groups of patches
+    sampled   (g, n, 3) float32, E/pi of the light that shadow rays sample
+    """
+    settled = [light[:, :3] for light in gathered]
+
+    def gather(patches: np.ndarray | slice) -> Generator[float, None, np.ndarray]:
+        looking = job.parts if isinstance(patches, slice) else job.parts.part(patches)
+        rays = job.rays if isinstance(patches, slice) else job.rays.of(looking)
+        receivers = Receivers(looking, rays, job.sampled_light[patches])
+        lit = np.ascontiguousarray(sampled[:, patches])
+        light = gather_light_groups(parts, settled, choice, receivers, lit, job.settings, solution.stand_in)
+        return (yield from light)
+
+    if not isinstance(solution.last, InterpolatedGather):
+        return (yield from gather(slice(None)))
+    layers = []
+    for part, light in zip(parts, gathered, strict=True):
+        layers.append(light.copy())
+        add_colors(layers[-1], part.sampled_light, -1)
+        layers[-1][:, 3] = solution.of_patch_groups[:, 3]
+    return (yield from solution.last.gather_groups(layers, sampled, gather))
+
+
+def _gathered(
+    solved: SolveJob, choice: Choice, parts: Sequence[SolveJob], stand_in: np.ndarray | None
+) -> Generator[float, None, list[np.ndarray]]:
+    """Return what every part gathers once its light has settled, (m, 4) float32; yield the fraction done.
+
+    stand_in: (m,) int64, see `reflected_light`
+    """
+    gathered = [np.zeros((solved.count, 4), np.float32) for _ in parts]
+    lit = [number for number, part in enumerate(parts) if part.lit]
+    kept = _common_samples(solved)
+    width = 1 if kept is None else TOGETHER
+    runs = [lit[first : first + width] for first in range(0, len(lit), width)]
+    for count, run in enumerate(runs):
+        some = [parts[number] for number in run]
+        if kept is None:
+            solving = _solved_alone(some[0], choice, stand_in)
+        else:
+            solving = _solved_together(kept, some, stand_in)
+        found = yield from part_of(count / len(runs), (count + 1) / len(runs), solving)
+        for number, light in zip(run, found, strict=True):
+            gathered[number] = light
+    return gathered
+
+
+def _common_samples(solved: SolveJob) -> KeptSamples | None:
+    """Return what was kept of what patches see, if it holds for every part: no back that is seen shines."""
+    kept = solved.kept.samples
+    return None if kept is None or not kept.complete or kept.has_light_of_backs else kept
+
+
+def _solved_alone(
+    part: SolveJob, choice: Choice, stand_in: np.ndarray | None
+) -> Generator[float, None, list[np.ndarray]]:
+    """Return what a part gathers, found anew what patches see; yield the fraction done."""
+    solver = solver_like(replace(part, kept=Kept()), choice, stand_in)
+    yield from _settle(solver)
+    return [solver.gathered]
+
+
+def _solved_together(
+    kept: KeptSamples, parts: Sequence[SolveJob], stand_in: np.ndarray | None
+) -> Generator[float, None, list[np.ndarray]]:
+    """Return what several parts gather, over rows that were kept; yield the fraction done.
+
+    All are brought to about the same brightness, so that the tolerance means the same to each.
+    """
+    job, scales = parts[0], [_scale(part) for part in parts]
+    bright = [
+        replace(
+            part,
+            emission=part.emission * scale,
+            sky=part.sky * scale,
+            sampled_light=part.sampled_light * scale,
+        )
+        for part, scale in zip(parts, scales, strict=True)
+    ]
+    sweep = LightGroupSweep(job.opencl, kept, [static_light(part, kept.sampling) for part in bright])
+    sampled, sides = _beside(part.sampled_light for part in bright), job.parts.sides
+    radiosity = _Radiosity(
+        job.opencl,
+        sweep,
+        np.repeat(colors_on_host(job.parts.surfaces.reflectance), len(parts), axis=0),
+        upload_float4(job.opencl, _beside(part.emission for part in bright), first=1),
+        np.repeat(job.area, len(parts)),
+        sampled,
+        job.gathers_direct,
+        job.columns,
+        sides=sides and sides.repeated(len(parts)),
+    )
+    stands_in = None if stand_in is None else _side_by_side(stand_in, len(parts))
+    solver = Solver(radiosity, sampled, job.settings, job.gathers_direct, find_stand_ins=lambda _: stands_in)
+    yield from _settle(solver)
+    light = solver.gathered.reshape(job.count, len(parts), 4)
+    return [
+        np.concatenate([light[:, number, :3] / scale, light[:, number, 3:]], axis=1)
+        for number, scale in enumerate(scales)
+    ]
+
+
+class _Radiosity(DeviceRadiosity):
+    """Light groups have no ambient light in common: what is mixed of one adds nothing to another."""
+
+    def sums(self, newest: int, least: float) -> Sums:
+        """Return the sums after a sweep but for what is reflected."""
+        sums = super().sums(newest, least)
+        return replace(sums, reflected=np.zeros_like(sums.reflected))
+
+
+def _settle(solver: Solver) -> Generator[float, None, None]:
+    """Sweep until light has settled; yield the fraction done, as far as it is known."""
+    while not solver.done:
+        for _ in solver.iteration():
+            yield solver.iterations / (solver.iterations + 1)
+
+
+def _scale(part: SolveJob) -> np.float32:
+    """Return what brings the light of a part to about 1."""
+    sources = part.emission, part.sky, part.sampled_light
+    return np.float32(1 / max(sum(float(values.mean(dtype=np.float64)) for values in sources), _DARKEST))
+
+
+def _side_by_side(stand_in: np.ndarray, groups: int) -> np.ndarray:
+    """Return which light stands in for each, (m g,) int64, where that of a patch's groups is in a row."""
+    numbers: np.ndarray = groups * stand_in[:, None] + np.arange(groups)
+    return numbers.ravel()
+
+
+def _beside(values: Iterable[np.ndarray]) -> np.ndarray:
+    """Return values of groups, (m, 3) each, as (m g, 3): those of a patch side by side."""
+    return np.stack(list(values), axis=1).reshape(-1, 3)

@@ -1,0 +1,119 @@
+"""Display samples as patches that gather: what light in texels is gathered for, and at which points."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pyopencl as cl
+
+from ..direct.lighting import DirectLighting
+from ..patches.geometry import PatchGeometry, TexelSteps
+from ..patches.patch_list import PatchList
+from ..patches.patch_scene import Subdivision
+from ..patches.sides import Sides, own_sides
+from ..plan.solve_job import SolveJob
+from ..plan.solver_choice import Choice
+from ..postprocess.push_off import WaysOut, pushed_barycentrics, ways_out
+from ..postprocess.texel_samples import DisplaySamples, joined_samples, on_lightmap
+from ..row_ops import any_in_rows, some_rows
+from ..scene.model import Scene
+from ..settings import Settings
+
+#: What a point that was pushed out of something weighs: it counts where no other point of its texel is seen.
+_PUSHED = 1e-3
+
+
+@dataclass(frozen=True)
+class DisplayJob:
+    """What light in texels is gathered for.
+
+    job      the patches of all texels
+    solved   the patches that send light out: those of the job, or groups of them
+    """
+
+    scene: Scene
+    job: SolveJob
+    solved: SolveJob
+    choice: Choice
+    lighting: DirectLighting
+    _steps: dict[float, TexelSteps] = field(default_factory=dict)
+
+    def steps(self, side: float) -> TexelSteps:
+        """Return what a sample is of each triangle in the world; a texel has `side` of them along u and v."""
+        if side not in self._steps:
+            self._steps[side] = self.job.parts.geometry.steps.scaled(1 / side)
+        return self._steps[side]
+
+
+def with_other_sides(samples: DisplaySamples, parts: Subdivision) -> tuple[DisplaySamples, Sides | None]:
+    """Return samples followed by points on the other sides of those on translucent surfaces, and the pairs.
+
+    None if there are none. parts: the patches that the samples' texels belong to
+    """
+    if parts.sides is None:
+        return samples, None
+    resolution = parts.patches.resolution
+    row, column = np.divmod(samples.texel, resolution)
+    entry = parts.texel_to_patch[samples.atlas, row, column].astype(np.int64)
+    own = np.concatenate([np.ones((1, 3), np.float32), own_sides(len(parts.patches), parts.sides)])[entry]
+    chosen = np.flatnonzero((own < 1).any(axis=1))
+    if not len(chosen):
+        return samples, None
+    there = samples.part(chosen)
+    backs = parts.triangles.backs
+    triangle = there.triangle if backs is None else backs[there.triangle]
+    others = replace(there, triangle=triangle, barycentric=there.barycentric[:, [0, 2, 1]])
+    pairs = np.stack([chosen, len(samples) + np.arange(len(chosen))], axis=1)
+    return joined_samples([samples, others]), Sides(pairs, np.repeat(own[chosen, None], 2, axis=1))
+
+
+class DisplayPoints:
+    """Display samples as patches that gather.
+
+    settings  by which they do; each is one of `texel_samples` of its texel
+    parts     as a Subdivision
+    rays      casts rays from them
+    """
+
+    def __init__(self, what: DisplayJob, samples: DisplaySamples, settings: Settings) -> None:
+        self._job, self.settings = what.job, settings
+
+        # A sample stands for a part of its texel.
+        self._side = math.sqrt(settings.texel_samples)
+        self._steps = what.steps(self._side)
+        self._place(samples)
+
+    def _place(self, samples: DisplaySamples) -> None:
+        parts = self._job.parts
+        geometry = PatchGeometry(parts.triangles, self._steps, samples.triangle, samples.barycentric)
+        patches = PatchList(
+            parts.patches.resolution, samples.atlas, samples.texel, samples.triangle, samples.barycentric
+        )
+        self.samples, self.parts = samples, parts.seen_from(patches, geometry)
+        self.rays = self._job.rays.of(self.parts)
+
+    def push_out(self, lit: np.ndarray, lit_backs: cl.Buffer | None) -> WaysOut:
+        """Move samples that are inside of something to just outside of it; return the ways.
+
+        Those that are moved are not inside any more. lit: (s,) bool, those that a back lights never are;
+        lit_backs: see `validity.lit_backs`
+        """
+        samples, parts = self.samples, self.parts
+        ways = ways_out(self.rays, len(samples), self._side, self._steps.geometric, lit_backs)
+        ways = ways.without(lit)
+        inside = np.flatnonzero(ways.inside)
+        inside = inside[any_in_rows(some_rows(ways.offset, inside))]
+        if not len(inside):
+            return ways
+        moved, stays = pushed_barycentrics(parts.geometry.part(inside), ways.offset[inside])
+        inside, moved = inside[stays], moved[stays]
+        ways.inside[inside] = False
+        barycentric, weight = samples.barycentric.copy(), samples.weight.copy()
+        position = samples.position.copy()
+        barycentric[inside], weight[inside] = moved, _PUSHED * weight[inside]
+        triangle = samples.triangle[inside]
+        position[inside] = on_lightmap(parts.triangles, triangle, moved, parts.patches.resolution)
+        self._place(replace(samples, barycentric=barycentric, weight=weight, position=position))
+        return ways

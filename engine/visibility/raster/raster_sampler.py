@@ -1,0 +1,73 @@
+"""What patches see, drawn as identity hemicubes."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import numpy as np
+import pyopencl as cl
+
+from ...device.buffers import upload
+from ...device.cl_device import Compute
+from ...device.gl_context import Graphics
+from ...device.host_copy import HostCopy
+from ...patches.patch_scene import Subdivision
+from ...settings import Settings
+from ..sample_counts import sample_bytes
+from ..sampler import SeenBuffers, Surroundings, directional_options, identity_options
+from ..views.hemicube import multiplier_map
+from ..views.hemicubes import Hemicubes
+from ..views.viewpoints import FRAME, frame_records
+from .targets import IdentityTarget
+from .tiles import IDENTITY_BYTES, plan_tiles
+
+
+class RasterIdentity:
+    """Draws the identity hemicubes of patches with OpenGL and copies them to the OpenCL device."""
+
+    name = "raster"
+
+    def __init__(
+        self,
+        graphics: Graphics,
+        compute: Compute,
+        parts: Subdivision,
+        surroundings: Surroundings,
+        settings: Settings,
+    ) -> None:
+        self._compute, self._queue, self._surroundings = compute, compute.queue, surroundings
+        self._tiles = plan_tiles(settings, len(parts.patches), IDENTITY_BYTES)
+        self.batch = self._tiles.capacity
+        target = IdentityTarget(graphics, self._tiles)
+        self._hemicubes = Hemicubes(graphics, parts, self._tiles, target, settings)
+        self._copy = HostCopy(compute, target.texture)
+        multiplier = multiplier_map(settings.hemicube).ravel()
+        self.multiplier: np.ndarray | None = multiplier
+        self.samples = len(multiplier)
+        self.tints: np.ndarray | None = None
+        size = sample_bytes(parts.sources)
+        self.row_bytes = size * self.samples
+        options = (*identity_options(size), *directional_options(settings))
+        (self._resolve,) = compute.kernels((FRAME, "resolve.cl"), "resolve", options=options)
+        self._weights = upload(compute, multiplier)
+
+    def find(self, first: int, last: int, seen: SeenBuffers) -> Generator[float, None, None]:
+        """Find what the patches first ... last see; yield the fraction done."""
+
+        def keep(start: int, end: int, frames: np.ndarray) -> None:
+            self._keep(start, end, frames, seen)
+
+        yield from self._hemicubes.draw(first, last, keep)
+
+    def _keep(self, start: int, end: int, frames: np.ndarray, seen: SeenBuffers) -> None:
+        """Move the hemicubes that were drawn into the cache."""
+        records = upload(self._compute, frame_records(frames))
+        (group,), surroundings = self._resolve.group(*self._compute.work_sizes.look), self._surroundings
+        self._resolve(
+            self._queue, (group * (end - start),), (group,),
+            self._copy.update(), self._weights, records,
+            surroundings.emission, surroundings.outside,
+            np.int32(self._tiles.columns), np.int32(self._tiles.n), np.int32(start),
+            np.int32(seen.cached_from), seen.cache, seen.back_light, seen.patches_seen, seen.backs_seen,
+            seen.back_l1, cl.LocalMemory(16 * group),
+        )  # fmt: skip

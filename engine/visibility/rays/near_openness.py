@@ -1,0 +1,31 @@
+"""Short-range openness and back faces in view of patches: both stop interpolation between patches."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyopencl as cl
+
+from ...device.buffers import download
+from .ray_scene import RayScene
+from .receiver_records import RECEIVER
+
+
+def openness(rays: RayScene, reach: float) -> cl.Buffer:
+    """Return the fraction of each patch's hemisphere in which nothing is near, float32 on the device.
+
+    It is weighted by the cosine. reach: texels from which on nothing is near.
+    """
+    compute, count = rays.compute, rays.count
+    (kernel,) = rays.rays.kernels((RECEIVER, "openness.cl"), "openness")
+    found = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 4 * count)
+    rays.rays.run(kernel, count, rays.receivers, np.float32(reach), found, np.int32(count))
+    return found
+
+
+def backs_met(rays: RayScene) -> np.ndarray:
+    """Return the cosine-weighted fraction of each patch's probes that meet back faces, (n,) float32."""
+    compute, count = rays.compute, rays.count
+    (kernel,) = rays.rays.kernels((RECEIVER, "openness.cl"), "backs_met")
+    found = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * count)
+    rays.rays.run(kernel, count, rays.receivers, found, np.int32(count))
+    return download(compute, found, (count,))

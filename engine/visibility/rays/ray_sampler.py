@@ -1,0 +1,145 @@
+"""What patches see, found with rays through the scene's triangles."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+
+import numpy as np
+import pyopencl as cl
+
+from ...device.buffers import upload, upload_once
+from ...device.cl_device import Compute
+from ...device.kernel import Kernel
+from ...device.time_slicer import sliced
+from ...patches.patch_scene import Subdivision
+from ...scene.tints import tint_palette
+from ...settings import Settings
+from ..sample_counts import ray_count, sample_bytes
+from ..sampler import SeenBuffers, Surroundings, directional_options, identity_options
+from ..views.directions import r2_sequence
+from ..views.hemicube import multiplier_map, rotation_salt
+from .ray_scene import RayScene
+from .receiver_records import RECEIVER
+
+
+@dataclass(frozen=True)
+class GatheredBuffers:
+    """Where `RayIdentity.gather` writes on the OpenCL device.
+
+    light         float4 of each patch: E/pi of all that is seen, and the fraction that is no back
+    patches_seen, backs_seen  as of `SeenBuffers`
+    l1            3 float4 of each patch, see `SeenBuffers.back_l1`
+    """
+
+    light: cl.Buffer
+    patches_seen: cl.Buffer
+    backs_seen: cl.Buffer
+    l1: cl.Buffer | None
+
+
+@dataclass(frozen=True)
+class MovedBuffers:
+    """What has moved since samples were found, on the OpenCL device.
+
+    nodes, triangles  the hierarchy of triangles that have moved, as they were and as they are
+    ball              float4: centre and radius of a ball around them, metres
+    views             uint8 of each patch: 1 if it looks from elsewhere than before
+    """
+
+    nodes: cl.Buffer
+    triangles: cl.Buffer
+    ball: np.ndarray
+    views: cl.Buffer
+
+
+class RayIdentity:
+    """Casts rays from the patches of `receivers` and finds patches of `sources` where they end.
+
+    Without `Settings.directions` "hemicube" they follow the cosine: the texels of a hemicube cost about
+    three times as many for the same error.
+    """
+
+    name = "rays"
+
+    def __init__(
+        self,
+        compute: Compute,
+        receivers: RayScene,
+        sources: Subdivision,
+        surroundings: Surroundings,
+        settings: Settings,
+    ) -> None:
+        self._compute, self._queue = compute, compute.queue
+        rays = receivers.rays
+        hemicube = settings.directions == "hemicube"
+        self.samples = 3 * settings.hemicube**2 if hemicube else ray_count(settings)
+        self.multiplier = multiplier_map(settings.hemicube).ravel() if hemicube else None
+        pattern = r2_sequence(self.samples) if self.multiplier is None else self.multiplier
+        self.tints = tint_palette(rays.cutouts) if rays.cutouts.needed else None
+        size = sample_bytes(sources.sources, self.tints is not None)
+        self.row_bytes = size * self.samples
+        self.batch = 1
+        options = ("-DDITHERED", *identity_options(size), *directional_options(settings))
+        options += () if hemicube else ("-DCOSINE",)
+        self._rays, self._options = rays, options
+        self._look, self._gather_rays = self._kernels("look.cl", "look", "gather_rays")
+        triangles = sources.triangles
+        arrays = (triangles.uvs, triangles.atlas, sources.texel_to_patch)
+        lookups = (upload_once(compute, array) for array in arrays)
+        backs = None if triangles.backs is None else upload_once(compute, triangles.backs)
+        self._arguments = (
+            *rays.arguments, receivers.receivers, *lookups, np.int32(sources.patches.resolution),
+            backs, surroundings.emission, surroundings.outside,
+            upload(compute, pattern), np.int32(self.samples), np.int32(settings.hemicube),
+            np.uint32(rotation_salt(settings.seed)), np.int32(settings.rotate),
+        )  # fmt: skip
+        self._sky = surroundings.sky_arguments
+        self._size = int(triangles.mesh.size).bit_length()
+
+    def find(self, first: int, last: int, seen: SeenBuffers) -> Generator[float, None, None]:
+        """Find what the patches first ... last see; yield the fraction done."""
+        yield from self._run(self._look, first, last, _outputs(seen))
+
+    def find_again(
+        self, first: int, last: int, seen: SeenBuffers, moved: MovedBuffers
+    ) -> Generator[float, None, None]:
+        """Find what the patches first ... last see now, of what they saw before something moved.
+
+        Yields the fraction done.
+        """
+        (look_again,) = self._kernels("look_again.cl", "look_again")
+        more = (moved.nodes, moved.triangles, moved.ball, moved.views)
+        yield from self._run(look_again, first, last, _outputs(seen), more)
+
+    def gather(self, count: int, radiance: cl.Buffer, seen: GatheredBuffers) -> Generator[float, None, None]:
+        """Gather from radiance, float4 of each source + 1, for the first `count` patches; keep nothing."""
+        outputs = (radiance, *self._sky, seen.light, seen.patches_seen, seen.backs_seen, seen.l1)
+        yield from self._run(self._gather_rays, 0, count, outputs)
+
+    def _kernels(self, file: str, *names: str) -> list[Kernel]:
+        """Return kernels of a file that look along the samples of views."""
+        return self._rays.kernels((RECEIVER, file), *names, options=self._options)
+
+    def _run(
+        self, kernel: Kernel, first: int, last: int, outputs: tuple, more: tuple = ()
+    ) -> Generator[float, None, None]:
+        """Run a kernel over patches first ... last, slice by slice, one work group for each patch."""
+        (group,) = kernel.group(*self._compute.work_sizes.look)
+        partial = cl.LocalMemory(16 * group)
+
+        def launch(start: int, end: int) -> None:
+            kernel(
+                self._queue, (group * (end - start),), (group,),
+                *self._arguments, np.int32(start), *outputs, partial, *more,
+            )  # fmt: skip
+
+        size = self._compute.slice_size(kernel, self.samples, self._size, items=group)
+        for end in sliced(self._queue, first, last, launch, size):
+            yield (end - first) / (last - first)
+
+
+def _outputs(seen: SeenBuffers) -> tuple:
+    """Return where kernels write what they find."""
+    kept = (np.int32(seen.cached_from), seen.cache)
+    return (*kept, seen.back_light, seen.patches_seen, seen.backs_seen, seen.back_l1)

@@ -1,0 +1,144 @@
+"""Rays through the triangles of a scene, traced by OpenCL."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyopencl as cl
+
+from ...device.buffers import upload
+from ...device.cl_device import Compute, Source
+from ...device.device_struct import Record
+from ...device.kernel import Kernel
+from ...scene.cutouts import BOUNCE, EXTENSIONS, Cutouts
+from ...scene.tints import tint_palette
+from ...scene.triangles import Triangles
+from .bvh import build_bvh
+from .upper_levels import Treetop
+
+#: Transmittance of one side of a material for one kind of ray; see `Cutouts`.
+TRANSMITTANCE = Record(
+    "Transmittance",
+    ("float[3]", "base", "opacity of each channel without the map"),
+    ("float", "threshold", "of opacity, from which on all light is stopped; -1 for none"),
+    ("float[3]", "factor", "of the map, added to the base"),
+    ("int", "channels", "values of a pixel of the map, 1 or 3"),
+    ("int", "first", "value of the map"),
+    ("int", "width", "pixels, 0 without a map"),
+    ("int", "height", "pixels"),
+    ("int", "extension", "index into EXTENSIONS: how the map goes on beyond its borders"),
+    ("int", "nearest", "1 if the nearest pixel is taken, 0 if four are interpolated"),
+    ("int", "first_corner", "of the map's layer in the list of corners of all layers"),
+)
+
+
+class Rays:
+    """A scene's triangles on the OpenCL device, for kernels/rays.cl and kernels that go on from it.
+
+    cutouts    transmittance of the surfaces
+    arguments  what kernels take for RAYS_ARGUMENTS
+    top        of the hierarchy, see `Bvh`
+    """
+
+    def __init__(
+        self, compute: Compute, triangles: Triangles, cutouts: Cutouts, before: Treetop | None = None
+    ) -> None:
+        """Build the hierarchy; before: `top` of the same triangles where they were."""
+        self._compute, self._queue = compute, compute.queue
+        self.cutouts = cutouts
+        reach = float(np.abs(triangles.box).max())
+        bvh = build_bvh(compute, triangles.positions[: triangles.solid], reach, top=before)
+        self._options, self._stack, self.top = bvh.options, bvh.stack, bvh.top
+        arrays: list[np.ndarray] = []
+        if cutouts.needed:
+            self._options = (*bvh.options, *cutout_options(cutouts.tinted))
+            arrays = [cutouts.pixels, _records(cutouts), cutouts.uvs, triangles.material]
+            tints = tint_palette(cutouts)
+            arrays += [] if tints is None else [tints]
+        self.arguments = (bvh.nodes, bvh.triangles, *(upload(compute, array) for array in arrays))
+
+    def kernels(self, source: Source, *names: str, options: tuple[str, ...] = ()) -> list[Kernel]:
+        """Return kernels of a program whose main files include kernels/rays.cl, in the order of the names."""
+        return self._compute.kernels((TRANSMITTANCE, *source), *names, options=(*self._options, *options))
+
+    def hierarchy_of(self, positions: np.ndarray) -> tuple[cl.Buffer, cl.Buffer] | None:
+        """Return nodes and packets of other triangles, (k, 3, 3) float32, for the same kernels.
+
+        Metres from `Triangles.origin`. None if they are deeper than the kernels' stacks.
+        """
+        bvh = build_bvh(self._compute, positions, float(np.abs(positions).max()))
+        return (bvh.nodes, bvh.triangles) if bvh.stack <= self._stack else None
+
+    def cast(
+        self, origins: np.ndarray, directions: np.ndarray, backs: bool = False, kind: int = BOUNCE
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the nearest triangle along each ray; of those that show their backs if `backs`.
+
+        origins, directions: (m, 3) float, metres from `Triangles.origin` along the world's axes; kind: SHADOW
+        or BOUNCE of engine/scene/cutouts.py, the transmittance that counts. Returns
+        triangle (m,) int32, -1 for none; front (m,) bool; distance (m,) float32 in lengths of the direction.
+        """
+        count = len(origins)
+        hits, distances = np.empty((count, 2), np.int32), np.empty(count, np.float32)
+        write = cl.mem_flags.WRITE_ONLY
+        outputs = [cl.Buffer(self._compute.context, write, array.nbytes) for array in (hits, distances)]
+        rays = self._rays(origins, directions, 0.0)
+        (kernel,) = self.kernels(("cast.cl",), "cast")
+        self.run(kernel, count, *rays, np.int32(backs), np.int32(kind), *outputs, np.int32(count))
+        for array, buffer in zip((hits, distances), outputs, strict=True):
+            cl.enqueue_copy(self._queue, array, buffer)
+        return hits[:, 0], hits[:, 1] != 0, distances
+
+    def transmittance(
+        self, origins: np.ndarray, directions: np.ndarray, distance: float, kind: int = BOUNCE
+    ) -> np.ndarray:
+        """Return the fraction of light, (m, 3) float32, that comes through along each ray up to a distance.
+
+        origins, directions: (m, 3) float as for `cast`; distance in lengths of the direction; kind: SHADOW or
+        BOUNCE of engine/scene/cutouts.py, the transmittance that counts.
+        """
+        through = np.empty((len(origins), 3), np.float32)
+        output = cl.Buffer(self._compute.context, cl.mem_flags.WRITE_ONLY, through.nbytes)
+        rays = self._rays(origins, directions, distance)
+        (kernel,) = self.kernels(("pass.cl",), "pass")
+        self.run(kernel, len(origins), *rays, np.int32(kind), output, np.int32(len(origins)))
+        cl.enqueue_copy(self._queue, through, output)
+        return through
+
+    def run(self, kernel: Kernel, items: int, *arguments: object) -> None:
+        """Run a kernel that takes RAYS_ARGUMENTS, then `arguments`; see `Compute.run`."""
+        self._compute.run(kernel, items, *self.arguments, *arguments)
+
+    def _rays(self, origins: np.ndarray, directions: np.ndarray, distance: float) -> list[cl.Buffer]:
+        """Upload rays; return their device buffers."""
+        rays = (_four(origins), _four(directions, distance))
+        return [upload(self._compute, array) for array in rays]
+
+
+def _four(vectors: np.ndarray, last: float = 0.0) -> np.ndarray:
+    """Return (..., 3) as (..., 4) float32."""
+    padded = np.full((*vectors.shape[:-1], 4), last, np.float32)
+    padded[..., :3] = vectors
+    return padded
+
+
+def cutout_options(tinted: bool) -> tuple[str, ...]:
+    """Return the build options of kernels that cast rays through see-through surfaces."""
+    return ("-DTRANSMISSION", "-DTINTED") if tinted else ("-DTRANSMISSION",)
+
+
+def _records(cutouts: Cutouts) -> np.ndarray:
+    """Return the records of materials, (r,) TRANSMITTANCE."""
+    first, width, height, code = cutouts.maps.T
+    return TRANSMITTANCE.array(
+        len(cutouts.maps),
+        base=cutouts.base,
+        threshold=cutouts.threshold,
+        factor=cutouts.factor,
+        channels=cutouts.channels,
+        first=first,
+        width=width,
+        height=height,
+        extension=code % len(EXTENSIONS),
+        nearest=code >= len(EXTENSIONS),
+        first_corner=cutouts.layer * (3 * cutouts.uvs.shape[1]),
+    )

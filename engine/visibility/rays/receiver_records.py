@@ -1,0 +1,81 @@
+"""Records of patches for kernels: where they receive light, and where their rays start."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pyopencl as cl
+
+from ...device.buffers import upload, upload_once
+from ...device.cl_device import Compute
+from ...device.device_struct import Record
+from ...patches.geometry import PatchGeometry, TexelSteps
+from ...patches.patch_list import PatchList
+from ..views.viewpoints import OF_COORDINATE, OF_DIAGONAL, OF_TEXEL
+
+#: A patch as a receiver of light, on its triangle. Metres from `Triangles.origin`.
+RECEIVER = Record(
+    "ReceiverRecord",
+    ("float[3]", "at", "m, centre of the texel"),
+    ("float", "height", "m, of the start of rays above the surface"),
+    ("float[3]", "normal", "unit, of the smooth surface"),
+    ("float", "lifted", "factor of `lift_at` in receiver.cl, 0 to 1: 0 on flat surfaces"),
+    ("float[3]", "geometric", "unit, of the flat triangle"),
+    ("float[3]", "edge_u", "m, step of a texel along u"),
+    ("float[3]", "edge_v", "m, step of a texel along v"),
+    ("float[3]", "corner", "m, first corner of the triangle"),
+    ("float[3]", "edge1", "m, from there to the second corner"),
+    ("float[3]", "edge2", "m, from there to the third corner"),
+    ("float[3]", "normal1", "of the smooth surface at the first corner"),
+    ("float[3]", "normal2", "at the second corner"),
+    ("float[3]", "normal3", "at the third corner"),
+    ("int", "rank", "along a Hilbert curve through texels (pack.cl), times 2; + 1 if a face crosses its own"),
+)
+
+#: What patches have in common on one triangle.
+TEXEL_STEP = Record(
+    "TexelStep",
+    ("float[3]", "edge_u", "m, step of a texel along u"),
+    ("float[3]", "edge_v", "m, step of a texel along v"),
+    ("float[3]", "geometric", "unit normal"),
+    ("float", "area", "m^2, of a texel"),
+)
+
+
+def pack_receivers(compute: Compute, patches: PatchList, geometry: PatchGeometry) -> cl.Buffer:
+    """Return the records of patches on the device; those that share a texel follow each other."""
+    triangles, steps, count = geometry.triangles, geometry.steps, len(geometry.triangle)
+    inputs = (
+        upload_once(compute, geometry.triangle),
+        upload_once(compute, geometry.barycentric),
+        upload_once(compute, triangles.positions),
+        upload_once(compute, triangles.normals),
+        compute.shared.of(steps.area, "steps", lambda: upload(compute, _step_records(steps))),
+    )
+    heights = (OF_TEXEL, OF_DIAGONAL * triangles.diagonal, OF_COORDINATE)
+    records = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, RECEIVER.dtype.itemsize * count)
+    (pack,) = compute.kernels((RECEIVER, TEXEL_STEP, "pack.cl"), "pack")
+    origin = cl.cltypes.make_float4(*triangles.origin, 0)
+    texels = upload_once(compute, patches.texel), np.int32(patches.resolution), np.int32(_points(patches))
+    compute.run(pack, count, *inputs, *map(np.float32, heights), origin, *texels, records, np.int32(count))
+    return records
+
+
+def _step_records(steps: TexelSteps) -> np.ndarray:
+    """Return the records of triangles, (t,) TEXEL_STEP."""
+    return TEXEL_STEP.array(
+        len(steps.area),
+        edge_u=steps.edge_u,
+        edge_v=steps.edge_v,
+        geometric=steps.geometric,
+        area=steps.area,
+    )
+
+
+def _points(patches: PatchList) -> int:
+    """Return how many patches share a texel: 1, or more where these are samples of texels."""
+    # The last texel of one atlas and the first of the next may have the same number.
+    starts = (patches.texel[1:] != patches.texel[:-1]) | (patches.atlas[1:] != patches.atlas[:-1])
+    runs = 1 + np.count_nonzero(starts)
+    return math.ceil(len(patches) / runs)

@@ -1,0 +1,395 @@
+"""One bake: read the scene, bake, store. The operators only drive it."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Generator, Sequence
+from contextlib import suppress
+from dataclasses import replace
+
+import bpy
+import numpy as np
+
+from ..engine.bake_result import Lightmap
+from ..engine.errors import EngineError, OverlapError, SceneError
+from ..engine.object_message import naming
+from ..engine.plan.stages import Extent
+from ..engine.postprocess.outputs import output_names
+from ..engine.progress import Progress, finished, retold
+from ..engine.scene.model import Scene
+from ..engine.settings import Settings
+from .bake_report import bake_report
+from .bake_settings import read_settings
+from .changed_objects import ChangedLight, find_changed_light, forget_light, remember_light
+from .check import Finding
+from .checks import IdleCheck, forget_moved_charts, last_check
+from .file_format import chosen_format
+from .handlers import Handlers
+from .lightmap_size import chosen_width, width_for
+from .lookup import find
+from .result import images
+from .result.baked_marks import mark_lightmaps, mark_objects
+from .result.clipping import clipping_notes
+from .result.contents import chosen_names, lightmap_contents
+from .result.destination import Destination, choose_destination
+from .result.preserved_texels import KeptTexels
+from .result.preview import renew_preview, show_preview, shows_preview
+from .result.progress_images import ShownImages, image_names
+from .rollback import Changes
+from .run_stages import RunStages
+from .scene import SceneChangedError, SceneContext, read_scene, visible_meshes
+from .scene.bake_targets import only_targets, target_uids
+from .scene.overlaps import without_overlaps
+from .scene.uvs.unwrap import unwrap_missing
+from .scene.uvs.uv_modifier import has_uvs
+from .scene.uvs.uv_snapshot import BakedUvs
+from .user_files import keep_paces
+from .worker_manager import owner
+
+#: Readings of a scene that changes meanwhile, before it is read in one piece.
+ATTEMPTS = 3
+
+Bake = Generator[Progress | None, None, Lightmap]
+Steps = Generator[Progress | None, None, None]
+
+
+class Run:
+    """A bake of the context's scene; what it changes can be taken back until `finish` returns.
+
+    All its work, reading the scene included, is done by `step`: whoever gets an error from it must `cancel`.
+
+    bake        the engine's, or that of a worker
+    watched     False shows no intermediate lightmaps: nobody sees them before the bake is done
+    made_uvs    called when lightmap UVs have been made: an undo step must follow before anything else happens
+    findings    what the check of the scene has found, once it is done
+    failure     why the lightmaps could not be written, None if they were
+    uvs_undone  True once an undo has taken the lightmap UVs of all objects that are baked: it is for nothing
+    """
+
+    def __init__(
+        self,
+        context: bpy.types.Context,
+        bake: Callable[[Scene, Settings], Bake],
+        watched: bool = True,
+        made_uvs: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._context, self._bake = SceneContext(context), bake
+        self._watched, self._made_uvs = watched, made_uvs
+        self._changes = Changes()
+        self._images: ShownImages | None = None
+        self._check: IdleCheck | None = None
+        self._unwraps = False
+        self._changed: ChangedLight | None = None
+        self.findings: tuple[Finding, ...] = ()
+        self.failure: str | None = None
+        self.uvs_undone = False
+        self._start = time.perf_counter()
+        self._stages = RunStages(owner.paces)
+        self._work = self._all_work()
+
+    def step(self) -> Progress | None:
+        """Do a slice of work; raises StopIteration(Lightmap) at the end.
+
+        The progress is that of the whole run. None: nothing more can be done before the window has drawn, or
+        before the worker has.
+        """
+        progress = next(self._work)
+        if progress is None and self._check is not None:
+            self._check.step()
+        return progress
+
+    def _all_work(self) -> Bake:
+        """Unwrap, read, bake, and say that saving is next: None after that lets a window show it."""
+        yield from self._read_scene()
+
+        # In a window the scene is checked while the worker works, else before the bake.
+        self._check = IdleCheck(self._context)
+        yield self._stages.begin(self._stages.baking)
+        if not self._watched:
+            yield from self._finish_check()
+        lightmap = yield from self._bake_without_overlaps()
+        yield self._stages.begin(self._stages.saving)
+        yield from self._finish_check()
+        yield None
+        return lightmap
+
+    def _read_scene(self) -> Steps:
+        """Unwrap and read the scene; do so again if somebody changes it meanwhile."""
+        scene = self._context.scene
+        self._settings = replace(read_settings(scene.hemibake), intermediates=self._watched, centres=False)
+        self._uv_layer = scene.hemibake.uv_layer
+        self._target = self._chosen_target()
+        targets = target_uids(self._context, self._target)
+        wanted = {
+            obj.session_uid: obj.name for obj in visible_meshes(self._context) if obj.session_uid in targets
+        }
+        for _ in range(ATTEMPTS):
+            try:
+                yield from self._unwrap_and_read(wanted)
+                break
+            except SceneChangedError:
+                yield None
+        else:
+            finished(self._unwrap_and_read(wanted, hurried=True))
+        self._seconds = {"read": time.perf_counter() - self._start}
+        yield from self._choose_targets(set(wanted))
+        self._choose_destination()
+
+    def _chosen_target(self) -> str:
+        """Return which objects are baked, as the scene's settings have it."""
+        return self._context.scene.hemibake.target
+
+    def _unwrap_and_read(self, wanted: dict[int, str], hurried: bool = False) -> Steps:
+        """Read the visible objects, with lightmap UVs made where they are missing.
+
+        wanted: session uids and names of those that get a lightmap
+        """
+        context, layer, properties = self._context, self._uv_layer, self._context.scene.hemibake
+        resolution = chosen_width(context, visible_meshes(context), properties)
+        objects = [obj for obj in visible_meshes(context) if obj.session_uid in wanted]
+        self._foresee(objects, resolution)
+        work = unwrap_missing(context, objects, layer, resolution, self._changes, movable=objects)
+        made = yield from self._stages.include(self._stages.unwrapping, work)
+        if made.objects:
+            self._unwraps = True
+            self._made_uvs()
+        skipped = {obj.session_uid for obj in made.skipped}
+        visible = {obj.session_uid: obj for obj in visible_meshes(context)}
+        usable = [
+            obj
+            for uid, obj in visible.items()
+            if uid not in skipped and (uid in wanted or has_uvs(obj, layer))
+        ]
+        self._uvs = BakedUvs(usable, layer)
+        notes = [*made.notes, *_missing([name for uid, name in wanted.items() if uid not in visible])]
+        self._read = yield from self._stages.include(
+            self._stages.reading,
+            read_scene(context, usable, layer, resolution, notes, owner.paces, hurried),
+        )
+        width = width_for(self._read.scene, context.scene.hemibake, resolution, self._unwraps)
+        self._settings = replace(self._settings, resolution=width)
+
+    def _foresee(self, objects: Sequence[bpy.types.Object], resolution: int) -> None:
+        """Let the progress know about how much there is to do, before that is known exactly."""
+        atlases = len({obj.hemibake.atlas for obj in objects})
+        lamps = sum(obj.type == "LIGHT" for obj in self._context.view_layer.objects)
+        triangles = 2 * sum(len(obj.data.polygons) for obj in objects)
+        faces = sum(len(obj.data.polygons) for obj in objects if not has_uvs(obj, self._uv_layer))
+        settings = replace(self._settings, resolution=resolution)
+        self._stages.foresee(Extent(atlases, triangles, lamps), faces, settings)
+
+    def _choose_targets(self, wanted: set[int]) -> Steps:
+        """Decide which of the objects that may be baked are; raises SceneError if none is."""
+        self._whole, self._changed = self._read, None
+        if self._target == "CHANGED":
+            known = self._context.scene.hemibake.baked_scene
+            self._changed = yield from find_changed_light(
+                self._read, wanted, self._settings, self._bake, self._stages, known
+            )
+            wanted = self._changed.uids
+            self._read = replace(self._read, notes=(*self._read.notes, *self._changed.notes))
+        self._read = only_targets(self._read, wanted, self._context.scene)
+
+    def _choose_destination(self) -> None:
+        """Decide where the lightmaps go, and see whether they can."""
+        atlases, outputs = self._read.scene.atlases, output_names(self._read.scene, self._settings)
+        self._names = image_names(atlases, outputs)
+        self._destination = self._destination_of(bpy.data.filepath)
+        self._stages.expect(self._read.scene, self._settings, len(self._names))
+        partial = self._target != "ALL"
+        self._kept = KeptTexels(self._context, self._read, self._names, self._settings, partial)
+        self._images = ShownImages(
+            self._context, atlases, self._names, self._settings.resolution, self._kept, self._changes
+        )
+
+    def _destination_of(self, blend: str) -> Destination:
+        """Return where the lightmaps of a .blend at a path go; raises EngineError if they cannot."""
+        scene, read = self._context.scene, self._read.scene
+        properties, resolution = scene.hemibake, self._settings.resolution
+        atlases, outputs = read.atlases, output_names(read, self._settings)
+        chosen = chosen_names(properties.file_name, scene, atlases, outputs, resolution, blend)
+        formats = [chosen_format(properties).of(output) for output in outputs for _ in atlases]
+        return choose_destination(
+            scene, self._names, properties.directory, self._changes, formats, chosen, blend
+        )
+
+    def _bake_without_overlaps(self) -> Bake:
+        """Bake; start again without the objects whose charts lie on others'."""
+        with Handlers({"undo_post": self._note_undo, "redo_post": self._note_undo}):
+            while True:
+                work = self._showing(self._bake(self._read.scene, self._settings))
+                try:
+                    return (yield from self._stages.include(self._stages.baking, work))
+                except OverlapError as error:
+                    self._leave_out_overlaps(error)
+                    yield None
+
+    def _note_undo(self, *_: object) -> None:
+        """Look whether any object that is baked is left, and has its lightmap UVs."""
+        baked = set(self._read.fingerprints)
+        present = {obj.session_uid for obj in bpy.data.objects}
+        self.uvs_undone = not (baked & present) - set(self._uvs.lost())
+
+    def _finish_check(self) -> Steps:
+        """Do what is left of the check."""
+        while self._check.step():
+            yield self._stages.progress(0.0)
+        self._read_findings()
+
+    def _read_findings(self) -> None:
+        """Set `findings` to the findings of the scene's last check."""
+        checked = last_check(self._context.scene)
+        self.findings = () if checked is None else checked.findings
+
+    def _showing(self, work: Bake) -> Bake:
+        """Do a bake's work and show its intermediate lightmaps."""
+
+        def shown(progress: Progress | None) -> Progress | None:
+            if progress is not None and progress.intermediate is not None:
+                self._images.show(progress.intermediate)
+            return progress
+
+        return retold(work, shown)
+
+    def _leave_out_overlaps(self, error: OverlapError) -> None:
+        """Leave out the objects whose charts lie on others'; raise the error if none is left."""
+        usable = without_overlaps(self._read, self._settings.resolution)
+        if usable.entries == self._read.entries or not any(usable.entries):
+            raise error
+        self._read = usable
+
+    def drain(self, show: Callable[[Progress], object] = lambda progress: None) -> Lightmap:
+        """Let the engine work to the end, show its progress, and return the lightmap."""
+        while True:
+            try:
+                progress = self.step()
+            except StopIteration as end:
+                return end.value
+            if progress is not None:
+                show(progress)
+
+    def cancel(self, keep_images: bool = False) -> bool:
+        """Stop the engine; take everything back unless there are images and they are to be kept.
+
+        Returns whether anything is kept: an undo step must then follow.
+        """
+        kept = keep_images and self._images is not None and bool(self._images.uids)
+        try:
+            self._work.close()
+        finally:
+            if kept:
+                self._images.keep()
+            else:
+                self._changes.take_back()
+        return kept
+
+    def finish(self, lightmap: Lightmap) -> dict:
+        """Store a lightmap and return the report, JSON-ready; an undo step must follow.
+
+        If the files cannot be written `failure` says so, and the lightmaps are packed into the .blend.
+        """
+        start = time.perf_counter()
+        pixels = self._show_finished(lightmap)
+        targets = self._images.found()
+        files, clipped = self._store(targets, pixels, lightmap)
+        self._images.keep()
+        entries = self._context.scene.hemibake.lightmaps
+        mark_lightmaps(entries, lightmap, self._read, self._settings, self._kept)
+        lost = self._uvs.lost()
+        mark_objects(self._read, targets, self._uv_layer, lost)
+        forget_moved_charts(self._context.scene, self._baked_names(lost))
+        self._read_findings()
+        self._remember_light(lost)
+        self._seconds["store"] = time.perf_counter() - start
+        self._stages.has_saved()
+        owner.paces.update(lightmap.report.paces)
+        keep_paces(owner.paces)
+        facts, names = lightmap.report, [image.name for image in targets]
+        seconds = {**self._seconds, **facts.seconds, "total": time.perf_counter() - self._start}
+        notes = [*self._read.notes, *facts.warnings, *clipped, *self._notes_on_result(lost)]
+        report = bake_report(self._read, facts, lost, seconds, names, files, notes)
+        scene = find(bpy.data.scenes, self._context.scene_uid)
+        if scene is not None:
+            scene.hemibake.report = json.dumps(report)
+        return report
+
+    def show_preview_anew(self) -> None:
+        """Let objects that show their lightmaps show what was baked; an undo step must follow."""
+        with suppress(SceneError):
+            if shows_preview(self._context.scene):
+                renew_preview(self._context.scene, self._context.evaluated_depsgraph_get())
+
+    def show_lightmaps(self) -> bool:
+        """Show what was baked in place of materials, as the scene demands; an undo step must follow.
+
+        Returns True if objects start to show their lightmaps.
+        """
+        self.show_preview_anew()
+        with suppress(SceneError):
+            scene = self._context.scene
+            if scene.hemibake.show_when_done and not shows_preview(scene):
+                return show_preview(scene, self._context.evaluated_depsgraph_get())[0] > 0
+        return False
+
+    def _show_finished(self, lightmap: Lightmap) -> np.ndarray:
+        """Put finished lightmaps into all images; return their pixels, (images, h, w, 3)."""
+        return self._images.show(np.concatenate(list(lightmap.passes.values())))
+
+    def _store(
+        self, targets: list[bpy.types.Image], pixels: np.ndarray, lightmap: Lightmap
+    ) -> tuple[list[str], list[str]]:
+        """Store lightmaps; return their files, and what these cannot hold."""
+        try:
+            contents = lightmap_contents(self._read, self._settings, self._uv_layer, self._kept)
+            files = images.store(targets, pixels, self._destination, contents)
+        except EngineError as error:
+            self.failure = str(error)
+            return [], []
+        notes = clipping_notes(self._read, files[-len(pixels) :], lightmap.has_patch)
+        return [str(self._destination.folder / file.name) for file in files], list(notes)
+
+    def _baked_names(self, lost: dict[int, str]) -> set[str]:
+        """Return the names of the objects that have new lightmaps."""
+        baked = self._read.fingerprints.keys() - lost.keys()
+        return {obj.name for obj in bpy.data.objects if obj.session_uid in baked}
+
+    def _remember_light(self, lost: dict[int, str]) -> None:
+        """Write down what the next bake of changed objects compares with."""
+        scene = find(bpy.data.scenes, self._context.scene_uid)
+        baked = set(self._read.fingerprints) - set(lost)
+        if self._target == "SELECTED":
+            forget_light(baked)
+        elif scene is not None:
+            remember_light(scene, self._whole, baked, self._changed)
+
+    def _deleted(self) -> list[str]:
+        """Return a note about objects that were baked and are not in the scene any more, if there are any."""
+        present = {obj.session_uid for obj in self._context.scene.objects}
+        baked = dict.fromkeys(uid for uid, _ in self._read.objects)
+        names = self._uvs.names(uid for uid in baked if uid not in present)
+        sentence = (
+            "Deleted during the bake: {}. All else still has their shadows and the light that they reflect. "
+            "Bake again."
+        )
+        return [naming(sentence, names)] if names else []
+
+    def _notes_on_result(self, lost: dict[int, str]) -> list[str]:
+        """Return sentences on objects that are gone or without their UVs, and on lightmaps without files."""
+        notes = []
+        with suppress(SceneError):
+            notes += self._deleted()
+        if lost:
+            sentence = "These objects lost their lightmap UVs during the bake, as by an undo: {}. Bake again."
+            notes.append(naming(sentence, list(lost.values())))
+        if self._destination.folder is None:
+            notes.append(
+                "The .blend is not saved yet: the lightmaps are packed into it. Save it to write files."
+            )
+        return notes
+
+
+def _missing(names: list[str]) -> list[str]:
+    """Return a note about objects that were to be baked and are not there any more, if there are any."""
+    sentence = "Deleted or hidden while the scene was being read, so not baked: {}."
+    return [naming(sentence, names)] if names else []

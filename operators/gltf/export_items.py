@@ -1,0 +1,126 @@
+"""What a glTF file shows, and where the light of each object and instance is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from ..result.instance_uv_table import baked_instances, instance_image
+from ..scene.objects.items import SceneItem, scene_items
+from ..scene.objects.visible import visible_objects
+from ..scene.uvs.lightmap_layer import lightmap_layer
+
+#: Difference of matrices that is none: the exporter splits them into turns and scales.
+_NOISE = 1e-5
+
+
+@dataclass(frozen=True)
+class LitPlace:
+    """Where the light of a surface is: lightmap uv = uv of the layer * scale + offset."""
+
+    image: bpy.types.Image
+    layer: str
+    scale: float = 1.0
+    offset: tuple[float, float] = (0.0, 0.0)
+
+    def apply(self, uvs: np.ndarray) -> np.ndarray:
+        """Return UVs of the layer, (n, 2) float32, as lightmap UVs."""
+        return (uvs.astype(np.float64) * self.scale + np.array(self.offset)).astype(np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A mesh object, or an instance of one.
+
+    source         the object that is shown
+    mesh           name of its mesh
+    matrix         (4, 4) float64, object space to world space
+    instancer      name of what makes the instance, None for the object itself
+    persistent_id  Blender's number of the instance
+    place          None without a lightmap
+    """
+
+    source: bpy.types.Object
+    mesh: str
+    matrix: np.ndarray
+    instancer: str | None
+    persistent_id: tuple[int, ...]
+    place: LitPlace | None
+
+
+class Surfaces:
+    """All mesh objects and instances that both the viewport and renders show."""
+
+    def __init__(self, context: bpy.types.Context) -> None:
+        self.all = list(_read(context))
+        self._by_source = {key: _Group(group) for key, group in _grouped(self.all, "source").items()}
+        self._by_mesh = {key: _Group(group) for key, group in _grouped(self.all, "mesh").items()}
+
+    @property
+    def images(self) -> list[bpy.types.Image]:
+        """The lightmaps, each once."""
+        return list(dict.fromkeys(surface.place.image for surface in self.all if surface.place))
+
+    def of_object(self, source: bpy.types.Object, matrix: np.ndarray) -> Surface | None:
+        """Return the object, or the instance of it, that a matrix puts where it is."""
+        return self._by_source[source].nearest(matrix) if source in self._by_source else None
+
+    def of_mesh(self, mesh: str, matrix: np.ndarray) -> Surface | None:
+        """Return the instance of a mesh, known by its name only, that a matrix puts where it is."""
+        return self._by_mesh[mesh].nearest(matrix) if mesh in self._by_mesh else None
+
+
+class _Group:
+    """Surfaces that differ in their matrices only."""
+
+    def __init__(self, surfaces: Sequence[Surface]) -> None:
+        self._surfaces = surfaces
+        self._matrices = np.array([surface.matrix for surface in surfaces])
+        self._own = np.array([surface.instancer is None for surface in surfaces])
+
+    def nearest(self, matrix: np.ndarray) -> Surface:
+        """Return the surface whose matrix differs least from another one; of equal ones an instance.
+
+        The depsgraph has an object that the vertices of another one show, too, where it is not shown itself.
+        """
+        differences = np.abs(self._matrices - matrix).max(axis=(1, 2))
+        return self._surfaces[int(np.argmin(np.maximum(differences, _NOISE) + _NOISE * self._own))]
+
+
+def _grouped(surfaces: Iterable[Surface], name: str) -> dict:
+    """Return surfaces by an attribute."""
+    groups: dict = {}
+    for surface in surfaces:
+        groups.setdefault(getattr(surface, name), []).append(surface)
+    return groups
+
+
+def _read(context: bpy.types.Context) -> Iterator[Surface]:
+    scene, visible = context.scene, {obj.session_uid for obj in visible_objects(context)}
+    baked = baked_instances(scene)
+    for item in scene_items(context.evaluated_depsgraph_get(), visible):
+        if item.source.type == "MESH":
+            entry = baked.get((item.instancer, item.source.name, item.persistent_id))
+            instancer = None if item.instancer is None else item.instancer.name
+            place = _own_place(item.source) if instancer is None else _place(item, entry, scene)
+            mesh, number = item.object.data.name, item.persistent_id
+            yield Surface(item.source, mesh, item.matrix, instancer, number, place)
+
+
+def _own_place(obj: bpy.types.Object) -> LitPlace | None:
+    known = obj.hemibake
+    if known.image is None:
+        return None
+    return LitPlace(known.image, known.uv_layer, known.uv_scale, tuple(known.uv_offset))
+
+
+def _place(item: SceneItem, entry: dict | None, scene: bpy.types.Scene) -> LitPlace | None:
+    """Return where the light of an instance is, as the last bake has written it down."""
+    image = entry and instance_image(scene, entry)
+    if not image:
+        return None
+    layer = item.source.hemibake.uv_layer or lightmap_layer(item.source, scene.hemibake.uv_layer)
+    return LitPlace(image, layer, entry["scale"], tuple(entry["offset"]))

@@ -1,0 +1,53 @@
+"""Messages of operators: a short one where a person looks, its details in the Info editor."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+
+import bpy
+
+from ..engine.object_message import first_line
+from ..engine.progress import Progress, format_seconds_left
+
+#: Mean width of a letter, and of a window whose width is unknown, pixels of an unscaled interface.
+_LETTER, _UNKNOWN = 6.5, 1200
+
+#: Part of the window's width that a pop-up takes, and letters of its shortest line.
+_POPUP, _SHORTEST = 0.5, 40
+
+
+def tell(operator: bpy.types.Operator, kind: str, message: str) -> None:
+    """Report the first line of a message as a `kind` such as WARNING, all others before it as INFO.
+
+    Without a window the message stays whole: who reads it is a script or a shell.
+    """
+    if _without_window():
+        operator.report({kind}, message.strip())
+        return
+    for line in message.strip().splitlines()[1:]:
+        operator.report({"INFO"}, line)
+    short = first_line(message)
+    operator.report({kind}, _wrapped(short) if kind == "ERROR" else short)
+
+
+def progress_line(progress: Progress) -> str:
+    """Return one line on how far a bake is, such as "Hemibake: 42%, Bounce 3, 12 s left"."""
+    parts = [f"{math.floor(100 * progress.overall)}%", progress.stage]
+    if math.isfinite(progress.residual):
+        parts.append(f"remaining error {progress.residual:.2%}")
+    return "Hemibake: " + ", ".join(filter(None, (*parts, format_seconds_left(progress.seconds_left))))
+
+
+def _wrapped(line: str) -> str:
+    """Return a line in as many as fit the window: Blender shows errors in a pop-up that does not wrap.
+
+    A space ends each, since the status bar has them in one line again.
+    """
+    scale = bpy.context.preferences.system.ui_scale
+    width = bpy.context.window.width / scale if bpy.context.window and scale else _UNKNOWN
+    return " \n".join(textwrap.wrap(line, max(_SHORTEST, int(_POPUP * width / _LETTER))))
+
+
+def _without_window() -> bool:
+    return bool(bpy.app.background)

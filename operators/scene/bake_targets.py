@@ -1,0 +1,129 @@
+"""Which objects a bake makes lightmaps of; all others with faces are occluders.
+
+The scene is read as for a bake of all objects, so that every chart has the place that it has there. Then
+what is not to be baked becomes an occluder.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import bpy
+import numpy as np
+
+from ...engine.errors import SceneError
+from ...engine.scene.model import OCCLUDER
+from ..lookup import find
+from .fingerprints import own_part
+from .objects.instancing import instance_pairs, visible_meshes
+from .read import Entry, ReadScene
+from .scene_context import SceneContext
+from .uv_transform import Place
+
+NOTHING_SELECTED = "No selected object gets a lightmap. Select what is to be baked, or choose the target All."
+
+
+class NothingChangedError(SceneError):
+    """All is as it was baked: nothing is wrong, and there is nothing to do."""
+
+    def __init__(self) -> None:
+        super().__init__("Nothing has changed since it was baked. Choose the target All to bake anyway.")
+
+
+def target_uids(context: SceneContext, target: str) -> set[int]:
+    """Return the session uids of the mesh objects that may be baked: "SELECTED" ones, or all.
+
+    Which are "CHANGED" is known once they have been read: see `ChangedLight`. An instance belongs to what it
+    shows. Raises SceneError if none is selected.
+    """
+    meshes = {obj.session_uid for obj in visible_meshes(context)}
+    if target != "SELECTED":
+        return meshes
+    layer = context.view_layer
+    selected = {obj.session_uid for obj in layer.objects if obj.select_get(view_layer=layer)}
+    shown = {source for instancer, source in instance_pairs(context) if instancer in selected}
+    if not meshes & (selected | shown):
+        raise SceneError(NOTHING_SELECTED)
+    return meshes & (selected | shown)
+
+
+def changed_uids(read: ReadScene, uids: set[int]) -> set[int]:
+    """Return which objects, by session uid, are other than when they were baked, or have never been.
+
+    They are, too, once anything else shines in another way.
+    """
+    return _differing(read, uids, lambda fingerprint: fingerprint)
+
+
+def changed_themselves(read: ReadScene, uids: set[int]) -> set[int]:
+    """Return which objects, by session uid, have changed themselves, or have never been baked."""
+    return _differing(read, uids, own_part)
+
+
+def _differing(read: ReadScene, uids: set[int], part: Callable[[str], str]) -> set[int]:
+    """Return the objects of which a part of the fingerprint is not that of their last bake."""
+    known = {
+        obj.session_uid: obj.hemibake.fingerprint for obj in bpy.data.objects if obj.hemibake.fingerprint
+    }
+    return {
+        uid
+        for uid, digest in read.fingerprints.items()
+        if uid in uids and part(known.get(uid, "")) != part(digest)
+    }
+
+
+def only_targets(read: ReadScene, uids: set[int], scene: bpy.types.Scene) -> ReadScene:
+    """Return what was read with no other lightmaps than those of objects with some session uids.
+
+    Objects that would have another place in such a lightmap than the last bake gave them are baked, too, and
+    so are all instances that it shows. Raises SceneError if nothing is left.
+    """
+    atlases = {entry[-1].atlas for entry in read.entries if entry is not None and source_of(entry) in uids}
+    if not atlases:
+        raise SceneError(NOTHING_SELECTED)
+    baked = [
+        entry is not None
+        and (source_of(entry) in uids or (entry[-1].atlas in atlases and not _is_kept(entry, scene)))
+        for entry in read.entries
+    ]
+    names = tuple(name for name in read.scene.atlases if name in atlases)
+    left = {
+        source_of(entry)
+        for entry, stays in zip(read.entries, baked, strict=True)
+        if entry is not None and not stays
+    }
+    meshes = tuple(
+        replace(mesh, atlas=names.index(read.scene.atlases[mesh.atlas]) if stays else OCCLUDER)
+        for mesh, stays in zip(read.scene.meshes, baked, strict=True)
+    )
+    return replace(
+        read,
+        scene=replace(read.scene, meshes=meshes, atlases=names),
+        entries=tuple(entry if stays else None for entry, stays in zip(read.entries, baked, strict=True)),
+        fingerprints={uid: digest for uid, digest in read.fingerprints.items() if uid not in left},
+    )
+
+
+def source_of(entry: Entry) -> int:
+    """Return the session uid of the object that an entry shows."""
+    if len(entry) == 2:
+        return entry[0]
+    shown = bpy.data.objects.get(entry[1])
+    return entry[0] if shown is None else shown.session_uid
+
+
+def _is_kept(entry: Entry, scene: bpy.types.Scene) -> bool:
+    """Return whether an object that is not to be baked has nothing in its lightmap, or is where it was."""
+    obj, place = find(bpy.data.objects, entry[0]), entry[-1]
+    if len(entry) != 2 or obj is None:
+        return False
+    known = scene.hemibake.lightmaps.get(place.atlas)
+    if known is None or known.image is None or obj.hemibake.image != known.image:
+        return True
+    return _same_place(place, obj)
+
+
+def _same_place(place: Place, obj: bpy.types.Object) -> bool:
+    before = (obj.hemibake.uv_scale, *obj.hemibake.uv_offset)
+    return bool(np.allclose(before, (place.scale, *place.offset), rtol=0, atol=1e-5))

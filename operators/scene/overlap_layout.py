@@ -1,0 +1,207 @@
+"""Objects of one atlas whose charts lie on each other: they are placed side by side.
+
+Those that lie on none keep their place. Of the others, objects that are equally dense and lie on none of
+each other have been packed as one: they move together. All get tiles in what is free of the atlas:
+
+    +-----------+-------+
+    | kept      | tile  |    free: the largest rectangle without charts of objects that are kept
+    |   kept    +---+---+
+    +-----------+ t | t |
+    |  kept     |   +---+
+    +-----------+---+---+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .skyline_packing import GAP, Box, largest_free_box, pack_tiles
+from .slice_timer import Slices
+from .uv_transform import ChartBox, Charted, Place, chart_box
+from .uvs.coverage_grid import LARGEST_GRID, Footprint, crowded, make_footprint
+from .uvs.uv_faults import is_inside
+
+#: Objects move together if their densities differ by no more than this factor.
+_EQUALLY_DENSE = 1.25
+
+#: Groups that other objects may join: more are no sign of objects that were packed together.
+_OPEN_GROUPS = 4
+
+#: Smallest sides of a tile, texels, the first at which all fit.
+_LEAST_SIDES = (8, 4, 2, 1)
+
+#: Attempts to find the largest scale at which tiles fit, and how close to it is close enough.
+_ATTEMPTS, _CLOSE = 16, 0.01
+
+#: Most cells along each side of an atlas when free room is looked for.
+_ROOM_GRID = 128
+
+
+@dataclass(frozen=True)
+class _Tile:
+    """A place for charts: its lower left corner, texels, and its texels per metre."""
+
+    x: int
+    y: int
+    scale: float
+
+
+@dataclass
+class _Group:
+    """Objects that move together.
+
+    box      around their charts
+    taken    (g, g) bool, cells that they cover
+    members  their indices
+    """
+
+    box: ChartBox
+    taken: np.ndarray
+    members: list[int] = field(default_factory=list)
+
+    def joins(self, box: ChartBox, footprint: Footprint) -> bool:
+        """Return whether an object may have been packed with these."""
+        ratio = box.density / self.box.density
+        return 1 / _EQUALLY_DENSE < ratio < _EQUALLY_DENSE and not footprint.meets(self.taken)
+
+    def add(self, index: int, box: ChartBox, footprint: Footprint | None) -> None:
+        """Let an object move with these."""
+        self.members.append(index)
+        low, high = np.minimum(self.box.low, box.low), np.maximum(self.box.high, box.high)
+        self.box = ChartBox(low, high, self.box.density)
+        if footprint is not None:
+            self.taken[footprint.window] |= footprint.covered
+
+
+def place_apart(
+    members: Sequence[Charted], footprints: Sequence[Footprint | None], atlas: str, resolution: int
+) -> Slices[list[Place | None]]:
+    """Return the place of each object of an atlas, such that none lies on another.
+
+    They are None for those that move and have no room. Yields after every few milliseconds of work.
+
+    footprints  of the objects, see `make_footprints`
+    """
+    places: list[Place | None] = [Place(atlas)] * len(members)
+    grid = min(resolution, LARGEST_GRID)
+    moving = yield from _moving(footprints, grid)
+    if not any(moving):
+        return places
+    kept = [footprint for footprint, moves in zip(footprints, moving, strict=True) if not moves]
+    groups = yield from _group(members, footprints, np.flatnonzero(moving).tolist(), grid)
+    room = yield from _free_room(kept, grid, resolution)
+    tiles = yield from _fit([group.box.size for group in groups], room)
+    for group, tile in zip(groups, tiles or [None] * len(groups), strict=True):
+        for index in group.members:
+            places[index] = tile and group.box.place(atlas, (tile.x, tile.y), tile.scale, resolution)
+    return places
+
+
+def make_footprints(members: Sequence[Charted], resolution: int) -> Slices[list[Footprint | None]]:
+    """Return the footprint of each object, None for one that reaches out of the atlas.
+
+    Yields after every few milliseconds of work.
+    """
+    footprints: list[Footprint | None] = []
+    for member in members:
+        inside = is_inside(member.uvs)
+        grid = min(resolution, LARGEST_GRID)
+        footprints.append((yield from make_footprint(member.uvs, grid)) if inside else None)
+        yield
+    return footprints
+
+
+def _moving(footprints: Sequence[Footprint | None], grid: int) -> Slices[list[bool]]:
+    """Return which objects need another place."""
+    known = [footprint for footprint in footprints if footprint is not None]
+    inside = iter((yield from crowded(known, grid)))
+    return [footprint is None or next(inside) for footprint in footprints]
+
+
+def _group(
+    members: Sequence[Charted], footprints: Sequence[Footprint | None], moving: Sequence[int], grid: int
+) -> Slices[list[_Group]]:
+    """Return the moving objects, by index, in groups that keep their layout.
+
+    Objects with few cells come first: those of an atlas that they were packed for find each other before
+    others, which fill it alone, have opened groups.
+    """
+    groups: list[_Group] = []
+    for index in sorted(moving, key=lambda index: _cells(footprints[index], grid)):
+        box, footprint = chart_box(members[index]), footprints[index]
+        for group in groups[:_OPEN_GROUPS]:
+            if footprint is not None and group.joins(box, footprint):
+                break
+        else:
+            group = _Group(box, np.zeros((grid, grid), bool))
+            groups.append(group)
+        group.add(index, box, footprint)
+        yield None
+    return groups
+
+
+def _cells(footprint: Footprint | None, grid: int) -> int:
+    """Return how many cells an object covers, more than all for one that reaches out of the atlas."""
+    return grid**2 + 1 if footprint is None else footprint.cells
+
+
+def _free_room(kept: Sequence[Footprint | None], grid: int, resolution: int) -> Slices[Box]:
+    """Return the largest rectangle of an atlas, texels, that objects which are kept leave free."""
+    if not kept:
+        return Box(0, 0, resolution, resolution)
+    size = min(grid, _ROOM_GRID)
+    occupied = np.zeros((size, size), bool)
+    for footprint in kept:
+        rows, columns = np.nonzero(footprint.covered)
+        occupied[(rows + footprint.row) * size // grid, (columns + footprint.column) * size // grid] = True
+        yield None
+    free = largest_free_box(occupied)
+    left, low = (-(-cell * resolution // size) + GAP // 2 for cell in (free.x, free.y))
+    right, top = (
+        cell * resolution // size - GAP // 2 for cell in (free.x + free.width, free.y + free.height)
+    )
+    return Box(left, low, max(right - left, 0), max(top - low, 0))
+
+
+def _fit(sizes: Sequence[np.ndarray], room: Box) -> Slices[list[_Tile] | None]:
+    """Return tiles in proportion to some sizes, (2,) metres each, as large as the room allows.
+
+    Tiny ones get a few texels all the same. None if even the smallest do not fit.
+    """
+    for least in _LEAST_SIDES:
+        fitting = yield from _largest_fit(sizes, room, least, min(GAP, least))
+        if fitting is not None:
+            return fitting
+    return None
+
+
+def _largest_fit(sizes: Sequence[np.ndarray], room: Box, least: int, gap: int) -> Slices[list[_Tile] | None]:
+    """Return the tiles at the largest scale that bisection finds, of `least` texels or more."""
+    best = None
+    area = sum(float(np.prod(size)) for size in sizes)
+    low, high = 0.0, np.sqrt(room.width * room.height / area)
+    for _ in range(_ATTEMPTS):
+        scale = (low + high) / 2
+        tiles = yield from _tiles_at(scale, sizes, room, least, gap)
+        if tiles is None:
+            high = scale
+        else:
+            best, low = tiles, scale
+        if high - low < _CLOSE * high:
+            break
+    return best
+
+
+def _tiles_at(
+    scale: float, sizes: Sequence[np.ndarray], room: Box, least: int, gap: int
+) -> Slices[list[_Tile] | None]:
+    """Return tiles at a scale in texels per metre, None if they do not fit."""
+    scales = [max(scale, least / float(size.max())) for size in sizes]
+    texels = [np.ceil(size * own).astype(int) + gap for size, own in zip(sizes, scales, strict=True)]
+    corners = yield from pack_tiles([(int(width), int(height)) for width, height in texels], [room])
+    if corners is None:
+        return None
+    return [_Tile(x + gap // 2, y + gap // 2, own) for (_, x, y), own in zip(corners, scales, strict=True)]

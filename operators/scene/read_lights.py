@@ -1,0 +1,51 @@
+"""The lamps of a scene that has been read before."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Set
+from dataclasses import replace
+
+from ...engine.progress import Progress, retold
+from ...engine.scene.model import Scene
+from .invalid_values import without_faults
+from .light.lights import Lamps
+from .objects.evaluation import Evaluation
+from .objects.render_differences import is_instancer
+from .objects.visible import visible_objects
+from .scene_context import SceneContext
+from .scene_watch import SceneWatch
+from .slice_timer import Slices
+
+
+def read_lamps(
+    context: SceneContext, scene: Scene, hurried: bool = False
+) -> Generator[Progress | None, None, Scene]:
+    """Return a scene with its lamps as they are now; sentences about them are left to `read_scene`.
+
+    hurried: see `read_scene`. Raises SceneChangedError if the scene changes between two slices.
+    """
+    with SceneWatch(context, hurried) as watch:
+        work = _read(watch, scene)
+        return (yield from retold(work, _progress))
+
+
+def _progress(said: float | str | None) -> Progress:
+    """Return what a window shows of a step of reading, which says what comes next if that takes long."""
+    return Progress(said if isinstance(said, str) else "Reading lamps", 0.0)
+
+
+def _read(watch: SceneWatch, scene: Scene) -> Slices[Scene]:
+    notes: list[str] = []
+    lamps = Lamps(notes)
+    sources = [obj for obj in visible_objects(watch.context) if obj.type == "LIGHT" or is_instancer(obj)]
+    watch.evaluate(lambda evaluation: _add_lamps(evaluation, watch.visible, lamps), sources)
+    suns = (light for light in scene.lights if light.of_world)
+    lights = (*(yield from lamps.finish(scene.origin, watch)), *suns)
+    return (yield from without_faults(replace(scene, lights=lights), notes))
+
+
+def _add_lamps(evaluation: Evaluation, visible: Set[int], lamps: Lamps) -> None:
+    """Add the lamps of an evaluation; visible: session uids of the objects that renders show."""
+    for item in evaluation.items(visible):
+        if item.source.type == "LIGHT":
+            lamps.add(item)

@@ -1,0 +1,116 @@
+"""A place in an atlas, and what decides how large it is to be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .scene_objects import Reading
+from .slice_timer import Slices, row_slices
+
+#: Smallest width and height of the box around charts, in UVs, and smallest part of it that they fill.
+_SMALLEST_BOX, _LEAST_FILLED = 1e-4, 0.05
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place in an atlas: lightmap uv = uv of the mesh * scale + offset."""
+
+    atlas: str
+    scale: float = 1.0
+    offset: tuple[float, float] = (0.0, 0.0)
+
+    def apply(self, uvs: np.ndarray) -> np.ndarray:
+        """Return UVs of the mesh, (..., 2) float32, as lightmap UVs."""
+        if (self.scale, self.offset) == (1.0, (0.0, 0.0)):
+            return uvs
+        return (uvs.astype(np.float64) * self.scale + np.array(self.offset)).astype(np.float32)
+
+
+def takes_textures(reading: Reading, place: Place) -> bool:
+    """Return whether textures that are made over a reading's lightmap UVs lie where its charts are put.
+
+    Of several that show one mesh, with tiles in an atlas of their own, the mesh itself has the textures.
+    """
+    return place.atlas == reading.atlas
+
+
+@dataclass(frozen=True)
+class ChartBox:
+    """The box around charts.
+
+    low, high  (2,) float64, UVs
+    density    UV lengths per metre
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    density: float
+
+    @property
+    def size(self) -> np.ndarray:
+        """Width and height, (2,) float64, metres."""
+        return (self.high - self.low) / self.density
+
+    def place(self, atlas: str, corner: tuple[int, int], scale: float, resolution: int) -> Place:
+        """Return the place whose lower left corner is a texel, at a scale in texels per metre."""
+        factor = scale / self.density / resolution
+        x, y = np.array(corner) / resolution - self.low * factor
+        return Place(atlas, float(factor), (float(x), float(y)))
+
+
+@dataclass(frozen=True, eq=False)
+class Charted:
+    """The charts of an object, and what they show.
+
+    uvs        (t, 3, 2) float32
+    low, high  (2,) float64, corners of the box around the UVs
+    flat_area  of the charts, in UV space
+    surface    in the world, m^2
+    scale      the object's scale in lightmaps
+    """
+
+    uvs: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    flat_area: float
+    surface: float
+    scale: float
+
+
+def make_charted(uvs: np.ndarray, positions: np.ndarray, matrix: np.ndarray, scale: float) -> Slices[Charted]:
+    """Return the charts of an object.
+
+    uvs        (t, 3, 2) float32
+    positions  (t, 3, 3) float32, object space
+    matrix     (4, 4) float64, object space to world space
+    """
+    turn = matrix[:3, :3].T
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    flat = surface = 0.0
+    for rows in row_slices(len(uvs), 27):
+        part = uvs[rows]
+        (u1, v1), (u2, v2) = ((part[:, k] - part[:, 0]).T for k in (1, 2))
+        flat += float(np.abs(u1 * v2 - u2 * v1).sum(dtype=np.float64)) / 2
+        first, second = ((positions[rows, k] - positions[rows, 0]) @ turn for k in (1, 2))
+        surface += float(np.linalg.norm(np.cross(first, second), axis=1).sum()) / 2
+        for axis in range(2):
+            low[axis] = min(low[axis], part[..., axis].min())
+            high[axis] = max(high[axis], part[..., axis].max())
+        yield rows.stop / len(uvs)
+    return Charted(uvs, low, high, flat, surface, scale)
+
+
+def charted_of(reading: Reading) -> Slices[Charted]:
+    """Return the charts of a reading that has lightmap UVs."""
+    corners = reading.shape.corners
+    return make_charted(corners.uvs, corners.positions, reading.matrix, reading.scale)
+
+
+def chart_box(charted: Charted) -> ChartBox:
+    """Return the box around an object's charts, and how dense they are for its scale in lightmaps."""
+    high = np.maximum(charted.high, charted.low + _SMALLEST_BOX)
+    flat = max(charted.flat_area, _LEAST_FILLED * float(np.prod(high - charted.low)))
+    area = charted.surface * charted.scale**2
+    return ChartBox(charted.low, high, float(np.sqrt(flat / area)) if area > 0 else 1.0)

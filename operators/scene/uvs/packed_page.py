@@ -1,0 +1,50 @@
+"""A page of lightmap UVs: meshes whose charts lie side by side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...object_properties import set_property
+from ...rollback import Changes
+from .object_lookup import ObjectLookup
+from .uv_digest import digest_of
+from .uv_layers import replace_layer
+from .uv_modifier import add_uv_modifier
+from .uv_targets import Target
+
+
+@dataclass(frozen=True)
+class Page:
+    """Meshes whose charts lie side by side.
+
+    uvs    of each mesh, (l, 2) float32, at the corners of its polygons
+    atlas  None for the tile of a mesh that several objects show
+    """
+
+    targets: list[Target]
+    uvs: list[np.ndarray]
+    atlas: str | None
+
+    @property
+    def uids(self) -> list[int]:
+        """The session uids of the objects."""
+        return [uid for target in self.targets for uid in target.uids]
+
+    @property
+    def digests(self) -> dict[str, str]:
+        """What tells the UVs of each mesh from others, by the mesh's name."""
+        pairs = zip(self.targets, self.uvs, strict=True)
+        return {target.mesh.name: digest_of(uvs) for target, uvs in pairs}
+
+    def store(self, objects: ObjectLookup, changes: Changes) -> None:
+        """Store the UVs: in layers of the objects' own meshes, or by modifiers."""
+        for target, uvs in zip(self.targets, self.uvs, strict=True):
+            users = objects.of(target.uids)
+            if target.topology is None:
+                replace_layer(users[0], target.layer, uvs, changes)
+                for obj in users:
+                    set_property(obj, "made_uvs", digest_of(uvs), changes)
+            else:
+                add_uv_modifier(users, uvs, target.topology, target.layer, changes)
